@@ -1,0 +1,75 @@
+"""One checked recording in SI units, as every domain package receives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.noise import NoiseModel
+
+Array = NDArray[np.float64]
+Experiment = Literal["valve", "friction", "axis"]
+Use = Literal["train", "test"]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Signals of one recording over strictly increasing time stamps (s), which need not be equidistant.
+
+    ``signals`` maps names of :mod:`pneucli.quantities` (without ``time``) to arrays of shape ``(n,)`` in SI units,
+    pressures absolute; NaN marks a sample that was not measured. ``noise`` holds one model per signal.
+    ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (second valve, command u2).
+    ``imposed = "motion"``: the motion is taken as given and the force is compared. ``valve_shut``: no flow through it.
+    """
+
+    name: str
+    experiment: Experiment
+    use: Use
+    time: Array
+    signals: Mapping[str, Array]
+    noise: Mapping[str, NoiseModel] = field(default_factory=dict)
+    chamber_2: Literal["closed", "open", "valve"] | None = None
+    imposed: Literal["motion"] | None = None
+    valve_shut: bool = False
+
+    @property
+    def period(self) -> float:
+        """Median sampling period in s."""
+        return float(np.median(np.diff(self.time)))
+
+    def __contains__(self, signal: str) -> bool:
+        return signal in self.signals
+
+    def __getitem__(self, signal: str) -> Array:
+        return self.signals[signal]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is known of the rig, SI; ``None`` where the pipeline file leaves it out (then it is identified).
+
+    Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K,
+    ``gas_constant`` in J/(kg K).
+    """
+
+    gas_temperature: float = 293.15
+    ambient_pressure: float = 101_325.0
+    supply_pressure: float | None = None
+    heat_capacity_ratio: float = 1.4
+    gas_constant: float = 287.0
+    vessel_volume: float | None = None
+    piston_area_1: float | None = None
+    piston_area_2: float | None = None
+    stroke: float | None = None
+    dead_volume_1: float | None = None
+    dead_volume_2: float | None = None
+    moving_mass: float | None = None
+
+    @property
+    def has_cylinder(self) -> bool:
+        """Whether the pipeline describes a cylinder at all."""
+        return self.piston_area_1 is not None
