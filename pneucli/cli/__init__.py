@@ -1,0 +1,37 @@
+"""The command line: a thin skin. Each command parses, brings its stage up to date, and prints.
+
+Nothing heavy is imported before a command's body runs, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import traceback
+
+from pneucli.cli.app import app
+from pneucli.errors import InputError
+
+
+def main() -> None:
+    """Run the program; exit codes: 0 done, 1 a check failed, 2 the input is at fault, 3 the program is, 130 Ctrl-C."""
+    try:
+        app(args=[word for word in sys.argv[1:] if word != "--debug"], prog_name="pneucli")
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except Exception as error:
+        print(_fault(error), file=sys.stderr)
+        sys.exit(3)
+
+
+def _fault(error: Exception) -> str:
+    trace = "".join(traceback.format_exception(error))
+    if "--debug" in sys.argv[1:]:
+        return trace.rstrip()
+    with tempfile.NamedTemporaryFile("w", prefix="pneucli-", suffix=".log", delete=False, encoding="utf-8") as file:
+        file.write(f"{' '.join(sys.argv)}\n{trace}")
+    what = (str(error).splitlines() or [""])[0]
+    return f"fault of the program: {type(error).__name__}: {what} (traceback in {file.name}; --debug shows it)"

@@ -1,0 +1,61 @@
+"""Standard output for answers, standard error for everything else."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from pneucli.pipeline.context import Progress, silent
+
+STEP = 0.1  # without a terminal, progress is told in steps of ten per cent
+
+
+def say(message: str) -> None:
+    """Tell people something, on standard error."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def hush(message: str) -> None:
+    """Say nothing."""
+
+
+def answer(content: Mapping[str, Any]) -> None:
+    """Print the one JSON object of ``--json``."""
+    print(json.dumps(content, indent=1, allow_nan=False))
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Progress]:
+    """Yield the function that stages report to: a bar on a terminal, plain lines elsewhere."""
+    if quiet:
+        yield silent
+    elif sys.stderr.isatty():
+        with _bar() as show:
+            yield show
+    else:
+        yield _lines()
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda message, fraction: bar.update(task, description=message, completed=fraction)
+
+
+def _lines() -> Progress:
+    told: dict[str, float] = {}
+
+    def show(message: str, fraction: float) -> None:
+        if fraction >= told.get(message, -1.0) + STEP:
+            told[message] = fraction
+            say(f"  {message}: {100 * fraction:.0f} %")
+
+    return show

@@ -1,0 +1,82 @@
+"""``run``: all that is out of date, the report, then the checks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from pneucli.cli import console
+from pneucli.cli.options import File, Json, Out, Quiet, built, opened
+
+if TYPE_CHECKING:
+    from pneucli.pipeline.checks import CheckResult
+    from pneucli.pipeline.runner import Done, Pipeline
+
+STAGES = ("compare", "design", "simulate", "diagnose", "report")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("run", help="All that is out of date, then the report; exit 1 where a check fails.")(_run)
+
+
+def _run(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+    from pneucli.pipeline.checks import evaluate
+
+    opened_pipeline = opened(pipeline, out)
+    say = console.hush if quiet else console.say
+    with console.progress(quiet) as progress:
+        done = opened_pipeline.bring_up(built(*STAGES), None, progress, say)
+    if not any(stage.why for stage in done.values()):
+        say("everything is up to date")
+    answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
+    results = evaluate(opened_pipeline.tables.get("checks", {}), answers, str(pipeline))
+    if json:
+        console.answer(_answer(opened_pipeline, done, results))
+    else:
+        _print(opened_pipeline, done, results)
+    raise typer.Exit(0 if all(result.passed for result in results) else 1)
+
+
+def _answer(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult]) -> dict[str, Any]:
+    return {
+        "schema": "pneucli/run/1",
+        "pipeline": pipeline.name,
+        "stages": [
+            {
+                "stage": name,
+                "ran": bool(stage.why),
+                "why": list(stage.why),
+                "skipped": (stage.manifest.skipped or {}).get("found"),
+                "seconds": stage.manifest.seconds,
+            }
+            for name, stage in done.items()
+        ],
+        "checks": [{"path": r.path, "limit": dict(r.limit), "value": r.value, "passed": r.passed} for r in results],
+        "passed": all(result.passed for result in results),
+        "report": str(_report(pipeline)) if "report" in done else None,
+    }
+
+
+def _print(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult]) -> None:
+    for name, stage in done.items():
+        state = f"ran in {stage.manifest.seconds:.1f} s" if stage.why else "up to date"
+        skipped = stage.manifest.skipped
+        print(f"{name:10}{state if skipped is None else 'does not apply: ' + skipped['found']}")
+    if "compare" in done and done["compare"].manifest.summary:
+        print(f"\n{done['compare'].manifest.summary}")
+    for result in results:
+        print(result)
+    if "report" in done:
+        print(f"report: {_report(pipeline)}")
+
+
+def _report(pipeline: Pipeline) -> Path:
+    """Where the report is, as short as it can be said from here."""
+    path = pipeline.artifacts / "report" / "report.html"
+    here = Path(os.getcwd())
+    return path.relative_to(here) if path.is_relative_to(here) else path

@@ -1,0 +1,81 @@
+"""``ingest``, ``identify``, ``compare`` and so on: one stage, after all that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneucli.cli import console
+from pneucli.cli.options import File, Json, Out, Quiet, opened
+from pneucli.pipeline.graph import Stage
+
+
+class Target(StrEnum):
+    """What ``export`` writes for."""
+
+    c = "c"
+    mat = "mat"
+    csv = "csv"
+
+
+def register(app: typer.Typer, stage: Stage) -> None:
+    """Add the command of ``stage``."""
+    special: dict[str, Callable[..., None]] = {"diagnose": _diagnose, "export": _export}
+    command = special.get(stage.name, _plain(stage.name))
+    app.command(stage.name, help=f"{stage.title[0].upper()}{stage.title[1:]}.")(command)
+
+
+def bring_up(name: str, file: Path, out: Path | None, json: bool, quiet: bool, **options: Any) -> None:
+    """Bring the stage up to date and print its answer."""
+    say = console.hush if quiet else console.say
+    pipeline = opened(file, out)
+    with console.progress(quiet) as progress:
+        done = pipeline.bring_up([name], {name: options} if options else None, progress, say)
+    answer = done[name].answer
+    if json:
+        console.answer(answer)
+    else:
+        print(done[name].manifest.summary or f"{name}: done, see {pipeline.artifacts / name}")
+
+
+def _plain(name: str) -> Callable[..., None]:
+    def command(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+        bring_up(name, pipeline, out, json, quiet)
+
+    return command
+
+
+def _diagnose(
+    pipeline: File,
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option("--exclude", metavar="EFFECT", help="Known not to be there (repeatable)."),
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    bring_up("diagnose", pipeline, out, json, quiet, exclude=sorted(set(exclude or [])))
+
+
+def _export(
+    pipeline: File,
+    to: Annotated[list[Target], typer.Option("--to", help="c (PLC, cRIO), mat (MATLAB) or csv; repeatable.")],
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    bring_up("export", pipeline, out, json, quiet, to=_with_former(opened(pipeline, out).artifacts, to))
+
+
+def _with_former(artifacts: Path, to: list[Target]) -> list[str]:
+    """What was exported before stays exported, up to date with the rest."""
+    from pneucli.pipeline import staleness
+
+    former = staleness.read(artifacts / "export")
+    options: Mapping[str, Any] = former.inputs.options if former else {}
+    return sorted({*options.get("to", []), *(target.value for target in to)})

@@ -1,0 +1,115 @@
+"""The stages, what each reads, and the order in which they run."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage: ``module.run(context) -> answer``, and optionally ``module.describe(answer) -> str``.
+
+    ``parents`` must be up to date first; those in ``optional`` too, as far as they are built and apply to the rig.
+    ``tables`` are the tables of the pipeline file that the stage reads itself; what its parents read reaches it
+    through them. ``files`` is a (table, key) that names files, globs allowed, whose content is an input.
+    """
+
+    name: str
+    title: str
+    parents: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    tables: tuple[str, ...] = ()
+    files: tuple[str, str] | None = None
+    package: str = "pneucli.stages"
+
+    @property
+    def module(self) -> str:
+        """Dotted path of the module that does the work."""
+        return f"{self.package}.{self.name}"
+
+    @property
+    def built(self) -> bool:
+        """Whether that module is there; looked up without importing it, for it may be heavy."""
+        try:
+            return importlib.util.find_spec(self.module) is not None
+        except ModuleNotFoundError:
+            return False
+
+
+_ALL = (
+    Stage(
+        "ingest",
+        "raw files -> checked SI signals",
+        tables=("pipeline", "rig", "signals", "recordings"),
+        files=("recordings", "file"),
+    ),
+    Stage(
+        "identify",
+        "valve map and inverse, friction models A-F, model parameters",
+        parents=("ingest",),
+        tables=("pipeline", "model"),
+        files=("model", "plugins"),
+    ),
+    Stage(
+        "compare",
+        "model against recordings: how much, and where",
+        parents=("identify",),
+        tables=("pipeline", "compare"),
+    ),
+    Stage(
+        "diagnose",
+        "which physical effect is missing",
+        parents=("compare",),
+        tables=("pipeline",),
+    ),
+    Stage(
+        "design",
+        "sliding sector, sliding mode observers, cascade",
+        parents=("identify",),
+        tables=("pipeline", "design"),
+    ),
+    Stage(
+        "simulate",
+        "open-loop and closed-loop scenarios",
+        parents=("identify",),
+        optional=("design",),
+        tables=("pipeline", "scenarios"),
+    ),
+    Stage(
+        "report",
+        "one HTML file, a Markdown summary, JUnit XML",
+        parents=("compare",),
+        optional=("design", "simulate", "diagnose"),
+        tables=("pipeline", "checks"),
+    ),
+    Stage(
+        "export",
+        "the designed controller and the maps, for a PLC, a cRIO, MATLAB",
+        parents=("design",),
+        tables=("pipeline",),
+    ),
+)
+
+STAGES: dict[str, Stage] = {stage.name: stage for stage in _ALL}
+
+
+def parents_of(stage: Stage, stages: Mapping[str, Stage]) -> tuple[str, ...]:
+    """Names of the stages that ``stage`` reads: its parents, and the optional ones that are built."""
+    return stage.parents + tuple(name for name in stage.optional if stages[name].built)
+
+
+def upstream(targets: Iterable[str], stages: Mapping[str, Stage] = STAGES) -> list[str]:
+    """Return ``targets`` and all that they need, parents before children."""
+    needed: dict[str, tuple[str, ...]] = {}
+    waiting = list(targets)
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed[name] = parents_of(stages[name], stages)
+            waiting.extend(needed[name])
+    position = {name: i for i, name in enumerate(stages)}
+    sorter = TopologicalSorter({name: needed[name] for name in sorted(needed, key=position.__getitem__)})
+    return list(sorter.static_order())

@@ -1,0 +1,198 @@
+"""Bring stages up to date: only what is stale, saying why, one run at a time, safe against being killed."""
+
+from __future__ import annotations
+
+import importlib
+import time
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pneucli.errors import InputError
+from pneucli.pipeline import folders, lock, staleness
+from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, silent
+from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
+from pneucli.pipeline.staleness import Inputs, Manifest
+
+VALIDATED = ".validated"
+Options = Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether one stage is up to date: ``why`` is empty where it is, else it says what is not."""
+
+    inputs: Inputs
+    manifest: Manifest | None
+    why: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Done:
+    """One stage that is up to date: its manifest, and why it was run (empty: it was not)."""
+
+    manifest: Manifest
+    why: tuple[str, ...] = ()
+
+    @property
+    def answer(self) -> Answer:
+        """The stage's JSON answer; raises NotApplicable where the stage does not apply to the pipeline."""
+        if self.manifest.skipped is not None or self.manifest.answer is None:
+            raise NotApplicable(**(self.manifest.skipped or {}))
+        return self.manifest.answer
+
+
+@dataclass(frozen=True)
+class Pipeline:
+    """One pipeline file and the folder of its artifacts; ``load`` validates the file (raises InputError)."""
+
+    path: Path
+    tables: Mapping[str, Any]
+    artifacts: Path
+    load: Callable[[Path], Any]
+    stages: Mapping[str, Stage] = field(default_factory=lambda: STAGES)
+    program: str = field(default_factory=staleness.program_digest)
+
+    @property
+    def name(self) -> str:
+        """Name of the pipeline."""
+        return str(self.tables["pipeline"]["name"])
+
+    def survey(self, targets: Iterable[str], options: Options | None = None) -> dict[str, Verdict]:
+        """Judge ``targets`` and all that they need, parents first, without running or writing anything.
+
+        ``options`` maps a stage to its command line options; a stage that is not in it keeps those of its last run.
+        """
+        verdicts: dict[str, Verdict] = {}
+        for name in upstream(targets, self.stages):
+            manifest = staleness.read(self.artifacts / name)
+            inputs = self._inputs(name, manifest, verdicts, (options or {}).get(name))
+            outputs = staleness.stamp_folder(self.artifacts / name, manifest.outputs) if manifest else {}
+            why = staleness.differences(manifest, inputs, outputs)
+            if manifest and not why:
+                manifest = replace(manifest, inputs=inputs, outputs=outputs)
+            verdicts[name] = Verdict(inputs, manifest, why)
+        return verdicts
+
+    def _inputs(
+        self, name: str, manifest: Manifest | None, verdicts: Mapping[str, Verdict], options: Mapping[str, Any] | None
+    ) -> Inputs:
+        stage = self.stages[name]
+        files = staleness.named_files(self.tables, *stage.files, self.path.parent) if stage.files else {}
+        known = manifest.inputs.files if manifest else {}
+        before = manifest.inputs.options if manifest else {}
+        return Inputs(
+            program=self.program,
+            tables={table: staleness.digest(self.tables[table]) for table in stage.tables if table in self.tables},
+            files={label: staleness.stamp(path, known.get(label)) for label, path in files.items()},
+            parents={parent: verdicts[parent].inputs.key for parent in parents_of(stage, self.stages)},
+            options=dict(before if options is None else options),
+        )
+
+    def bring_up(
+        self,
+        targets: Iterable[str],
+        options: Options | None = None,
+        progress: Progress = silent,
+        say: Callable[[str], None] = lambda message: None,
+    ) -> dict[str, Done]:
+        """Bring ``targets`` and all that they need up to date; return each of them, parents first.
+
+        A run that is killed at any point leaves each stage's folder whole, old or new; the next one goes on from there.
+        Raises what the stages raise, and InputError where the pipeline file is at fault.
+        """
+        targets = list(targets)
+        with lock.held(self.artifacts, say):
+            for name in self.stages:
+                folders.recover(self.artifacts, name)
+            verdicts = self.survey(targets, options)
+            config = self._validated(any(verdict.why for verdict in verdicts.values()))
+            done: dict[str, Done] = {}
+            for name, verdict in verdicts.items():
+                if verdict.why:
+                    say(f"{name}: {', '.join(verdict.why)}")
+                done[name] = self._renewed(name, verdict, done, config, progress)
+        return done
+
+    def validate(self) -> None:
+        """Validate the pipeline file, unless it has been since it or the program last changed."""
+        self._validated(needed=False)
+
+    def _validated(self, needed: bool) -> Any:
+        """Return the validated file; ``None`` where nobody needs it and just this text was found valid before."""
+        marker = self.artifacts / VALIDATED
+        now = staleness.digest([self.program, staleness.stamp(self.path).sha256])
+        known = marker.is_file() and marker.read_text(encoding="utf-8") == now
+        if known and not needed:
+            return None
+        config = self.load(self.path)
+        if self.artifacts.is_dir():
+            marker.write_text(now, encoding="utf-8")
+        return config
+
+    def _renewed(self, name: str, verdict: Verdict, done: Mapping[str, Done], config: Any, progress: Progress) -> Done:
+        if verdict.manifest and not verdict.why:
+            if verdict.manifest != staleness.read(self.artifacts / name):  # touched files: remember the new stamps
+                verdict.manifest.write(self.artifacts / name)
+            return Done(verdict.manifest)
+        manifest = Manifest(name, verdict.inputs, skipped=self._skipped_parent(name, done))
+        out = folders.begin(self.artifacts, name)
+        if manifest.skipped is None:
+            answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
+            options = verdict.inputs.options
+            context = Context(self.path, config, out, self.artifacts, progress, answers, options)
+            manifest = _run(self.stages[name], context, manifest)
+        manifest.write(out)
+        folders.finish(self.artifacts, name)
+        return Done(manifest, verdict.why)
+
+    def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, str] | None:
+        skipped = (done[parent].manifest.skipped for parent in self.stages[name].parents)
+        return next((reason for reason in skipped if reason is not None), None)
+
+
+def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
+    """Run the stage into ``context.out``; return its manifest."""
+    start = time.monotonic()
+    module = importlib.import_module(stage.module)
+    try:
+        answer = module.run(context)
+    except NotApplicable as error:
+        return replace(manifest, skipped=asdict(error))
+    return replace(
+        manifest,
+        outputs=staleness.stamp_folder(context.out),
+        answer=answer,
+        summary=module.describe(answer) if hasattr(module, "describe") else "",
+        seconds=round(time.monotonic() - start, 3),
+    )
+
+
+def open_pipeline(
+    path: Path, load: Callable[[Path], Any], out: Path | None = None, stages: Mapping[str, Stage] = STAGES
+) -> Pipeline:
+    """Open a pipeline file; its artifacts go to ``out``, by default ``artifacts/NAME`` beside the file.
+
+    Raises InputError where the file cannot be read as TOML or has no usable name; all else is found by ``load``.
+    """
+    path = Path(path).absolute()
+    try:
+        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror}", "a pipeline file (TOML)") from error
+    except ValueError as error:  # not UTF-8 or not TOML; the message has line and column
+        raise InputError(str(path), str(error), "a pipeline file (TOML, UTF-8)") from error
+    name = tables.get("pipeline", {}).get("name") if isinstance(tables.get("pipeline"), dict) else None
+    if not isinstance(name, str):
+        load(path)
+        raise InputError(f"{path}, key pipeline.name", "no name", 'a text such as "bench-3"', "give the pipeline one")
+    _refuse_name(name, f"{path}, key pipeline.name")
+    return Pipeline(path, tables, (out or path.parent / "artifacts" / name).absolute(), load, stages)
+
+
+def _refuse_name(name: str, where: str) -> None:
+    """Raise an InputError where ``name`` cannot be the name of a folder."""
+    if not name or name.startswith(".") or any(c in name for c in '/\\:*?"<>|\0'):
+        raise InputError(where, f'"{name}" cannot be the name of a folder', "letters, digits, - and _", "rename it")
