@@ -1,0 +1,8 @@
+"""What a sensor adds to a signal, and how it is found from a recording."""
+
+from __future__ import annotations
+
+from pneucli.noise.estimate import estimate, pool
+from pneucli.noise.model import NoiseModel
+
+__all__ = ["NoiseModel", "estimate", "pool"]

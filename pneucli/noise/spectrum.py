@@ -1,0 +1,125 @@
+"""The noise floor's spectrum: what stays below jumps and motion, mains lines, and the step of quantisation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal.windows import hann
+from scipy.stats import f as f_distribution
+
+Array = NDArray[np.float64]
+
+LONGEST, SHORTEST = 256, 16  # samples of a segment
+QUIET = 0.25  # order statistic that stands for the floor: jumps and motion may fill the segments above it
+MAINS = (50.0, 60.0)  # Hz
+LINE_LEVEL = 1e-4  # probability of a false line
+HALF_BAND = 8.0  # Hz either side of a line that tell its background
+
+
+@dataclass(frozen=True)
+class Floor:
+    """One-sided power per bin, shape ``(m,)``, in units of variance: white noise of variance s^2 has ``power = s^2``.
+
+    ``omega`` is the angular frequency in rad per sample; ``weight`` the number of independent averages of a bin.
+    """
+
+    omega: Array
+    power: Array
+    weight: float
+
+
+def segment_length(samples: int) -> int:
+    """Return the power of two that leaves about ten half-overlapping segments; 0 where there are too few samples."""
+    longest = min(samples // 5, LONGEST)
+    return 0 if longest < SHORTEST else 2 ** int(np.log2(longest))
+
+
+def noise_floor(values: Array) -> Floor | None:
+    """Return the spectrum of the quiet segments, per bin, or None where ``values`` are too few for one.
+
+    Each segment loses its parabola and is tapered (Hann). Per bin the ``QUIET`` order statistic, divided by its
+    expectation for exponentially distributed periodograms, stands for the mean: a jump or a burst of motion in some
+    segments does not enter. NaN segments are left out.
+    """
+    length = segment_length(values.size)
+    if not length:
+        return None
+    segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]
+    segments = segments[np.isfinite(segments).all(axis=1)]
+    if segments.shape[0] < 4:
+        return None
+    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, length), 3))[0]
+    taper = hann(length, sym=False)
+    tapered = (segments - segments @ basis @ basis.T) * taper
+    periodograms = np.abs(np.fft.rfft(tapered, axis=1)) ** 2 / np.sum(taper**2)
+    count = periodograms.shape[0]
+    rank = max(1, round(QUIET * count))
+    expected = np.sum(1.0 / (count - np.arange(rank)))
+    power = np.sort(periodograms, axis=0)[rank - 1] / expected
+    bins = np.arange(3, length // 2)  # the parabola takes the lowest; the last is real-valued
+    # the lower quartile has a third of the mean's efficiency; half-overlapping Hann segments are worth 0.75
+    return Floor(2 * np.pi * bins / length, power[bins], max(1.0, 0.25 * count))
+
+
+def find_lines(values: Array, period: float) -> tuple[tuple[float, float], ...]:
+    """Return (frequency in Hz, amplitude) of mains hum and its first two harmonics that stand out of their background.
+
+    F test of one bin against the bins around it in the Hann spectrum of the whole signal, after its second
+    difference, which takes slow content away (the difference's gain is divided out again).
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size < 0.5 / period or finite.size != values.size:
+        return ()
+    whitened = np.diff(finite, 2)
+    taper = hann(whitened.size, sym=False)
+    amplitude = 2 * np.abs(np.fft.rfft(whitened * taper, 8 * whitened.size)) / taper.sum()
+    frequency = np.asarray(np.fft.rfftfreq(8 * whitened.size, period), dtype=np.float64)
+    gain = np.maximum(4 * np.sin(np.pi * frequency * period) ** 2, 1e-12)
+    resolution = 1 / (whitened.size * period)
+    found = []
+    for mains in MAINS:
+        for nominal in (mains, 2 * mains, 3 * mains):
+            line = _line(frequency, amplitude / gain, nominal, resolution, 0.5 / period)
+            found += [line] if line else []
+    return tuple(found)
+
+
+def _line(
+    frequency: Array, amplitude: Array, nominal: float, resolution: float, nyquist: float
+) -> tuple[float, float] | None:
+    if nominal + HALF_BAND > nyquist:
+        return None
+    inside = np.flatnonzero(np.abs(frequency - nominal) <= max(0.3, 0.5 * resolution))
+    peak = inside[np.argmax(amplitude[inside])]
+    distance = np.abs(frequency - frequency[peak])
+    around = (distance > 2 * resolution) & (distance < HALF_BAND + 2 * resolution)
+    background = float(np.mean(amplitude[around] ** 2))
+    independent = around.sum() / 8 / 1.5
+    tries = max(1.0, 0.6 / resolution)  # the peak was searched for
+    limit = f_distribution.isf(LINE_LEVEL / tries, 2, 2 * independent)
+    power = float(amplitude[peak] ** 2)
+    if power <= limit * background or independent < 4:
+        return None
+    return float(frequency[peak]), float(np.sqrt(power - background))
+
+
+def quantisation_step(values: Array) -> float:
+    """Return the largest step that all values are multiples of (up to an offset), 0 where there is none.
+
+    A command that holds few levels shows no step: it needs 24 levels, or a change in every twentieth sample.
+    """
+    finite = values[np.isfinite(values)]
+    levels = np.unique(finite)
+    changes = np.count_nonzero(np.diff(finite))
+    if levels.size < 4 or (levels.size < 24 and changes < 0.05 * finite.size):
+        return 0.0
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * max(np.ptp(levels), float(np.abs(levels).max()) * 1e-4)]
+    for parts in range(1, 9):
+        step = float(gaps.min()) / parts
+        near = gaps[gaps < 50 * step]  # far gaps say little about the step and carry rounding errors
+        if near.size >= 3 and np.all(np.abs(near / step - np.round(near / step)) < 0.02):
+            return float(np.median(near / np.round(near / step)))
+    return 0.0
