@@ -1,0 +1,17 @@
+"""The pipeline file: read, checked as a whole, and edited without losing comments."""
+
+from pneucli.config.load import load
+from pneucli.config.models import CheckTable, PipelineConfig, RecordingTable, SignalTable, WhereTable
+from pneucli.config.sources import Source, raw_files, sources
+
+__all__ = [
+    "CheckTable",
+    "PipelineConfig",
+    "RecordingTable",
+    "SignalTable",
+    "Source",
+    "WhereTable",
+    "load",
+    "raw_files",
+    "sources",
+]

@@ -1,0 +1,278 @@
+"""Pydantic models of every table of the pipeline file; quantities become SI floats while they are checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    model_validator,
+)
+
+from pneucli.errors import UnitError
+from pneucli.quantities import SIGNALS
+from pneucli.recording import Experiment, Rig, Use
+from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity, parse_unit, same_dimension
+
+SignalName = Literal["time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "x_ref", "p_ref"]
+
+
+def _in(unit: str) -> BeforeValidator:
+    """Read text with a unit; gauge values stand on the file's own ambient pressure."""
+
+    def parse(value: Any, info: ValidationInfo) -> float | None:
+        ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
+        return parse_quantity(value, unit, ambient_pressure=ambient)
+
+    return BeforeValidator(parse)
+
+
+Pressure: TypeAlias = Annotated[float, _in("Pa"), Field(gt=0)]
+Temperature: TypeAlias = Annotated[float, _in("K"), Field(gt=0)]
+Area: TypeAlias = Annotated[float, _in("m^2"), Field(gt=0)]
+Volume: TypeAlias = Annotated[float, _in("m^3"), Field(gt=0)]
+Length: TypeAlias = Annotated[float, _in("m"), Field(gt=0)]
+Mass: TypeAlias = Annotated[float, _in("kg"), Field(gt=0)]
+GasConstant: TypeAlias = Annotated[float, _in("J/(kg K)"), Field(gt=0)]
+HeatCapacityRatio: TypeAlias = Annotated[float, _in("1"), Field(gt=1)]
+Duration: TypeAlias = Annotated[float, _in("s"), Field(gt=0)]
+Frequency: TypeAlias = Annotated[float, _in("1/s"), Field(gt=0)]
+Instant: TypeAlias = Annotated[float, _in("s")]
+Voltage: TypeAlias = Annotated[float, _in("V")]
+Position: TypeAlias = Annotated[float, _in("m")]
+Velocity: TypeAlias = Annotated[float, _in("m/s")]
+Acceleration: TypeAlias = Annotated[float, _in("m/s^2")]
+Force: TypeAlias = Annotated[float, _in("N")]
+
+
+class Table(BaseModel):
+    """A table whose keys are all known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+class PipelineTable(Table):
+    """``[pipeline]``."""
+
+    name: Annotated[str, Field(min_length=1, pattern=r"^[^/\\]+$")]
+
+
+class VesselTable(Table):
+    """``[rig.vessel]``: the fixed chamber of a valve test (m^3)."""
+
+    volume: Volume | None = None
+
+
+class CylinderTable(Table):
+    """``[rig.cylinder]`` in m^2, m, m^3 and kg."""
+
+    piston_area_1: Area | None = None
+    piston_area_2: Area | None = None
+    stroke: Length | None = None
+    dead_volume_1: Volume | None = None
+    dead_volume_2: Volume | None = None
+    moving_mass: Mass | None = None
+
+
+class RigTable(Table):
+    """``[rig]``; pressures absolute in Pa, temperature in K."""
+
+    gas_temperature: Temperature = 293.15
+    ambient_pressure: Pressure = STANDARD_ATMOSPHERE
+    supply_pressure: Pressure | None = None
+    heat_capacity_ratio: HeatCapacityRatio = 1.4
+    gas_constant: GasConstant = 287.0
+    vessel: VesselTable = VesselTable()
+    cylinder: CylinderTable = CylinderTable()
+
+
+class WhereTable(Table):
+    """Which rows of a long table belong to a signal."""
+
+    column: str | int
+    equals: str | float
+
+
+class SignalTable(Table):
+    """How one raw column becomes a signal: ``scale * column + offset``, read in ``unit`` (SI where absent)."""
+
+    column: str | int
+    unit: str | None = None
+    reference: Literal["gauge", "absolute"] | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    thousands: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    decimal: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    where: WhereTable | None = None
+    noise: str | float | None = None
+
+    @property
+    def gauge(self) -> bool:
+        """Whether the column counts from ambient pressure."""
+        return self.reference == "gauge" or (self.unit is not None and parse_unit(self.unit).gauge)
+
+
+def _fits(name: str) -> AfterValidator:
+    """Check unit and reference of an entry of ``[signals]`` against what the signal is."""
+    quantity = SIGNALS[name]
+
+    def check(signal: SignalTable | None) -> SignalTable | None:
+        if signal is None:
+            return None
+        if signal.unit is not None and not same_dimension(signal.unit, quantity.unit):
+            raise UnitError(
+                f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{quantity.unit}"'
+            )
+        if signal.reference is not None and quantity.unit != "Pa":
+            raise UnitError(f"{name} is not a pressure and takes no reference")
+        if signal.reference == "absolute" and signal.gauge:
+            raise UnitError(f'the unit "{signal.unit}" is gauge, the reference says absolute; leave one of them out')
+        if signal.noise is not None and parse_quantity(signal.noise, quantity.unit, difference=True) < 0:
+            raise UnitError(f"noise {signal.noise} is negative; wanted a standard deviation")
+        return signal
+
+    return AfterValidator(check)
+
+
+class SignalsTable(Table):
+    """``[signals]`` and ``[recordings.signals]``: one entry for each signal that is recorded."""
+
+    time: Annotated[SignalTable | None, _fits("time")] = None
+    u: Annotated[SignalTable | None, _fits("u")] = None
+    u2: Annotated[SignalTable | None, _fits("u2")] = None
+    p_supply: Annotated[SignalTable | None, _fits("p_supply")] = None
+    p1: Annotated[SignalTable | None, _fits("p1")] = None
+    p2: Annotated[SignalTable | None, _fits("p2")] = None
+    x: Annotated[SignalTable | None, _fits("x")] = None
+    v: Annotated[SignalTable | None, _fits("v")] = None
+    a: Annotated[SignalTable | None, _fits("a")] = None
+    force: Annotated[SignalTable | None, _fits("force")] = None
+    temperature: Annotated[SignalTable | None, _fits("temperature")] = None
+    x_ref: Annotated[SignalTable | None, _fits("x_ref")] = None
+    p_ref: Annotated[SignalTable | None, _fits("p_ref")] = None
+
+    def present(self) -> dict[str, SignalTable]:
+        """Return the signals that the file describes."""
+        return {name: getattr(self, name) for name in SIGNALS if getattr(self, name) is not None}
+
+
+class RecordingTable(Table):
+    """One ``[[recordings]]``: files, how to read them, what was measured, and what was held constant (SI)."""
+
+    name: Annotated[str, Field(min_length=1)] | None = None
+    file: Annotated[str, Field(min_length=1)]
+    experiment: Experiment
+    use: Use
+    take: list[SignalName] | None = None
+    chamber_2: Literal["closed", "open", "valve"] | None = None
+    imposed: Literal["motion"] | None = None
+    valve: Literal["shut"] | None = None
+    signals: SignalsTable = SignalsTable()
+    header: bool = True
+    delimiter: Annotated[str, Field(min_length=1)] | None = None
+    decimal: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    thousands: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    encoding: str | None = None
+    skip_rows: Annotated[int, Field(ge=0)] = 0
+    from_: Annotated[Instant | None, Field(alias="from")] = None
+    to: Instant | None = None
+    u: Voltage | None = None
+    u2: Voltage | None = None
+    p_supply: Pressure | None = None
+    p1: Pressure | None = None
+    p2: Pressure | None = None
+    x: Position | None = None
+    v: Velocity | None = None
+    a: Acceleration | None = None
+    force: Force | None = None
+    temperature: Temperature | None = None
+    x_ref: Position | None = None
+    p_ref: Pressure | None = None
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """What was held and not logged, SI."""
+        return {name: getattr(self, name) for name in SIGNALS if getattr(self, name, None) is not None}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RecordingTable:
+        if self.from_ is not None and self.to is not None and self.from_ >= self.to:
+            raise ValueError(f"the stretch from {self.from_} s to {self.to} s is empty")
+        if self.imposed and self.experiment != "friction":
+            raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
+        if self.experiment == "axis" and self.chamber_2 is None:
+            raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
+        return self
+
+
+class ModelTable(Table):
+    """``[model]``: effects on top of the base model, the valve's form, and Python files with effects of one's own."""
+
+    effects: list[str] = []
+    valve: Literal["map", "linear"] = "map"
+    plugins: list[str] = []
+
+
+class CompareTable(Table):
+    """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
+
+    horizon: Duration = 0.5
+    low_pass: Frequency | None = None
+
+
+class CheckTable(Table):
+    """One entry of ``[checks]``: limits of a value in a JSON answer."""
+
+    max: float | None = None
+    min: float | None = None
+    equals: bool | int | float | str | list[Any] | None = None
+
+    @model_validator(mode="after")
+    def _limits_something(self) -> CheckTable:
+        if self.max is None and self.min is None and self.equals is None:
+            raise ValueError("the check limits nothing; wanted max, min or equals")
+        return self
+
+
+class PipelineConfig(Table):
+    """The whole pipeline file; ``path`` is where it stands, ``document`` the tables as written."""
+
+    pipeline: PipelineTable
+    rig: RigTable = RigTable()
+    signals: SignalsTable = SignalsTable()
+    recordings: Annotated[list[RecordingTable], Field(min_length=1)]
+    model: ModelTable = ModelTable()
+    compare: CompareTable = CompareTable()
+    design: dict[str, Any] = {}
+    scenarios: list[dict[str, Any]] = []
+    checks: dict[str, CheckTable] = {}
+
+    _path: Path = PrivateAttr(default=Path("pipeline.toml"))
+    _document: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def path(self) -> Path:
+        """The file that was read; relative paths in it start in its folder."""
+        return self._path
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The TOML tables as written, before defaults and conversion."""
+        return self._document
+
+    @property
+    def name(self) -> str:
+        """The pipeline's name."""
+        return self.pipeline.name
+
+    def to_rig(self) -> Rig:
+        """Return what is known of the rig, as domain packages receive it (SI)."""
+        plain = self.rig.model_dump(exclude={"vessel", "cylinder"})
+        return Rig(**plain, **self.rig.cylinder.model_dump(), vessel_volume=self.rig.vessel.volume)

@@ -1,0 +1,119 @@
+"""From the recordings of a pipeline file to the files on disk: environment variables, globs, names."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from pneucli.config.load import line_of
+from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable
+from pneucli.errors import InputError, did_you_mean
+
+
+@dataclass(frozen=True)
+class Source:
+    """One raw file as one recording; ``where`` names the place in the pipeline file that asks for it.
+
+    ``signals`` holds ``[recordings.signals]`` over ``[signals]`` (an entry replaces the whole entry below it),
+    narrowed to ``take``; those in ``required`` were asked for by this recording itself.
+    """
+
+    name: str
+    path: Path
+    table: RecordingTable
+    signals: dict[str, SignalTable]
+    required: frozenset[str]
+    where: str
+
+
+def sources(config: PipelineConfig) -> list[Source]:
+    """Return all recordings in the file's order.
+
+    A glob that matches several files makes several recordings: ``name_1``, ``name_2``, ... in natural order, or the
+    files' stems where there is no name. Raises :class:`InputError` where a file or an environment variable is missing,
+    or where two recordings share a name.
+    """
+    found = [source for index in range(len(config.recordings)) for source in _sources_of(config, index)]
+    twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
+    if twice:
+        where = next(source.where for source in reversed(found) if source.name == twice[0])
+        raise InputError(where, f'two recordings are called "{twice[0]}"', "a name for each", "rename one of them")
+    return found
+
+
+def raw_files(config: PipelineConfig) -> list[Path]:
+    """Return the raw files that the pipeline reads, each once."""
+    return list(dict.fromkeys(source.path for source in sources(config)))
+
+
+def _sources_of(config: PipelineConfig, index: int) -> list[Source]:
+    table = config.recordings[index]
+    where = _where(config, index)
+    signals = {**config.signals.present(), **table.signals.present()}
+    required = {"time", *table.signals.present(), *(table.take or [])} - table.constants.keys()
+    if table.take is not None:
+        _check_take(table, signals, where)
+        signals = {name: signal for name, signal in signals.items() if name in {"time", *table.take}}
+    if "time" not in signals:
+        mend = 'add to [signals]: time = { column = "...", unit = "s" }'
+        raise InputError(where, "no signal is called time", "a column of time stamps", mend)
+    signals = {name: signal for name, signal in signals.items() if name not in table.constants}
+    paths = _paths(config.path, table.file, where)
+    names = _names(table.name, paths)
+    required &= signals.keys()
+    return [
+        Source(name, path, table, signals, frozenset(required), where) for name, path in zip(names, paths, strict=True)
+    ]
+
+
+def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: str) -> None:
+    for name in table.take or []:
+        if name not in signals and name not in table.constants:
+            raise InputError(
+                f"{where}, key take", f'"{name}" is not described', "a signal of [signals]", did_you_mean(name, signals)
+            )
+
+
+def _where(config: PipelineConfig, index: int) -> str:
+    text = config.path.read_text(encoding="utf-8-sig")
+    return f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"
+
+
+def _names(name: str | None, paths: list[Path]) -> list[str]:
+    if name is None:
+        return [path.stem for path in paths]
+    return [name] if len(paths) == 1 else [f"{name}_{number}" for number in range(1, len(paths) + 1)]
+
+
+def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
+    pattern = Path(pipeline.parent, _expand(file, where))
+    if pattern.is_file():
+        return [pattern]
+    matches = sorted((Path(match) for match in glob.glob(str(pattern), recursive=True)), key=_natural)
+    files = [match for match in matches if match.is_file()]
+    if files:
+        return files
+    neighbours = [other.name for other in pattern.parent.iterdir()] if pattern.parent.is_dir() else []
+    mend = (
+        did_you_mean(pattern.name, neighbours) if neighbours else f"the folder {pattern.parent} is empty or not there"
+    )
+    raise InputError(where, f"no file {pattern}", "a raw file, or a glob that matches some", mend)
+
+
+def _natural(path: Path) -> list[tuple[bool, int, str]]:
+    parts = re.split(r"(\d+)", str(path))
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
+
+
+def _expand(file: str, where: str) -> str:
+    def value(match: re.Match[str]) -> str:
+        if (found := os.environ.get(match[1])) is None:
+            mend = f"export {match[1]}=FOLDER"
+            raise InputError(where, f"the environment variable {match[1]} is not set", "its value in the path", mend)
+        return found
+
+    return os.path.expanduser(re.sub(r"\$\{(\w+)\}", value, file))

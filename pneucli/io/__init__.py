@@ -1,0 +1,1 @@
+"""Raw files in, checked signals out; and the one way in which artifacts are written and read."""

@@ -1,0 +1,190 @@
+"""Artifacts: Parquet files with units, schema, and what made them; replaced atomically.
+
+The unit stands in each field's metadata and again as JSON in the file's, since pandas drops the first and polars and
+DuckDB see only the second.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import ArrayLike, NDArray
+
+from pneucli import __version__
+from pneucli.errors import InputError
+from pneucli.quantities import SIGNALS
+
+_PREFIX = "pneucli."
+_CHUNK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What made an artifact: SHA-256 of each input by name, and the parameters (JSON-able)."""
+
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path beside ``path`` that replaces it when the block ends well, and vanishes otherwise."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o644)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def sha256_of(path: str | Path) -> str:
+    """Return the SHA-256 of a file's content, in hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def schema_of(
+    types: Mapping[str, pa.DataType], *, units: Mapping[str, str], schema: str, provenance: Provenance
+) -> pa.Schema:
+    """Return the Arrow schema of an artifact.
+
+    A numeric column has its unit from ``units``, else from the nomenclature of signals (``"1"`` is dimensionless);
+    text has the unit ``""``. Raises ``ValueError`` where a numeric column has no unit.
+    """
+    own = {name: _unit(name, kind, units) for name, kind in types.items()}
+    fields = [pa.field(name, kind, metadata={"unit": own[name]}) for name, kind in types.items()]
+    about = {
+        "schema": schema,
+        "version": __version__,
+        "units": json.dumps(own),
+        "inputs": json.dumps(dict(provenance.inputs), sort_keys=True),
+        "parameters": json.dumps(dict(provenance.parameters), sort_keys=True, default=str),
+    }
+    return pa.schema(fields, metadata={_PREFIX + key: value for key, value in about.items()})
+
+
+def _unit(name: str, kind: pa.DataType, units: Mapping[str, str]) -> str:
+    if name in units:
+        return units[name]
+    if name in SIGNALS:
+        return SIGNALS[name].unit
+    if pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        raise ValueError(f"column {name} has no unit")
+    return ""
+
+
+class TableWriter:
+    """Write an artifact in batches with bounded memory; a context manager over :func:`atomic_path`."""
+
+    def __init__(self, path: str | Path, schema: pa.Schema) -> None:
+        self._atomic = atomic_path(path)
+        self._schema = schema
+        floats = [f.name for f in schema if pa.types.is_floating(f.type)]
+        self._options: dict[str, Any] = {
+            "compression": "zstd",
+            "compression_level": 1,
+            "use_byte_stream_split": floats,
+            "use_dictionary": [f.name for f in schema if f.name not in floats],
+        }
+
+    def __enter__(self) -> TableWriter:
+        self._writer = pq.ParquetWriter(self._atomic.__enter__(), self._schema, **self._options)
+        return self
+
+    def write(self, columns: Mapping[str, Any]) -> None:
+        """Append a row group; columns that are left out are null."""
+        rows = len(next(iter(columns.values())))
+        arrays = [_array(columns.get(f.name), f.type, rows) for f in self._schema]
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=_CHUNK)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.close()
+        self._atomic.__exit__(kind, error, trace)
+
+
+def _array(values: Any, kind: pa.DataType, rows: int) -> Any:
+    if values is None:
+        return pa.nulls(rows, cast("Any", kind))
+    if isinstance(values, pa.Array):
+        return values
+    return pa.array(values if isinstance(values, np.ndarray) else list(values), kind)
+
+
+def write_table(
+    path: str | Path,
+    columns: Mapping[str, ArrayLike],
+    *,
+    units: Mapping[str, str] | None = None,
+    schema: str,
+    provenance: Provenance,
+) -> None:
+    """Write columns of equal length: floats (NaN stays NaN), integers, booleans or text, each with its unit.
+
+    ``schema`` is name and version, ``"pneucli/compare/residuals/1"``. Units as in :func:`schema_of`.
+    """
+    arrays = {name: _column(values) for name, values in columns.items()}
+    types = {name: array.type for name, array in arrays.items()}
+    with TableWriter(path, schema_of(types, units=units or {}, schema=schema, provenance=provenance)) as writer:
+        writer.write(arrays)
+
+
+def _column(values: ArrayLike) -> Any:
+    array = pa.array(values if isinstance(values, np.ndarray) and values.dtype.kind in "fiub" else list(values))  # type: ignore[arg-type]
+    return array.cast(pa.string()) if pa.types.is_null(array.type) else array
+
+
+def read_table(path: str | Path) -> dict[str, NDArray[Any] | list[str]]:
+    """Return every column: numbers as arrays (null becomes NaN), text as lists.
+
+    Raises :class:`InputError` where the file is missing or is not Parquet.
+    """
+    table = _read(Path(path))
+    return {name: _values(table[name]) for name in table.column_names}
+
+
+def read_metadata(path: str | Path) -> dict[str, Any]:
+    """Return schema, version, units, inputs and parameters of an artifact."""
+    metadata = pq.read_schema(path).metadata or {}
+    plain = {key.decode().removeprefix(_PREFIX): value.decode() for key, value in metadata.items()}
+    return {
+        key: plain[key] if key in ("schema", "version") else json.loads(plain[key])
+        for key in sorted(plain)
+        if key in _ABOUT
+    }
+
+
+_ABOUT = ("schema", "version", "units", "inputs", "parameters")
+
+
+def _read(path: Path) -> pa.Table:
+    try:
+        return pq.read_table(path, memory_map=True)
+    except FileNotFoundError as error:
+        raise InputError(str(path), "no such artifact", "", "run the stage that writes it") from error
+    except pa.ArrowInvalid as error:
+        raise InputError(str(path), f"not a Parquet file: {error}", "", "delete it and run its stage again") from error
+
+
+def _values(column: Any) -> NDArray[Any] | list[str]:
+    if pa.types.is_string(column.type) or pa.types.is_dictionary(column.type):
+        return [str(value) if value is not None else "" for value in column.to_pylist()]
+    return np.asarray(column.to_numpy())
