@@ -1,0 +1,135 @@
+"""Higher-order singular value decomposition of samples on a grid.
+
+Sequential: the modes are decomposed one after the other, shortest first, each on a tensor already compressed by the
+modes before it. Only what rounding hides is cut on the way, so every mode's basis and singular values are those of
+its full unfolding; the ranks are cut at the end, on the core.
+
+Sources: De Lathauwer, De Moor, Vandewalle, SIAM J. Matrix Anal. Appl. 21 (2000) 1253; Vannieuwenhoven, Vandebril,
+Meerbergen, SIAM J. Sci. Comput. 34 (2012) A1027; Halko, Martinsson, Tropp, SIAM Rev. 53 (2011) 217 (range finder).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.errors import InputError
+
+Array = NDArray[np.float64]
+
+COMPACT = 1e-10  # singular values below this share of the first are zero, unless the caller says otherwise
+_LOSSLESS = 1e-14  # cut on the way: about 50 roundings, below what double precision resolves in a long unfolding
+_EPS = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Singular values of one unfolding, falling, shape ``(k,)`` in the unit of the samples, and the rank kept."""
+
+    singular_values: Array
+    rank: int
+
+    @property
+    def gap(self) -> float:
+        """Last kept over first discarded singular value: what the rank rests on.
+
+        Near 1 the rank is arbitrary. Values below rounding are not resolved, so it never exceeds 1 / eps.
+        """
+        tail = self.singular_values[self.rank :]
+        floor = max(tail[0] if tail.size else 0.0, _EPS * self.singular_values[0])
+        return float(self.singular_values[self.rank - 1] / floor) if floor else math.inf
+
+    @property
+    def discarded(self) -> float:
+        """Root of the sum of squares of the discarded singular values."""
+        return float(np.linalg.norm(self.singular_values[self.rank :]))
+
+
+@dataclass(frozen=True)
+class Hosvd:
+    """``samples = core x_1 bases[0] x_2 bases[1] ...``, up to what was discarded.
+
+    ``bases[k]``: orthonormal columns, shape ``(n_k, r_k)``, signs arbitrary. ``core``: shape ``(r_1, ..., r_N, ...)``.
+    """
+
+    bases: tuple[Array, ...]
+    core: Array
+    spectra: tuple[Spectrum, ...]
+
+
+def hosvd(samples: Array, parameters: int, rank: Sequence[int] | None = None, tolerance: float = COMPACT) -> Hosvd:
+    """Decompose samples of shape ``(n_1, ..., n_N, ...)`` along their first ``parameters`` = N axes.
+
+    Compact by default: singular values above ``tolerance`` times the first of their mode are kept. ``tolerance = 0``
+    keeps all (exact); ``rank`` bounds the number kept per mode (reduced). The error in the Frobenius norm is at most
+    ``sqrt(sum(s.discarded**2 for s in spectra))``. Raises ``InputError`` where ``rank`` does not fit.
+    """
+    if rank is not None and (len(rank) != parameters or min(rank) < 1):
+        raise InputError("rank", f"{tuple(rank)}", f"{parameters} whole numbers from 1")
+    floor = min(_LOSSLESS, tolerance)
+    core, bases, values = samples, {}, {}
+    for mode in sorted(range(parameters), key=lambda k: samples.shape[k]):
+        basis, values[mode] = left_svd(core, mode)
+        bases[mode] = basis[:, : _above(values[mode], floor)]
+        core = contract(core, bases[mode].T, mode)
+    ranks = [_above(values[k], max(tolerance, floor)) for k in range(parameters)]
+    if rank is not None:
+        ranks = [min(pair) for pair in zip(ranks, rank, strict=True)]
+    return Hosvd(
+        tuple(bases[k][:, :r] for k, r in enumerate(ranks)),
+        core[tuple(slice(r) for r in ranks)],
+        tuple(Spectrum(values[k], r) for k, r in enumerate(ranks)),
+    )
+
+
+def contract(tensor: Array, matrix: Array, mode: int) -> Array:
+    """Multiply along one axis: ``matrix`` of shape ``(m, n_mode)`` turns its length from ``n_mode`` into ``m``."""
+    before, after = tensor.shape[:mode], tensor.shape[mode + 1 :]
+    rows = matrix.shape[0]
+    if math.prod(after) == 1:
+        return (tensor.reshape(-1, tensor.shape[mode]) @ matrix.T).reshape(*before, rows, *after)
+    return (matrix @ _fibres(tensor, mode)).reshape(*before, rows, *after)
+
+
+def left_svd(tensor: Array, mode: int) -> tuple[Array, Array]:
+    """Return left singular vectors ``(n, k)`` and values ``(k,)`` of the unfolding of one mode, ``k = min(n, rest)``.
+
+    A wide unfolding is first reduced to its triangular factor block by block: as accurate as the SVD of the whole,
+    where the Gram matrix would lose singular values below 1e-8 of the first.
+    """
+    n = tensor.shape[mode]
+    wide = tensor.size >= n * n
+    narrow = _triangle(tensor, mode).T if wide else np.moveaxis(tensor, mode, 0).reshape(n, -1)
+    vectors, values, _ = np.linalg.svd(narrow, full_matrices=False)
+    return vectors, values
+
+
+def _triangle(tensor: Array, mode: int) -> Array:
+    """R of the transposed unfolding, by QR of one block after the other (TSQR)."""
+    n = tensor.shape[mode]
+    factor = np.empty((0, n))
+    for block in _blocks(tensor, mode, max(2048, 8 * n)):
+        factor = np.asarray(np.linalg.qr(np.concatenate((factor, block)), mode="r"))
+    return factor
+
+
+def _blocks(tensor: Array, mode: int, rows: int) -> Iterator[Array]:
+    """The transposed unfolding in blocks of about ``rows`` rows."""
+    fibres = _fibres(tensor, mode)
+    outer, n, inner = fibres.shape
+    for i in range(0, outer, max(1, rows // inner)):
+        for j in range(0, inner, rows):
+            yield fibres[i : i + max(1, rows // inner), :, j : j + rows].transpose(0, 2, 1).reshape(-1, n)
+
+
+def _fibres(tensor: Array, mode: int) -> Array:
+    """Three axes: all before the mode, the mode, all after it."""
+    return tensor.reshape(math.prod(tensor.shape[:mode]), tensor.shape[mode], -1)
+
+
+def _above(values: Array, share: float) -> int:
+    return max(1, int(np.count_nonzero(values > share * values[0])))

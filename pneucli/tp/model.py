@@ -1,0 +1,181 @@
+"""The tensor-product model: weights of one parameter each, and vertices (thesis eqs. 4.4-4.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from pneucli.errors import InputError
+from pneucli.tp.hosvd import COMPACT, Hosvd, Spectrum, contract, hosvd
+from pneucli.tp.sampling import as_grids, locate, require_finite
+from pneucli.tp.simplex import affine_frame
+from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
+
+Array = NDArray[np.float64]
+Scaling = Literal["peak", "none"]
+
+_CHUNK = 2**22  # numbers of one reconstructed piece while errors are taken
+
+
+@dataclass(frozen=True)
+class TPModel:
+    """``S(p) = sum over i, j, ... of w_1i(p_1) w_2j(p_2) ... vertices[i, j, ...]``, for N parameters.
+
+    ``grids``: N arrays ``(n_k,)``. ``weights``: N arrays ``(n_k, v_k)``, at the nodes. ``vertices``: shape
+    ``(v_1, ..., v_N, ...)``, then the matrix's shape. ``weight_type``: see :mod:`pneucli.tp.weights`. ``scale``: the
+    matrix's shape; by what each entry was divided before the decomposition. ``errors``: likewise, the largest absolute
+    error of each entry over the nodes, in the entry's unit. ``spectra``: per parameter singular values (of the scaled
+    entries), rank, and the gap that it rests on.
+    """
+
+    grids: tuple[Array, ...]
+    weights: tuple[Array, ...]
+    vertices: Array
+    weight_type: WeightType
+    scale: Array
+    errors: Array
+    spectra: tuple[Spectrum, ...]
+
+    @property
+    def systems(self) -> Array:
+        """All vertices in one row, shape ``(R, ...)``, the last parameter's index running fastest."""
+        return self.vertices.reshape(-1, *self.errors.shape)
+
+    def weights_at(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> list[Array]:
+        """Return the weights anywhere on the domain: per parameter, its array's shape and then ``(v_k,)``.
+
+        Linear interpolation keeps them convex (rows sum to 1, not negative). Cubic (spline) is closer to the sampled
+        function between nodes and keeps the sum, but may leave [0, 1] slightly there: convex at the nodes only. Raises
+        ``InputError`` outside the domain.
+        """
+        if len(parameters) != len(self.grids):
+            raise InputError("parameters", f"{len(parameters)} arrays", f"{len(self.grids)}, one a parameter")
+        at = [
+            _inside(g, np.asarray(p, dtype=np.float64), k)
+            for k, (g, p) in enumerate(zip(self.grids, parameters, strict=True))
+        ]
+        if interpolation == "cubic":
+            return [np.asarray(spline(p)) for spline, p in zip(self._splines, at, strict=True)]
+        return [_linear(g, w, p) for g, w, p in zip(self.grids, self.weights, at, strict=True)]
+
+    def evaluate(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> Array:
+        """Return S anywhere on the domain, one array a parameter, broadcast together: their shape, then the matrix's.
+
+        See :meth:`weights_at` for what holds between the nodes.
+        """
+        weights = self.weights_at(*np.broadcast_arrays(*parameters), interpolation=interpolation)
+        shape = weights[0].shape[:-1]
+        rows = [w.reshape(-1, w.shape[-1]) for w in weights]
+        answer = np.tensordot(rows[0], self.vertices, axes=1)
+        for row in rows[1:]:
+            answer = np.einsum("nv,nv...->n...", row, answer)
+        return np.asarray(answer.reshape(*shape, *self.errors.shape))
+
+    @cached_property
+    def _splines(self) -> list[CubicSpline]:
+        return [CubicSpline(g, w) for g, w in zip(self.grids, self.weights, strict=True)]
+
+
+def transform(
+    samples: ArrayLike,
+    grids: Sequence[ArrayLike],
+    weight_type: WeightType = "cno",
+    rank: Sequence[int] | None = None,
+    tolerance: float = COMPACT,
+    scaling: Scaling | ArrayLike = "peak",
+) -> TPModel:
+    """Transform samples of shape ``(n_1, ..., n_N, ...)`` on ``grids`` into a TP model.
+
+    ``rank`` bounds the ranks (one a parameter), ``tolerance`` is the share of a mode's first singular value below which
+    nothing is kept. Each entry of the matrix is first divided by ``scaling``: its largest absolute value (``peak``: in
+    SI, friction's singular value would be 3e-5 of the first, and be cut), 1 (``none``), or an array that broadcasts to
+    the matrix's shape. A mode of rank r has r vertices where a constant lies in the span of its weights, else r + 1.
+    Raises ``InputError`` for samples that do not fit the grids or are not finite, and where the type does not exist.
+    """
+    values, axes = np.asarray(samples, dtype=np.float64), as_grids(grids)
+    sizes = tuple(g.size for g in axes)
+    if values.shape[: len(sizes)] != sizes:
+        raise InputError("samples", f"shape {values.shape}", f"shape {sizes} and then the matrix")
+    require_finite(values, axes)
+    scale = _scale(values, len(sizes), scaling)
+    scaled = values / scale
+    parts = hosvd(scaled, len(sizes), rank, tolerance)
+    weights, core = _convex(parts, weight_type, tolerance)
+    errors = _largest_errors(scaled, weights, core) * scale
+    return TPModel(axes, weights, core * scale, weight_type, scale, errors, parts.spectra)
+
+
+def check(model: TPModel) -> list[Violation]:
+    """Return every invariant that the model breaks: those of its weight type per parameter, and reconstruction.
+
+    The error at the nodes may not exceed what the discarded singular values account for, beyond rounding. For ``mvs``
+    a certificate of local optimality is checked, not that no other simplex is smaller.
+    """
+    found = [v for k, w in enumerate(model.weights) for v in violations(w, model.weight_type, k)]
+    first = max(float(s.singular_values[0]) for s in model.spectra)
+    limit = math.hypot(*(s.discarded for s in model.spectra)) + COMPACT * first
+    error = float(np.max(model.errors / model.scale, initial=0.0))
+    if not error <= limit:
+        found.append(Violation(None, "reconstruction within the discarded singular values", error, limit))
+    return found
+
+
+def _convex(parts: Hosvd, weight_type: WeightType, tolerance: float) -> tuple[tuple[Array, ...], Array]:
+    """Replace the orthonormal bases by convex weights, and the core by the vertices."""
+    core, weights = parts.core, []
+    for mode, (basis, spectrum) in enumerate(zip(parts.bases, parts.spectra, strict=True)):
+        frame = affine_frame(basis, spectrum.singular_values[: spectrum.rank], tolerance)
+        columns, vertices = convex_weights(frame, weight_type)
+        weights.append(columns)
+        core = contract(core, vertices, mode)
+    return tuple(weights), core
+
+
+def _scale(values: Array, parameters: int, scaling: Scaling | ArrayLike) -> Array:
+    shape = values.shape[parameters:]
+    if isinstance(scaling, str):
+        if scaling not in ("peak", "none"):
+            raise InputError("scaling", repr(scaling), '"peak", "none" or an array')
+        peak = np.abs(values).max(axis=tuple(range(parameters)))
+        return np.where((peak > 0) & (scaling == "peak"), peak, 1.0)
+    given = np.asarray(scaling, dtype=np.float64)
+    if not np.all(given > 0):
+        raise InputError("scaling", f"{given}", "above 0")
+    return np.array(np.broadcast_to(given, shape))
+
+
+def _largest_errors(samples: Array, weights: Sequence[Array], vertices: Array) -> Array:
+    """Largest absolute error of each entry over the nodes, piece by piece along the first parameter."""
+    parameters = len(weights)
+    partial = vertices
+    for mode in range(1, parameters):
+        partial = contract(partial, weights[mode], mode)
+    step = max(1, _CHUNK // max(1, samples[0].size))
+    worst = np.zeros(samples.shape[parameters:])
+    for i in range(0, len(samples), step):
+        piece = contract(partial, weights[0][i : i + step], 0) - samples[i : i + step]
+        np.maximum(worst, np.abs(piece).max(axis=tuple(range(parameters))), out=worst)
+    return worst
+
+
+def _inside(grid: Array, at: Array, parameter: int) -> Array:
+    slack = 1e-9 * (grid[-1] - grid[0])  # a value computed to lie on the boundary may miss it by rounding
+    if not np.all((at >= grid[0] - slack) & (at <= grid[-1] + slack)):
+        found = f"{np.min(at):g} to {np.max(at):g}"
+        raise InputError(
+            f"parameter {parameter}", found, f"within [{grid[0]:g}, {grid[-1]:g}]", "clip it, or sample wider"
+        )
+    return np.clip(at, grid[0], grid[-1])
+
+
+def _linear(grid: Array, weights: Array, at: Array) -> Array:
+    left, right = locate(grid, at)
+    share = right[..., None]
+    return np.asarray((1 - share) * weights[left] + share * weights[left + 1])

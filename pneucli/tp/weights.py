@@ -1,0 +1,133 @@
+"""Types of convex weighting functions, and the invariants that each promises.
+
+========  ==============================================================================================
+``snnn``  rows sum to 1 (SN) and are not negative (NN); cheap and loose: a regular simplex around the data
+``ino``   every column's minimum is 0 (tightest homothetic simplex); directions of the widest data points
+``no``    every column's maximum is 1: the vertices are samples; only where their hull is a simplex
+``cno``   close to NO: minimises the sum over columns of -log(max), tightened as INO
+``irno``  minimum 0 and all maxima equal
+``mvs``   smallest enclosing simplex, tightened as INO
+========  ==============================================================================================
+
+With two vertices all types are the same, ``w_2 = (a - a_min) / (a_max - a_min)``, and no optimiser runs.
+
+Sources: Baranyi, Yam, Varlaki, *Tensor product model transformation in polytopic model-based control* (2013), ch. 3;
+smallest simplex: Chan et al., IEEE Trans. Signal Process. 57 (2009) 4418, its certificate: Klee, Linear Algebra Appl.
+84 (1986) 243.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from pneucli.errors import InputError, did_you_mean
+from pneucli.tp import simplex as sx
+
+Array = NDArray[np.float64]
+WeightType = Literal["snnn", "ino", "no", "cno", "irno", "mvs"]
+
+ROUNDING = 1e-12  # to which sums, signs, minima and maxima hold
+_CONTACT = 1e-7  # a sample this near a facet touches it
+
+
+@dataclass(frozen=True)
+class Violation:
+    """An invariant that does not hold: of which parameter (from 0; None: the whole), by how much, what was allowed."""
+
+    parameter: int | None
+    invariant: str
+    value: float
+    limit: float
+
+
+def convex_weights(frame: sx.Frame, weight_type: WeightType) -> tuple[Array, Array]:
+    """Return weights ``(n, d + 1)`` and the vertices ``(d + 1, r)`` with ``weights @ vertices = basis`` of the frame.
+
+    Raises ``InputError`` where the type is unknown or does not exist for these points (``no``, rarely ``irno``).
+    """
+    known = get_args(WeightType)
+    if weight_type not in known:
+        raise InputError("weight type", repr(weight_type), ", ".join(known), did_you_mean(weight_type, known))
+    h = sx.homogeneous(frame.points)
+    simplex = _simplex(h, weight_type)
+    return h @ simplex, np.asarray(np.linalg.solve(simplex, frame.back), dtype=np.float64)
+
+
+def _simplex(h: Array, weight_type: WeightType) -> Array:
+    d = h.shape[1] - 1
+    if d == 0:
+        return np.ones((1, 1))
+    if d == 1:
+        return sx.tighten(h, sx.spanned_simplex(h))
+    makers: dict[WeightType, Callable[[Array], Array]] = {
+        "snnn": sx.regular_simplex,
+        "ino": lambda rows: sx.tighten(rows, sx.spanned_simplex(rows)),
+        "no": _normal,
+        "cno": sx.closest_simplex,
+        "irno": _relaxed_normal,
+        "mvs": lambda rows: sx.smallest_simplices(rows)[0],
+    }
+    return makers[weight_type](h)
+
+
+def _normal(h: Array) -> Array:
+    simplex = sx.spanned_simplex(h)
+    least = float((h @ simplex).min())
+    if least < -1e-9:
+        found = f"samples lie outside the simplex of their own extremes (least weight {least:.2g})"
+        raise InputError("weight type no", found, "samples whose hull is a simplex", "take cno, the closest to it")
+    return sx.tighten(h, simplex)
+
+
+def _relaxed_normal(h: Array) -> Array:
+    simplex = sx.equal_simplex(h)
+    if simplex is None:
+        raise InputError("weight type irno", "no simplex with equal maxima was found", mend="take cno or mvs")
+    return simplex
+
+
+def violations(weights: Array, weight_type: WeightType, parameter: int) -> list[Violation]:
+    """Return the invariants of the type that these weights ``(n, vertices)`` break; none: the list is empty."""
+    largest, least = weights.max(axis=0), weights.min(axis=0)
+    found = {
+        "SN: rows sum to 1": float(np.abs(weights.sum(axis=1) - 1).max()),
+        "NN: not negative": float(-least.min()),
+    }
+    if weights.shape[1] > 1:
+        found |= _tightness(weights, weight_type, largest, least)
+    limits = {"MVS: facet centroids supported": 1e-3}
+    return [
+        Violation(parameter, name, value, limits.get(name, ROUNDING))
+        for name, value in found.items()
+        if not value <= limits.get(name, ROUNDING)
+    ]
+
+
+def _tightness(weights: Array, weight_type: WeightType, largest: Array, least: Array) -> dict[str, float]:
+    found = {}
+    if weight_type != "snnn":
+        found["INO: minima are 0"] = float(np.abs(least).max())
+    if weight_type == "no":
+        found["NO: maxima are 1"] = float(np.abs(largest - 1).max())
+    if weight_type == "irno":
+        found["RNO: maxima are equal"] = float(np.ptp(largest))
+    if weight_type == "mvs":
+        found["MVS: facet centroids supported"] = max(_unsupported(weights, i) for i in range(weights.shape[1]))
+    return found
+
+
+def _unsupported(weights: Array, facet: int) -> float:
+    """Distance, in weights, of a facet's centroid from the hull of the samples that touch the facet.
+
+    It is 0 for every facet of a smallest enclosing simplex: else a tilt of the facet about them makes it smaller.
+    """
+    touching = weights[weights[:, facet] < _CONTACT]
+    centroid = np.full(weights.shape[1], 1.0 / (weights.shape[1] - 1))
+    centroid[facet] = 0.0
+    return float(nnls(touching.T, centroid)[1])
