@@ -1,0 +1,1 @@
+"""The equations: gas and orifice flow, friction laws, and one file for each physical effect."""

@@ -1,0 +1,120 @@
+"""What a physical effect declares: its name, parameters, equations at the simulator's ports, and its story.
+
+One declaration is the only place where an effect is described. From it come the simulator's code, the fit's
+parameter vector, the diagnosis, the catalogue, the docs page and the tests. A port's function takes the port's
+arguments (``PORTS``) and then the effect's parameters, in the order in which they are declared; it uses scalars,
+``math`` and the functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+Combine = Literal["sum", "chain", "factor", "state"]
+Part = Literal["gas", "chamber", "cylinder", "supply", "line", "valve", "linear valve", "sensor"]
+
+
+@dataclass(frozen=True)
+class Port:
+    """A place in the equations where effects enter.
+
+    ``sum``: contributions are added. ``factor``: they multiply 1. ``chain``: each maps the first argument.
+    ``state``: as chain, with a state of the effect's own as second argument; returns (value, new state).
+    """
+
+    arguments: tuple[str, ...]
+    combine: Combine
+    meaning: str
+
+
+PORTS: dict[str, Port] = {
+    "command": Port(("u", "s", "h"), "state", "V: what the opening follows, from the command; h is the step in s"),
+    "critical_ratio": Port(("b",), "chain", "1: critical ratio of the valve's flow function"),
+    "leak_area": Port((), "sum", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
+    "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "kg/s out of chamber 1"),
+    "leak_2_ambient": Port(("p2", "p_amb", "k"), "sum", "kg/s out of chamber 2"),
+    "leak_1_2": Port(("p1", "p2", "k"), "sum", "kg/s from chamber 1 to chamber 2"),
+    "volume_1": Port((), "sum", "m^3 added to chamber 1"),
+    "volume_2": Port((), "sum", "m^3 added to chamber 2"),
+    "heat": Port(("T", "T_wall"), "sum", "W into a chamber's gas; its presence makes gas temperature a state"),
+    "supply": Port(
+        ("p", "s", "p_set", "q", "k_gas", "h"),
+        "state",
+        "Pa: supply pressure at the valve, q kg/s leaving, k_gas = kappa R T; a state of 0 means not yet set",
+    ),
+    "flow_delay": Port((), "sum", "s by which the valve's flow arrives later in the chamber"),
+    "dry_rise": Port(("coulomb", "v"), "sum", "N of dry friction above Coulomb's at v while speeding up or at rest"),
+    "slowing": Port((), "factor", "1: dry friction while slowing, over Coulomb's; its presence makes two branches"),
+    "dry_factor": Port(("direction", "x", "p1", "p2", "p_amb"), "factor", "1: factor on all dry friction"),
+    "static_factor": Port(("rest_time",), "factor", "1: factor on the friction that holds at rest"),
+    "viscous_factor": Port(("direction",), "factor", "1: factor on viscous friction"),
+    "force": Port(("x", "v", "stroke"), "sum", "N on the piston toward +x"),
+    "mass": Port((), "sum", "kg moved beside the rig's"),
+    "bristle_stiffness": Port((), "sum", "N/m of the LuGre model's bristles; 0: rigid"),
+    "bristle_damping": Port((), "sum", "N s/m of the LuGre model's bristles"),
+    "read_p1": Port(("p", "p_amb"), "chain", "Pa: the static reading of the sensor of p1"),
+    "read_p2": Port(("p", "p_amb"), "chain", "Pa: the static reading of the sensor of p2"),
+    "unread_p1": Port(("p", "p_amb"), "chain", "Pa: inverse of read_p1"),
+    "unread_p2": Port(("p", "p_amb"), "chain", "Pa: inverse of read_p2"),
+    "read_a": Port(("a",), "chain", "m/s^2: the reading of the accelerometer"),
+    "sensor_lag": Port((), "sum", "s: time constant of the sensors of p1 and p2"),
+    "sensor_delay": Port((), "sum", "s by which p1 and p2 are recorded later than the other channels"),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect: unit, bounds, the value at which the effect vanishes, and plausible values.
+
+    ``null`` is a number, the name of a base parameter whose value it then has, or ``None`` where the parameter alone
+    cannot make the effect vanish. ``typical`` holds values from which a fit starts: what a rig plausibly shows.
+    """
+
+    name: str
+    unit: str
+    null: float | str | None
+    lower: float
+    upper: float
+    typical: tuple[float, ...]
+    title: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One physical effect. ``ports`` maps names of :data:`PORTS` to functions; ``order`` sorts chained ports.
+
+    ``equation`` is plain text with LaTeX between dollars; ``looks_like`` says what the effect does to a residual and
+    over which signal it shows best; ``twins`` names effects that ordinary recordings cannot tell from it, ``separate``
+    the experiment that can.
+    """
+
+    name: str
+    title: str
+    part: Part
+    parameters: tuple[Parameter, ...]
+    ports: dict[str, Callable[..., object]]
+    equation: str
+    looks_like: str
+    shows_over: str
+    twins: tuple[str, ...]
+    separate: str
+    source: str
+    order: int = 0
+    nested: bool = True
+
+    def acts_in(self, experiment: str, *, has_cylinder: bool, supply_recorded: bool, linear_valve: bool) -> bool:
+        """Whether the effect's part stands on the bench in an experiment (interface, section 5)."""
+        pneumatic = experiment in ("valve", "axis")
+        moving = experiment in ("friction", "axis")
+        return {
+            "gas": pneumatic,
+            "chamber": experiment == "axis" or (experiment == "valve" and not has_cylinder),
+            "cylinder": moving,
+            "supply": pneumatic and not supply_recorded,
+            "line": pneumatic,
+            "valve": pneumatic,
+            "linear valve": pneumatic and linear_valve,
+            "sensor": True,
+        }[self.part]

@@ -1,0 +1,23 @@
+"""Bias of the accelerometer."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def read_a(a: float, bias: float) -> float:
+    """Reading of the accelerometer in m/s^2."""
+    return a + bias
+
+
+EFFECT = Effect(
+    name="acceleration-bias",
+    title="Bias of the accelerometer",
+    part="sensor",
+    parameters=(Parameter("bias", "m/s^2", 0.0, -50.0, 50.0, (0.3, -0.3), "bias"),),
+    ports={"read_a": read_a},
+    equation="$a_{read} = a + b$",
+    looks_like="The accelerometer does not read zero at rest; the error of a is a constant.",
+    shows_over="time",
+    twins=(),
+    separate="Rest for a second before each recording; turn the sensor over.",
+    source="zero error or tilt of an accelerometer",
+)

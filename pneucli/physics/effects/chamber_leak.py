@@ -1,0 +1,27 @@
+"""Leak of chamber 1 to ambient."""
+
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.gas import orifice_flow
+
+
+def leak_1_ambient(p1: float, p_amb: float, k: float, area: float) -> float:
+    """Mass flow out of chamber 1 in kg/s, an orifice with critical ratio 0.528."""
+    return area * orifice_flow(p1, p_amb, 0.528, k, k)
+
+
+EFFECT = Effect(
+    name="chamber-leak",
+    title="Leak of chamber 1 to ambient",
+    part="chamber",
+    parameters=(Parameter("area", "m^2", 0.0, 0.0, 1e-5, (2e-8, 1e-7), "leak area"),),
+    ports={"leak_1_ambient": leak_1_ambient},
+    equation="$q = A\\, p_1 \\sqrt{2/(R T)}\\, \\Psi'(p_{amb}/p_1)$, leaving chamber 1.",
+    looks_like=(
+        "The pressure falls while the valve is shut, the faster the higher it is; charging looks weaker "
+        "and discharging stronger than the valve's map says."
+    ),
+    shows_over="p1",
+    twins=("heat-transfer", "valve-leak", "piston-leak"),
+    separate="Shut the valve at high pressure and hold for 30 s or longer; repeat at a second pressure.",
+    source="ISO 6358-1; thesis 2.46",
+)

@@ -1,0 +1,23 @@
+"""Volume in chamber 1 that the rig's description misses."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def volume_1(volume_added: float) -> float:
+    """Volume added to chamber 1 in m^3: hoses, fittings, the bore of the end cap."""
+    return volume_added
+
+
+EFFECT = Effect(
+    name="dead-volume",
+    title="Volume in chamber 1 that the rig's description misses",
+    part="chamber",
+    parameters=(Parameter("volume_added", "m^3", 0.0, -1e-4, 1e-3, (1e-5, 3e-5), "volume added to chamber 1"),),
+    ports={"volume_1": volume_1},
+    equation="$V_1 = V_{01} + V_{add} + A_1 x$",
+    looks_like=("Every pressure gradient of chamber 1 is too small, by most where the chamber is small (near x = 0)."),
+    shows_over="x",
+    twins=("line-delay", "pressure-lag"),
+    separate=("Charge the chamber at two positions of a held piston: the gradients' ratio gives the dead volume."),
+    source="thesis 2.47-2.52",
+)

@@ -1,0 +1,28 @@
+"""Break-away force that grows with the time at rest."""
+
+import math
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def static_factor(rest_time: float, gain: float, time_constant: float) -> float:
+    """Factor on the friction that holds, after rest_time in s at rest."""
+    return 1.0 + gain * (1.0 - math.exp(-rest_time / time_constant))
+
+
+EFFECT = Effect(
+    name="dwell-breakaway",
+    title="Break-away force that grows with the time at rest",
+    part="cylinder",
+    parameters=(
+        Parameter("gain", "1", 0.0, 0.0, 10.0, (0.3, 1.0), "growth of static friction after a long rest"),
+        Parameter("time_constant", "s", None, 1e-3, 1e4, (0.3, 2.0), "time constant of the growth"),
+    ),
+    ports={"static_factor": static_factor},
+    equation="$F_s(1 + k(1 - e^{-t_{rest}/\\tau}))$",
+    looks_like="The longer the piston has rested, the later it breaks away and the further it jumps.",
+    shows_over="time",
+    twins=("stribeck",),
+    separate="Break away after rests of 0.1, 1, 10 and 100 s.",
+    source="Rabinowicz, J. Appl. Phys. 22 (1951)",
+)

@@ -1,0 +1,23 @@
+"""Payload that the rig's description misses."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def mass(mass: float) -> float:
+    """Mass moved beside the rig's in kg."""
+    return mass
+
+
+EFFECT = Effect(
+    name="extra-mass",
+    title="Payload that the rig's description misses",
+    part="cylinder",
+    parameters=(Parameter("mass", "kg", 0.0, -100.0, 1000.0, (0.5, 2.0), "mass"),),
+    ports={"mass": mass},
+    equation="$(m + m_+)\\dot v = \\dots$",
+    looks_like="The error of the force is proportional to acceleration.",
+    shows_over="a",
+    twins=("friction-hysteresis", "pressure-scale"),
+    separate="The same motion at twice the acceleration; or weigh it.",
+    source="Newton",
+)

@@ -1,0 +1,38 @@
+"""Friction that differs between the directions."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def dry_factor(
+    direction: float, x: float, p1: float, p2: float, p_amb: float, asymmetry: float, viscous_asymmetry: float
+) -> float:
+    """Factor on dry friction for the direction of motion (or of impending motion)."""
+    return 1.0 + asymmetry * direction
+
+
+def viscous_factor(direction: float, asymmetry: float, viscous_asymmetry: float) -> float:
+    """Factor on viscous friction for the direction of motion."""
+    return 1.0 + viscous_asymmetry * direction
+
+
+EFFECT = Effect(
+    name="friction-asymmetry",
+    title="Friction that differs between the directions",
+    part="cylinder",
+    parameters=(
+        Parameter("asymmetry", "1", 0.0, -0.95, 0.95, (0.2, -0.2), "of dry friction"),
+        Parameter("viscous_asymmetry", "1", 0.0, -0.95, 0.95, (0.2, -0.2), "of viscous friction"),
+    ),
+    ports={"dry_factor": dry_factor, "viscous_factor": viscous_factor},
+    equation="$F = F_c(1 + a\\,\\mathrm{sign}\\,v)\\,\\mathrm{sign}\\,v + F_v(1 + a_v\\,\\mathrm{sign}\\,v)\\,v$",
+    looks_like=(
+        "The error has one sign in both directions at all speeds (dry) or grows with speed squared in sign (viscous)."
+    ),
+    shows_over="direction",
+    twins=("constant-force", "pressure-offset"),
+    separate=(
+        "Vent both chambers and pull the piston with a spring balance both ways; asymmetric dry friction "
+        "shows at rest only as two break-away forces, a constant force moves both."
+    ),
+    source="lip seals; EMPS benchmark, Janot et al. 2019",
+)

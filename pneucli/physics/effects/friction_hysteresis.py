@@ -1,0 +1,25 @@
+"""Less dry friction while slowing than while speeding up."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def slowing(drop: float) -> float:
+    """Dry friction while slowing, over Coulomb's."""
+    return 1.0 - drop
+
+
+EFFECT = Effect(
+    name="friction-hysteresis",
+    title="Less dry friction while slowing than while speeding up",
+    part="cylinder",
+    parameters=(Parameter("drop", "1", 0.0, 0.0, 0.95, (0.15, 0.4), "share of Coulomb friction lost while slowing"),),
+    ports={"slowing": slowing},
+    equation=(
+        "$F = F_c(1 - d)\\,\\mathrm{sign}\\,v + F_v v$ while slowing; between both branches $\\dot v = 0$ (Filippov)"
+    ),
+    looks_like="Friction over velocity makes a loop: the model brakes too hard while slowing.",
+    shows_over="a",
+    twins=("stribeck", "extra-mass"),
+    separate=("Triangular velocity at two accelerations: a mass error grows with acceleration, hysteresis does not."),
+    source="thesis 3.7, 6.21 (Nouri)",
+)

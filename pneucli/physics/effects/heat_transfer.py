@@ -1,0 +1,33 @@
+"""Heat transfer between gas and wall."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def heat(T: float, T_wall: float, conductance: float) -> float:
+    """Heat into the gas in W, by Newton's law with one conductance for every chamber."""
+    return conductance * (T_wall - T)
+
+
+EFFECT = Effect(
+    name="heat-transfer",
+    title="Heat transfer between gas and wall",
+    part="gas",
+    parameters=(Parameter("conductance", "W/K", None, 1e-3, 50.0, (0.1, 0.5, 2.0), "heat conductance gas to wall"),),
+    ports={"heat": heat},
+    equation=(
+        "$\\dot Q = G (T_w - T)$; $\\dot p = \\frac{\\kappa}{V}(R T_{in} q_{in} - R T q_{out} - p A v) + "
+        "\\frac{\\kappa-1}{V}\\dot Q$, with $T$ from the mass balance."
+    ),
+    looks_like=(
+        "After a fast charge the pressure sags back while the valve is shut, after a fast discharge it "
+        "creeps up; the gradient over pressure is no longer a straight line."
+    ),
+    shows_over="p1",
+    twins=("critical-ratio", "chamber-leak"),
+    separate=(
+        "Charge fast, shut the valve and hold for 30 s: heat transfer settles exponentially, a leak goes "
+        "on. Or record the gas temperature."
+    ),
+    source="thesis 2.1.3; Carneiro and de Almeida, Proc. IMechE I 220 (2006)",
+    nested=False,
+)

@@ -1,0 +1,29 @@
+"""Delay in the hose between valve and chamber."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def flow_delay(delay: float) -> float:
+    """Time in s by which the valve's mass flow arrives later in the chamber."""
+    return delay
+
+
+EFFECT = Effect(
+    name="line-delay",
+    title="Delay in the hose between valve and chamber",
+    part="line",
+    parameters=(Parameter("delay", "s", 0.0, 0.0, 0.1, (0.003, 0.01), "delay"),),
+    ports={"flow_delay": flow_delay},
+    equation="$q_1(t) = q_{valve}(t - \\tau)$",
+    looks_like=(
+        "The error stands where the command changes fast, proportional to the change of flow: the "
+        "measured pressure follows later, then at the right slope."
+    ),
+    shows_over="u",
+    twins=("valve-lag", "time-skew", "pressure-lag"),
+    separate=(
+        "Step the command and record the pressure at 10 kHz: a dead time starts late and sharp, a lag "
+        "starts at once and soft."
+    ),
+    source="speed of sound in the hose, length / 343 m/s and more",
+)

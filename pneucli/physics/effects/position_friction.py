@@ -1,0 +1,31 @@
+"""A stretch of the stroke with more friction."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def dry_factor(
+    direction: float, x: float, p1: float, p2: float, p_amb: float, start: float, end: float, gain: float
+) -> float:
+    """Factor on dry friction at position x."""
+    return 1.0 + gain if start <= x <= end else 1.0
+
+
+EFFECT = Effect(
+    name="position-friction",
+    title="A stretch of the stroke with more friction",
+    part="cylinder",
+    parameters=(
+        Parameter("from", "m", None, 0.0, 10.0, (0.05,), "start of the stretch"),
+        Parameter("to", "m", None, 0.0, 10.0, (0.1,), "end of the stretch"),
+        Parameter("gain", "1", 0.0, -0.95, 20.0, (0.5, 1.5), "growth of dry friction in it"),
+    ),
+    ports={"dry_factor": dry_factor},
+    equation="$F_{dry}(1 + k)$ for $x_{from} \\le x \\le x_{to}$",
+    looks_like=(
+        "The error stands at a stretch of the stroke, in both directions of motion, with the sign of the velocity."
+    ),
+    shows_over="x",
+    twins=("pressure-friction",),
+    separate="One slow pass over the whole stroke in each direction at constant pressure.",
+    source="wear or a tight stretch of the bore",
+)

@@ -1,0 +1,34 @@
+"""Elastic displacement before sliding."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def bristle_stiffness(stiffness: float, damping: float) -> float:
+    """Stiffness of the bristles in N/m."""
+    return stiffness
+
+
+def bristle_damping(stiffness: float, damping: float) -> float:
+    """Damping of the bristles in N s/m."""
+    return damping
+
+
+EFFECT = Effect(
+    name="presliding",
+    title="Elastic displacement before sliding",
+    part="cylinder",
+    parameters=(
+        Parameter("stiffness", "N/m", None, 1e2, 1e7, (2e4, 1e5), "stiffness of the bristles"),
+        Parameter("damping", "N s/m", None, 0.0, 1e4, (50.0, 200.0), "damping of the bristles"),
+    ),
+    ports={"bristle_stiffness": bristle_stiffness, "bristle_damping": bristle_damping},
+    equation="$\\dot z = v - \\sigma_0 |v| z / g(v)$, $F = \\sigma_0 z + \\sigma_1 \\dot z + F_v v$",
+    looks_like=(
+        "The piston moves by micrometres before it breaks away, and rings against the seal when it stops; "
+        "the error is a spring's, near standstill."
+    ),
+    shows_over="v",
+    twins=("stribeck", "spring-force"),
+    separate="Small slow force cycles below breakaway.",
+    source="Canudas de Wit et al., IEEE TAC 40 (1995), LuGre",
+)

@@ -1,0 +1,23 @@
+"""First-order lag of the pressure sensors."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def sensor_lag(time_constant: float) -> float:
+    """Time constant of the sensors of p1 and p2 in s."""
+    return time_constant
+
+
+EFFECT = Effect(
+    name="pressure-lag",
+    title="First-order lag of the pressure sensors",
+    part="sensor",
+    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 0.2, (0.003, 0.01), "time constant of the sensors"),),
+    ports={"sensor_lag": sensor_lag},
+    equation="$\\tau \\dot p_{read} = p - p_{read}$",
+    looks_like=("The pressure readings follow late, in charging as in motion, and so does the other chamber's."),
+    shows_over="p1",
+    twins=("valve-lag", "line-delay", "time-skew"),
+    separate="Burst a foil or open a ball valve on the sensor: the reading's own step response.",
+    source="sensor hose and electronics, first order",
+)

@@ -1,0 +1,27 @@
+"""Stribeck friction."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def dry_rise(coulomb: float, v: float, static: float, velocity: float) -> float:
+    """Dry friction above Coulomb's in N (thesis 3.6, Hess and Soom)."""
+    r = v / velocity
+    return (static - coulomb) / (1.0 + r * r)
+
+
+EFFECT = Effect(
+    name="stribeck",
+    title="Stribeck friction",
+    part="cylinder",
+    parameters=(
+        Parameter("static", "N", "friction.coulomb", 0.0, 1e4, (20.0,), "static friction"),
+        Parameter("velocity", "m/s", None, 5e-4, 0.3, (0.01, 0.03), "Stribeck velocity"),
+    ),
+    ports={"dry_rise": dry_rise},
+    equation="$F = \\left[F_c + \\frac{F_s - F_c}{1 + (v/v_s)^2}\\right]\\mathrm{sign}\\,v + F_v v$",
+    looks_like=("The piston breaks away later and jumps further than the model; the error stands near standstill."),
+    shows_over="v",
+    twins=("dwell-breakaway", "presliding", "friction-hysteresis"),
+    separate="Constant slow velocities over a decade on each side of the expected Stribeck velocity.",
+    source="thesis 3.6; Hess and Soom, ASME J. Tribology 112 (1990)",
+)

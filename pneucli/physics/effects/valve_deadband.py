@@ -1,0 +1,33 @@
+"""Overlap of the valve around its centre."""
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def command(u: float, s: float, h: float, width: float) -> tuple[float, float]:
+    """Command beyond the dead zone in V; nothing opens for |u| <= width / 2."""
+    if u > 0.5 * width:
+        return u - 0.5 * width, s
+    if u < -0.5 * width:
+        return u + 0.5 * width, s
+    return 0.0, s
+
+
+EFFECT = Effect(
+    name="valve-deadband",
+    title="Overlap of the valve around its centre",
+    part="linear valve",
+    parameters=(Parameter("width", "V", 0.0, 0.0, 5.0, (0.2, 0.8), "whole width of the dead zone"),),
+    ports={"command": command},
+    equation="$u_{eff} = \\mathrm{sign}(u)\\,\\max(|u| - w/2,\\, 0)$",
+    looks_like=(
+        "Small commands move nothing although the model does; the error is a constant share of the gain "
+        "at large commands."
+    ),
+    shows_over="u",
+    twins=("valve-hysteresis",),
+    separate=(
+        "A slow ramp of the command through zero, both ways: overlap is symmetric, hysteresis depends on the direction."
+    ),
+    source="thesis 7.4 (overlap of the spool's borings)",
+    order=2,
+)

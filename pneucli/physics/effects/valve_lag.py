@@ -1,0 +1,32 @@
+"""First-order lag of the spool."""
+
+import math
+
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def command(u: float, s: float, h: float, time_constant: float) -> tuple[float, float]:
+    """Opening in V after a step h, exact for a held command."""
+    if time_constant <= 0.0:
+        return u, u
+    s = u + (s - u) * math.exp(-h / time_constant)
+    return s, s
+
+
+EFFECT = Effect(
+    name="valve-lag",
+    title="First-order lag of the spool",
+    part="valve",
+    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 0.2, (0.005, 0.02), "time constant of the spool"),),
+    ports={"command": command},
+    equation="$\\tau \\dot s = u - s$, the opening follows $s$",
+    looks_like=(
+        "The error stands after each change of the command and dies out with the time constant; the "
+        "pressure starts softly."
+    ),
+    shows_over="u",
+    twins=("line-delay", "pressure-lag", "time-skew"),
+    separate=("Step the command and record at 10 kHz; large and small steps (a lag scales, a delay does not)."),
+    source="first-order spool dynamics of proportional valves",
+    order=1,
+)

@@ -1,0 +1,40 @@
+"""Gas flow through an orifice (thesis 2.34-2.46).
+
+The functions take and return scalars and use nothing but ``math``, since the simulation kernel compiles their source.
+"""
+
+import math
+
+PSI_MAX = 0.484  # maximum of the flow function for kappa = 1.4 (thesis 2.38)
+CRITICAL_RATIO = 0.528  # pressure ratio at which it is reached (thesis 2.37)
+
+
+def flow_function(r: float, b: float) -> float:
+    """Return Psi'(r), the ellipse that approximates the outflow function (thesis 2.42, 2.43).
+
+    ``r`` is downstream over upstream pressure, ``b`` the critical ratio; choked for r <= b, zero for r >= 1.
+    With b = 0.528 it errs by at most 0.2 % of its maximum against the exact isentropic function (2.34).
+    """
+    if r <= b:
+        return 0.484
+    if r >= 1.0:
+        return 0.0
+    s = (r - b) / (1.0 - b)
+    return 0.484 * math.sqrt(1.0 - s * s)
+
+
+def orifice_flow(p_from: float, p_to: float, b: float, k_from: float, k_to: float) -> float:
+    """Return the mass flow per effective area in kg/(s m^2), positive from ``p_from`` to ``p_to`` (thesis 2.46).
+
+    Pressures absolute in Pa; ``k = sqrt(2 / (R T))`` of the gas on each side, of which the upstream one counts.
+    """
+    if p_from >= p_to:
+        return p_from * k_from * flow_function(p_to / p_from, b)
+    return -p_to * k_to * flow_function(p_from / p_to, b)
+
+
+def exact_flow_function(r: float, kappa: float) -> float:
+    """Return Psi(r) of isentropic flow (thesis 2.34), held at its maximum below the critical ratio."""
+    critical = (2.0 / (kappa + 1.0)) ** (kappa / (kappa - 1.0))
+    r = min(max(r, critical), 1.0)
+    return math.sqrt(kappa / (kappa - 1.0) * (r ** (2.0 / kappa) - r ** ((kappa + 1.0) / kappa)))

@@ -1,0 +1,178 @@
+"""Make the compiled kernel for a set of effects: write its text, compile it once, keep it on disk.
+
+numba's own cache does not notice edits in other modules, so the file's name holds a hash of its whole text, which
+contains every equation that it runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import re
+import sys
+import textwrap
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+
+from pneucli.physics import gas
+from pneucli.physics.declaration import PORTS, Effect, Parameter
+from pneucli.simulate import kernel, layout
+
+START, END = "# --- ports (replaced by the effects' equations) ---", "# --- end of ports ---"
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled kernel: ``run`` (see :func:`pneucli.simulate.kernel.run`), the effects in the order of their
+    switches, and where each EFFECT.PARAMETER stands in the vector ``th``.
+    """
+
+    run: Callable[..., None]
+    functions: ModuleType
+    effects: tuple[str, ...]
+    index: dict[str, int]
+
+    def vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return ``th`` from values by EFFECT.PARAMETER; those of an effect that is off may be left out."""
+        th = np.zeros(len(self.index) + 1)
+        for name, value in values.items():
+            th[self.index[name]] = value
+        return th
+
+    def switches(self, active: Collection[str]) -> NDArray[np.uint8]:
+        """Return the vector ``on`` for the named effects."""
+        return np.array([name in active for name in self.effects] + [False], dtype=np.uint8)
+
+
+def build(effects: Sequence[Effect], *, compiled: bool = True) -> Kernel:
+    """Return the kernel of the base model with ``effects`` in it, each behind a switch.
+
+    ``compiled=False`` gives the same text as plain Python, which tests compare and step through.
+    """
+    return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled)
+
+
+@cache
+def _build(effects: tuple[Effect, ...], compiled: bool) -> Kernel:
+    text = source(effects, compiled=compiled)
+    module = _load(text)
+    index = {name: i for i, name in enumerate(parameters_of(effects))}
+    return Kernel(module.run, module, tuple(e.name for e in effects), index)
+
+
+def source(effects: Sequence[Effect], *, compiled: bool = True) -> str:
+    """Return the text of the kernel's module."""
+    template = inspect.getsource(kernel)
+    physics = template.partition(END)[2]
+    parts = [
+        "import math\n\nimport numpy as np\nfrom numba import njit\n",
+        _constants(),
+        _functions(inspect.getsource(gas)),
+        *(_equations(effect) for effect in effects),
+        *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing"]),
+        _scalars(effects),
+        _functions(physics),
+    ]
+    text = "\n\n".join(parts)
+    return re.sub(r"^def (?=(\w+))", _mark, text, flags=re.MULTILINE) if compiled else text
+
+
+def _mark(match: re.Match[str]) -> str:
+    """Return the decorated ``def``; all but the outermost function are inlined, as calls with arrays are dear."""
+    how = "cache=True, nogil=True" if match[1] == "run" else "forceinline=True"
+    return f"@njit({how}, error_model='numpy')\ndef "
+
+
+def _constants() -> str:
+    values = {k: v for k, v in vars(layout).items() if isinstance(v, int)}
+    return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
+
+
+def _functions(text: str) -> str:
+    """Return the top-level functions of a module's text."""
+    return text[re.search(r"^def ", text, flags=re.MULTILINE).start() :]  # type: ignore[union-attr]
+
+
+def _prefix(effect: Effect) -> str:
+    return re.sub(r"\W", "_", effect.name)
+
+
+def _equations(effect: Effect) -> str:
+    """Return the effect's port functions under names of their own."""
+    functions = {f.__name__: textwrap.dedent(inspect.getsource(f)) for f in effect.ports.values()}
+    return "\n".join(text.replace(f"def {n}(", f"def {_prefix(effect)}__{n}(", 1) for n, text in functions.items())
+
+
+def _port(name: str, effects: Sequence[Effect]) -> str:
+    """Return the function of one port, which combines the effects that enter there."""
+    if name.startswith("has_"):
+        users = [i for i, e in enumerate(effects) if name.removeprefix("has_") in e.ports]
+        return f"def {name}(on):\n    return " + (" or ".join(f"on[{i}] != 0" for i in users) or "False")
+    port = PORTS[name]
+    shown = [a for a in port.arguments if a != "s"] + (["s"] if port.combine == "state" else [])
+    value = port.arguments[0] if port.combine in ("chain", "state") else "total"
+    lines = [f"def {name}({', '.join([*shown, 'th', 'on'])}):"]
+    if value == "total":
+        lines.append(f"    total = {1.0 if port.combine == 'factor' else 0.0}")
+    begin = 0
+    for i, effect in enumerate(effects):
+        if name in effect.ports:
+            lines += [f"    if on[{i}] != 0:", "        " + _term(name, effect, i, begin, value)]
+        begin += len(effect.parameters)
+    return "\n".join([*lines, f"    return {value}"])
+
+
+def _scalars(effects: Sequence[Effect]) -> str:
+    """Return the function that takes the parameters out of their arrays, once a run: tuples live in registers."""
+    sizes = {"base": len(layout.BASE), "th": len(parameters_of(effects)), "on": len(effects)}
+    tuples = [f"({''.join(f'{name}[{i}], ' for i in range(size + 1 - (name == 'base')))})" for name, size in sizes.items()]
+    return "def scalars(base, th, on):\n    return " + ", ".join(tuples)
+
+
+def _term(name: str, effect: Effect, i: int, begin: int, value: str) -> str:
+    port = PORTS[name]
+    arguments = [f"s[{i}]" if a == "s" else a for a in port.arguments]
+    arguments += [f"th[{begin + j}]" for j in range(len(effect.parameters))]
+    call = f"{_prefix(effect)}__{effect.ports[name].__name__}({', '.join(arguments)})"
+    return {
+        "sum": f"total += {call}",
+        "factor": f"total *= {call}",
+        "chain": f"{value} = {call}",
+        "state": f"{value}, s[{i}] = {call}",
+    }[port.combine]
+
+
+def _load(text: str) -> ModuleType:
+    """Import the text as a module from the cache folder, writing it there first where it is new."""
+    digest = hashlib.sha256(text.encode()).hexdigest()[:24]
+    name = f"pneucli_kernel_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    folder = Path(os.environ.get("PNEUCLI_CACHE") or platformdirs.user_cache_dir("pneucli")) / "kernels"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.py"
+    if not path.exists():
+        draft = folder / f".{name}.{os.getpid()}"
+        draft.write_text(text)
+        draft.replace(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def parameters_of(effects: Sequence[Effect]) -> dict[str, Parameter]:
+    """Return every parameter of the effects by EFFECT.PARAMETER."""
+    return {f"{e.name}.{p.name}": p for e in effects for p in e.parameters}
+

@@ -1,0 +1,475 @@
+"""The simulation kernel: the state space of the thesis (2.47-2.52) with set-valued friction, one recording a call.
+
+This file is the text from which :mod:`pneucli.simulate.build` makes the compiled kernel: the functions between the
+two marks are the ports (:data:`pneucli.physics.declaration.PORTS`) without any effect and are replaced by the
+effects' own equations. It is also valid Python as it stands: the base model, slowly.
+
+Scheme: the pressures take a midpoint step (one evaluation, extrapolated from the last one), the velocity a
+trapezoidal step in which dry friction is a set: a piston that stops within a step stops exactly there, and holds
+until the force exceeds what holds it. The command is held over a sample, measured inputs are interpolated.
+"""
+# ruff: noqa: F401, F403, F405, D103, ANN, PLR
+# mypy: ignore-errors
+
+import math
+
+import numpy as np
+
+from pneucli.physics.gas import *
+from pneucli.simulate.layout import *
+
+# --- ports (replaced by the effects' equations) ---
+
+
+def command(u, h, s, th, on):
+    return u
+
+
+def critical_ratio(b, th, on):
+    return b
+
+
+def leak_area(th, on):
+    return 0.0
+
+
+def leak_1_ambient(p1, p_amb, k, th, on):
+    return 0.0
+
+
+def leak_2_ambient(p2, p_amb, k, th, on):
+    return 0.0
+
+
+def leak_1_2(p1, p2, k, th, on):
+    return 0.0
+
+
+def volume_1(th, on):
+    return 0.0
+
+
+def volume_2(th, on):
+    return 0.0
+
+
+def heat(T, T_wall, th, on):
+    return 0.0
+
+
+def has_heat(on):
+    return False
+
+
+def supply(p, p_set, q, k_gas, h, s, th, on):
+    return p
+
+
+def flow_delay(th, on):
+    return 0.0
+
+
+def dry_rise(coulomb, v, th, on):
+    return 0.0
+
+
+def slowing(th, on):
+    return 1.0
+
+
+def has_slowing(on):
+    return False
+
+
+def dry_factor(direction, x, p1, p2, p_amb, th, on):
+    return 1.0
+
+
+def static_factor(rest_time, th, on):
+    return 1.0
+
+
+def viscous_factor(direction, th, on):
+    return 1.0
+
+
+def force(x, v, stroke, th, on):
+    return 0.0
+
+
+def mass(th, on):
+    return 0.0
+
+
+def bristle_stiffness(th, on):
+    return 0.0
+
+
+def bristle_damping(th, on):
+    return 0.0
+
+
+def read_p1(p, p_amb, th, on):
+    return p
+
+
+def read_p2(p, p_amb, th, on):
+    return p
+
+
+def unread_p1(p, p_amb, th, on):
+    return p
+
+
+def unread_p2(p, p_amb, th, on):
+    return p
+
+
+def read_a(a, th, on):
+    return a
+
+
+def sensor_lag(th, on):
+    return 0.0
+
+
+def sensor_delay(th, on):
+    return 0.0
+
+
+def scalars(base, th, on):
+    return base, th, on
+
+
+# --- end of ports ---
+
+
+def area_of(u, u_max, areas):
+    """Effective area in m^2 at opening u, from a table over -u_max..u_max (linear in between)."""
+    last = areas.size - 1
+    place = (u + u_max) * (last / (2.0 * u_max))
+    if place <= 0.0:
+        return areas[0]
+    if place >= last:
+        return areas[last]
+    i = int(place)
+    return areas[i] + (place - i) * (areas[i + 1] - areas[i])
+
+
+def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
+    """Flow in kg/s from supply to outlet and from outlet to exhaust (thesis 2.46); k_gas is the supply gas's."""
+    area = area_of(opening, u_max, areas)
+    fill = leak
+    vent = leak
+    if opening > 0.0:
+        fill += area
+    else:
+        vent += area
+    q_in = 0.0
+    q_out = 0.0
+    if fill > 0.0:
+        q_in = fill * orifice_flow(p_s, p, b, k_gas, k)
+    if vent > 0.0:
+        q_out = vent * orifice_flow(p, p_amb, b, k, k_gas)
+    return q_in, q_out
+
+
+def pressure_rate(p, T, volume, growth, q_in, q_out, heat_flow, base):
+    """dp/dt in Pa/s by the energy balance; at constant T and without heat the isentropic chamber (2.14, 2.22)."""
+    gamma = base[GAMMA]
+    enthalpy = base[GAS] * (base[TEMP] * q_in - T * q_out)
+    return (gamma * (enthalpy - p * growth) + (gamma - 1.0) * heat_flow) / volume
+
+
+def friction_levels(direction, speed, x, p1, p2, base, th, on):
+    """Dry friction in N while speeding up and while slowing; equal without hysteresis."""
+    factor = dry_factor(direction, x, p1, p2, base[AMBIENT], th, on)
+    rising = (base[COULOMB] + dry_rise(base[COULOMB], speed, th, on)) * factor
+    if has_slowing(on):
+        return rising, min(base[COULOMB] * slowing(th, on) * factor, rising)
+    return rising, rising
+
+
+def beyond(drive, rising, falling):
+    """What of the driving force along the motion dry friction leaves: zero between the branches (Filippov)."""
+    if drive > rising:
+        return drive - rising
+    if drive < falling:
+        return drive - falling
+    return 0.0
+
+
+def from_rest(x, push, h, rest, m, p1, p2, base, th, on):
+    """Hold, or break away and move for h; returns x, v, time at rest."""
+    direction = 1.0 if push > 0.0 else -1.0
+    rising, _ = friction_levels(direction, 0.0, x, p1, p2, base, th, on)
+    if abs(push) <= rising * static_factor(rest, th, on) or h <= 0.0:
+        return x, 0.0, rest + h
+    c = base[VISCOUS] * viscous_factor(direction, th, on)
+    v = direction * (abs(push) - rising) / (m / h + 0.5 * c)
+    return x + 0.5 * h * v, v, 0.0
+
+
+def slide(x, v, v_guess, push, h, rest, m, p1, p2, base, th, on):
+    """Move for h under the force push (all but friction, at midpoint); returns x, v, time at rest."""
+    if v == 0.0:
+        return from_rest(x, push, h, rest, m, p1, p2, base, th, on)
+    direction = 1.0 if v > 0.0 else -1.0
+    rising, falling = friction_levels(direction, abs(v_guess), x, p1, p2, base, th, on)
+    c = base[VISCOUS] * viscous_factor(direction, th, on)
+    v_new = v + direction * beyond(direction * (push - c * v), rising, falling) / (m / h + 0.5 * c)
+    if v_new * direction > 0.0:
+        return x + 0.5 * h * (v + v_new), v_new, 0.0
+    stopped = h * v / (v - v_new)
+    return from_rest(x + 0.5 * stopped * v, push, h - stopped, 0.0, m, p1, p2, base, th, on)
+
+
+def slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on):
+    """Move for h with LuGre bristles of deflection z; returns x, v, z. Implicit in the velocity, exact in z."""
+    direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
+    rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+    level = falling if dv * direction < 0.0 else rising
+    rate = stiffness * abs(v) / level
+    sigma = bristle_damping(th, on)
+    c = base[VISCOUS] * viscous_factor(direction, th, on)
+    shape = 1.0 / (1.0 + 0.5 * h * rate)
+    held = (stiffness - sigma * rate) * shape
+    v_mid = (2.0 * m / h * v + push - held * z) / (2.0 * m / h + 0.5 * h * held + sigma + c)
+    if rate * h > 1e-6:
+        decay = math.exp(-rate * h)
+        z = z * decay + v_mid * (1.0 - decay) / rate
+    else:
+        z += h * v_mid
+    return x + h * v_mid, 2.0 * v_mid - v, z
+
+
+def acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on):
+    """dv/dt in m/s^2 at one instant, with the same friction as the step."""
+    direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
+    rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+    c = base[VISCOUS] * viscous_factor(direction, th, on)
+    if stiffness > 0.0:
+        level = falling if dv * direction < 0.0 else rising
+        flow = v - stiffness * abs(v) / level * z
+        return (push - stiffness * z - bristle_damping(th, on) * flow - c * v) / m
+    if v == 0.0 and abs(push) <= rising * static_factor(rest, th, on):
+        return 0.0
+    return direction * beyond(direction * (push - c * v), rising, falling) / m
+
+
+def delayed(times, flows, head, t):
+    """The flow at time t, from a ring of past flows whose newest stands at head; 0 before the first."""
+    size = times.size
+    i = head
+    for _ in range(size - 1):
+        j = (i - 1) % size
+        if times[i] <= t:
+            return flows[i]
+        if times[j] <= t:
+            if times[j] < -1e29:
+                return 0.0
+            return flows[j] + (flows[i] - flows[j]) * (t - times[j]) / (times[i] - times[j])
+        i = j
+    return 0.0
+
+
+def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, on):
+    """Advance one chamber by h; returns p, dp/dt, gas mass, gas temperature (constant in the base model)."""
+    T = p_mid * volume / (base[GAS] * mass) if hot else base[TEMP]
+    warm = heat(T, base[WALL], th, on) if hot else 0.0
+    rate = pressure_rate(p_mid, T, volume, growth, q_in, q_out, warm, base)
+    return max(p + h * rate, 1.0), rate, max(mass + h * (q_in - q_out), 1e-9), T
+
+
+def slope(time, values, k):
+    """Central difference of measured values at sample k, one-sided at the ends."""
+    i, j = max(k - 1, 0), min(k + 1, time.size - 1)
+    return (values[j] - values[i]) / (time[j] - time[i])
+
+
+def true_pressures(time, inputs, base, th, on):
+    """Undo in place what the sensors of p1 and p2 do to the measured (smoothed) pressures."""
+    lag, delay = sensor_lag(th, on), sensor_delay(th, on)
+    for column in (IN_P1, IN_P2):
+        if lag > 0.0:
+            reading = inputs[:, column].copy()
+            for k in range(time.size):
+                inputs[k, column] += lag * slope(time, reading, k)
+        if delay > 0.0:
+            inputs[:, column] = np.interp(time + delay, time, inputs[:, column].copy())
+    for k in range(time.size):
+        inputs[k, IN_P1] = unread_p1(inputs[k, IN_P1], base[AMBIENT], th, on)
+        inputs[k, IN_P2] = unread_p2(inputs[k, IN_P2], base[AMBIENT], th, on)
+
+
+def past_pressure(time, measured, simulated, first, k, t):
+    """Pressure at an earlier time t: simulated since the restart at sample first, measured before it."""
+    j = k
+    while j > 0 and time[j] > t:
+        j -= 1
+    a = simulated[j] if j >= first else measured[j]
+    if j == k:
+        return a
+    b = simulated[j + 1] if j + 1 >= first else measured[j + 1]
+    return a + (b - a) * (t - time[j]) / (time[j + 1] - time[j])
+
+
+def lagged(time, now, first, k, lag, reading, before):
+    """What a first-order sensor reads at sample k, exact for a linear change since the last (Tustin would ring)."""
+    step = time[k] - time[k - 1]
+    e = math.exp(-step / lag)
+    g = (1.0 - e) * lag / step
+    return e * reading + (g - e) * before + (1.0 - g) * now
+
+
+def read_pressures(time, inputs, out, before, first, k, base, th, on):
+    """Write what the sensors of p1 and p2 read at sample k; ``before`` keeps their last undelayed inputs."""
+    lag, delay = sensor_lag(th, on), sensor_delay(th, on)
+    now_1, now_2 = out[k, P1], out[k, P2]
+    if delay > 0.0:
+        now_1 = past_pressure(time, inputs[:, IN_P1], out[:, P1], first, k, time[k] - delay)
+        now_2 = past_pressure(time, inputs[:, IN_P2], out[:, P2], first, k, time[k] - delay)
+    now_1, now_2 = read_p1(now_1, base[AMBIENT], th, on), read_p2(now_2, base[AMBIENT], th, on)
+    if lag <= 0.0:
+        out[k, R1], out[k, R2] = now_1, now_2
+        return
+    if k > first:
+        out[k, R1] = lagged(time, now_1, first, k, lag, out[k - 1, R1], before[0])
+        out[k, R2] = lagged(time, now_2, first, k, lag, out[k - 1, R2], before[1])
+    else:
+        out[k, R1] = now_1 - lag * slope(time, inputs[:, IN_P1], k)
+        out[k, R2] = now_2 - lag * slope(time, inputs[:, IN_P2], k)
+    before[0], before[1] = now_1, now_2
+
+
+def control(k, x_ref, x, p1, p2, cs, cp):
+    """The controller in the loop, called at each sample; here proportional with a limit (benchmarks, tests)."""
+    return min(max(cp[0] * (x_ref - x), -cp[1]), cp[1]), 0.0
+
+
+def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, h_max, cs, cp, out):
+    """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
+
+    time (n,), inputs (n, 8) of smoothed readings (overwritten with what they say of the truth), restarts (r,) sample
+    indices at which x, v, p1, p2 are set to them, base (15,) and th parameters, on (effects + 1,) switches, flags (7,),
+    areas (any,) over -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor go on over a restart.
+    """
+    n = time.size
+    base, th, on = scalars(base_values, th_values, on_values)
+    mechanics, pneumatics, chamber_2 = flags[MECHANICS] > 0.0, flags[PNEUMATICS] > 0.0, int(flags[CHAMBER_2])
+    shut, loop, u_max, p_amb = flags[VALVE_SHUT] > 0.0, flags[LOOP] > 0.0, flags[U_MAX], base[AMBIENT]
+    gamma_rt = base[GAMMA] * base[GAS] * base[TEMP]
+    k_gas = math.sqrt(2.0 / (base[GAS] * base[TEMP]))
+    hot = has_heat(on)
+    true_pressures(time, inputs, base, th, on)
+
+    b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
+    area_1, area_2, stroke = base[AREA_1], base[AREA_2], base[STROKE]
+    dead_1, dead_2 = base[DEAD_1] + volume_1(th, on), base[DEAD_2] + volume_2(th, on)
+    m = base[MASS] + mass(th, on)
+    stiffness = bristle_stiffness(th, on)
+    bias = (area_1 - area_2) * p_amb
+
+    delay = flow_delay(th, on)
+    ring = int(2.0 * delay / h_max) + 64 if delay > 0.0 else 1
+    ring_t, ring_in, ring_out = np.full(ring, -1e30), np.zeros(ring), np.zeros(ring)
+    head = 0
+    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U])
+    s_supply, before = np.zeros(on_values.size), np.zeros(2)
+
+    x = v = z = rest = dv = dp1 = dp2 = q_supply = 0.0
+    p1 = p2 = p_amb
+    m1 = m2 = 1.0
+    T1 = T2 = base[TEMP]
+    k1 = k2 = k_gas
+    first = segment = 0
+    for k in range(n):
+        last = k == n - 1
+        nxt = k if last else k + 1
+        dt = h_max if last else time[nxt] - time[k]
+        fresh = segment < restarts.size and k == restarts[segment]
+        if fresh:
+            segment += 1
+            first = k
+        if fresh or not mechanics:
+            x, v = inputs[k, IN_X], inputs[k, IN_V]
+        if fresh or not pneumatics:
+            p1, p2 = inputs[k, IN_P1], inputs[k, IN_P2]
+        if chamber_2 == OPEN and pneumatics:
+            p2 = p_amb
+        if fresh:
+            dp1 = dp2 = dv = 0.0
+            m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
+            m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
+        out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
+        read_pressures(time, inputs, out, before, first, k, base, th, on)
+        u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
+        if loop:
+            u, u2 = control(k, inputs[k, IN_U], x, out[k, R1], out[k, R2], cs, cp)
+        out[k, U] = u
+        if mechanics:
+            push = area_1 * p1 - area_2 * p2 - bias + inputs[k, IN_FORCE] + force(x, v, stroke, th, on)
+            a = acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
+            out[k, A] = read_a(a, th, on)
+        if last:
+            break
+        steps = max(int(math.ceil(dt / h_max - 1e-9)), 1)
+        h = dt / steps
+        for i in range(steps):
+            w = (i + 0.5) / steps
+            p1_mid, p2_mid = p1 + 0.5 * h * dp1, p2 + 0.5 * h * dp2
+            if not pneumatics:
+                p1_mid = inputs[k, IN_P1] + w * (inputs[nxt, IN_P1] - inputs[k, IN_P1])
+                p2_mid = inputs[k, IN_P2] + w * (inputs[nxt, IN_P2] - inputs[k, IN_P2])
+            x_mid, v_mid = x, v
+            if mechanics:
+                driven = inputs[k, IN_FORCE] + w * (inputs[nxt, IN_FORCE] - inputs[k, IN_FORCE])
+                v_guess = v + 0.5 * dv if (v + 0.5 * dv) * v > 0.0 else v
+                push = area_1 * p1_mid - area_2 * p2_mid - bias + driven
+                push += force(x + 0.5 * h * v, v_guess, stroke, th, on)
+                x_old, v_old = x, v
+                if stiffness > 0.0:
+                    x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1_mid, p2_mid, stiffness, base, th, on)
+                else:
+                    x, v, rest = slide(x, v, v_guess, push, h, rest, m, p1_mid, p2_mid, base, th, on)
+                if x < 0.0 or x > stroke:
+                    x, v = min(max(x, 0.0), stroke), 0.0
+                dv = v - v_old
+                x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
+            else:
+                x_mid = inputs[k, IN_X] + w * (inputs[nxt, IN_X] - inputs[k, IN_X])
+                v_mid = inputs[k, IN_V] + w * (inputs[nxt, IN_V] - inputs[k, IN_V])
+            if not pneumatics:
+                continue
+
+            if hot:
+                k1, k2 = math.sqrt(2.0 / (base[GAS] * T1)), math.sqrt(2.0 / (base[GAS] * T2))
+            p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
+            p_line = supply(p_line, base[SUPPLY], q_supply, gamma_rt, h, s_supply, th, on)
+            q_in = q_out = 0.0
+            if not shut:
+                opening = command(u, h, s1, th, on)
+                q_in, q_out = valve_flow(opening, p1_mid, p_line, p_amb, b, leak, k1, k_gas, u_max, areas)
+            q_supply = q_in
+            if delay > 0.0:
+                t = time[k] + (i + 0.5) * h
+                ring_t[head], ring_in[head], ring_out[head] = t, q_in, q_out
+                q_in = delayed(ring_t, ring_in, head, t - delay)
+                q_out = delayed(ring_t, ring_out, head, t - delay)
+                head = (head + 1) % ring
+            across = leak_1_2(p1_mid, p2_mid, k1, th, on)
+            q_out += across + leak_1_ambient(p1_mid, p_amb, k1, th, on)
+            p1, dp1, m1, T1 = chamber_step(
+                p1, p1_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, base, th, on
+            )
+            if chamber_2 == OPEN:
+                continue
+            q_in, q_out = across, leak_2_ambient(p2_mid, p_amb, k2, th, on)
+            if chamber_2 == VALVE_2:
+                opening = command(u2, h, s2, th, on)
+                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas)
+                q_in, q_out, q_supply = q_in + more_in, q_out + more_out, q_supply + more_in
+            volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
+            p2, dp2, m2, T2 = chamber_step(
+                p2, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, q_in, q_out, hot, base, th, on
+            )
