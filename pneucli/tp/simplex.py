@@ -6,7 +6,7 @@ coordinates of the points Y, shape ``(n, d)``; its rows sum to 1, and it is non-
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -193,9 +193,20 @@ def _ascend(objective: Objective, start: Array, h: Array) -> Array:
     return tighten(h, whole(best.x))
 
 
-def _starts(h: Array) -> Iterator[Array]:
+def _starts(h: Array) -> list[Array]:
+    """Enclosing simplices, from spanned ones; stirred, since those of symmetric points may be saddles.
+
+    The stirring mixes coordinates of the simplex, not of the points, so turning the points changes nothing.
+    """
+    rng = np.random.default_rng(0)
     picks = np.unique(np.linspace(0, len(h) - 1, min(_STARTS, len(h))).round().astype(int))
-    return (tighten(h, m) for m in _distinct([spanned_simplex(h, int(i)) for i in picks]))
+    d = h.shape[1] - 1
+    starts = []
+    for spanned in _distinct([spanned_simplex(h, int(i)) for i in picks]):
+        free = spanned[:, :d] @ (np.eye(d) + 0.1 * rng.standard_normal((d, d)))
+        last = np.eye(d + 1)[-1] - free.sum(axis=1)
+        starts.append(tighten(h, np.concatenate((free, last[:, None]), axis=1)))
+    return starts
 
 
 def _distinct(simplices: list[Array]) -> list[Array]:
