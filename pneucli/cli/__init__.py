@@ -9,14 +9,14 @@ import sys
 import tempfile
 import traceback
 
-from pneucli.cli.app import app
+from pneucli.cli.commands import build
 from pneucli.errors import InputError
 
 
 def main() -> None:
     """Run the program; exit codes: 0 done, 1 a check failed, 2 the input is at fault, 3 the program is, 130 Ctrl-C."""
     try:
-        app(args=[word for word in sys.argv[1:] if word != "--debug"], prog_name="pneucli")
+        build()(args=[word for word in sys.argv[1:] if word != "--debug"], prog_name="pneucli")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

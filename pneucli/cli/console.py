@@ -10,7 +10,7 @@ from typing import Any
 
 from pneucli.pipeline.context import Progress, silent
 
-STEP = 0.1  # without a terminal, progress is told in steps of ten per cent
+STEPS = 10  # without a terminal, progress is told in steps of ten per cent
 
 
 def say(message: str) -> None:
@@ -51,11 +51,12 @@ def _bar() -> Iterator[Progress]:
 
 
 def _lines() -> Progress:
-    told: dict[str, float] = {}
+    told: dict[str, int] = {}
 
     def show(message: str, fraction: float) -> None:
-        if fraction >= told.get(message, -1.0) + STEP:
-            told[message] = fraction
+        step = int(STEPS * fraction)
+        if step > told.get(message, -1):
+            told[message] = step
             say(f"  {message}: {100 * fraction:.0f} %")
 
     return show

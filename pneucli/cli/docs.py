@@ -6,20 +6,19 @@ from typing import Any
 
 import typer
 
-from pneucli.cli.app import app
+from pneucli.cli.commands import EXIT_CODES, build
 
 HEAD = """# The command line
 
 Made by `make docs` from the commands themselves; a test holds it to them. `pneucli COMMAND --help` says the same.
-Options of the program itself stand before the command.
 """
 
 
 def render() -> str:
     """Return the page: the program, then each command with its arguments and options."""
-    program: Any = typer.main.get_command(app)
+    program: Any = typer.main.get_command(build())
     pages = [_page(f"pneucli {name}", command) for name, command in program.commands.items()]
-    return "\n".join([HEAD, _page("pneucli", program), *pages, f"{app.info.epilog}\n"])
+    return "\n".join([HEAD, _page("pneucli", program), *pages, f"{EXIT_CODES}\n"])
 
 
 def _page(title: str, command: Any) -> str:

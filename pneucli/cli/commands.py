@@ -1,0 +1,50 @@
+"""The commands that this installation has."""
+
+from __future__ import annotations
+
+import typer
+
+from pneucli import __version__
+from pneucli.cli import edit, effects, init, run, stage, status
+from pneucli.pipeline.graph import STAGES, Stage
+
+HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
+validated controller."""
+EXIT_CODES = "Exit codes: 0 done; 1 done, and a check of [checks] failed; 2 the input is at fault; 3 the program is."
+
+
+def build() -> typer.Typer:
+    """Return the program: a command for each stage that is built, and those that are no stages."""
+    app = typer.Typer(
+        name="pneucli",
+        help=HELP,
+        epilog=EXIT_CODES,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        # the default keeps typer from loading pydantic to read a --help that was not given
+        context_settings={"help_option_names": ["-h", "--help"], "default_map": {"help": False}},
+    )
+    app.callback()(_common)
+    if Stage("init", "").built:
+        init.register(app)
+    for one in STAGES.values():
+        if one.built:
+            stage.register(app, one)
+    for command in (edit, run, status, effects):
+        command.register(app)
+    return app
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"pneucli {__version__}")
+        raise typer.Exit
+
+
+def _common(
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+    debug: bool = typer.Option(False, "--debug", help="Show the traceback of a fault of the program."),
+) -> None:
+    """``--debug`` works anywhere on the line: ``main`` takes it out."""

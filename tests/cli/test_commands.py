@@ -1,0 +1,189 @@
+"""What the commands print where, and their exit codes."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import Command
+from tests.cli.toys import PIPELINE
+
+
+def effects_of(file: Path) -> list[str]:
+    effects: list[str] = tomllib.loads(file.read_text())["model"]["effects"]
+    return effects
+
+
+def with_effects(file: Path, *effects: str) -> Path:
+    file.write_text(PIPELINE.replace('["valve-lag"]', str(list(effects))))
+    return file
+
+
+def answer(text: str) -> dict[str, Any]:
+    """Standard output as one JSON object and nothing else."""
+    content: dict[str, Any] = json.loads(text)
+    return content
+
+
+@pytest.mark.parametrize("stage", ["ingest", "identify", "compare", "diagnose", "report"])
+def test_json_is_one_object_on_standard_output_and_the_same_when_nothing_is_to_do(
+    pneucli: Command, bench: Path, stage: str
+) -> None:
+    first, second = (pneucli(stage, bench, "--json") for _ in range(2))
+    assert (first.code, second.code) == (0, 0)
+    assert answer(first.out)["schema"] == f"toy/{stage}/1"
+    assert second.out == first.out
+    assert "ingest: never done" in first.err
+    assert second.err == ""
+
+
+def test_without_a_terminal_progress_is_a_few_plain_lines_on_standard_error(pneucli: Command, bench: Path) -> None:
+    lines = [line for line in pneucli("ingest", bench).err.splitlines() if "reading" in line]
+    assert lines[0] == "  reading: 0 %"
+    assert lines[-1] == "  reading: 100 %"
+    assert len(lines) == 11
+
+
+def test_quiet_says_nothing_on_standard_error(pneucli: Command, bench: Path) -> None:
+    result = pneucli("ingest", bench, "--quiet")
+    assert (result.out, result.err) == ("one recording\n", "")
+
+
+def test_artifacts_go_beside_the_file_or_where_out_says(pneucli: Command, bench: Path) -> None:
+    pneucli("report", bench)
+    assert (bench.parent / "artifacts" / "bench" / "report" / "report.html").is_file()
+    pneucli("report", bench, "--out", bench.parent / "elsewhere")
+    assert (bench.parent / "elsewhere" / "report" / "report.html").is_file()
+
+
+def test_run_exits_1_where_a_check_fails_and_says_value_and_limit(pneucli: Command, bench: Path) -> None:
+    result = pneucli("run", bench)
+    assert result.code == 1
+    assert "compare.error.test = 2 (max 1.5): FAILED" in result.out
+    assert pneucli("run", with_effects(bench, "valve-lag", "valve-leak")).code == 0
+
+
+def test_run_ends_with_where_the_report_is(pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(bench.parent)
+    assert pneucli("run", bench).out.splitlines()[-1] == "report: artifacts/bench/report/report.html"
+
+
+def test_run_tells_what_it_did_and_what_does_not_apply(pneucli: Command, bench: Path) -> None:
+    first, second = (answer(pneucli("run", bench, "--json").out) for _ in range(2))
+    assert [stage["stage"] for stage in first["stages"] if stage["ran"]][:2] == ["ingest", "identify"]
+    assert not any(stage["ran"] for stage in second["stages"])
+    design = next(stage for stage in first["stages"] if stage["stage"] == "design")
+    assert design["skipped"] == "there is no cylinder to control"
+    assert first["checks"] == [{"path": "compare.error.test", "limit": {"max": 1.5}, "value": 2.0, "passed": False}]
+
+
+def test_a_check_that_leads_nowhere_is_the_users_error(pneucli: Command, bench: Path) -> None:
+    bench.write_text(PIPELINE.replace("compare.error.test", "compare.eror.test"))
+    result = pneucli("run", bench)
+    assert result.code == 2
+    assert 'did you mean "error"?' in result.err
+
+
+def test_a_stage_that_does_not_apply_is_an_error_when_asked_by_name(pneucli: Command, bench: Path) -> None:
+    for _ in range(2):  # found out, and remembered
+        result = pneucli("design", bench)
+        assert (result.code, result.out) == (2, "")
+        assert "there is no cylinder to control" in result.err
+    assert pneucli("export", bench, "--to", "c").code == 2
+
+
+def test_what_was_exported_before_stays_exported(pneucli: Command, bench: Path) -> None:
+    bench.write_text(PIPELINE.replace("[signals]", '[rig.cylinder]\nstroke = "0.2 m"\n[signals]'))
+    pneucli("export", bench, "--to", "csv")
+    assert answer(pneucli("export", bench, "--to", "c", "--json").out)["to"] == ["c", "csv"]
+
+
+def test_exclude_reaches_the_stage_and_holds_for_the_report(pneucli: Command, bench: Path) -> None:
+    pneucli("diagnose", bench, "--exclude", "valve-leak", "--exclude", "stribeck")
+    pneucli("report", bench)
+    status = answer(pneucli("status", bench, "--json").out)
+    assert {stage["stage"]: stage["state"] for stage in status["stages"]}["diagnose"] == "up to date"
+    assert answer(pneucli("diagnose", bench, "--json").out)["excluded"] == []
+
+
+def test_status_says_what_is_stale_and_why_and_runs_nothing(pneucli: Command, bench: Path) -> None:
+    assert "ingest    stale: never done" in pneucli("status", bench).out
+    assert not (bench.parent / "artifacts").exists()
+    pneucli("compare", bench)
+    bench.write_text(PIPELINE + '\n[compare]\nhorizon = "1 s"\n')
+    lines = pneucli("status", bench).out.splitlines()
+    assert "identify  up to date" in lines
+    assert "compare   stale: new [compare]" in lines
+
+
+def test_add_and_remove_change_the_file_keep_its_words_and_show_both_errors(pneucli: Command, bench: Path) -> None:
+    added = answer(pneucli("add", bench, "valve-leak", "piston-leak", "--json").out)
+    assert (added["before"]["test"], added["after"]["test"]) == (2.0, 0.0)
+    assert effects_of(bench) == ["valve-lag", "valve-leak", "piston-leak"]
+    removed = pneucli("remove", bench, "valve-lag")
+    assert effects_of(bench) == ["valve-leak", "piston-leak"]
+    assert "error before train none, test 0\nerror after  train none, test 1\n" in removed.out
+    assert "# the bench by the window" in bench.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("add", "valve-leek"), 'did you mean "valve-leak"?'),
+        (("remove", "valve-log"), 'did you mean "valve-lag"?'),
+    ],
+)
+def test_an_unknown_effect_leaves_the_file_alone(
+    pneucli: Command, bench: Path, words: tuple[str, str], hint: str
+) -> None:
+    result = pneucli(words[0], bench, words[1])
+    assert result.code == 2
+    assert hint in result.err
+    assert bench.read_text() == PIPELINE
+
+
+def test_a_fault_of_the_input_is_exit_2_with_one_message_and_no_traceback(pneucli: Command, bench: Path) -> None:
+    result = pneucli("compare", with_effects(bench, "time-skew"), "--json")
+    assert (result.code, result.out) == (2, "")
+    assert "error: raw.csv, line 3: no number" in result.err
+    assert "Traceback" not in result.err
+
+
+def test_a_fault_of_the_program_is_exit_3_one_line_and_a_traceback_in_a_file(pneucli: Command, bench: Path) -> None:
+    result = pneucli("compare", with_effects(bench, "stribeck"), "--quiet")
+    assert (result.code, result.out) == (3, "")
+    assert len(result.err.splitlines()) == 1
+    log = Path(result.err.split("traceback in ")[1].split(";")[0])
+    assert "KeyError: 'a bug'" in log.read_text()
+    log.unlink()
+
+
+def test_debug_shows_the_traceback(pneucli: Command, bench: Path) -> None:
+    result = pneucli("compare", with_effects(bench, "stribeck"), "--debug")
+    assert result.code == 3
+    assert "Traceback" in result.err
+
+
+def test_ctrl_c_is_130(pneucli: Command, bench: Path) -> None:
+    assert pneucli("compare", with_effects(bench, "dead-volume"), "--quiet").code == 130
+
+
+@pytest.mark.parametrize("words", [("compare",), ("compare", "none.toml"), ("conpare",), ("run", "x.toml", "--jason")])
+def test_a_wrong_command_line_is_exit_2(pneucli: Command, words: tuple[str, ...]) -> None:
+    result = pneucli(*words)
+    assert (result.code, result.out) == (2, "")
+    assert result.err
+
+
+def test_effects_lists_the_catalogue_and_shows_one(pneucli: Command) -> None:
+    catalogue = answer(pneucli("effects", "--json").out)["effects"]
+    listed = [line.split()[0] for line in pneucli("effects").out.splitlines()]
+    assert listed == [effect["name"] for effect in catalogue]
+    page = pneucli("effects", listed[0])
+    assert page.code == 0
+    assert catalogue[0]["equation"] in page.out
+    assert pneucli("effects", f"{listed[0]}x").code == 2

@@ -1,0 +1,70 @@
+"""How the program starts: at once, in every way it may be called; and the page about it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import pneucli
+from pneucli.cli import docs
+
+ROOT = Path(__file__).parents[2]
+HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "numba", "pydantic")
+
+HELP_OF_ALL = f"""
+import sys, typer
+from pneucli.cli import main
+from pneucli.cli.commands import build
+for words in [[], *([name] for name in typer.main.get_command(build()).commands)]:
+    sys.argv = ["pneucli", *words, "--help"]
+    try:
+        main()
+    except SystemExit as exit_:
+        assert exit_.code == 0, words
+    loaded = [name for name in {HEAVY} if name in sys.modules]
+    assert not loaded, (words, loaded)
+"""
+
+
+def test_help_of_every_command_loads_nothing_heavy() -> None:
+    result = subprocess.run([sys.executable, "-c", HELP_OF_ALL], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.count("Usage: pneucli") >= 5
+
+
+def test_python_m_pneucli_works() -> None:
+    words = [sys.executable, "-m", "pneucli", "--version"]
+    assert subprocess.check_output(words, cwd=ROOT, text=True) == f"pneucli {pneucli.__version__}\n"
+
+
+def test_a_run_with_nothing_to_do_answers_within_a_second(tmp_path: Path) -> None:
+    """The issue's limit; the best of three, since other work may share the machine."""
+    from tests.cli.toys import PIPELINE
+
+    (tmp_path / "raw.csv").write_text("t,p\n0,1\n1,2\n")
+    (tmp_path / "bench.toml").write_text(PIPELINE.replace("max = 1.5", "max = 9.0"))
+    program = (
+        "from dataclasses import replace; from pneucli.pipeline.graph import STAGES; from pneucli.cli import main\n"
+        "STAGES.update({n: replace(s, package='tests.cli.toys') for n, s in STAGES.items()}); main()"
+    )
+    words = [sys.executable, "-c", program, "run", str(tmp_path / "bench.toml")]
+
+    def seconds() -> tuple[float, str]:
+        start = time.perf_counter()
+        result = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+        return time.perf_counter() - start, result.stderr
+
+    seconds()
+    times, said = zip(*(seconds() for _ in range(3)), strict=True)
+    assert set(said) == {"everything is up to date\n"}
+    assert min(times) < 1.0
+
+
+def test_the_page_about_the_command_line_is_what_the_commands_say() -> None:
+    page = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
+    if page != docs.render():
+        pytest.fail("docs/cli.md has drifted from the commands: run `make docs`")

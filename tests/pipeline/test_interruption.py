@@ -1,0 +1,100 @@
+"""Killed anywhere, nothing is lost or half-written; two runs in one folder do not harm each other."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pneucli.pipeline import folders
+from tests.pipeline.toys import generations, is_whole, new, runs, toy
+
+ROOT = Path(__file__).parents[2]
+RUN = "import sys; from pathlib import Path; from tests.pipeline.toys import toy; "
+RUN += "toy(Path(sys.argv[1])).bring_up(['page'], say=lambda m: print(m, file=sys.stderr, flush=True))"
+
+
+def start(file: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-c", RUN, str(file)], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+
+
+def whole(file: Path) -> list[str]:
+    """Names of the stages whose folders are there; each of them must be whole."""
+    folders = [folder for folder in toy(file).artifacts.glob("[a-z]*") if folder.name != "plan"]
+    assert all(is_whole(folder) for folder in folders)
+    return sorted(folder.name for folder in folders)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="forks")
+def test_killed_at_every_operation_on_files(tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "tests.pipeline.killed", str(tmp_path / "toy")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert int(result.stdout) > 40  # 4 stages of 5 files, a manifest and a swap each: else the hook saw nothing
+
+
+def test_killed_at_random_moments(tmp_path: Path) -> None:
+    file, chance = new(tmp_path / "toy"), random.Random(2)
+    toy(file).bring_up(["page"])
+    for generation in range(12):
+        (file.parent / "raw" / "a.csv").write_text(str(generation))
+        process = start(file)
+        time.sleep(chance.uniform(0.05, 0.4))
+        process.kill()
+        process.communicate()
+        whole(file)
+    done = toy(file).bring_up(["page"])
+    done.pop("plan")
+    assert generations(done) == {"110"}
+    assert whole(file) == ["judge", "model", "page", "raw"]
+
+
+def test_a_swap_that_was_cut_in_the_middle_is_undone(tmp_path: Path) -> None:
+    (tmp_path / ".model.old").mkdir()
+    (tmp_path / ".model.old" / "result").write_text("old")
+    (tmp_path / ".model.new").mkdir()
+    folders.recover(tmp_path, "model")
+    assert (tmp_path / "model" / "result").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["model"]
+
+
+def test_what_was_finished_before_the_kill_is_not_done_again(tmp_path: Path) -> None:
+    file = new(tmp_path / "toy")
+    process = start(file)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.startswith("model"):
+            process.kill()
+    process.wait()
+    process.stderr.close()
+    assert runs(file)[:1] == ["raw"]
+    toy(file).bring_up(["page"])
+    assert "raw" not in runs(file)
+
+
+def test_two_runs_in_one_folder_wait_for_each_other_and_share_the_work(tmp_path: Path) -> None:
+    file = new(tmp_path / "toy")
+    processes = [start(file) for _ in range(3)]
+    said = [process.communicate()[1] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert sorted(runs(file)) == ["judge", "model", "page", "raw"]
+    assert sum("waiting for another run (process " in text for text in said) >= 1
+    assert whole(file) == ["judge", "model", "page", "raw"]
+
+
+def test_a_dead_owners_lock_is_free(tmp_path: Path) -> None:
+    file = new(tmp_path / "toy")
+    process = start(file)
+    assert process.stderr is not None
+    process.stderr.readline()  # it holds the lock: it says what it does
+    process.kill()
+    process.communicate()
+    said: list[str] = []
+    toy(file).bring_up(["page"], say=said.append)
+    assert not any("waiting" in message for message in said)

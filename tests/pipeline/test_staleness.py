@@ -1,0 +1,205 @@
+"""A run does what is out of date, nothing else, and says why."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.pipeline import staleness
+from pneucli.pipeline.context import NotApplicable
+from pneucli.pipeline.graph import STAGES, upstream
+from pneucli.pipeline.staleness import Stamp, stamp
+from tests.pipeline.toys import TEXT, new, runs, toy
+
+ALL = ["raw", "model", "judge", "page"]  # plan does not apply: it writes nothing into the log
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return new(tmp_path)
+
+
+def bring_up(file: Path, *targets: str, program: str = "1") -> list[str]:
+    """Bring the targets (default: the page) up to date; return what was said."""
+    said: list[str] = []
+    toy(file, program).bring_up(targets or ["page"], say=said.append)
+    return said
+
+
+def test_first_run_does_all_in_order_and_the_second_nothing(file: Path) -> None:
+    said = bring_up(file)
+    assert runs(file) == ALL
+    assert said[0] == "raw: never done"
+    assert bring_up(file) == []
+    assert runs(file) == []
+
+
+def test_a_run_with_nothing_to_do_does_not_validate_the_file_again_but_a_changed_file_is(file: Path) -> None:
+    bring_up(file)
+    bring_up(file)
+    assert (file.parent / "loaded.log").read_text().count("loaded") == 1
+    file.write_text(TEXT + "\n# a comment makes nothing stale\n")
+    bring_up(file)
+    assert (file.parent / "loaded.log").read_text().count("loaded") == 2
+    assert runs(file) == ALL
+
+
+def test_a_stage_brings_up_only_what_it_needs(file: Path) -> None:
+    bring_up(file, "model")
+    assert runs(file) == ["raw", "model"]
+    bring_up(file, "judge")
+    assert runs(file) == ["judge"]
+
+
+def test_a_touched_file_makes_nothing_stale_and_is_hashed_once(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bring_up(file)
+    runs(file)
+    touched = file.parent / "raw" / "a.csv"
+    os.utime(touched, ns=(1, 1))
+    assert bring_up(file) == []
+    assert runs(file) == []
+    manifest = staleness.read(file.parent / "artifacts" / "toy" / "raw")
+    assert manifest is not None
+    assert manifest.inputs.files["raw/a.csv"].mtime_ns == 1  # so that the next run need not read it
+
+
+def test_a_file_of_known_size_and_time_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "large"
+    path.write_bytes(b"x" * 10)
+    status = path.stat()
+    known = Stamp(status.st_size, status.st_mtime_ns, "as it was")
+    assert stamp(path, known) is known
+    assert stamp(path, Stamp(status.st_size, 0, "as it was")).sha256 != "as it was"
+
+
+def test_a_changed_raw_file_is_named_and_all_that_follows_runs(file: Path) -> None:
+    bring_up(file)
+    runs(file)
+    (file.parent / "raw" / "b.csv").write_text("1")
+    assert bring_up(file)[:2] == ["raw: changed raw/b.csv", "model: raw is stale"]
+    assert runs(file) == ALL
+
+
+def test_a_new_file_in_the_glob_and_one_that_is_gone_are_noticed(file: Path) -> None:
+    bring_up(file)
+    (file.parent / "raw" / "c.csv").write_text("2")
+    assert bring_up(file)[0] == "raw: new raw/c.csv"
+    (file.parent / "raw" / "c.csv").unlink()
+    assert bring_up(file)[0] == "raw: no longer raw/c.csv"
+
+
+def test_environment_variables_in_file_names_are_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = new(tmp_path, TEXT.replace("raw/", "${TOY_RAW}/"))
+    monkeypatch.setenv("TOY_RAW", str(tmp_path / "raw"))
+    bring_up(file)
+    (tmp_path / "raw" / "a.csv").write_text("7")
+    assert bring_up(file)[0] == "raw: changed raw/a.csv"
+
+
+@pytest.mark.parametrize(
+    ("text", "again"),
+    [
+        (TEXT.replace("effects = []", 'effects = ["x"]'), ["model", "judge", "page"]),
+        (TEXT + "[judge]\nhorizon = 1\n", ["judge", "page"]),
+        (TEXT + "[checks]\n'judge.generation' = {equals = '00'}\n", ["page"]),
+        (TEXT + "[plan]\n", ["plan", "page"]),
+        (TEXT.replace("[model]", "# words\n[model]  # and more words"), []),
+    ],
+)
+def test_a_changed_table_makes_stale_who_reads_it_and_who_follows(file: Path, text: str, again: list[str]) -> None:
+    bring_up(file)
+    runs(file)
+    file.write_text(text)
+    bring_up(file)
+    assert sorted(runs(file)) == sorted(again)
+
+
+def test_a_changed_program_makes_all_stale(file: Path) -> None:
+    bring_up(file)
+    assert bring_up(file, program="2")[0] == "raw: the program changed"
+
+
+@pytest.mark.parametrize("harm", [Path.unlink, lambda path: path.write_text("scribble")])
+def test_an_artifact_that_was_harmed_is_made_again_and_only_it(file: Path, harm: object) -> None:
+    bring_up(file)
+    runs(file)
+    harm(file.parent / "artifacts" / "toy" / "model" / "part-2.txt")  # type: ignore[operator]
+    assert bring_up(file) == ["model: its file part-2.txt is missing or was changed"]
+    assert runs(file) == ["model"]
+
+
+def test_a_broken_manifest_counts_as_never_done(file: Path) -> None:
+    bring_up(file)
+    (file.parent / "artifacts" / "toy" / "judge" / "stage.json").write_text('{"schema": "pneucli/st')
+    assert bring_up(file) == ["judge: never done"]
+
+
+def test_options_stay_until_the_stage_is_asked_with_others(file: Path) -> None:
+    def ask(options: dict[str, dict[str, object]] | None) -> list[str]:
+        toy(file).bring_up(["judge"], options)
+        return runs(file)
+
+    ask({"judge": {"exclude": ["x"]}})
+    assert ask(None) == []
+    assert ask({"judge": {"exclude": []}}) == ["judge"]
+
+
+def test_a_stage_that_does_not_apply_is_passed_over_once_and_told_when_asked_by_name(file: Path) -> None:
+    done = toy(file).bring_up(["page", "plan"])
+    with pytest.raises(NotApplicable, match="no \\[plan\\]"):
+        _ = done["plan"].answer
+    assert toy(file).bring_up(["plan"])["plan"].why == ()
+
+
+def test_a_stage_that_fails_leaves_what_was_there(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bring_up(file)
+    runs(file)
+    before = (file.parent / "artifacts" / "toy" / "model" / "part-0.txt").read_text()
+    file.write_text(TEXT.replace("effects = []", "effects = [1]"))
+    with monkeypatch.context() as patch:
+        patch.setattr("tests.pipeline.toys.model.run", lambda context: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            bring_up(file)
+    assert (file.parent / "artifacts" / "toy" / "model" / "part-0.txt").read_text() == before
+    assert bring_up(file)[0] == "model: changed [model]"
+
+
+def test_survey_writes_nothing(file: Path) -> None:
+    verdicts = toy(file).survey(["page"])
+    assert all(verdict.why == ("never done",) for verdict in verdicts.values())
+    assert not (file.parent / "artifacts").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[pipeline\n", "line 1"),
+        ("[pipeline]\nname = '../up'\n", "cannot be the name of a folder"),
+        ("[rig]\n", "no name"),
+        ("pipeline = 3\n", "no name"),
+    ],
+)
+def test_an_unusable_file_is_the_users_error(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "bad.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        toy(file)
+
+
+def test_a_missing_file_and_a_folder_that_cannot_be_written_are_the_users_errors(file: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        toy(file.parent / "none.toml")
+    (file.parent / "artifacts").write_text("a file where the folder should be")
+    with pytest.raises(InputError, match="--out"):
+        bring_up(file)
+
+
+def test_the_real_graph_runs_parents_first_and_reads_only_stages_it_knows() -> None:
+    order = upstream(STAGES)
+    for name, stage in STAGES.items():
+        assert {*stage.parents, *stage.optional} <= set(STAGES)
+        assert all(order.index(parent) < order.index(name) for parent in stage.parents)
+    assert upstream(["compare"]) == ["ingest", "identify", "compare"]
