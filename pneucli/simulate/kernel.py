@@ -453,7 +453,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             q_supply = q_in
             if delay > 0.0:
                 t = time[k] + (i + 0.5) * h
-                ring_t[head], ring_in[head], ring_out[head] = t, q_in, q_out
+                # without back-flow: delayed, it would oscillate as no hose does
+                ring_t[head], ring_in[head], ring_out[head] = t, max(q_in, 0.0), max(q_out, 0.0)
                 q_in = delayed(ring_t, ring_in, head, t - delay)
                 q_out = delayed(ring_t, ring_out, head, t - delay)
                 head = (head + 1) % ring

@@ -1,0 +1,199 @@
+"""A recording made ready for the kernel: smoothed inputs, restarts, switches, and what it can be compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from pneucli.noise import NoiseModel, estimate
+from pneucli.physics.declaration import Effect
+from pneucli.recording import Recording, Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.smooth import LinearSmoother, kinematics, local_lines
+
+Array = NDArray[np.float64]
+
+PRESSURES = ("p1", "p2", "p_supply")
+OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T}
+SMOOTHED_FROM = 80  # samples; fewer are taken as they are
+GAP = 20  # sampling periods
+U_MAX = 10.0  # V, half the range of the area's table
+Fusion = Callable[[Array, Array], tuple[Array, Array, float]]
+STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's longest step
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One recording, smoothed, with what the kernel needs to run it.
+
+    ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 8) the
+    smoothed readings in the kernel's layout, ``restarts`` the samples at which the model is set to them.
+    """
+
+    recording: Recording
+    rig: Rig
+    raw: Mapping[str, Array]
+    noise: Mapping[str, NoiseModel]
+    smoothers: Mapping[str, LinearSmoother]
+    fusion: Fusion | None
+    inputs: Array
+    restarts: NDArray[np.int64]
+    flags: Array
+    low_pass: float | None = None
+
+    @property
+    def time(self) -> Array:
+        """Time stamps in s, shape (n,)."""
+        return self.recording.time
+
+    @property
+    def vessel(self) -> bool:
+        """Whether the chamber is the fixed vessel of a valve test."""
+        return self.recording.experiment == "valve"
+
+    @property
+    def step(self) -> float:
+        """The longest step of the kernel in s."""
+        return STEP[self.recording.experiment]
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """The signals that a model's output is compared with."""
+        r = self.recording
+        if r.imposed == "motion":
+            return ("force",)
+        compared = {"valve": ("p1",), "friction": ("x", "v", "a"), "axis": ("p1", "p2", "x", "v", "a")}[r.experiment]
+        if r.experiment == "axis" and r.chamber_2 == "open":
+            compared = tuple(c for c in compared if c != "p2")
+        known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
+        return tuple(c for c in (*compared, "temperature") if c in known)
+
+    def measured(self, channel: str) -> Array:
+        """Return the measured channel, NaN where it was not measured; filtered where the comparison asks for it."""
+        if channel == "force" and "force" not in self.recording:
+            return self.filtered(self.net_pressure_force())
+        if channel == "v" and "v" not in self.raw:
+            return self.filtered(self.inputs[:, at.IN_V])
+        return np.where(np.isnan(self.recording[channel]), np.nan, self.filtered(self.raw[channel]))
+
+    def net_pressure_force(self) -> Array:
+        """Return the force of the measured pressures on the piston, toward +x, in N."""
+        a1 = self.rig.piston_area_1 or 0.0
+        a2 = a1 if self.rig.piston_area_2 is None else self.rig.piston_area_2
+        ambient = np.full(self.time.size, self.rig.ambient_pressure)
+        p1, p2 = self.raw.get("p1", ambient), self.raw.get("p2", ambient)
+        return np.asarray(a1 * (p1 - ambient) - a2 * (p2 - ambient))
+
+    def filtered(self, values: Array) -> Array:
+        """Return values low-passed without phase shift, where the comparison asks for it."""
+        if self.low_pass is None:
+            return values
+        nyquist = 0.5 / self.recording.period
+        if self.low_pass >= nyquist:
+            return values
+        sections = butter(4, self.low_pass / nyquist, output="sos")
+        return np.asarray(sosfiltfilt(sections, values))
+
+    def active(self, effects: tuple[Effect, ...]) -> list[str]:
+        """Return the names of the effects whose part stands on this bench."""
+        return [
+            e.name
+            for e in effects
+            if e.acts_in(
+                self.recording.experiment,
+                has_cylinder=self.rig.has_cylinder,
+                supply_recorded="p_supply" in self.recording,
+                linear_valve=True,
+            )
+        ]
+
+    def draw_noise(self, rng: np.random.Generator) -> dict[str, Array]:
+        """Return one realisation of every sensor's noise."""
+        return {name: model.draw(self.time, rng) for name, model in self.noise.items()}
+
+    def with_restarts(self, horizon: float | None) -> Experiment:
+        """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""
+        return replace(self, restarts=restarts(self.time, horizon))
+
+
+def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: float | None = None) -> Experiment:
+    """Make a recording ready: fill gaps, smooth, choose restarts (every ``horizon`` s; None: one at the start)."""
+    raw = {name: filled(recording.time, values) for name, values in recording.signals.items()}
+    noise = {n: recording.noise.get(n) or estimate(recording.time, recording[n]) for n in raw}
+    enough = recording.time.size >= SMOOTHED_FROM
+    smoothers = {
+        n: local_lines(raw[n], noise[n], recording.period) for n in (*PRESSURES, "x", "force") if n in raw and enough
+    }
+    fusion = None
+    if enough and "x" in raw and "a" in raw:
+        fusion = kinematics(recording.time, max(noise["x"].rms, 1e-9), max(noise["a"].rms, 1e-9))
+    inputs = smooth(raw, smoothers, fusion, recording.time)
+    _stand_ins(inputs, recording, rig)
+    flags = _flags(recording, raw, noise)
+    starts = restarts(recording.time, horizon)
+    return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass)
+
+
+def smooth(
+    raw: Mapping[str, Array], smoothers: Mapping[str, LinearSmoother], fusion: Fusion | None, time: Array
+) -> Array:
+    """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
+    inputs = np.zeros((time.size, len(at.INPUTS)))
+    for column, name in enumerate(at.INPUTS):
+        if name in raw:
+            inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
+    if fusion is not None:
+        inputs[:, at.IN_X], inputs[:, at.IN_V], _ = fusion(raw["x"], raw["a"])
+    elif "x" in raw and "v" not in raw:
+        slope = smoothers["x"].slope @ raw["x"] if "x" in smoothers else np.gradient(raw["x"], time)
+        inputs[:, at.IN_V] = slope
+    return inputs
+
+
+def _stand_ins(inputs: Array, recording: Recording, rig: Rig) -> None:
+    """Fill in what was not measured: ambient pressure, the regulator's setting."""
+    for column, name, value in (
+        (at.IN_P1, "p1", rig.ambient_pressure),
+        (at.IN_P2, "p2", rig.ambient_pressure),
+        (at.IN_SUPPLY, "p_supply", rig.supply_pressure or rig.ambient_pressure),
+    ):
+        if name not in recording:
+            inputs[:, column] = value
+
+
+def _flags(recording: Recording, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
+    flags = np.zeros(at.FLAGS)
+    flags[at.MECHANICS] = recording.experiment != "valve"
+    flags[at.PNEUMATICS] = recording.experiment != "friction"
+    chamber_2 = {"closed": at.CLOSED, "valve": at.VALVE_2}.get(recording.chamber_2 or "closed", at.OPEN)
+    flags[at.CHAMBER_2] = at.OPEN if recording.experiment == "valve" else chamber_2
+    flags[at.VALVE_SHUT] = recording.valve_shut
+    flags[at.U_MAX] = U_MAX
+    flags[at.INITIAL_U] = _initial_opening(raw, noise)
+    return flags
+
+
+def _initial_opening(raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> float:
+    """Return where the valve stood before the recording: centred where the pressure has not begun to move."""
+    if "u" not in raw or "p1" not in raw or raw["p1"].size < 10:
+        return 0.0
+    moving = abs(raw["p1"][3] - raw["p1"][0]) > 5 * noise["p1"].rms
+    return float(raw["u"][0]) if moving else 0.0
+
+
+def restarts(time: Array, horizon: float | None) -> NDArray[np.int64]:
+    """Return the samples at which the model starts anew: every ``horizon`` s, and after each gap in the record."""
+    gaps = 1 + np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time)))
+    grid = np.arange(0.0, time[-1] - time[0], horizon) if horizon else np.zeros(1)
+    return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
+
+
+def filled(time: Array, values: Array) -> Array:
+    """Return values with NaN filled by interpolation over time."""
+    known = ~np.isnan(values)
+    return values if known.all() else np.interp(time, time[known], values[known])

@@ -1,0 +1,66 @@
+"""A model: the rig, the active effects, and the value of every parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.physics.declaration import Effect
+from pneucli.physics.gas import CRITICAL_RATIO
+from pneucli.recording import Rig
+from pneucli.simulate.layout import BASE
+from pneucli.simulate.valve_area import NO_VALVE, ValveArea
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Model:
+    """Effects that are on, and values by name: base parameters (layout.BASE) and EFFECT.PARAMETER; SI.
+
+    A base parameter that ``values`` leaves out has the rig's value. An effect's parameter has the catalogue's unit.
+    """
+
+    rig: Rig
+    effects: tuple[Effect, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    valve: ValveArea = NO_VALVE
+
+    def base(self) -> dict[str, float]:
+        """Return every base parameter's value."""
+        return rig_values(self.rig) | {name: v for name, v in self.values.items() if name in BASE}
+
+    def effect_values(self) -> dict[str, float]:
+        """Return the values of the effects' parameters by EFFECT.PARAMETER."""
+        return {
+            f"{e.name}.{p.name}": self.values[f"{e.name}.{p.name}"] for e in self.effects for p in e.parameters
+        }
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """Return the model with some values replaced."""
+        return replace(self, values={**self.values, **values})
+
+
+def rig_values(rig: Rig) -> dict[str, float]:
+    """Return the base parameters that a rig's description gives; unknown ones get harmless stand-ins."""
+    area_1 = rig.piston_area_1 or 0.0
+    return {
+        "friction.coulomb": 0.0,
+        "friction.viscous": 0.0,
+        "rig.moving_mass": rig.moving_mass or 1.0,
+        "rig.piston_area_1": area_1,
+        "rig.piston_area_2": area_1 if rig.piston_area_2 is None else rig.piston_area_2,
+        "rig.stroke": rig.stroke or np.inf,
+        "rig.dead_volume_1": rig.dead_volume_1 or 0.0,
+        "rig.dead_volume_2": rig.dead_volume_2 or 0.0,
+        "rig.ambient_pressure": rig.ambient_pressure,
+        "rig.supply_pressure": rig.supply_pressure or np.nan,
+        "rig.gas_temperature": rig.gas_temperature,
+        "rig.heat_capacity_ratio": rig.heat_capacity_ratio,
+        "rig.gas_constant": rig.gas_constant,
+        "valve.critical_ratio": CRITICAL_RATIO,
+        "rig.wall_temperature": rig.gas_temperature,
+    }

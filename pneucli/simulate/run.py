@@ -1,0 +1,86 @@
+"""Run a model over experiments, one after the other or many parameter sets at once on all cores."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import catalogue
+from pneucli.simulate import layout as at
+from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.experiment import OUTPUTS, Experiment
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+
+@cache
+def kernel_for(effects: tuple[Effect, ...]) -> Kernel:
+    """Return a compiled kernel that has these effects: the bare one, the catalogue's, or one with a user's own."""
+    if not effects:
+        return build(())
+    return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()))
+
+
+def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) -> dict[str, Array]:
+    """Return what the sensors would read, by channel, each of shape (n,), in SI units.
+
+    ``inputs`` replaces the experiment's own smoothed inputs (for draws of their noise).
+    """
+    out = run(model, experiment, inputs)
+    return {channel: out[:, column] for channel, column in OUTPUTS.items()}
+
+
+def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:
+    """Return the kernel's whole output, shape (n, 9) in the order of :mod:`pneucli.simulate.layout`."""
+    kernel = kernel_for(model.effects)
+    active = experiment.active(model.effects)
+    out = np.zeros((experiment.time.size, at.OUTPUTS))
+    kernel.run(
+        experiment.time,
+        np.array(experiment.inputs if inputs is None else inputs),
+        experiment.restarts,
+        base_vector(model, experiment),
+        kernel.vector(model.effect_values()),
+        kernel.switches(active),
+        experiment.flags,
+        model.valve.table(),
+        experiment.step,
+        np.zeros(1),
+        np.zeros(2),
+        out,
+    )
+    return out
+
+
+def base_vector(model: Model, experiment: Experiment) -> Array:
+    """Return the base parameters in the kernel's order; a valve test's vessel stands in for chamber 1."""
+    base = model.base()
+    if experiment.vessel:
+        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
+    return np.array([base[name] for name in at.BASE])
+
+
+def workers() -> int:
+    """Return how many threads run simulations: the cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_many(jobs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
+    """Return the outputs of many runs, in order, on all cores (the kernel releases the interpreter's lock)."""
+    if len(jobs) <= 1:
+        return [run(model, experiment) for model, experiment in jobs]
+    with ThreadPoolExecutor(workers()) as pool:
+        return list(pool.map(lambda job: run(*job), jobs))
+
+
+def effects_of(names: Iterable[str], known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
+    """Return effects by name, from the catalogue where ``known`` is not given."""
+    known = catalogue() if known is None else known
+    return tuple(known[name] for name in names)

@@ -1,0 +1,55 @@
+"""The valve's effective area over its command: knots, overlap, and the interpolation between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+Array = NDArray[np.float64]
+POINTS = 4001  # of the kernel's table over both directions
+CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
+
+
+@dataclass(frozen=True)
+class ValveArea:
+    """Effective areas in m^2 at signed commands in V, and the overlap (V) of each direction.
+
+    Between knots the area follows a monotone cubic in (log(|u| - overlap), log A), which is exact for a power law
+    beyond the overlap; outside them the power law of the two nearest knots goes on.
+    """
+
+    commands: tuple[float, ...]
+    areas: tuple[float, ...]
+    overlap_fill: float = 0.0
+    overlap_vent: float = 0.0
+    u_max: float = 10.0
+
+    def __call__(self, u: Array) -> Array:
+        """Return the effective area in m^2 at u, shape of u."""
+        u = np.asarray(u, dtype=np.float64)
+        return np.where(u > 0, self._side(u, 1.0, self.overlap_fill), self._side(-u, -1.0, self.overlap_vent))
+
+    def table(self) -> Array:
+        """Return the area over -u_max..u_max, shape (4001,)."""
+        return self(np.linspace(-self.u_max, self.u_max, POINTS))
+
+    def _side(self, u: Array, sign: float, overlap: float) -> Array:
+        knots = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
+        if not knots:
+            return np.zeros_like(u)
+        place = np.log([c - overlap for c, _ in knots])
+        value = np.log([max(a, CLOSED_AREA) for _, a in knots])
+        beyond = np.log(np.maximum(u - overlap, 1e-12))
+        if len(knots) == 1:
+            return np.where(u > overlap, np.exp(value[0] + beyond - place[0]), 0.0)
+        slopes = np.diff(value) / np.diff(place)
+        inside = PchipInterpolator(place, value)(np.clip(beyond, place[0], place[-1]))
+        below = np.minimum(beyond - place[0], 0.0) * max(slopes[0], 0.0)
+        above = np.maximum(beyond - place[-1], 0.0) * max(slopes[-1], 0.0)
+        return np.where(u > overlap, np.exp(inside + below + above), 0.0)
+
+
+NO_VALVE = ValveArea((), ())
