@@ -1,23 +1,36 @@
 # Two commands do everything on a fresh machine with Python 3.11 or newer: make demo, make test.
 
-PYTHON ?= python3
+NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$python -c '$(NEW_ENOUGH)' 2>/dev/null && echo $$python && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check docs chromium clean
+.PHONY: demo test check format lint types layers docs chromium clean
 
 demo: $(VENV)/.installed-all
 	@$(BIN)/pneucli run pipelines/demo.toml
 
-test: $(VENV)/.installed-dev chromium check
-	@$(BIN)/python -m pytest -n 2
+# The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
+test: $(VENV)/.installed-dev chromium
+	@$(MAKE) --no-print-directory --keep-going check; checked=$$?; $(BIN)/python -m pytest -n 2 && exit $$checked
 
-check: $(VENV)/.installed-dev
-	@$(BIN)/ruff format --check .
-	@$(BIN)/ruff check .
-	@$(BIN)/mypy
+check: format lint types layers
+
+format lint types layers: $(VENV)/.installed-dev
+
+format:
+	@$(BIN)/ruff format --check --quiet .
+
+lint:
+	@$(BIN)/ruff check --quiet .
+
+types:
+	@$(BIN)/mypy --no-error-summary
+
+layers:
 	@$(BIN)/lint-imports --no-logo
 
 docs: $(VENV)/.installed-dev
@@ -25,8 +38,7 @@ docs: $(VENV)/.installed-dev
 
 # A stamp per set of dependencies; a changed pyproject.toml installs anew.
 $(VENV)/.installed-%: pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, %s is %s; try: make PYTHON=python3.12" \
-		% (sys.executable, sys.version.split()[0]) if sys.version_info < (3, 11) else 0)'
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=..." >&2; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
 	@touch $@

@@ -46,8 +46,8 @@ def _bar() -> Iterator[Progress]:
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda message, fraction: bar.update(task, description=message, completed=fraction)
+        task = bar.add_task("", total=1.0, visible=False)
+        yield lambda message, fraction: bar.update(task, description=message, completed=fraction, visible=True)
 
 
 def _lines() -> Progress:
