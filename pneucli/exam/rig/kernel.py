@@ -1,0 +1,173 @@
+"""The rig's own equations and integrator, compiled; no code is shared with the simulator that it examines.
+
+One fixed step of ``STEP`` holds the valve's area, takes the midpoint rule for gas and motion with the sign of the
+friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves the
+breakaway level.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pneucli.exam.rig.parameters import Parameters
+
+Array = NDArray[np.float64]
+
+STEP = 25e-6
+SAMPLE = 1e-3
+KAPPA = 1.4
+GAS_CONSTANT = 287.0
+PSI_MAX = 0.484
+LEAK_RATIO = 0.528
+# state: position, velocity, pressure and temperature of both chambers, supply, bristle, load's position and velocity
+X, V, P1, T1, P2, T2, PS, Z, XL, VL = range(10)
+SETTLING = 1.5  # s, of what is outside the catalogue and drifts
+
+
+@njit(cache=True)
+def flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> float:
+    """Mass flow in kg/s through an orifice (thesis 2.42, 2.46), zero against the pressure difference."""
+    r = p_down / p_up
+    if r >= 1.0:
+        return 0.0
+    psi = PSI_MAX
+    if r > ratio:
+        psi *= math.sqrt(1.0 - ((r - ratio) / (1.0 - ratio)) ** 2)
+    return area * p_up * math.sqrt(2.0 / (GAS_CONSTANT * t_up)) * psi
+
+
+@njit(cache=True)
+def valve_area(par: Parameters, opening: float, t: float) -> float:
+    """Effective area in m^2, positive toward the supply, negative toward the exhaust."""
+    beyond = abs(opening) - par.overlap
+    if beyond <= 0.0:
+        return 0.0
+    area = par.effective_area * (beyond / (10.0 - par.overlap)) ** par.exponent * (1.0 + par.gain_drift * t)
+    return math.copysign(area, opening)
+
+
+@njit(cache=True)
+def valve_flow(par: Parameters, area: float, t: float, s: Array) -> tuple[float, float]:
+    """Mass flows in kg/s (supply to outlet, outlet to exhaust); neither reverses."""
+    open_in, open_out = max(area, 0.0) + par.valve_leak_area, max(-area, 0.0) + par.valve_leak_area
+    supply = s[PS] + par.ripple * math.sin(2.0 * math.pi * par.ripple_frequency * t)
+    ratio = par.critical_ratio
+    q_in = flow(open_in, supply, par.temperature, s[P1], ratio)
+    exhaust = par.ambient
+    if par.back_pressure > 0.0:
+        exhaust += par.back_pressure * flow(open_out, s[P1], s[T1], par.ambient, ratio)
+    return q_in, flow(open_out, s[P1], s[T1], exhaust, ratio)
+
+
+@njit(cache=True)
+def chamber(
+    par: Parameters, p: float, t: float, volume: float, growth: float, q: float, heat: float
+) -> tuple[float, float]:
+    """Rates of p and T (Pa/s, K/s) from mass and energy; ``heat`` is the sum of q T over all flows in (kg K/s)."""
+    if par.heat_conductance < 0.0:
+        return KAPPA * (GAS_CONSTANT * par.temperature * q - p * growth) / volume, 0.0
+    wall = (KAPPA - 1.0) * par.heat_conductance * (par.temperature - t)
+    dp = (KAPPA * (GAS_CONSTANT * heat - p * growth) + wall) / volume
+    return dp, t * (dp / p + growth / volume - GAS_CONSTANT * t * q / (p * volume))
+
+
+@njit(cache=True)
+def gas(par: Parameters, s: Array, q_in: float, q_out: float, is_open: bool, ds: Array) -> None:
+    """Rates of the gas in both chambers and of the supply."""
+    wall = par.temperature
+    lost = flow(par.leak_area, s[P1], s[T1], par.ambient, LEAK_RATIO)
+    drawn = flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
+    over = flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
+    back = flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
+    gained, given = q_in + drawn, q_out + lost
+    volume_1 = par.dead_volume_1 + par.dead_volume_added + par.piston_area_1 * s[X]
+    heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
+    mass_1 = gained - given + back - over
+    ds[P1], ds[T1] = chamber(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1)
+    if not is_open:
+        volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - s[X])
+        heat_2 = over * s[T1] - back * s[T2]
+        ds[P2], ds[T2] = chamber(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], over - back, heat_2)
+    if par.supply_volume > 0.0:
+        feed = par.regulator_conductance * max(par.supply - s[PS], 0.0)
+        ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q_in) / par.supply_volume
+
+
+@njit(cache=True)
+def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple[float, float]:
+    """Dry friction in N (while speeding up, while slowing)."""
+    factor = 1.0 + par.pressure_gain * (s[P1] + s[P2] - 2.0 * par.ambient)
+    if par.position_from <= s[X] <= par.position_to:
+        factor *= 1.0 + par.position_gain
+    factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / SETTLING)))
+    rise = max(par.static - par.coulomb, 0.0) / (1.0 + (s[V] / par.stribeck_velocity) ** 2)
+    rising = factor * (par.coulomb + rise)
+    return rising, factor * par.coulomb * (1.0 - par.drop) if par.drop > 0.0 else rising
+
+
+@njit(cache=True)
+def coupling(par: Parameters, s: Array) -> float:
+    """Force in N of a flexibly coupled load on the piston."""
+    stretch = s[XL] - s[X]
+    taken = math.copysign(max(abs(stretch) - 0.5 * par.load_gap, 0.0), stretch)
+    return par.load_stiffness * taken + (par.load_damping * (s[VL] - s[V]) if taken != 0.0 else 0.0)
+
+
+@njit(cache=True)
+def net_force(par: Parameters, t: float, s: Array) -> float:
+    """All forces in N toward +x but the dry friction."""
+    v = s[V]
+    force = par.piston_area_1 * (s[P1] - par.ambient) - par.piston_area_2 * (s[P2] - par.ambient)
+    force -= par.constant_force + par.spring_stiffness * (s[X] - par.spring_rest)
+    force -= par.pitch_force * math.sin(2.0 * math.pi * s[X] / par.pitch)
+    force -= par.swinging_force * math.sin(2.0 * math.pi * par.swinging_frequency * t)
+    if par.load_mass > 0.0:
+        force += coupling(par, s)
+    slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
+    slope *= 1.0 - par.warming * (1.0 - math.exp(-t / SETTLING))
+    room = s[X] if v < 0.0 else par.stroke - s[X]
+    if room < par.cushion_length:
+        slope += par.cushion_damping * (1.0 - room / par.cushion_length)
+    return float(force - slope * v - par.quadratic_drag * v * abs(v))
+
+
+@njit(cache=True)
+def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) -> float:
+    """Acceleration in m/s^2; ``mode`` is the sign of motion, 0 while stuck. Sets the bristle's rate."""
+    force, mass = net_force(par, t, s), par.mass + par.extra_mass
+    if par.bristle_stiffness > 0.0:
+        level = dry_friction(par, t, s, np.sign(s[V]))[0]
+        ds[Z] = s[V] - par.bristle_stiffness * abs(s[V]) * s[Z] / level
+        return float(force - par.bristle_stiffness * s[Z] - par.bristle_damping * ds[Z]) / mass
+    if mode == 0.0:
+        return 0.0
+    rising, slowing = dry_friction(par, t, s, mode)
+    along = force * mode
+    return mode * (max(along - rising, 0.0) + min(along - slowing, 0.0)) / mass
+
+
+@njit(cache=True)
+def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, float], is_open: bool, ds: Array) -> None:
+    """Time derivative of the whole state."""
+    gas(par, s, q[0], q[1], is_open, ds)
+    if par.piston_area_1 > 0.0:
+        ds[X], ds[V] = s[V], acceleration(par, t, s, mode, ds)
+    if par.load_mass > 0.0:
+        ds[XL], ds[VL] = s[VL], -coupling(par, s) / par.load_mass
+
+
+@njit(cache=True)
+def mode_at(par: Parameters, t: float, s: Array, rest: float) -> float:
+    """Sign of the motion that begins or goes on; 0 while the piston sticks or lies at a stop."""
+    if s[V] != 0.0:
+        return float(np.sign(s[V]))
+    force = net_force(par, t, s)
+    direction = float(np.sign(force))
+    if (s[X] <= 0.0 and direction < 0.0) or (s[X] >= par.stroke and direction > 0.0):
+        return 0.0
+    grown = 1.0 + par.dwell_gain * (1.0 - math.exp(-rest / par.dwell_time))
+    return direction if abs(force) > dry_friction(par, t, s, direction)[0] * grown else 0.0

@@ -1,0 +1,87 @@
+"""Everything that the virtual rig can be set to; the defaults are a rig in which no further effect acts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Parameters(NamedTuple):
+    """One rig, SI, pressures absolute.
+
+    The base is a piston with Coulomb and viscous friction between two isentropic chambers of constant temperature
+    (thesis 2.47-2.52, 3.4) and a valve of area ``effective_area ((|u| - overlap)/(10 V - overlap))**exponent``.
+    A vessel is a chamber 1 with ``piston_area_1 = 0``.
+    """
+
+    # what is known of a rig
+    temperature: float = 293.15
+    ambient: float = 101_300.0
+    supply: float = 701_300.0
+    piston_area_1: float = 8e-4
+    piston_area_2: float = 8e-4
+    stroke: float = 0.2
+    dead_volume_1: float = 30e-6
+    dead_volume_2: float = 30e-6
+    mass: float = 2.0
+    # what identification finds
+    coulomb: float = 15.0
+    viscous: float = 50.0
+    effective_area: float = 2e-6  # at 10 V
+    overlap: float = 0.0
+    exponent: float = 1.1
+    # the catalogue: gas and valve
+    heat_conductance: float = -1.0  # W/K; below zero: constant temperature
+    leak_area: float = 0.0
+    piston_leak_area: float = 0.0
+    dead_volume_added: float = 0.0
+    supply_volume: float = 0.0  # zero: a stiff supply
+    regulator_conductance: float = 0.0
+    line_delay: float = 0.0
+    valve_lag: float = 0.0
+    valve_half_width: float = 0.0
+    valve_leak_area: float = 0.0
+    critical_ratio: float = 0.528
+    # the catalogue: friction and forces
+    static: float = 0.0  # N; not above coulomb: no Stribeck rise
+    stribeck_velocity: float = 0.01
+    drop: float = 0.0
+    bristle_stiffness: float = 0.0  # zero: rigid contact
+    bristle_damping: float = 0.0
+    asymmetry: float = 0.0
+    viscous_asymmetry: float = 0.0
+    pressure_gain: float = 0.0  # 1/Pa
+    position_from: float = 0.0
+    position_to: float = 0.0
+    position_gain: float = 0.0
+    constant_force: float = 0.0  # positive toward x = 0
+    spring_stiffness: float = 0.0
+    spring_rest: float = 0.0
+    extra_mass: float = 0.0
+    cushion_length: float = 0.0
+    cushion_damping: float = 0.0
+    dwell_gain: float = 0.0
+    dwell_time: float = 1.0
+    # the catalogue: sensors
+    pressure_offset: float = 0.0
+    pressure_scale: float = 1.0
+    pressure_lag: float = 0.0
+    acceleration_bias: float = 0.0
+    pressure_skew: float = 0.0
+    # outside the catalogue
+    running_in: float = 0.0  # share of the dry friction lost over the first seconds
+    warming: float = 0.0  # share of the viscous friction lost while warming up
+    pitch_force: float = 0.0  # N, periodic over position
+    pitch: float = 0.02
+    quadratic_drag: float = 0.0  # N s^2/m^2
+    load_mass: float = 0.0  # kg, behind a spring, a damper and a gap
+    load_stiffness: float = 0.0
+    load_damping: float = 0.0
+    load_gap: float = 0.0
+    swinging_force: float = 0.0  # N, periodic in time
+    swinging_frequency: float = 1.0
+    ripple: float = 0.0  # Pa, of the supply at the valve, not at its sensor
+    ripple_frequency: float = 7.0
+    gain_drift: float = 0.0  # 1/s, of the valve's area
+    spool_stiction: float = 0.0  # V that the command must move before the spool jumps after it
+    back_pressure: float = 0.0  # Pa s/kg, of a clogged silencer
+    pressure_curvature: float = 0.0  # 1/Pa, of the sensor of p1

@@ -1,0 +1,141 @@
+"""Running the rig: spool, line and controller around the kernel's equations, one row a sample."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+
+from pneucli.exam.rig.kernel import (
+    P1,
+    P2,
+    PS,
+    SAMPLE,
+    STEP,
+    T1,
+    T2,
+    XL,
+    Array,
+    V,
+    X,
+    mode_at,
+    rates,
+    valve_area,
+    valve_flow,
+)
+from pneucli.exam.rig.parameters import Parameters
+
+COLUMNS = ("u", "p_supply", "p1", "p2", "x", "v", "a", "temperature")
+NOTHING = np.empty((0, 2))
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """What is done to the rig: ``command`` holds one value a sample (1 ms), held until the next.
+
+    With ``gain`` (V/m) above zero the command is a position reference in m, and u = gain (reference - x) within 10 V.
+    ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the samples.
+    """
+
+    command: Array
+    gain: float = 0.0
+    chamber_2_open: bool = False
+    position: float = 0.0
+    velocity: float = 0.0
+    pressure_1: float = 101_300.0
+    pressure_2: float = 101_300.0
+    imposed: Array = field(default_factory=lambda: NOTHING)
+
+
+def run(par: Parameters, manoeuvre: Manoeuvre) -> dict[str, Array]:
+    """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... ms."""
+    m = manoeuvre
+    start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
+    rows = _run(par, m.command, m.gain, m.chamber_2_open, start, m.imposed)
+    return dict(zip(COLUMNS, rows.T, strict=True))
+
+
+@njit(cache=True)
+def _step(
+    par: Parameters, t: float, h: float, s: Array, mode: float, q: tuple[float, float], is_open: bool, work: Array
+) -> None:
+    """One midpoint step of length h (s) into ``s``."""
+    middle, ds = work[0], work[1]
+    rates(par, t, s, mode, q, is_open, ds)
+    middle[:] = s + 0.5 * h * ds
+    rates(par, t + 0.5 * h, middle, mode, q, is_open, ds)
+    s += h * ds
+
+
+@njit(cache=True)
+def _advance(
+    par: Parameters, t: float, s: Array, rest: float, q: tuple[float, float], is_open: bool, work: Array
+) -> float:
+    """Advance ``s`` by STEP, cut where the piston comes to rest; returns the time at rest in s."""
+    mode = mode_at(par, t, s, rest)
+    before = work[2]
+    before[:] = s
+    _step(par, t, STEP, s, mode, q, is_open, work)
+    if mode != 0.0 and s[V] * mode < 0.0 and par.bristle_stiffness == 0.0:
+        part = before[V] / (before[V] - s[V])
+        s[:] = before
+        _step(par, t, part * STEP, s, mode, q, is_open, work)
+        s[V] = 0.0
+        mode = mode_at(par, t, s, 0.0)
+        _step(par, t, (1.0 - part) * STEP, s, mode, q, is_open, work)
+    if s[X] < 0.0 or s[X] > par.stroke:
+        s[X], s[V] = min(max(s[X], 0.0), par.stroke), 0.0
+    return rest + STEP if mode == 0.0 else 0.0
+
+
+@njit(cache=True)
+def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[float, float]:
+    """Spool (lag, stiction) and opening (play) in V after one step."""
+    if par.spool_stiction > 0.0:
+        spool = u if abs(u - spool) > par.spool_stiction else spool
+    elif par.valve_lag > 0.0:
+        spool = u + (spool - u) * math.exp(-STEP / par.valve_lag)
+    else:
+        spool = u
+    width = par.valve_half_width
+    return spool, min(max(opening, spool - width), spool + width)
+
+
+@njit(cache=True)
+def _row(par: Parameters, u: float, t: float, s: Array, rest: float, q: tuple[float, float], work: Array) -> Array:
+    rates(par, t, s, mode_at(par, t, s, rest), q, True, work[1])
+    return np.array([u, s[PS], s[P1], s[P2], s[X], s[V], work[1][V], s[T1]])
+
+
+@njit(cache=True)
+def _run(par: Parameters, command: Array, gain: float, is_open: bool, start: Array, imposed: Array) -> Array:
+    n, substeps = command.size, round(SAMPLE / STEP)
+    s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty((n, 8))
+    s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
+    s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
+    line = np.zeros((round(par.line_delay / STEP) + 1, 2))
+    spool, opening, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0)
+    for k in range(n):
+        u = command[k]
+        if gain > 0.0:
+            u = round(min(max(gain * (command[k] - s[X]), -10.0), 10.0), 4)
+        rows[k] = _row(par, u, k * SAMPLE, s, rest, q, work)
+        for j in range(substeps):
+            i, t = k * substeps + j, k * SAMPLE + j * STEP
+            if imposed.size:
+                s[P1 : P2 + 1 : 2] = _between(imposed, k, j / substeps)
+            spool, opening = _spool(par, u, spool, opening)
+            line[i % len(line)] = valve_flow(par, valve_area(par, opening, t), t, s)
+            late = line[(i + 1) % len(line)]
+            q = (late[0], late[1])
+            rest = _advance(par, t, s, rest, q, is_open, work)
+    return rows
+
+
+@njit(cache=True)
+def _between(imposed: Array, k: int, part: float) -> Array:
+    after = min(k + 1, len(imposed) - 1)
+    value: Array = imposed[k] * (1.0 - part) + imposed[after] * part
+    return value
