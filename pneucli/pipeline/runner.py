@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import time
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
@@ -158,7 +159,7 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     start = time.monotonic()
     module = importlib.import_module(stage.module)
     try:
-        answer = module.run(context)
+        answer = json.loads(json.dumps(module.run(context), allow_nan=False))  # as a later run will read it
     except NotApplicable as error:
         return replace(manifest, skipped=asdict(error))
     return replace(

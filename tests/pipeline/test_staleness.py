@@ -154,6 +154,22 @@ def test_a_stage_that_does_not_apply_is_passed_over_once_and_told_when_asked_by_
     assert toy(file).bring_up(["plan"])["plan"].why == ()
 
 
+def test_an_answer_is_the_same_when_it_is_made_and_when_it_is_read(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.pipeline.toys.model.run", lambda context: {"pair": (1, 0.1), 2: None})
+    made, read = (toy(file).bring_up(["model"])["model"].answer for _ in range(2))
+    assert made == read == {"pair": [1, 0.1], "2": None}
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), {1, 2}])
+def test_an_answer_that_json_cannot_hold_is_refused_before_it_is_kept(
+    file: Path, monkeypatch: pytest.MonkeyPatch, value: object
+) -> None:
+    monkeypatch.setattr("tests.pipeline.toys.model.run", lambda context: {"value": value})
+    with pytest.raises((ValueError, TypeError), match="JSON"):
+        toy(file).bring_up(["model"])
+    assert not (file.parent / "artifacts" / "toy" / "model").exists()
+
+
 def test_a_stage_that_fails_leaves_what_was_there(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bring_up(file)
     runs(file)
