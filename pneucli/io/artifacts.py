@@ -32,9 +32,12 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class Provenance:
-    """What made an artifact: SHA-256 of each input by name, and the parameters (JSON-able)."""
+    """What made an artifact: SHA-256 of each input by name, and the parameters (JSON-able).
 
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    ``inputs = None``: they are stated later, by :meth:`TableWriter.add_inputs`.
+    """
+
+    inputs: Mapping[str, str] | None = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -74,9 +77,10 @@ def schema_of(
         "schema": schema,
         "version": __version__,
         "units": json.dumps(own),
-        "inputs": json.dumps(dict(provenance.inputs), sort_keys=True),
         "parameters": json.dumps(dict(provenance.parameters), sort_keys=True, default=str),
     }
+    if provenance.inputs is not None:
+        about["inputs"] = json.dumps(dict(provenance.inputs), sort_keys=True)
     return pa.schema(fields, metadata={_PREFIX + key: value for key, value in about.items()})
 
 
@@ -109,10 +113,16 @@ class TableWriter:
         return self
 
     def write(self, columns: Mapping[str, Any]) -> None:
-        """Append a row group; columns that are left out are null."""
-        rows = len(next(iter(columns.values())))
+        """Append a row group; a single text holds for all rows, and columns that are left out are null."""
+        rows = max(len(values) for values in columns.values() if not isinstance(values, str))
         arrays = [_array(columns.get(f.name), f.type, rows) for f in self._schema]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=_CHUNK)
+
+    def add_inputs(self, provenance: Provenance) -> None:
+        """State the inputs' hashes at the end, where they were found while writing."""
+        self._writer.add_key_value_metadata(
+            {_PREFIX + "inputs": json.dumps(dict(provenance.inputs or {}), sort_keys=True)}
+        )
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -124,6 +134,8 @@ class TableWriter:
 def _array(values: Any, kind: pa.DataType, rows: int) -> Any:
     if values is None:
         return pa.nulls(rows, cast("Any", kind))
+    if isinstance(values, str):
+        return pa.repeat(values, rows)
     if isinstance(values, pa.Array):
         return values
     return pa.array(values if isinstance(values, np.ndarray) else list(values), kind)

@@ -1,0 +1,155 @@
+"""CSV and its kin, streamed through pyarrow; what cannot be read is found again, line by line, for the message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Any, Literal, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pcsv
+
+from pneucli.errors import InputError
+from pneucli.io.raw import Ask, RawFile, Repair, Values
+from pneucli.io.text import Layout, PlainStream, layout
+
+BLOCK = 16 << 20
+NULLS = [
+    "",
+    "-",
+    "--",
+    "NaN",
+    "nan",
+    "NAN",
+    "-nan",
+    "n/a",
+    "N/A",
+    "NA",
+    "null",
+    "NULL",
+    "None",
+    "#N/A",
+    "#NV",
+    "1.#QNAN",
+    "-1.#IND",
+]
+
+
+class DelimitedReader:
+    """A delimited text file of any size; rows are read in blocks of 16 MB."""
+
+    def __init__(self, raw: RawFile) -> None:
+        self._raw = raw
+        self._look: Layout = layout(raw)
+        self.names: Sequence[str] = self._look.names
+        self.repairs: list[Repair] = []
+        if self._look.units_line:
+            self.repairs.append(
+                Repair("", "units-line", 1, "the line below the header holds no number and was skipped")
+            )
+        self._bad: list[str] = []
+
+    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
+        """Yield the asked columns; raises InputError with line and column where a row does not fit."""
+        self._bad = []
+        try:
+            with PlainStream(self._raw.path, self._look) as stream:
+                for batch in self._open(stream, asks):
+                    yield [self._values(batch.column(f"c{ask.position}"), ask) for ask in asks]
+        except (pa.ArrowInvalid, UnicodeDecodeError) as error:
+            raise self._explain(asks, str(error)) from error
+        if self._bad:
+            self._forgive_last_line(asks)
+
+    def place(self, row: int) -> str:
+        """Return file and line of a data row."""
+        number = next(islice((n for n, _ in self._rows()), row, None), 0)
+        return f"{self._raw.path}, line {number}"
+
+    def _open(self, stream: PlainStream, asks: Sequence[Ask]) -> Any:
+        types = {f"c{ask.position}": pa.string() if self._as_text(ask) else pa.float64() for ask in asks}
+        delimiter = "\t" if self._look.delimiter == " " else self._look.delimiter
+        if len(delimiter) > 1:
+            raise InputError(str(self._raw.path), f'delimiter "{delimiter}"', "one character", "change delimiter")
+        return pcsv.open_csv(
+            cast("Any", pa.PythonFile(stream, mode="r")),
+            read_options=pcsv.ReadOptions(block_size=BLOCK, column_names=[f"c{n}" for n in range(len(self.names))]),
+            parse_options=pcsv.ParseOptions(delimiter=delimiter, invalid_row_handler=self._on_bad_row),
+            convert_options=pcsv.ConvertOptions(
+                check_utf8=False,
+                column_types=types,
+                include_columns=list(types),
+                null_values=NULLS,
+                decimal_point=self._look.decimal,
+            ),
+        )
+
+    def _as_text(self, ask: Ask) -> bool:
+        own = ask.decimal is not None and ask.decimal != self._look.decimal
+        return ask.text or own or bool(ask.thousands or self._raw.thousands)
+
+    def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
+        self._bad.append(row.text)
+        return "skip" if len(self._bad) == 1 else "error"
+
+    def _values(self, column: Any, ask: Ask) -> Values:
+        if ask.text:
+            return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
+        if pa.types.is_string(column.type):
+            column = self._numbers(column, ask)
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+
+    def _numbers(self, column: Any, ask: Ask) -> Any:
+        plain = pc.utf8_trim_whitespace(column)
+        plain = pc.if_else(pc.is_in(plain, value_set=pa.array(NULLS)), pa.scalar(None, pa.string()), plain)
+        if thousands := ask.thousands or self._raw.thousands:
+            plain = pc.replace_substring(plain, thousands, "")
+        decimal = ask.decimal or self._look.decimal
+        if decimal not in (".", thousands):
+            plain = pc.replace_substring(plain, decimal, ".")
+        return plain.cast(pa.float64())
+
+    def _rows(self) -> Iterator[tuple[int, str]]:
+        """Yield line number (from 1) and text of every data row."""
+        with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=None) as file:
+            for number, line in enumerate(file, 1):
+                if number > self._look.skip and line.strip() and not line.lstrip().startswith("#"):
+                    yield number, line.rstrip("\n")
+
+    def _forgive_last_line(self, asks: Sequence[Ask]) -> None:
+        """A logger that was cut off in its last line loses that line only; any other odd row is an error."""
+        *_, (number, last) = self._rows()
+        if len(self._look.split(last)) >= len(self.names) or self._look.split(last) != self._fields(self._bad[0]):
+            raise self._explain(asks, "")
+        message = f"line {number}, the last, is cut off and was left out"
+        self.repairs.append(Repair("", "truncated", 1, message))
+
+    def _fields(self, row: str) -> list[str]:
+        return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))
+
+    def _explain(self, asks: Sequence[Ask], error: str) -> InputError:
+        """Find the first row that does not fit."""
+        for number, line in self._rows():
+            fields = self._look.split(line)
+            where = f"{self._raw.path}, line {number}"
+            if len(fields) != len(self.names):
+                wanted = f"{len(self.names)} (delimiter {self._look.delimiter!r})"
+                return InputError(
+                    where, f"{len(fields)} columns: {line[:60]!r}", wanted, "mend the line, or state delimiter"
+                )
+            for ask in asks:
+                if not ask.text and not self._readable(fields[ask.position], ask):
+                    column = f'{where}, column "{self.names[ask.position]}"'
+                    mend = "mend the line, or state decimal, thousands, skip_rows or header = false"
+                    return InputError(column, f'"{fields[ask.position]}"', "a number", mend)
+        return InputError(str(self._raw.path), error, "rows of numbers", "mend the file")
+
+    def _readable(self, field: str, ask: Ask) -> bool:
+        try:
+            if field not in NULLS:
+                self._numbers(pa.array([field]), ask)
+        except pa.ArrowInvalid:
+            return False
+        return True

@@ -1,0 +1,77 @@
+"""The artifacts of ``ingest``: written by one stage, loaded by all later ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pneucli.errors import InputError
+from pneucli.io.artifacts import Provenance, read_table, schema_of
+from pneucli.noise import NoiseModel
+from pneucli.quantities import SIGNALS
+from pneucli.recording import Recording
+
+SIGNALS_FILE, RECORDINGS_FILE = "signals.parquet", "recordings.parquet"
+NOISE_FILE, REPAIRS_FILE = "noise.parquet", "repairs.parquet"
+
+
+def signals_schema(names: set[str], provenance: Provenance) -> pa.Schema:
+    """Return the schema of ``signals.parquet``: recording, time, then ``names`` in the nomenclature's order."""
+    ordered = ["time", *(name for name in SIGNALS if name in names and name != "time")]
+    types: dict[str, Any] = {"recording": pa.string()}
+    types |= dict.fromkeys(ordered, pa.float64())
+    return schema_of(types, units={}, schema="pneucli/ingest/signals/1", provenance=provenance)
+
+
+def load_recordings(folder: str | Path) -> list[Recording]:
+    """Return all recordings of an ``ingest`` folder, in the pipeline file's order.
+
+    A signal that a recording does not have is absent; NaN marks samples that were not measured. Raises InputError
+    where the artifacts are missing or damaged.
+    """
+    folder = Path(folder)
+    about = read_table(folder / RECORDINGS_FILE)
+    rows = [dict(zip(about, row, strict=True)) for row in zip(*about.values(), strict=True)]
+    noise = _noise(folder)
+    try:
+        file = pq.ParquetFile(folder / SIGNALS_FILE, memory_map=True)
+        table = file.read()
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(str(folder / SIGNALS_FILE), f"{error}", "", "run ingest again") from error
+    starts = np.concatenate([[0], np.cumsum([int(row["samples"]) for row in rows])])
+    return [
+        _recording(row, table.slice(int(start), int(row["samples"])), noise.get(str(row["name"]), {}))
+        for row, start in zip(rows, starts[:-1], strict=True)
+    ]
+
+
+def _recording(row: dict[str, Any], table: Any, noise: dict[str, NoiseModel]) -> Recording:
+    columns = {name: table[name] for name in table.column_names[1:] if table[name].null_count < table.num_rows}
+    signals = {name: np.asarray(column.to_numpy(), dtype=np.float64) for name, column in columns.items()}
+    return Recording(
+        name=str(row["name"]),
+        experiment=row["experiment"],
+        use=row["use"],
+        time=signals.pop("time"),
+        signals=signals,
+        noise=noise,
+        chamber_2=row["chamber_2"] or None,
+        imposed=row["imposed"] or None,
+        valve_shut=bool(row["valve_shut"]),
+    )
+
+
+def _noise(folder: Path) -> dict[str, dict[str, NoiseModel]]:
+    table = read_table(folder / NOISE_FILE)
+    models: dict[str, dict[str, NoiseModel]] = {}
+    numbers = ("white", "coloured", "pole", "period", "step")
+    for index, (recording, signal) in enumerate(zip(table["recording"], table["signal"], strict=True)):
+        lines = tuple((float(f), float(a)) for f, a in json.loads(str(table["lines"][index])))
+        own = {name: float(table[name][index]) for name in numbers}
+        models.setdefault(str(recording), {})[str(signal)] = NoiseModel(**own, lines=lines)
+    return models

@@ -1,0 +1,188 @@
+"""The look of a text file: encoding, delimiter, decimal mark, header; and its bytes made plain for the CSV parser."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from pneucli.errors import InputError
+from pneucli.io.raw import RawFile
+
+HEAD = 1 << 18
+_COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
+_BLANKS = re.compile(rb"[ \t]+")
+_EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
+_DELIMITERS = ("\t", ";", ",", " ")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks."""
+
+    encoding: str
+    delimiter: str
+    decimal: str
+    skip: int
+    names: tuple[str, ...]
+    units_line: bool = False
+
+    def split(self, line: str) -> list[str]:
+        """Return the fields of one line, without blanks around them."""
+        if self.delimiter == " ":
+            return line.split()
+        return [field.strip() for field in next(csv.reader([line], delimiter=self.delimiter), [])]
+
+
+def layout(raw: RawFile) -> Layout:
+    """Find out how ``raw`` is written; what it states itself is taken as it stands.
+
+    Raises InputError where the file is empty, holds no rows, or is not text.
+    """
+    with raw.path.open("rb") as file:
+        head = file.read(HEAD)
+    if not head.strip():
+        raise InputError(str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out")
+    encoding = raw.encoding or _encoding(raw.path, head)
+    lines = _decode(raw.path, head, encoding).splitlines()
+    if len(head) == HEAD:
+        lines.pop()
+    rows = [n for n, line in enumerate(lines) if n >= raw.skip_rows and line.strip() and not _is_comment(line)]
+    if len(rows) < 1 + raw.header:
+        found = "a header line and no rows" if rows else "no rows"
+        raise InputError(f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out")
+    sample = [lines[n] for n in rows[:20]]
+    delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
+    delimiter = " " if not delimiter.strip(" ") or delimiter in (r"\s+", "whitespace") else delimiter
+    plain = Layout(encoding, delimiter, ".", rows[raw.header], ())
+    return _with_names(raw, plain, [plain.split(line) for line in sample], rows)
+
+
+def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list[int]) -> Layout:
+    first = sample[raw.header]
+    units = raw.header and len(rows) > 2 and not any(map(_numeric, first)) and any(map(_numeric, sample[2]))
+    body = sample[raw.header + units :]
+    names = sample[0] if raw.header else [str(number + 1) for number in range(len(first))]
+    if raw.header and len(body[0]) == len(names) + 1 and not body[0][-1]:
+        names = [*names, ""]  # every row ends with a delimiter, the header does not
+    if raw.header and all(map(_numeric, names)):
+        where = f"{raw.path}, line {rows[0] + 1}"
+        raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
+    decimal = raw.decimal or _decimal(body, plain.delimiter)
+    skip = rows[raw.header + units]
+    return Layout(plain.encoding, plain.delimiter, decimal, skip, tuple(names), units)
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith("#")
+
+
+def _numeric(field: str) -> bool:
+    return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf", field))
+
+
+def _encoding(path: Path, head: bytes) -> str:
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8-sig"),
+        (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    ):
+        if head.startswith(mark):
+            return name
+    if b"\0" in head:
+        if head[1:400:2].count(0) > 150:
+            return "utf-16-le"
+        found = f"byte 0 at position {head.index(0)}: not a text file"
+        raise InputError(
+            str(path), found, "CSV, TDMS, MAT, MDF4, HDF5 or Parquet", "check the file, record or copy it again"
+        )
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def _decode(path: Path, head: bytes, encoding: str) -> str:
+    try:
+        return codecs.getincrementaldecoder(encoding)().decode(head)
+    except LookupError as error:
+        raise InputError(
+            str(path), f'no encoding is called "{encoding}"', 'such as "utf-8"', "change encoding"
+        ) from error
+    except UnicodeDecodeError as error:
+        found = f"byte {head[error.start]:#04x} at position {error.start} is not {encoding}"
+        raise InputError(str(path), found, "a text file", "check the file, or state its encoding") from error
+
+
+def _delimiter(body: list[str], header: str) -> str:
+    """Return the delimiter that cuts all rows alike, and the header with them; a comma that only cuts digits loses."""
+    for delimiter in _DELIMITERS:
+        plain = Layout("", delimiter, "", 0, ())
+        widths = {len(plain.split(line)) for line in body[:-1] or body}
+        if len(widths) == 1 and widths.pop() > 1 and (delimiter != " " or "," not in header or body[0] == header):
+            return delimiter
+    return next((d for d in "\t;," if d in header), ",")
+
+
+def _decimal(body: list[list[str]], delimiter: str) -> str:
+    """A comma is the decimal mark where it cannot be the delimiter and no number has a point."""
+    fields = [field for row in body for field in row if _numeric(field)]
+    comma = delimiter != "," and any("," in field for field in fields)
+    return "," if comma and not any("." in field for field in fields) else "."
+
+
+class PlainStream(io.RawIOBase):
+    """The rows of a text file as plain UTF-8 without comment lines; blanks as delimiters become one tab.
+
+    Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
+    """
+
+    def __init__(self, path: Path, look: Layout) -> None:
+        self._file = path.open("rb", buffering=0)
+        encoded = look.encoding.lower().replace("_", "-")
+        same_bytes = encoded in ("utf-8", "ascii", "cp1252", "latin-1", "iso-8859-1", "iso8859-1", "iso-8859-15")
+        self._decoder = None if same_bytes else codecs.getincrementaldecoder(look.encoding)()
+        self._blanks = look.delimiter == " "
+        self._skip = look.skip
+        self._rest = b""
+        self._ended = False
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        """Return about ``size`` bytes of whole rows; nothing at the end."""
+        while not self._ended:
+            if block := self._plain(self._lines(max(size, HEAD))):
+                return block
+        return b""
+
+    def _lines(self, size: int) -> bytes:
+        block = self._file.read(size)
+        self._ended = not block
+        if self._decoder:
+            block = self._decoder.decode(block, final=self._ended).encode()
+        if self._ended:
+            block, self._rest = self._rest, b""
+            return block
+        end = block.rfind(b"\n") + 1
+        lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
+        return lines
+
+    def _plain(self, block: bytes) -> bytes:
+        while self._skip and block:
+            block = block.partition(b"\n")[2]
+            self._skip -= 1
+        if b"#" in block:
+            block = _COMMENT.sub(b"", block)
+        return _BLANKS.sub(b"\t", _EDGES.sub(b"", block)) if self._blanks else block
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        super().close()

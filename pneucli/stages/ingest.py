@@ -1,0 +1,293 @@
+"""``ingest``: raw files -> checked signals in SI, with their noise, and a list of everything that was repaired."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.config import PipelineConfig, SignalTable, Source, sources
+from pneucli.errors import InputError
+from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
+from pneucli.io.cleaning import Cleaner
+from pneucli.io.raw import Channel, RawFile, Repair
+from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, SIGNALS_FILE, signals_schema
+from pneucli.io.signals import Opened, open_signals
+from pneucli.noise import NoiseModel, estimate, pool
+from pneucli.pipeline.context import Context
+from pneucli.quantities import SIGNALS
+from pneucli.units import factor_and_offset, parse_quantity
+
+NEEDED = {"valve": ("p1",), "friction": ("x",), "axis": ("u", "p1", "x")}
+NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
+FEWEST = 8  # samples that noise is estimated from
+WARNINGS = ("frozen", "saturated", "spike", "gap", "backward", "duplicate", "truncated")
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Ingested:
+    """What came of one raw file."""
+
+    source: Source
+    signals: list[str]
+    sha256: str = ""
+    samples: int = 0
+    period: float = float("nan")
+    start: float = float("nan")
+    end: float = float("nan")
+    noise: dict[str, NoiseModel] = field(default_factory=dict)
+    repairs: list[Repair] = field(default_factory=list)
+
+
+def run(context: Context) -> dict[str, Any]:
+    """Read, clean and write all recordings of the pipeline; return the answer that ``--json`` prints.
+
+    Raises InputError with file, line, what was found, what was wanted, and the mend.
+    """
+    config = context.config
+    found = sources(config)
+    opened = [open_signals(_raw_file(source, config)) for source in found]
+    done = [Ingested(source, _present(source, file)) for source, file in zip(found, opened, strict=True)]
+    names = {name for one in done for name in one.signals}
+    with ThreadPoolExecutor(2) as threads:
+        hashes = {path: threads.submit(sha256_of, path) for path in dict.fromkeys(source.path for source in found)}
+        about = Provenance(None, {"pipeline": config.document})
+        with TableWriter(context.out / SIGNALS_FILE, signals_schema(names, about)) as writer:
+            for number, (one, file) in enumerate(zip(done, opened, strict=True)):
+                context.progress(f"reading {one.source.path.name}", number / len(done))
+                _ingest(one, file, writer, threads)
+                one.sha256 = hashes[one.source.path].result()
+            about = Provenance({str(one.source.path): one.sha256 for one in done}, about.parameters)
+            writer.add_inputs(about)
+    _pool_noise(done)
+    _write_tables(context.out, done, about)
+    return _answer(config, done)
+
+
+def describe(answer: dict[str, Any]) -> str:
+    """Return the answer as text for people."""
+    lines = [
+        f"{one['name']:24} {one['experiment']:9} {one['use']:6} {one['samples']:9d} samples  {' '.join(one['signals'])}"
+        for one in answer["recordings"]
+    ]
+    lines += [
+        f"repaired or noticed: {one['recording']}, {one['signal']}: {one['message']}" for one in answer["repairs"]
+    ]
+    return "\n".join([*lines, *(f"warning: {message}" for message in answer["warnings"])])
+
+
+def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
+    table, ambient = source.table, config.rig.ambient_pressure
+    return RawFile(
+        path=source.path,
+        channels={name: _channel(name, signal, ambient) for name, signal in source.signals.items()},
+        required=source.required,
+        header=table.header,
+        delimiter=table.delimiter,
+        decimal=table.decimal,
+        thousands=table.thousands,
+        encoding=table.encoding,
+        skip_rows=table.skip_rows,
+    )
+
+
+def _channel(name: str, signal: SignalTable, ambient: float) -> Channel:
+    factor, offset = factor_and_offset(signal.unit or SIGNALS[name].unit, ambient_pressure=0.0)
+    above = ambient if signal.gauge else 0.0
+    where = (signal.where.column, signal.where.equals) if signal.where else None
+    return Channel(
+        signal.column,
+        factor * signal.scale,
+        factor * signal.offset + offset + above,
+        where,
+        signal.decimal,
+        signal.thousands,
+    )
+
+
+def _present(source: Source, file: Opened) -> list[str]:
+    """Return the signals of a recording; raises InputError where the experiment cannot do without another one."""
+    table = source.table
+    present = {*file.positions, *table.constants}
+    needed = set(NEEDED[table.experiment])
+    if table.experiment == "valve" and table.valve != "shut":
+        needed.add("u")
+    if table.experiment == "friction" and "force" not in present:
+        needed.add("p1")
+    for name in sorted(needed - present):
+        asked = source.signals.get(name)
+        found = f'no column "{asked.column}" for {name}' if asked else f"{name} is not described"
+        columns = ", ".join(f'"{column}"' for column in file.reader.names[:30])
+        mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
+        wanted = f"{name}, which a {table.experiment} recording needs (columns: {columns})"
+        raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
+    return [name for name in SIGNALS if name in present]
+
+
+def _ingest(one: Ingested, file: Opened, writer: TableWriter, threads: ThreadPoolExecutor) -> None:
+    """Clean one file batch by batch; a batch is written while the next one is read."""
+    cut = _Cut(one.source.table.from_, one.source.table.to, file.reader.place)
+    cleaner = Cleaner(cut.place, _stated_noise(one.source))
+    heads: list[dict[str, Array]] = []
+    writing: Future[None] | None = None
+    for batch in _settled(cleaner, map(cut.apply, file.batches())):
+        rows = batch["time"].size
+        if not rows:
+            continue
+        batch |= {name: np.full(rows, value) for name, value in one.source.table.constants.items()}
+        if sum(head["time"].size for head in heads) < NOISE_SAMPLES:
+            heads.append({name: values[:NOISE_SAMPLES] for name, values in batch.items()})
+            one.start = one.start if np.isfinite(one.start) else float(batch["time"][0])
+        one.end = float(batch["time"][-1])
+        if writing:
+            writing.result()
+        writing = threads.submit(writer.write, {"recording": one.source.name, **batch})
+    if writing:
+        writing.result()
+    one.samples, one.period = cleaner.samples, cleaner.period
+    if one.samples < 2:
+        found, mend = f"{one.samples} usable rows", "check from, to and skip_rows"
+        raise InputError(str(one.source.path), found, "a recording of at least 2 samples", mend)
+    one.repairs = [*file.reader.repairs, *cleaner.repairs()]
+    one.noise = _noise_of(one, heads)
+
+
+def _settled(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
+    for batch in batches:
+        yield cleaner.push(batch)
+    yield cleaner.finish()
+
+
+class _Cut:
+    """The stretch of a file between two instants (s)."""
+
+    def __init__(self, start: float | None, end: float | None, place: Callable[[int], str]) -> None:
+        self._start, self._end, self._place = start, end, place
+        self._before = 0
+
+    def apply(self, batch: dict[str, Array]) -> dict[str, Array]:
+        """Return the rows inside; rows without a stamp stay, to be counted by the cleaner."""
+        if self._start is None and self._end is None:
+            return batch
+        time = batch["time"]
+        inside = ~(time < (-np.inf if self._start is None else self._start))
+        self._before += int(np.count_nonzero(~inside))
+        inside &= ~(time > (np.inf if self._end is None else self._end))
+        return {name: values[inside] for name, values in batch.items()}
+
+    def place(self, row: int) -> str:
+        """Return where a row of the stretch stands in the file."""
+        return self._place(row + self._before)
+
+
+def _stated_noise(source: Source) -> dict[str, float]:
+    stated = {name: signal.noise for name, signal in source.signals.items() if signal.noise is not None}
+    return {name: parse_quantity(noise, SIGNALS[name].unit, difference=True) for name, noise in stated.items()}
+
+
+def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseModel]:
+    """Return the noise of each signal: 0 for constants, as stated, else estimated."""
+    stated = _stated_noise(one.source)
+    time = np.concatenate([head["time"] for head in heads])
+    models = {name: NoiseModel(white=0.0, period=one.period) for name in one.source.table.constants}
+    for name in one.signals:
+        if name == "time" or name in models:
+            continue
+        values = np.concatenate([head[name] for head in heads])
+        if name in stated:
+            models[name] = NoiseModel(white=stated[name], period=one.period)
+        elif np.isfinite(values).sum() >= FEWEST:
+            models[name] = estimate(*_measured(time, values))
+    return models
+
+
+def _measured(time: Array, values: Array) -> tuple[Array, Array]:
+    """Leave out what was not measured, where a signal has a clock of its own."""
+    finite = np.isfinite(values)
+    return (time, values) if finite.mean() > 0.8 else (time[finite], values[finite])
+
+
+def _pool_noise(done: list[Ingested]) -> None:
+    """Let all recordings of one sensor at one rate share what is known of its noise."""
+    groups: dict[tuple[str, str, int], list[Ingested]] = {}
+    for one in done:
+        for name in one.noise.keys() & one.source.signals.keys():
+            rate = round(float(np.log(one.period)) / 0.1)
+            groups.setdefault((name, repr(one.source.signals[name]), rate), []).append(one)
+    for (name, _, _), members in groups.items():
+        shared = pool([one.noise[name] for one in members])
+        for one in members:
+            one.noise[name] = shared
+
+
+def _write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
+    recordings = [_row(one) for one in done]
+    columns = {key: [row[key] for row in recordings] for key in recordings[0]}
+    units = {"samples": "1", "period": "s"}
+    write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
+    _write_noise(out, done, about)
+    repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
+    names = ("recording", "signal", "kind", "count", "message")
+    listed = dict(zip(names, zip(*repairs, strict=True), strict=True)) if repairs else dict.fromkeys(names, ())
+    table = {name: np.array(values, np.int64) if name == "count" else list(values) for name, values in listed.items()}
+    write_table(out / REPAIRS_FILE, table, units={"count": "1"}, schema="pneucli/ingest/repairs/1", provenance=about)
+
+
+def _row(one: Ingested) -> dict[str, Any]:
+    table = one.source.table
+    return {
+        "name": one.source.name,
+        "experiment": table.experiment,
+        "use": table.use,
+        "chamber_2": table.chamber_2 or "",
+        "imposed": table.imposed or "",
+        "valve_shut": table.valve == "shut",
+        "file": str(one.source.path),
+        "sha256": one.sha256,
+        "samples": one.samples,
+        "period": one.period,
+    }
+
+
+def _write_noise(out: Path, done: list[Ingested], about: Provenance) -> None:
+    """Write a long table, its quantities mixed: the column ``unit`` says what each row is in."""
+    rows = [(one.source.name, name, model) for one in done for name, model in one.noise.items()]
+    numbers = ("white", "coloured", "pole", "period", "step")
+    columns: dict[str, Any] = {
+        "recording": [row[0] for row in rows],
+        "signal": [row[1] for row in rows],
+        "unit": [SIGNALS[row[1]].unit for row in rows],
+        **{key: np.array([getattr(row[2], key) for row in rows], np.float64) for key in numbers},
+        "lines": [json.dumps(row[2].lines) for row in rows],
+    }
+    units = {"white": "column unit", "coloured": "column unit", "pole": "1", "period": "s", "step": "column unit"}
+    write_table(out / NOISE_FILE, columns, units=units, schema="pneucli/ingest/noise/1", provenance=about)
+
+
+def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
+    seen = {name for one in done for name in one.signals}
+    unused = [name for name in config.signals.present() if name not in seen]
+    repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
+    warnings = [f"{r['recording']}, {r['signal']}: {r['message']}" for r in repairs if r["kind"] in WARNINGS]
+    warnings += [f"[signals] {name}: no recording takes it from a column" for name in unused]
+    return {
+        "schema": "pneucli/ingest/1",
+        "pipeline": config.name,
+        "recordings": [_summary(one) for one in done],
+        "repairs": repairs,
+        "warnings": warnings,
+    }
+
+
+def _summary(one: Ingested) -> dict[str, Any]:
+    noise = {name: {"rms": model.rms, "unit": SIGNALS[name].unit} for name, model in one.noise.items()}
+    more = {"signals": one.signals, "from": one.start, "to": one.end, "noise": noise}
+    return {**_row(one), **more}
