@@ -27,7 +27,8 @@ from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
 from pneucli.simulate import kernel, layout
 
-START, END = "# --- ports (replaced by the effects' equations) ---", "# --- end of ports ---"
+END = "# --- end of ports ---"
+ENTRIES = ("run", "run_imposed")
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def source(effects: Sequence[Effect], *, compiled: bool = True) -> str:
 
 def _mark(match: re.Match[str]) -> str:
     """Return the decorated ``def``; all but the outermost function are inlined, as calls with arrays are dear."""
-    how = "cache=True, nogil=True" if match[1] == "run" else "forceinline=True"
+    how = "cache=True, nogil=True" if match[1] in ENTRIES else "forceinline=True"
     return f"@njit({how}, error_model='numpy')\ndef "
 
 

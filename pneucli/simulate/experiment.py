@@ -14,13 +14,14 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.smooth import LinearSmoother, kinematics, local_lines
+from pneucli.simulate.smooth import LinearSmoother, kinematics, local_fits
 
 Array = NDArray[np.float64]
 
 PRESSURES = ("p1", "p2", "p_supply")
 OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T}
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
+RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
 U_MAX = 10.0  # V, half the range of the area's table
 Fusion = Callable[[Array, Array], tuple[Array, Array, float]]
@@ -89,14 +90,19 @@ class Experiment:
         p1, p2 = self.raw.get("p1", ambient), self.raw.get("p2", ambient)
         return np.asarray(a1 * (p1 - ambient) - a2 * (p2 - ambient))
 
-    def filtered(self, values: Array) -> Array:
-        """Return values low-passed without phase shift, where the comparison asks for it."""
-        if self.low_pass is None:
-            return values
+    def net_pressure_noise(self, noise: Mapping[str, Array]) -> Array:
+        """Return what the pressures' noise adds to that force."""
+        a1 = self.rig.piston_area_1 or 0.0
+        a2 = a1 if self.rig.piston_area_2 is None else self.rig.piston_area_2
+        zero = np.zeros(self.time.size)
+        return np.asarray(a1 * noise.get("p1", zero) - a2 * noise.get("p2", zero))
+
+    def filtered(self, values: Array, wider: float = 1.0) -> Array:
+        """Return values low-passed without phase shift, where the comparison asks for it (at ``wider`` times it)."""
         nyquist = 0.5 / self.recording.period
-        if self.low_pass >= nyquist:
+        if self.low_pass is None or wider * self.low_pass >= nyquist:
             return values
-        sections = butter(4, self.low_pass / nyquist, output="sos")
+        sections = butter(4, wider * self.low_pass / nyquist, output="sos")
         return np.asarray(sosfiltfilt(sections, values))
 
     def active(self, effects: tuple[Effect, ...]) -> list[str]:
@@ -114,7 +120,7 @@ class Experiment:
 
     def draw_noise(self, rng: np.random.Generator) -> dict[str, Array]:
         """Return one realisation of every sensor's noise."""
-        return {name: model.draw(self.time, rng) for name, model in self.noise.items()}
+        return _draw(self.noise, self.time, rng)
 
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""
@@ -127,16 +133,24 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     noise = {n: recording.noise.get(n) or estimate(recording.time, recording[n]) for n in raw}
     enough = recording.time.size >= SMOOTHED_FROM
     smoothers = {
-        n: local_lines(raw[n], noise[n], recording.period) for n in (*PRESSURES, "x", "force") if n in raw and enough
+        n: local_fits(raw[n], noise[n], recording.period) for n in (*PRESSURES, "x", "force") if n in raw and enough
     }
     fusion = None
     if enough and "x" in raw and "a" in raw:
         fusion = kinematics(recording.time, max(noise["x"].rms, 1e-9), max(noise["a"].rms, 1e-9))
     inputs = smooth(raw, smoothers, fusion, recording.time)
+    if "x" in raw:
+        drawn = smooth(_draw(noise, recording.time, np.random.default_rng(0)), smoothers, fusion, recording.time)
+        at_rest = np.abs(inputs[:, at.IN_V]) < RESTING * np.std(drawn[:, at.IN_V])
+        inputs[at_rest, at.IN_V] = 0.0
     _stand_ins(inputs, recording, rig)
     flags = _flags(recording, raw, noise)
     starts = restarts(recording.time, horizon)
     return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass)
+
+
+def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
+    return {name: model.draw(time, rng) for name, model in noise.items()}
 
 
 def smooth(

@@ -474,3 +474,26 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             p2, dp2, m2, T2 = chamber_step(
                 p2, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, q_in, q_out, hot, base, th, on
             )
+
+
+def run_imposed(time, x, v, a, p1, p2, v_still, base_values, th_values, on_values, out):
+    """Write the driving force in N that the model needs for a given motion, shape (n,).
+
+    Within ``v_still`` dry friction goes through zero in a straight line: what it is at rest, motion does not tell.
+    """
+    base, th, on = scalars(base_values, th_values, on_values)
+    m = base[MASS] + mass(th, on)
+    stiffness = bristle_stiffness(th, on)
+    z = 0.0
+    for k in range(time.size):
+        direction = 1.0 if v[k] >= 0.0 else -1.0
+        rising, falling = friction_levels(direction, abs(v[k]), x[k], p1[k], p2[k], base, th, on)
+        level = falling if a[k] * direction < 0.0 else rising
+        c = base[VISCOUS] * viscous_factor(direction, th, on)
+        friction = level * min(max(v[k] / v_still, -1.0), 1.0)
+        if stiffness > 0.0:
+            h = time[k] - time[k - 1] if k > 0 else 0.0
+            rate = stiffness * abs(v[k]) / level
+            z = (z + h * v[k]) / (1.0 + h * rate)
+            friction = stiffness * z + bristle_damping(th, on) * (v[k] - rate * z)
+        out[k] = m * a[k] + friction + c * v[k] - force(x[k], v[k], base[STROKE], th, on)

@@ -1,0 +1,51 @@
+"""What a correct model would show: sensor noise, and the noise of restart states and inputs carried through the model.
+
+The sensors' noise is drawn from its identified model, passed through the same smoothing as the measurement, and the
+recording is simulated with it; the smoothing being linear, the draws need no truth. (Interface, section 3.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment, smooth
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import outputs
+
+Array = NDArray[np.float64]
+DRAWS = 6
+SEED = 20151
+
+
+def deviations(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, Array]:
+    """Return draws of (measured - model) of a correct model, shape (draws, n) for each channel."""
+    rng = np.random.default_rng(seed)
+    nominal = outputs(model, experiment)
+    drawn: dict[str, list[Array]] = {channel: [] for channel in experiment.channels}
+    for _ in range(draws):
+        noise = experiment.draw_noise(rng)
+        shift = smooth(noise, experiment.smoothers, experiment.fusion, experiment.time)
+        inputs = experiment.inputs + shift
+        inputs[experiment.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0  # rest is seen as rest, whatever the noise
+        disturbed = outputs(model, experiment, inputs, noise)
+        for channel in experiment.channels:
+            reading = _reading_noise(experiment, channel, noise, shift)
+            drawn[channel].append(experiment.filtered(reading) - (disturbed[channel] - nominal[channel]))
+    return {channel: np.array(rows) for channel, rows in drawn.items()}
+
+
+def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array], shift: Array) -> Array:
+    if channel in noise:
+        return noise[channel]
+    if channel == "v":
+        return shift[:, at.IN_V]
+    return experiment.net_pressure_noise(noise)
+
+
+def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, float]:
+    """Return the rms deviation by channel that a correct model would show, never below the sensor's own noise."""
+    rms = {c: float(np.sqrt(np.mean(d**2))) for c, d in deviations(model, experiment, draws, seed).items()}
+    low_pass = experiment.low_pass is not None
+    return {c: max(r, 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms) for c, r in rms.items()}

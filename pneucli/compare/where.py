@@ -1,0 +1,118 @@
+"""Where the error stands: the stretch of each signal that holds more of it than its share of the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.compare.channels import Comparison
+from pneucli.quantities import LOCATORS, SIGNALS
+from pneucli.simulate import layout as at
+
+Array = NDArray[np.float64]
+
+BINS = 20
+REMARKABLE = 2.0  # times its share of the samples
+LARGEST_REGIONS = 40
+
+
+@dataclass(frozen=True)
+class Region:
+    """A stretch of one signal in one recording and the share of the channel's squared error that it holds."""
+
+    recording: str
+    channel: str
+    signal: str
+    from_: float
+    to: float
+    unit: str
+    share_of_error: float
+    share_of_samples: float
+
+    def in_words(self) -> str:
+        """Return a sentence for a person."""
+        quantity = SIGNALS.get(self.signal)
+        name = quantity.title if quantity else {"direction": "direction of motion", "p_ratio": "pressure ratio"}[self.signal]
+        return (
+            f"{100 * self.share_of_error:.0f} % of the error of {self.channel} in {self.recording} stands at "
+            f"{name} {self.from_:.4g} to {self.to:.4g} {self.unit}".rstrip()
+            + f", which holds {100 * self.share_of_samples:.0f} % of the samples"
+        )
+
+
+def locators(comparison: Comparison) -> dict[str, Array]:
+    """Return the signals over which an error may concentrate, each (n,), as measured and smoothed."""
+    e, inputs = comparison.experiment, comparison.experiment.inputs
+    found: dict[str, Array] = {"time": e.time}
+    for name, column in (("u", at.IN_U), ("p1", at.IN_P1), ("p2", at.IN_P2), ("x", at.IN_X), ("v", at.IN_V)):
+        if name in e.raw or (name == "v" and "x" in e.raw):
+            found[name] = inputs[:, column]
+    if "a" in e.raw:
+        found["a"] = e.raw["a"]
+    if "v" in found:
+        still = 1e-3 * float(np.max(np.abs(found["v"])) or 1.0)
+        found["direction"] = np.where(np.abs(found["v"]) < still, 0.0, np.sign(found["v"]))
+    if {"u", "p1"} <= found.keys() and not e.recording.valve_shut:
+        filling = found["u"] > 0
+        ratio = np.where(filling, found["p1"] / inputs[:, at.IN_SUPPLY], e.rig.ambient_pressure / found["p1"])
+        found["p_ratio"] = np.where(found["u"] == 0, np.nan, ratio)
+    return {name: found[name] for name in LOCATORS if name in found}
+
+
+def find_regions(comparisons: Sequence[Comparison], at_least: float = 1.2) -> list[Region]:
+    """Return the regions that hold at least twice their share of the error, worst first.
+
+    Channels whose error is below ``at_least`` times the noise have none: there is nothing to find.
+    """
+    regions = []
+    for comparison in comparisons:
+        for result in comparison.results:
+            if not result.ratio_to_noise >= at_least:
+                continue
+            squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
+            weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
+            for signal, values in locators(comparison).items():
+                region = _worst_stretch(values, squared)
+                if region is not None:
+                    regions.append((weight * (region[2] - region[3]), _region(comparison, result.channel, signal, region)))
+    return [region for _, region in sorted(regions, key=lambda r: -r[0])][:LARGEST_REGIONS]
+
+
+def _region(comparison: Comparison, channel: str, signal: str, found: tuple[float, float, float, float]) -> Region:
+    unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
+    return Region(comparison.experiment.recording.name, channel, signal, found[0], found[1], unit, found[2], found[3])
+
+
+def _worst_stretch(values: Array, squared: Array) -> tuple[float, float, float, float] | None:
+    """Return (from, to, share of error, share of samples) of the run of bins with the largest excess of error.
+
+    The largest sum of (share of error - share of samples) over neighbouring bins (Kadane's algorithm).
+    """
+    seen = np.isfinite(values)
+    low, high = (float(np.min(values[seen])), float(np.max(values[seen]))) if seen.any() else (0.0, 0.0)
+    total = float(squared.sum())
+    if high <= low or total <= 0:
+        return None
+    edges = np.linspace(low, high, BINS + 1)
+    place = np.clip(np.digitize(values[seen], edges) - 1, 0, BINS - 1)
+    error = np.bincount(place, squared[seen], BINS) / total
+    samples = np.bincount(place, minlength=BINS) / values.size
+    first, last = _largest_run(error - samples)
+    share, count = float(error[first : last + 1].sum()), float(samples[first : last + 1].sum())
+    if share < REMARKABLE * count:
+        return None
+    return float(edges[first]), float(edges[last + 1]), share, count
+
+
+def _largest_run(gain: Array) -> tuple[int, int]:
+    best, run, start, span = -np.inf, 0.0, 0, (0, 0)
+    for i, g in enumerate(gain):
+        if run <= 0:
+            run, start = 0.0, i
+        run += g
+        if run > best:
+            best, span = run, (start, i)
+    return span

@@ -1,0 +1,59 @@
+"""Imposed motion: the force that the model needs for the measured motion, against the force that was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import base_vector, kernel_for
+
+Array = NDArray[np.float64]
+
+
+def motion(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> tuple[Array, Array, Array]:
+    """Return x, v, a of the measured motion, each (n,); derived from x where they were not measured.
+
+    With a low-pass, x is filtered by it at twice its frequency before it is differentiated: what the comparison's
+    own filter takes away is not needed, and differentiated noise would come back through the friction's sign.
+    """
+    time, raw = experiment.time, experiment.raw
+    x = raw["x"] if noise is None else raw["x"] + noise.get("x", 0.0)
+    if experiment.fusion is not None:
+        x, v, _ = experiment.fusion(x, raw["a"])
+        return x, v, raw["a"]
+    if experiment.low_pass is not None:
+        x = experiment.filtered(x, 2.0)
+    elif "x" in experiment.smoothers:
+        x = experiment.smoothers["x"](x)
+    v = raw["v"] if "v" in raw else np.gradient(x, time)
+    return x, v, raw["a"] if "a" in raw else np.gradient(v, time)
+
+
+def imposed_force(model: Model, experiment: Experiment, noise: Mapping[str, Array] | None = None) -> Array:
+    """Return the force in N, shape (n,): the driving force, or without one the net force of the pressures.
+
+    Where both are measured, the force of the pressures counts as known and the driving force is compared.
+    """
+    kernel = kernel_for(model.effects)
+    x, v, a = motion(experiment, noise)
+    p1, p2 = experiment.inputs[:, at.IN_P1].copy(), experiment.inputs[:, at.IN_P2].copy()
+    out = np.zeros(experiment.time.size)
+    base, th = base_vector(model, experiment), kernel.vector(model.effect_values())
+    on = kernel.switches(experiment.active(model.effects))
+    kernel.functions.run_imposed(experiment.time, x, v, a, p1, p2, v_still(experiment, v), base, th, on, out)
+    if "force" in experiment.recording:
+        area_1, area_2 = base[at.AREA_1], base[at.AREA_2]
+        out -= area_1 * (p1 - base[at.AMBIENT]) - area_2 * (p2 - base[at.AMBIENT])
+    return out
+
+
+def v_still(experiment: Experiment, v: Array) -> float:
+    """Return the speed in m/s below which the measured motion does not tell its direction."""
+    period = experiment.recording.period
+    noise = experiment.noise["x"].rms / period if "x" in experiment.noise else 0.0
+    return float(min(max(noise, 1e-6), 0.05 * np.max(np.abs(v)) + 1e-9))
