@@ -1,0 +1,94 @@
+"""Units as laboratories write them; pint is the independent witness."""
+
+import math
+
+import pint
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pneucli.errors import UnitError
+from pneucli.units import factor_and_offset, parse_quantity, parse_unit, same_dimension
+
+WITNESS = pint.UnitRegistry()
+
+
+@pytest.mark.parametrize(
+    ("unit", "pint_unit"),
+    [
+        ("m/s2", "m/s**2"),
+        ("m s⁻²", "m/s**2"),
+        ("mm2", "mm**2"),
+        ("cm^3", "cm**3"),
+        ("l/min", "liter/minute"),
+        ("psi", "psi"),
+        ("hPa", "hPa"),
+        ("J/(kg K)", "J/(kg*K)"),
+        ("kg/(s Pa)", "kg/(s*Pa)"),
+        ("N s/m", "N*s/m"),
+        ("1/bar", "1/bar"),
+        ("W/K", "W/K"),
+        ("kHz", "kHz"),
+        ("µm", "um"),
+        ("lbf", "lbf"),
+        ("mmHg", "mmHg"),
+        ("ft", "ft"),
+    ],
+)
+def test_factors_agree_with_pint(unit: str, pint_unit: str) -> None:
+    witness = WITNESS.Quantity(1.0, pint_unit).to_base_units().magnitude
+    assert factor_and_offset(unit) == (pytest.approx(witness, rel=1e-9), 0.0)
+
+
+@pytest.mark.parametrize("unit", ["degC", "°C", "℃"])
+def test_celsius_has_its_zero_at_273_15_kelvin(unit: str) -> None:
+    assert parse_quantity(f"20 {unit}", "K") == pytest.approx(293.15)
+    assert parse_quantity(f"0.1 {unit}", "K", difference=True) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("unit", ["barg", "bar(g)", "bar (g)", "bar_g", "barü", "bar gauge"])
+def test_gauge_units_stand_on_ambient_pressure(unit: str) -> None:
+    assert parse_unit(unit).gauge
+    assert parse_quantity(f"6 {unit}", "Pa", ambient_pressure=98_000.0) == pytest.approx(698_000.0)
+
+
+@pytest.mark.parametrize("unit", ["bara", "bar(a)", "bar abs"])
+def test_absolute_units_do_not(unit: str) -> None:
+    assert parse_quantity(f"6 {unit}", "Pa", ambient_pressure=98_000.0) == pytest.approx(600_000.0)
+
+
+@given(st.floats(-1e9, 1e9))
+def test_a_bare_number_is_si(number: float) -> None:
+    assert parse_quantity(number, "Pa") == number
+    assert parse_quantity(repr(number), "Pa") == number
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(["bar", "kPa", "psi", "mbar"]))
+def test_text_with_unit_scales(number: float, unit: str) -> None:
+    assert parse_quantity(f"{number!r} {unit}", "Pa") == pytest.approx(number * factor_and_offset(unit)[0], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("7 baar", 'did you mean "bar"'),
+        ("7 kg", "dimension of Pa"),
+        ("7,5 bar", "decimal comma"),
+        ("bar", "not a quantity"),
+        ("7 bar)", "bracket"),
+        ("7 (bar", "bracket"),
+        ("7 bar//s", "operator"),
+        ("7 bar/", "incomplete"),
+        (True, "not a quantity"),
+        (math.inf, "not finite"),
+    ],
+)
+def test_what_cannot_be_read_says_why(text: object, says: str) -> None:
+    with pytest.raises(UnitError) as error:
+        parse_quantity(text, "Pa")  # type: ignore[arg-type]
+    assert says in str(error.value)
+
+
+def test_dimensions_are_compared_not_names() -> None:
+    assert same_dimension("N/m^2", "bar")
+    assert not same_dimension("N", "bar")
