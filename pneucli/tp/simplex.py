@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-13
 _STARTS = 16  # measured: the smallest simplex of the two-parameter friction case is found from most of them
 _HULL_DIMENSIONS = 5  # beyond, the hull costs more than it saves
 
@@ -35,14 +36,14 @@ class Frame:
 def affine_frame(basis: Array, values: Array, tolerance: float) -> Frame:
     """Place the rows of ``basis`` (n, r), whose columns weigh ``values`` (r,), in their affine hull.
 
-    Directions that carry less than ``tolerance`` of the first singular value are left out: d = r - 1 where the
-    constant lies in the span of the columns, else d = r.
+    Directions that carry less than ``tolerance`` of the first singular value, or that rounding hides, are left out:
+    d = r - 1 where the constant lies in the span of the columns, else d = r.
     """
     safe = np.where(values > 0, values, 1.0)
     rows = basis * safe
     mean = rows.mean(axis=0)
     left, spread, right = np.linalg.svd(rows - mean, full_matrices=False)
-    d = int(np.count_nonzero(spread > tolerance * safe[0]))
+    d = int(np.count_nonzero(spread > max(tolerance, _ROUNDING) * safe[0]))
     unit = np.sqrt(len(basis))
     back = np.vstack((spread[:d, None] * right[:d] / unit, mean)) / safe
     return Frame(left[:, :d] * unit, back)

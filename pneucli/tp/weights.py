@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 WeightType = Literal["snnn", "ino", "no", "cno", "irno", "mvs"]
 
 ROUNDING = 1e-12  # to which sums, signs, minima and maxima hold
+_DIMENSIONS = 8  # measured: 3 s at 5, 8 s at 6
 _CONTACT = 1e-7  # a sample this near a facet touches it
 
 
@@ -49,7 +50,8 @@ class Violation:
 def convex_weights(frame: sx.Frame, weight_type: WeightType) -> tuple[Array, Array]:
     """Return weights ``(n, d + 1)`` and the vertices ``(d + 1, r)`` with ``weights @ vertices = basis`` of the frame.
 
-    Raises ``InputError`` where the type is unknown or does not exist for these points (``no``, rarely ``irno``).
+    Raises ``InputError`` where the type is unknown or does not exist for these points (``no``, rarely ``irno``),
+    or would take more than nine vertices and a search.
     """
     known = get_args(WeightType)
     if weight_type not in known:
@@ -65,6 +67,11 @@ def _simplex(h: Array, weight_type: WeightType) -> Array:
         return np.ones((1, 1))
     if d == 1:
         return sx.tighten(h, sx.spanned_simplex(h))
+    if d > _DIMENSIONS and weight_type in ("cno", "irno", "mvs"):
+        wanted = f"at most {_DIMENSIONS + 1}: the search would not end"
+        raise InputError(
+            f"weight type {weight_type}", f"{d + 1} vertices", wanted, "bound the rank (noise has full rank)"
+        )
     makers: dict[WeightType, Callable[[Array], Array]] = {
         "snnn": sx.regular_simplex,
         "ino": lambda rows: sx.tighten(rows, sx.spanned_simplex(rows)),

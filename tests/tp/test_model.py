@@ -105,3 +105,17 @@ def test_scaling_must_be_known_and_positive():
     for scaling in ("peaks", 0.0):
         with pytest.raises(InputError, match="scaling"):
             transform(CASES["a"].samples, CASES["a"].grids, scaling=scaling)
+
+
+def test_exact_decomposition_keeps_all_singular_values_but_no_vertex_of_rounding():
+    case = CASES["d"]
+    model = transform(case.samples, case.grids, "mvs", tolerance=0)
+    assert [s.rank for s in model.spectra] == [41, 31, 21]
+    assert model.vertices.shape == (2, 2, 2, 3, 3)
+    assert check(model) == []
+
+
+def test_noise_of_full_rank_is_refused_rather_than_searched():
+    noise = np.random.default_rng(0).standard_normal((30, 30))
+    with pytest.raises(InputError, match="bound the rank"):
+        transform(noise, [np.arange(30.0)] * 2, "mvs")
