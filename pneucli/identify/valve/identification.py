@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
-from pneucli.identify.valve.fit import Fit, fit_law, simulate
+from pneucli.identify.valve.fit import Fit, fit_law, sensitivities, simulate
 from pneucli.identify.valve.iso import IsoConductance, iso_conductance
 from pneucli.identify.valve.law import LEAK, Direction, Law
 from pneucli.identify.valve.maps import (
@@ -143,7 +143,7 @@ def identify_valve(recordings: Sequence[Recording], rig: Rig) -> ValveIdentifica
         leak=law.leak(fit.theta, p),
         iso=iso_conductance(law, fit, data, rig) if rig.vessel_volume else (),
         volume=rig.vessel_volume,
-        residual_rms={r.name: _residual_rms(law, fit, r, rig) for r in tests},
+        residual_rms=_residual_rms(law, fit, cut(tests, rig.supply_pressure), tests),
         noise_rms=float(np.sqrt(np.sum(residuals**2) / data.valid.sum())),
         law=law,
         fit=fit,
@@ -236,15 +236,15 @@ def _covered(data: Stretches, u: Array, p: Array) -> NDArray[np.bool_]:
     return covered
 
 
-def _residual_rms(law: Law, fit: Fit, recording: Recording, rig: Rig) -> float:
-    """Return the rms deviation (Pa) over the recording's stretches, whose start pressures are free."""
-    data = cut([recording], rig.supply_pressure)
-    start = data.p[: max(1, round(0.02 / recording.period))].mean(axis=0)
-    simulated = simulate(law, fit.theta, start, data)
+def _residual_rms(law: Law, fit: Fit, data: Stretches, recordings: Sequence[Recording]) -> dict[str, float]:
+    """Return the rms deviation (Pa) over each recording's stretches, whose start pressures are fitted."""
+    start = np.nanmean(data.p[:10], axis=0)
     for _ in range(2):
-        error = np.where(data.valid, data.p - simulated, 0.0)
-        ahead = (simulate(law, fit.theta, start + 100.0, data) - simulated) / 100.0
-        ahead = np.where(data.valid, ahead, 0.0)
-        start = start + (ahead * error).sum(axis=0) / np.maximum((ahead**2).sum(axis=0), 1e-12)
         simulated = simulate(law, fit.theta, start, data)
-    return float(np.sqrt(np.mean((data.p - simulated)[data.valid] ** 2)))
+        error = np.where(data.valid, data.p - simulated, 0.0)
+        ahead = np.where(data.valid, sensitivities(law, fit.theta, simulated, data)[1], 0.0)
+        start = start + (ahead * error).sum(axis=0) / (ahead**2).sum(axis=0)
+    error = np.where(data.valid, data.p - simulate(law, fit.theta, start, data), 0.0)
+    power = np.bincount(data.recording, weights=(error**2).sum(axis=0), minlength=len(recordings))
+    samples = np.bincount(data.recording, weights=data.valid.sum(axis=0), minlength=len(recordings))
+    return {r.name: float(np.sqrt(power[k] / samples[k])) for k, r in enumerate(recordings) if samples[k]}

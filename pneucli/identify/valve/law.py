@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX
@@ -28,8 +27,16 @@ EDGE = 5e-4  # of the largest command: half width over which the area leaves zer
 
 def flow_function(r: Array) -> Array:
     """Return Psi'(r) (thesis 2.42, 2.43), linear to zero over the last ``LAMINAR`` before r = 1."""
-    s = (np.clip(r, CRITICAL_RATIO, 1 - LAMINAR) - CRITICAL_RATIO) / (1 - CRITICAL_RATIO)
+    s = (np.minimum(np.maximum(r, CRITICAL_RATIO), 1 - LAMINAR) - CRITICAL_RATIO) / (1 - CRITICAL_RATIO)
     return np.asarray(PSI_MAX * np.sqrt(1 - s * s) * np.minimum(1.0, (1 - r) / LAMINAR))
+
+
+def polynomial(x: Array, coefficients: Array) -> Array:
+    """Return sum c_k x^k; ``coefficients`` has the powers along its first axis."""
+    value = coefficients[-1]
+    for c in coefficients[-2::-1]:
+        value = value * x + c
+    return np.asarray(value)
 
 
 @dataclass(frozen=True)
@@ -108,12 +115,12 @@ class Law:
     def flow(self, log_area: Array, shape: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return the gradient that flow through the valve makes (Pa/s)."""
         signed, r = self.ratio(u, p, supply)
-        correction = polyval(2 * r - 1, shape, tensor=False)
+        correction = polynomial(2 * r - 1, shape)
         return np.asarray(self.gain * signed * flow_function(r) * np.exp(log_area + correction))
 
     def leak(self, theta: Array, p: Array) -> Array:
         """Return l(p) in Pa/s, a cubic in p, constant outside ambient to supply."""
-        return np.asarray(self.scale * polyval(self._relative(p), theta[-LEAK:]))
+        return np.asarray(self.scale * polynomial(self._relative(p), theta[-LEAK:]))
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s; all arrays of one shape."""
@@ -138,4 +145,4 @@ class Law:
         return out
 
     def _relative(self, p: Array) -> Array:
-        return np.asarray(np.clip((p - self.ambient) / (self.supply - self.ambient), 0, 1))
+        return np.asarray(np.minimum(np.maximum((p - self.ambient) / (self.supply - self.ambient), 0.0), 1.0))
