@@ -104,14 +104,14 @@ class Cleaner:
         infinite = bad[np.isinf(values[bad])]
         self._count(name, "infinite", infinite.size)
         self._count(name, "nan", bad.size - infinite.size)
-        spikes = find_spikes(values, self._noise.get(name, 0.0)) if name not in COMMANDS else infinite[:0]
+        values = _without(values, infinite)
+        if name in COMMANDS:
+            return values
+        spikes = find_spikes(values, self._noise.get(name, 0.0))
         spikes = spikes[(spikes >= start) & (spikes < end)]
         self._count(name, "spike", spikes.size)
-        if spikes.size or infinite.size:
-            values = values.copy()
-            values[np.concatenate([spikes, infinite])] = np.nan
-        if name not in COMMANDS:
-            self._runs.setdefault(name, Runs(name)).see(values[start:end])
+        values = _without(values, spikes)
+        self._runs.setdefault(name, Runs(name)).see(values[start:end])
         return values
 
     def _count(self, signal: str, kind: str, count: int) -> None:
@@ -182,6 +182,15 @@ class _Clock:
 
 def _join(held: Array | None, values: Array) -> Array:
     return values if held is None or not held.size else np.concatenate([held, values])
+
+
+def _without(values: Array, where: NDArray[np.intp]) -> Array:
+    """Return ``values`` with NaN at ``where``; the same array where there is nothing to do."""
+    if not where.size:
+        return values
+    values = values.copy()
+    values[where] = np.nan
+    return values
 
 
 def _out_of_line(time: Array) -> Mask:

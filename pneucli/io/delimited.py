@@ -15,7 +15,7 @@ from pneucli.errors import InputError
 from pneucli.io.raw import Ask, RawFile, Repair, Values
 from pneucli.io.text import Layout, PlainStream, layout
 
-BLOCK = 16 << 20
+BLOCK = 4 << 20
 NULLS = [
     "",
     "-",
@@ -38,7 +38,7 @@ NULLS = [
 
 
 class DelimitedReader:
-    """A delimited text file of any size; rows are read in blocks of 16 MB."""
+    """A delimited text file of any size; rows are read in blocks of 4 MB."""
 
     def __init__(self, raw: RawFile) -> None:
         self._raw = raw

@@ -36,12 +36,15 @@ def open_raw(raw: RawFile) -> Reader:
 
 def _guarded(opener: Callable[[Path], Reader], path: Path, name: str) -> Reader:
     try:
-        return opener(path)
+        reader = opener(path)
     except (InputError, MemoryError):
         raise
     except Exception as error:  # the readers' libraries raise all kinds of things on damaged files
         found = f"cannot be read as {name}: {type(error).__name__}: {error}"
         raise InputError(str(path), found, f"a whole {name} file", "copy or export it again") from error
+    if not reader.names:
+        raise InputError(str(path), "holds no columns of numbers", f"a whole {name} file", "copy or export it again")
+    return reader
 
 
 def _library(module: str, extra: str, path: Path) -> Any:

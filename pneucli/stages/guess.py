@@ -49,7 +49,7 @@ def guess(names: Sequence[str]) -> list[Guess]:
 
 
 def _guess(column: str, taken: set[str]) -> Guess | None:
-    stem, unit = _stem_and_unit(column.rsplit("/", 1)[-1])
+    stem, unit = _stem_and_unit(re.sub(r"^[^\[(]*/", "", column))
     for signal, words in _WORDS.items():
         fits = unit == "" or same_dimension(unit, SIGNALS[signal].unit)
         if signal not in taken and fits and re.fullmatch(words, stem, re.IGNORECASE):

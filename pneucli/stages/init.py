@@ -66,9 +66,11 @@ def _from_raw(directory: Path, guesses: dict[Path, list[Guess]]) -> str:
         raise InputError(str(next(iter(guesses))), "no column looks like time", "such as t [ms]", f"columns: {columns}")
     lines = ["# Guessed from the raw files' columns: check every line.", "[pipeline]"]
     lines += [f"name = {_quoted(directory.resolve().name)}", "", "[rig]", 'ambient_pressure = "1.013 bar"  # absolute']
-    lines += ["", "[signals]", *(_signal(signals[name]) for name in signals)]
+    lines += ["", "[signals]", *(_signal(one) for one in signals.values())]
     for path, found in guesses.items():
         lines += ["", *_recording(directory, path, {one.signal for one in found})]
+        own = [_signal(one) for one in found if one.signal and one != signals[one.signal]]
+        lines += ["[recordings.signals]", *own] * bool(own)
     return "\n".join([*lines, "", "[model]", "effects = []", ""])
 
 

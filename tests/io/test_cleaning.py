@@ -1,0 +1,148 @@
+"""Cleaning: faults are found and counted, good data pass bit by bit, batches make no difference."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pneucli.errors import InputError
+from pneucli.io.cleaning import Cleaner
+
+N = 2000
+
+
+def signal(seed: int = 0, noise: float = 400.0) -> dict[str, np.ndarray]:
+    """Charge and rest of a chamber, sensor noise of 400 Pa (one of the levels of the measurement cases)."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(N) * 1e-3
+    charge = 1e5 + 5e5 * (1 - np.exp(-np.maximum(time - 0.3, 0) / 0.2))
+    return {"time": time, "p1": charge + noise * rng.standard_normal(N), "u": np.where(time > 0.3, 10.0, 0.0)}
+
+
+def clean(batch: dict[str, np.ndarray], *cuts: int) -> tuple[dict[str, np.ndarray], dict[tuple[str, str], int]]:
+    cleaner = Cleaner(lambda row: f"row {row}")
+    edges = [0, *sorted(cuts), len(batch["time"])]
+    parts = [
+        cleaner.push({name: values[start:end] for name, values in batch.items()}) for start, end in pairwise(edges)
+    ]
+    parts.append(cleaner.finish())
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in batch}
+    return joined, {(one.signal, one.kind): one.count for one in cleaner.repairs()}
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    noise=st.sampled_from([0.0, 5.0, 400.0, 5000.0]),
+    step=st.sampled_from([0.0, 100.0, 2000.0]),
+    cuts=st.lists(st.integers(0, N), max_size=4),
+)
+def test_good_data_pass_bit_by_bit_in_any_batches(seed: int, noise: float, step: float, cuts: list[int]) -> None:
+    good = signal(seed, noise)
+    if step:
+        good["p1"] = np.round(good["p1"] / step) * step
+    cleaned, repairs = clean(good, *cuts)
+    for name, values in good.items():
+        np.testing.assert_array_equal(cleaned[name], values)
+    assert repairs == {}
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    at=st.integers(20, N - 21),
+    width=st.integers(1, 3),
+    height=st.sampled_from([-2e6, 2e5, 1e9]),
+    cuts=st.lists(st.integers(0, N), max_size=3),
+)
+def test_spikes_become_nan_and_nothing_else_does(at: int, width: int, height: float, cuts: list[int]) -> None:
+    cuts = [
+        cut
+        for cut in cuts
+        if 32 < cut < N - 32 and min((abs(cut - other) for other in cuts if other != cut), default=99) > 32
+    ]
+    bad = signal()
+    bad["p1"][at : at + width] += height
+    cleaned, repairs = clean(bad, *cuts)
+    assert np.flatnonzero(np.isnan(cleaned["p1"])).tolist() == list(range(at, at + width))
+    assert repairs == {("p1", "spike"): width}
+
+
+def test_a_command_may_pulse() -> None:
+    pulsed = signal()
+    pulsed["u"][500] = -10.0
+    assert clean(pulsed)[1] == {}
+
+
+def test_an_impact_that_rings_is_no_spike() -> None:
+    rung = signal(noise=1.0)
+    rung["p1"] = np.random.default_rng(1).standard_normal(N)
+    rung["p1"][900:930] += 300 * np.exp(-np.arange(30) / 6) * np.cos(2 * np.arange(30))
+    assert clean(rung)[1] == {}
+
+
+def test_time_stamps_are_put_right_and_counted() -> None:
+    bad = signal()
+    bad["time"][100] = bad["time"][99]  # repeated
+    bad["time"][200] = bad["time"][190]  # fell back
+    bad["time"][300] += 5.0  # ran ahead
+    bad["time"][400] = np.nan
+    cleaned, repairs = clean(bad)
+    assert np.all(np.diff(cleaned["time"]) > 0)
+    np.testing.assert_array_equal(cleaned["p1"], np.delete(bad["p1"], [100, 200, 300, 400]))
+    assert repairs == {("time", "duplicate"): 1, ("time", "backward"): 2, ("time", "no-stamp"): 1}
+
+
+def test_missing_and_infinite_values_are_counted() -> None:
+    bad = signal()
+    bad["p1"][[5, 6]], bad["p1"][50] = np.nan, np.inf
+    cleaned, repairs = clean(bad)
+    assert np.flatnonzero(np.isnan(cleaned["p1"])).tolist() == [5, 6, 50]
+    assert repairs == {("p1", "nan"): 2, ("p1", "infinite"): 1}
+
+
+def test_gaps_and_jitter_are_noticed_and_kept() -> None:
+    rough = signal()
+    rough["time"][1000:] += 0.7
+    assert clean(rough)[1] == {("time", "gap"): 1}
+    rough["time"] += np.random.default_rng(0).uniform(0, 0.45e-3, N)
+    cleaned, repairs = clean(rough)
+    np.testing.assert_array_equal(cleaned["time"], rough["time"])
+    assert repairs["time", "jitter"] > N / 100
+
+
+@pytest.mark.parametrize(("value", "kind"), [(2e5, "frozen"), (7e5, "saturated")])
+def test_a_noisy_channel_that_stands_still_is_noticed_and_kept(value: float, kind: str) -> None:
+    bad = signal()
+    bad["p1"][1500:1600] = value if kind == "saturated" else bad["p1"][1500]
+    cleaned, repairs = clean(bad)
+    np.testing.assert_array_equal(cleaned["p1"], bad["p1"])
+    assert repairs == {("p1", kind): 100}
+
+
+def test_rest_of_a_quiet_channel_is_no_fault() -> None:
+    quiet = signal(noise=0.0)  # at ambient for 0.3 s, exactly
+    assert clean(quiet)[1] == {}
+    piston = {"time": quiet["time"], "x": np.round(np.maximum(quiet["time"] - 1, 0) ** 2, 6)}
+    assert clean(piston)[1] == {}
+
+
+def test_a_position_that_rests_and_then_jumps_was_frozen() -> None:
+    moving = {"time": np.arange(N) * 1e-3, "x": 0.1 * np.arange(N) * 1e-3}
+    moving["x"][500:600] = moving["x"][500]
+    assert clean(moving)[1] == {("x", "frozen"): 100}
+
+
+def test_a_clock_that_starts_anew_is_refused_with_its_row() -> None:
+    bad = signal()
+    bad["time"][1000:] -= 1.0
+    with pytest.raises(InputError, match=r"row 1000: the time goes back from 0\.999 s to 0 s"):
+        clean(bad)
+
+
+def test_a_clock_too_coarse_is_refused() -> None:
+    coarse = signal()
+    coarse["time"] = np.round(coarse["time"], 2)
+    with pytest.raises(InputError, match="more than half of the time stamps repeat"):
+        clean(coarse)
