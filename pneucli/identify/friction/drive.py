@@ -1,0 +1,81 @@
+"""Motion under a given driving force and tabulated friction with hysteresis, sticking exactly (numba)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True)
+def level(table: Array, step: float, speed: float) -> float:
+    """Return friction (N) at ``speed`` from ``table`` at speeds step/2, 3 step/2, ...; held beyond both ends."""
+    at = speed / step - 0.5
+    if at <= 0.0:
+        return float(table[0])
+    k = int(at)
+    if k >= table.size - 1:
+        return float(table[-1])
+    return float(table[k] + (at - k) * (table[k + 1] - table[k]))
+
+
+@njit(cache=True)
+def net(along: float, speed: float, table: Array, step: float, speeding_up: bool) -> tuple[float, bool]:
+    """Return the net force along the motion (N) and the branch; ``table`` is (2, n): speeding up, slowing.
+
+    Where the drive lies between both branches neither holds and the velocity stays (Filippov); where it would agree
+    with both, the branch stays.
+    """
+    rising, falling = level(table[0], step, speed), level(table[1], step, speed)
+    if along > rising and (along >= falling or speeding_up):
+        return along - rising, True
+    if along < falling:
+        return along - falling, False
+    return 0.0, speeding_up
+
+
+@njit(cache=True)
+def acceleration(drive: float, v: float, mass: float, tables: Array, step: float, speeding_up: bool) -> float:
+    """Return dv/dt in m/s^2; ``tables`` is (2, 2, n): toward +x and -x, then the branches. At rest it may hold."""
+    toward = v if v != 0.0 else drive
+    side, direction = (0, 1.0) if toward > 0.0 else (1, -1.0)
+    if v == 0.0:
+        return direction * max(direction * drive - tables[side, 0, 0], 0.0) / mass
+    force, _ = net(direction * drive, direction * v, tables[side], step, speeding_up)
+    return direction * force / mass
+
+
+@njit(cache=True)
+def advance(
+    drive: float, v: float, h: float, mass: float, tables: Array, step: float, speeding_up: bool
+) -> tuple[float, bool]:
+    """Return velocity and branch after h (s) of midpoint steps; a piston that would turn rests first."""
+    if v == 0.0:
+        a = acceleration(drive, v, mass, tables, step, True)
+        return 0.5 * h * (a + acceleration(drive, a * h, mass, tables, step, True)) if a != 0.0 else 0.0, True
+    side, direction = (0, 1.0) if v > 0.0 else (1, -1.0)
+    along, speed = direction * drive, direction * v
+    force, _ = net(along, speed, tables[side], step, speeding_up)
+    middle = max(speed + 0.5 * h * force / mass, 0.0)
+    force, speeding_up = net(along, middle, tables[side], step, speeding_up)
+    return direction * max(speed + h * force / mass, 0.0), speeding_up
+
+
+@njit(cache=True)
+def run(time: Array, drive: Array, v_start: float, mass: float, tables: Array, step: float, h_max: float) -> Array:
+    """Return v (m/s) and a (m/s^2), shape (2, n), at ``time`` (s) under ``drive`` (N), linear between the samples."""
+    out = np.zeros((2, time.size))
+    v, speeding_up = v_start, True
+    for k in range(time.size):
+        out[0, k] = v
+        out[1, k] = acceleration(drive[k], v, mass, tables, step, speeding_up)
+        if k == time.size - 1:
+            break
+        dt = time[k + 1] - time[k]
+        parts = max(1, int(np.ceil(dt / h_max - 1e-9)))
+        for j in range(parts):
+            now = drive[k] + (j + 0.5) / parts * (drive[k + 1] - drive[k])
+            v, speeding_up = advance(now, v, dt / parts, mass, tables, step, speeding_up)
+    return out

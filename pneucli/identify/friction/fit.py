@@ -1,0 +1,156 @@
+"""Fits of friction laws to the equation of motion, robust, with intervals that allow for correlated residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, lsq_linear
+
+from pneucli.identify.friction.values import Z95, Samples, Value
+
+Array = NDArray[np.float64]
+Residual = Callable[[Array], Array]
+
+HUBER = 1.345  # robust standard deviations: 95 % efficient for normal residuals
+SEARCH = 24
+UNITS = {"coulomb": "N", "viscous": "N s/m", "static": "N", "velocity": "m/s", "offset": "N", "mass": "kg"}
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted law: values by name, their covariance in the names' order, and the residuals' robust deviation (N)."""
+
+    names: tuple[str, ...]
+    theta: Array
+    covariance: Array
+    deviation: float
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.theta[self.names.index(name)]) if name in self.names else 0.0
+
+    def values(self) -> dict[str, Value]:
+        """Return every parameter with its interval; forces and masses are kept from leaving their range."""
+        half = Z95 * np.sqrt(np.diag(self.covariance))
+        out = {}
+        for name, value, h in zip(self.names, self.theta, half, strict=True):
+            low = value - h if name == "offset" else max(0.0, value - h)
+            out[name] = Value(float(value), float(low), float(value + h), UNITS[name])
+        return out
+
+
+def law(v: Array, p: Mapping[str, float] | Fit) -> Array:
+    """Return Stribeck friction (3.6) in N without the offset; without ``velocity``, Coulomb and viscous friction."""
+    dry = p["coulomb"] * np.ones_like(v)
+    velocity = p["velocity"]
+    if velocity > 0:
+        dry = dry + (p["static"] - p["coulomb"]) / (1.0 + (v / velocity) ** 2)
+    return np.asarray(dry * np.sign(v) + p["viscous"] * v)
+
+
+def fit_coulomb(samples: Samples, *, offset: bool, mass: bool = False) -> Fit:
+    """Fit drive = mass a + coulomb sign v + viscous v + offset (3.4); the mass only where it is asked for."""
+    s = samples
+    columns = {"coulomb": np.sign(s.v), "viscous": s.v}
+    if offset:
+        columns["offset"] = np.ones(len(s))
+    if mass:
+        columns["mass"] = s.a
+    design = np.column_stack(list(columns.values())) / s.sigma[:, None]
+    target = (s.drive if mass else s.friction) / s.sigma
+    low = [-np.inf if name == "offset" else 0.0 for name in columns]
+    start = lsq_linear(design, target, (low, np.inf)).x
+    return _refine(tuple(columns), lambda p: design @ p - target, start, np.array(low), s)
+
+
+def fit_stribeck(samples: Samples, *, offset: bool) -> Fit:
+    """Fit Stribeck friction (3.6); return Coulomb and viscous friction where a fall with velocity is not there.
+
+    The fall is kept where twice the gain in likelihood, divided by the residuals' correlation (long-run over sample
+    variance), exceeds twice the Schwarz penalty of its two parameters.
+    """
+    s = samples
+    plain = fit_coulomb(s, offset=offset)
+    names = ("coulomb", "viscous", "static", "velocity") + (("offset",) if offset else ())
+    start = _stribeck_start(s, offset=offset)
+    if start is None:
+        return plain
+    speed = np.abs(s.v)
+
+    def residual(p: Array) -> Array:
+        model = law(s.v, dict(zip(names, p, strict=True)))
+        return np.asarray((model + (p[4] if offset else 0.0) - s.friction) / s.sigma)
+
+    low = np.array([0.0, 0.0, 0.0, 0.5 * speed.min(), -np.inf][: len(names)])
+    curved = _refine(names, residual, start, low, s)
+    gain = _cost(plain_residual(plain, s), curved.deviation) - _cost(residual(curved.theta), curved.deviation)
+    inflation = _inflation(residual(curved.theta), s.block)
+    falls = curved["static"] > curved["coulomb"]
+    return curved if falls and 2 * gain / inflation > 4 * np.log(len(s)) else plain
+
+
+def plain_residual(fit: Fit, s: Samples) -> Array:
+    """Return what a fit leaves of the friction force, in standard deviations, shape (n,)."""
+    return np.asarray((law(s.v, fit) + fit["offset"] - s.friction) / s.sigma)
+
+
+def _stribeck_start(s: Samples, *, offset: bool) -> Array | None:
+    """Return the best of a search over the Stribeck velocity, the other parameters by linear least squares."""
+    speed, best = np.abs(s.v), (np.inf, None)
+    lowest = [0.0, 0.0, 0.0] + ([-np.inf] if offset else [])
+    for velocity in np.geomspace(max(speed.min(), 1e-3 * speed.max()), 0.5 * speed.max(), SEARCH):
+        columns = [np.sign(s.v), s.v, np.sign(s.v) / (1 + (s.v / velocity) ** 2)] + [np.ones(len(s))] * offset
+        found = lsq_linear(np.column_stack(columns) / s.sigma[:, None], s.friction / s.sigma, (lowest, np.inf))
+        if found.cost < best[0] and found.x[2] > 0:
+            coulomb, viscous, rise = found.x[:3]
+            best = (found.cost, np.array([coulomb, viscous, coulomb + rise, velocity, *found.x[3:]]))
+    return best[1]
+
+
+def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array, s: Samples) -> Fit:
+    """Polish with Huber's loss; covariance by the sandwich over blocks (Liang and Zeger, Biometrika 73 (1986))."""
+    scale = _robust(residual(start))
+    theta = start
+    for _ in range(2):  # the scale belongs to the fit that it scales
+        found = least_squares(
+            residual, np.maximum(theta, low), bounds=(low, np.inf), loss="huber", f_scale=HUBER * scale, x_scale="jac"
+        )
+        theta, scale = found.x, _robust(residual(found.x))
+    r = residual(theta)
+    jacobian = _jacobian(residual, theta)
+    inside = np.abs(r) <= HUBER * scale
+    score = np.clip(r, -HUBER * scale, HUBER * scale)[:, None] * jacobian
+    _, block = np.unique(s.block, return_inverse=True)
+    sums = np.zeros((block.max() + 1, theta.size))
+    np.add.at(sums, block, score)
+    bread = np.linalg.pinv((jacobian * inside[:, None]).T @ jacobian)
+    few = len(sums) / max(len(sums) - theta.size, 1)
+    return Fit(names, theta, few * bread @ (sums.T @ sums) @ bread, float(scale))
+
+
+def _jacobian(residual: Residual, theta: Array) -> Array:
+    steps = 1e-5 * np.maximum(np.abs(theta), 1e-3)
+    columns = [
+        (residual(theta + d) - residual(theta - d)) / (2 * h) for h, d in zip(steps, np.diag(steps), strict=True)
+    ]
+    return np.column_stack(columns)
+
+
+def _robust(r: Array) -> float:
+    return max(1.4826 * float(np.median(np.abs(r))), 1e-9)
+
+
+def _cost(r: Array, scale: float) -> float:
+    """Return Huber's loss of residuals in units of ``scale``: minus the log likelihood, but for a constant."""
+    z = np.abs(r) / scale
+    return float(np.sum(np.where(z <= HUBER, 0.5 * z**2, HUBER * z - 0.5 * HUBER**2)))
+
+
+def _inflation(r: Array, block: NDArray[np.int64]) -> float:
+    """Return the residuals' long-run variance over their variance, at least 1."""
+    clipped = np.clip(r, -3 * _robust(r), 3 * _robust(r))
+    _, index, count = np.unique(block, return_inverse=True, return_counts=True)
+    sums = np.bincount(index, weights=clipped - clipped.mean())
+    return max(1.0, float(np.mean(sums**2) / (np.mean(count) * np.var(clipped))))

@@ -1,0 +1,133 @@
+"""Identify friction from recordings of a cylinder (thesis chapter 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneucli.errors import InputError
+from pneucli.identify.friction.curve import FrictionCurve, curve
+from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck
+from pneucli.identify.friction.imposed import KineticFriction, kinetic_friction
+from pneucli.identify.friction.models import GRID, Domain, FrictionModel, identify_models
+from pneucli.identify.friction.motion import Motion, motion_of
+from pneucli.identify.friction.stickslip import Averaged, Cut, average, cut
+from pneucli.identify.friction.tables import Deviation, deviations
+from pneucli.identify.friction.values import Samples, Value, pool
+from pneucli.recording import Recording, Rig
+
+FEWEST = 100  # moving samples
+UNKNOWN = 0.5  # half the interval of an identified mass over its value, beyond which it counts as not identifiable
+
+
+@dataclass(frozen=True)
+class FrictionIdentification:
+    """All that the friction tests tell.
+
+    ``mass`` (kg) as given (interval of no width) or identified; None where it can't be: inertia is then neglected and
+    a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
+    (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
+    ``deviations`` are the tables 6.2 and 6.3, test recordings included; everything else rests on the training ones.
+    """
+
+    mass: Value | None
+    parameters: Mapping[str, Value]
+    domain: Domain
+    motions: tuple[Motion, ...]
+    curves: tuple[FrictionCurve, ...]
+    cuts: tuple[Cut, ...]
+    averages: tuple[Averaged, ...]
+    models: tuple[FrictionModel, ...]
+    deviations: tuple[Deviation, ...]
+    kinetic: tuple[KineticFriction, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def offset(self) -> float:
+        """The constant force beside friction in N."""
+        return self.parameters["offset"].value if "offset" in self.parameters else 0.0
+
+    def model(self, name: str) -> FrictionModel:
+        """Return a model by its letter; raises InputError where these recordings did not give it."""
+        for one in self.models:
+            if one.name == name:
+                return one
+        raise InputError("friction model", name, ", ".join(m.name for m in self.models))
+
+
+def identify_friction(recordings: Sequence[Recording], rig: Rig, nodes: int = GRID) -> FrictionIdentification:
+    """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
+
+    ``nodes`` is the number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError
+    where there is none, where the drive or the motion was not recorded, or where hardly anything moves.
+    """
+    motions = tuple(motion_of(r, rig) for r in _usable(recordings))
+    train = [m for m in motions if m.recording.use == "train"]
+    warnings: list[str] = []
+    mass = _mass(train, rig, warnings)
+    inertia = mass.value if mass else 0.0
+    samples = pool(train, inertia)
+    if len(samples) < FEWEST:
+        raise InputError("friction recordings", f"{len(samples)} moving samples", f"at least {FEWEST}", "move further")
+    if not samples.both_directions:
+        warnings.append("motion in one direction only: a constant force can't be told from dry friction")
+    both = fit_stribeck(samples, offset=samples.both_directions)
+    top = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
+    domain = Domain(top, max(m.floor for m in train), nodes)
+    models, missing = identify_models(samples, both, domain, inertia or 1.0)
+    cuts = tuple(c for m in train if not m.imposed for c in cut(m, inertia))
+    levels = [kinetic_friction(m, inertia) for m in motions if m.imposed]
+    return FrictionIdentification(
+        mass=mass,
+        parameters=both.values(),
+        domain=domain,
+        motions=motions,
+        curves=tuple(curve(samples, branch) for branch in ("accelerating", "slowing", "both")),
+        cuts=cuts,
+        averages=tuple(average(cuts)),
+        models=models,
+        deviations=deviations(models, motions, inertia, both["offset"]),
+        kinetic=tuple(level for level in levels if level),
+        warnings=(*warnings, *missing, *_doubts(both, samples)),
+    )
+
+
+def _usable(recordings: Sequence[Recording]) -> list[Recording]:
+    tests = [r for r in recordings if r.experiment == "friction"]
+    tests = tests or [r for r in recordings if r.experiment == "axis"]
+    if not any(r.use == "train" for r in tests):
+        raise InputError("recordings", "no friction test to train on", 'experiment = "friction", use = "train"')
+    return tests
+
+
+def _mass(train: Sequence[Motion], rig: Rig, warnings: list[str]) -> Value | None:
+    """Return the moving mass: given, or fitted together with Coulomb and viscous friction where it shows."""
+    if rig.moving_mass:
+        return Value(rig.moving_mass, rig.moving_mass, rig.moving_mass, "kg")
+    samples = pool(train, 0.0)
+    fit = fit_coulomb(samples, offset=samples.both_directions, mass=True)
+    found = fit.values()["mass"]
+    if found.value and found.ci_high - found.value < UNKNOWN * found.value:
+        return found
+    if not all(m.imposed for m in train):
+        raise InputError("rig.cylinder.moving_mass", "missing, and these recordings do not tell it", "the moving mass")
+    warnings.append("the moving mass does not show in these recordings: inertia is neglected, a22 is that of 1 kg")
+    return None
+
+
+def _doubts(both: Fit, samples: Samples) -> list[str]:
+    """Return what the user should know about the fit of model A."""
+    out = []
+    values = both.values()
+    if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
+        force = values["offset"].value
+        out.append(f"a constant force of {force:.3g} N acts beside friction (or a sensor's or an area's error)")
+    if both.deviation > 1.5:
+        out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise: friction depends on more than v")
+    if values["coulomb"].ci_low <= 0:
+        out.append("dry friction is not told from zero")
+    if "velocity" in values and samples.v.size and values["velocity"].value > 0.25 * np.abs(samples.v).max():
+        out.append("the Stribeck velocity lies near the end of the measured velocities: static friction is uncertain")
+    return out

@@ -1,0 +1,235 @@
+"""Friction models A to F (thesis 6.1 to 6.3): parametric and tensor-product, without and with hysteresis.
+
+A: Stribeck (3.6). B: TP model of A. C: TP model directly from the measurement. D: Stribeck while speeding up, Coulomb
+and viscous with constants of its own while slowing (6.21). E: TP models of D, F: directly from the measurement, one
+per branch. The TP models hold S(v) = a22(v) = F(v) / (m v) of (2.48), so that F(v) = m v S(v).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.errors import InputError
+from pneucli.identify.friction.curve import Branch
+from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck, law
+from pneucli.identify.friction.values import Samples, Value
+from pneucli.tp import TPModel, gather, transform
+
+Array = NDArray[np.float64]
+Name = Literal["A", "B", "C", "D", "E", "F"]
+
+TITLES: dict[Name, str] = {
+    "A": "Stribeck friction",
+    "B": "TP model of A",
+    "C": "TP model of the measurement",
+    "D": "Stribeck friction while speeding up, Coulomb and viscous while slowing",
+    "E": "TP models of D, one per branch",
+    "F": "TP models of the measurement, one per branch",
+}
+GRID = 1000  # nodes of the thesis
+RESOLVED = 0.95  # what the smoothed sign reaches at the velocity that the sensors resolve
+FEWEST = 50  # samples that a branch, or one direction of it, is identified from
+WELL = 0.5  # samples at a node, below which the outermost nodes of a direct model do not count as measured
+
+
+@dataclass(frozen=True)
+class Domain:
+    """Velocities on which the models live: ``nodes`` from -``top`` to ``top`` (m/s), and the sign's steepness.
+
+    ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve (``resolved``,
+    m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its smoothing.
+    """
+
+    top: float
+    resolved: float
+    nodes: int = GRID
+
+    @property
+    def grid(self) -> Array:
+        """The nodes, shape (nodes,), m/s; standstill is none of them where their number is even."""
+        return np.linspace(-self.top, self.top, self.nodes)
+
+    @property
+    def step(self) -> float:
+        """Distance of two nodes in m/s."""
+        return 2 * self.top / (self.nodes - 1)
+
+    @property
+    def eta(self) -> float:
+        """Steepness of the smoothed sign in s/m."""
+        return float(np.log((1 + RESOLVED) / (1 - RESOLVED)) / max(self.resolved, 2 * self.step))
+
+    def sign(self, v: Array) -> Array:
+        """Return 2 / (1 + exp(-eta v)) - 1 (6.22)."""
+        return np.tanh(0.5 * self.eta * v)
+
+
+@dataclass(frozen=True)
+class ModelBranch:
+    """One branch of a model: ``force`` (N) over ``v`` (m/s), shape (n,) or any other, the sign smoothed (6.22).
+
+    ``parameters`` are those of a parametric branch, ``tp`` the TP model of a22 (1/s) of the others.
+    """
+
+    branch: Branch
+    force: Callable[[Array], Array]
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    tp: TPModel | None = None
+
+
+@dataclass(frozen=True)
+class FrictionModel:
+    """One of the models A to F; ``branches`` holds one for both, or one while speeding up and one while slowing.
+
+    Friction is without the constant force (``offset``) that the identification found beside it.
+    """
+
+    name: Name
+    domain: Domain
+    branches: tuple[ModelBranch, ...]
+
+    @property
+    def title(self) -> str:
+        """What the model is."""
+        return TITLES[self.name]
+
+    def branch(self, *, accelerating: bool) -> ModelBranch:
+        """Return the branch that holds while speeding up, or while slowing."""
+        return self.branches[0 if accelerating else -1]
+
+    def force(self, v: Array, accelerating: Array | bool = True) -> Array:
+        """Return the friction force (N) at ``v`` (m/s) where ``accelerating`` says which branch; shapes broadcast.
+
+        The domain's ends hold for velocities beyond it.
+        """
+        inside = np.clip(v, -self.domain.top, self.domain.top)
+        up, down = (self.branch(accelerating=b).force(inside) for b in (True, False))
+        return np.where(accelerating, up, down)
+
+    def level(self, v: Array, *, accelerating: bool) -> Array:
+        """Return the magnitude of friction (N) at ``v`` (m/s) with a true sign in place of the smoothed.
+
+        Nearer to standstill than half a step of the grid (m/s) the value there holds.
+        """
+        clear = np.where(v < 0, -1.0, 1.0) * np.maximum(np.abs(v), 0.5 * self.domain.step)
+        return np.asarray(self.force(clear, accelerating) / self.domain.sign(clear))
+
+
+def parametric(name: Name, domain: Domain, fits: Mapping[Branch, Fit]) -> FrictionModel:
+    """Return model A (one fit, of ``both``) or D (``accelerating`` and ``slowing``)."""
+    return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()))
+
+
+def _parametric(domain: Domain, branch: Branch, fit: Fit) -> ModelBranch:
+    def force(v: Array) -> Array:
+        v = np.asarray(v, dtype=np.float64)
+        dry = law(np.abs(v), fit) - fit["viscous"] * np.abs(v)
+        return np.asarray(np.where(v == 0, 0.0, dry) * domain.sign(v) + fit["viscous"] * v)
+
+    return ModelBranch(branch, force, fit.values())
+
+
+def transformed(name: Name, source: FrictionModel, mass: float, nodes: int | None = None) -> FrictionModel:
+    """Return model B or E: the TP models of the branches of A or D, on the source's grid or one of ``nodes``."""
+    domain = source.domain if nodes is None else replace(source.domain, nodes=nodes)
+    branches = []
+    for one in source.branches:
+        safe = np.where(domain.grid == 0, 1e-6 / domain.eta, domain.grid)  # a22's limit at standstill
+        branches.append(_tp(domain, one.branch, one.force(safe) / (mass * safe), mass))
+    return FrictionModel(name, domain, tuple(branches))
+
+
+def direct(name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: Fit, mass: float) -> FrictionModel:
+    """Return model C or F: TP models directly from the measured samples of each branch.
+
+    A direction with fewer than ``FEWEST`` samples mirrors the other. Beyond the measured velocities friction goes on
+    with the viscous slope of ``both``, toward standstill it is held. Raises InputError where a branch has no samples.
+    """
+    speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
+    smoothed = np.abs(domain.sign(speed)) / (mass * speed)
+    branches = []
+    for branch, s in samples.items():
+        forward, backward = (_side(domain, s, both, d) for d in (1, -1))
+        if forward is None and backward is None:
+            raise InputError("friction recordings", f"{len(s)} samples {branch}", f"at least {FEWEST}", "move further")
+        ahead, back = (a if a is not None else b for a, b in ((forward, backward), (backward, forward)))
+        assert ahead is not None
+        assert back is not None
+        level = np.where(domain.grid >= 0, np.interp(speed, *ahead), np.interp(speed, *back))
+        branches.append(_tp(domain, branch, level * smoothed, mass))
+    return FrictionModel(name, domain, tuple(branches))
+
+
+def _side(domain: Domain, s: Samples, both: Fit, direction: int) -> tuple[Array, Array] | None:
+    """Return positive nodes (m/s) and the friction (N) measured in one direction, by least squares; None without."""
+    nodes = domain.grid[domain.grid > 0]
+    speed = direction * s.v
+    mine = (speed >= max(nodes[0], domain.resolved)) & (speed <= nodes[-1])
+    if np.count_nonzero(mine) < FEWEST:
+        return None
+    friction = direction * (s.friction[mine] - both["offset"])
+    found = gather(speed[mine], friction, (nodes,), sigma=s.sigma[mine])
+    seen = np.flatnonzero(found.support >= WELL)
+    first, last = seen[0], seen[-1]
+    beyond = both["viscous"] * np.maximum(nodes - nodes[last], 0.0)
+    return nodes, found.samples[np.clip(np.arange(nodes.size), first, last)] + beyond
+
+
+def _tp(domain: Domain, branch: Branch, a22: Array, mass: float) -> ModelBranch:
+    tp = transform(a22[:, None, None], (domain.grid,))
+
+    def force(v: Array) -> Array:
+        return np.asarray(mass * v * tp.evaluate(v)[..., 0, 0])
+
+    return ModelBranch(branch, force, tp=tp)
+
+
+def identify_models(
+    samples: Samples, both: Fit, domain: Domain, mass: float
+) -> tuple[tuple[FrictionModel, ...], list[str]]:
+    """Return the models A to F of the samples, and warnings; D to F only where both branches were measured."""
+    offset = both["offset"]
+    a = parametric("A", domain, {"both": both})
+    models = [a, transformed("B", a, mass), direct("C", domain, {"both": samples}, both, mass)]
+    parts: dict[Branch, Samples] = {
+        "accelerating": samples.where(samples.branch > 0),
+        "slowing": samples.where(samples.branch < 0),
+    }
+    short = [name for name, s in parts.items() if len(s) < FEWEST]
+    if short:
+        return tuple(models), [f"no models D to F: hardly a sample {' or '.join(short)}"]
+    shifted = {name: replace(s, friction=s.friction - offset) for name, s in parts.items()}
+    rising, falling = shifted["accelerating"], shifted["slowing"]
+    fits: dict[Branch, Fit] = {
+        "accelerating": fit_stribeck(rising, offset=False),
+        "slowing": fit_coulomb(falling, offset=False),
+    }
+    d = parametric("D", domain, fits)
+    models += [d, transformed("E", d, mass), direct("F", domain, parts, both, mass)]
+    return tuple(models), []
+
+
+def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -> list[tuple[int, float]]:
+    """Return, for each number of nodes, the rms deviation in N of the TP model (E of D, B of A) from its source.
+
+    The smoothed sign is the source's throughout: the grid alone changes.
+    """
+    fine = np.linspace(-source.domain.top, source.domain.top, 40_001)
+    out = []
+    for nodes in sizes:
+        branches = [_tp_on(source, one, mass, nodes) for one in source.branches]
+        errors = [b.force(fine) - one.force(fine) for b, one in zip(branches, source.branches, strict=True)]
+        out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))
+    return out
+
+
+def _tp_on(source: FrictionModel, one: ModelBranch, mass: float, nodes: int) -> ModelBranch:
+    grid = replace(source.domain, nodes=nodes).grid
+    safe = np.where(grid == 0, 1e-6 / source.domain.eta, grid)
+    tp = transform((one.force(safe) / (mass * safe))[:, None, None], (grid,))
+    return ModelBranch(one.branch, lambda v: np.asarray(mass * v * tp.evaluate(v)[..., 0, 0]), tp=tp)

@@ -1,0 +1,160 @@
+"""What a recording says of motion and friction: velocity, acceleration, driving force, and how sure they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.errors import InputError
+from pneucli.identify.friction.velocity import Smoother, fuse, gentlest, integrate, rests
+from pneucli.noise import NoiseModel, estimate
+from pneucli.recording import Recording, Rig
+from pneucli.simulate.experiment import filled
+from pneucli.simulate.smooth import local_fits
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Kinematics = Callable[[Array, Array], tuple[Array, Array]]
+
+CLEAR = 5.0  # standard deviations of the velocity, below which a piston counts as resting
+DISTINCT = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Signals of one recording, each of shape (n,), SI; forces toward +x.
+
+    ``drive`` is the force of pressures and of a measured force on the piston, ``smooth_drive`` and ``smooth_a`` the
+    same signals freed from noise; ``a`` is without the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and
+    ``sigma_drive`` are standard deviations, ``measured_a`` that of the accelerometer (0: none). ``valid``: measured.
+    """
+
+    recording: Recording
+    v: Array
+    a: Array
+    smooth_a: Array
+    drive: Array
+    smooth_drive: Array
+    valid: Mask
+    sigma_v: float
+    sigma_a: float
+    sigma_drive: float
+    measured_a: float
+
+    @property
+    def time(self) -> Array:
+        """Time stamps in s."""
+        return self.recording.time
+
+    @property
+    def imposed(self) -> bool:
+        """Whether the motion was forced on the piston."""
+        return self.recording.imposed == "motion"
+
+    @property
+    def floor(self) -> float:
+        """The velocity in m/s below which the piston counts as resting."""
+        return CLEAR * self.sigma_v
+
+    @property
+    def moving(self) -> Mask:
+        """Samples of certain motion: velocities that the sensors resolve, on both sides of the sample too."""
+        fast = np.abs(self.v) > self.floor
+        near = np.concatenate([[False], fast[:-1]]) & np.concatenate([fast[1:], [False]])
+        return np.asarray(fast & near & self.valid)
+
+    @property
+    def branch(self) -> NDArray[np.int8]:
+        """1 where the piston speeds up for certain, -1 where it slows, 0 where that is open, shape (n,)."""
+        along = np.sign(self.v) * self.smooth_a
+        sure = np.abs(along) > DISTINCT * self.sigma_a
+        return np.where(self.moving & sure, np.sign(along), 0).astype(np.int8)
+
+    def friction(self, mass: float) -> Array:
+        """Return the friction force in N, positive where it brakes motion toward +x, for a moving mass in kg."""
+        return self.drive - mass * self.a
+
+    def sigma_friction(self, mass: float) -> float:
+        """Return the standard deviation of one sample of :meth:`friction` in N."""
+        return float(np.hypot(self.sigma_drive, mass * self.measured_a))
+
+
+def motion_of(recording: Recording, rig: Rig) -> Motion:
+    """Return motion and driving force of a recording with x, a or both, and p1, p2, force or several of them.
+
+    A pressure that was not recorded counts as ambient. Raises InputError where motion or drive were not recorded, and
+    where pressures are the drive but the piston's area is missing.
+    """
+    raw = {name: filled(recording.time, values) for name, values in recording.signals.items()}
+    noise = {n: recording.noise.get(n) or estimate(recording.time, raw[n]) for n in raw}
+    parts = _drive_parts(recording, rig)
+    drive = sum(gain * (raw[n] - zero) for n, (gain, zero) in parts.items()) + np.zeros(recording.time.size)
+    derive, smooth, a = _estimators(recording, raw, noise)
+    v, smooth_a = derive(raw.get("x", np.zeros(a.size)), a)
+    rng = np.random.default_rng(0)
+    draws = {n: noise[n].draw(recording.time, rng) if n in raw else np.zeros(a.size) for n in ("x", "a")}
+    v_error, a_error = derive(draws["x"], draws["a"])
+    quiet_drive = sum((gain * smooth(n, raw[n] - zero) for n, (gain, zero) in parts.items()), np.zeros(a.size))
+    # without an accelerometer the force is smoothed as the motion is, so that both sides of the equation agree
+    accelerometer = "a" in raw
+    return Motion(
+        recording=recording,
+        v=v,
+        a=a if accelerometer else smooth_a,
+        smooth_a=smooth_a,
+        drive=drive if accelerometer else quiet_drive,
+        smooth_drive=quiet_drive,
+        valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw if n in {*parts, "x", "a"}]),
+        sigma_v=max(float(np.std(v_error)), 1e-7),
+        sigma_a=max(float(np.std(a_error)), 1e-9),
+        sigma_drive=float(np.sqrt(sum((gain * noise[n].rms) ** 2 for n, (gain, _) in parts.items()))),
+        measured_a=noise["a"].rms if accelerometer else 0.0,
+    )
+
+
+def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float]]:
+    """Return gain and zero of every signal that drives the piston."""
+    a1 = rig.piston_area_1 or 0.0
+    areas = {"p1": a1, "p2": -(a1 if rig.piston_area_2 is None else rig.piston_area_2)}
+    parts = {n: (area, rig.ambient_pressure) for n, area in areas.items() if n in recording and area}
+    if "force" in recording:
+        parts["force"] = (1.0, 0.0)
+    if not parts:
+        missing = "rig.cylinder.piston_area_1" if {"p1", "p2"} & set(recording.signals) else "p1, p2 or force"
+        raise InputError(f"recording {recording.name}", f"no {missing}", "what drives the piston", f"add {missing}")
+    return parts
+
+
+def _estimators(
+    recording: Recording, raw: dict[str, Array], noise: dict[str, NoiseModel]
+) -> tuple[Kinematics, Callable[[str, Array], Array], Array]:
+    """Return the map (x, a) -> (v, smoothed a), the smoother of a named signal, and the acceleration without bias."""
+    time = recording.time
+    if "a" not in raw and "x" not in raw:
+        raise InputError(f"recording {recording.name}", "neither x nor a", "position, acceleration, or both")
+    if "a" not in raw:
+        smooth = gentlest(time, raw["x"], noise["x"])
+        return _derivatives(time, smooth), lambda _, y: smooth(y), np.zeros(time.size)
+    lines = local_fits(raw["a"], noise["a"], recording.period)
+    if "x" in raw:
+        velocity = fuse(time, raw["a"], max(noise["x"].rms, 1e-9), max(noise["a"].rms, 1e-9))
+        bias = velocity(raw["x"], raw["a"])[1]
+        derive: Kinematics = lambda x, a: (velocity(x, a)[0], lines(a))  # noqa: E731
+    else:
+        rest = rests(time, raw["a"], noise["a"])
+        if not rest.any():
+            raise InputError(f"recording {recording.name}", "never at rest", "x, or rests to integrate from")
+        bias = float(np.mean(raw["a"][rest]))
+        derive = lambda _, a: (integrate(time, a, rest), lines(a))  # noqa: E731
+    return derive, lambda n, y: local_fits(y, noise[n], recording.period)(y), raw["a"] - bias
+
+
+def _derivatives(time: Array, smooth: Smoother) -> Kinematics:
+    def derive(x: Array, _: Array) -> tuple[Array, Array]:
+        v = np.gradient(smooth(x), time)
+        return v, np.gradient(v, time)
+
+    return derive

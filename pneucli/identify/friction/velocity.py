@@ -1,0 +1,119 @@
+"""Velocity and acceleration from position, acceleration or both, without drift; each a linear map of the signals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import uniform_filter1d
+from scipy.sparse.linalg import splu
+
+from pneucli.noise import NoiseModel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Smoother = Callable[[Array], Array]
+
+QUIET = 21  # samples over which a rest is recognised
+LOUD = 1.5  # times the sensor's noise, beyond which an accelerometer is not at rest
+AGREEMENT = 5.0  # standard deviations of the integrated noise
+MISSED = 0.3  # of a jump in acceleration times the period: uniform over the period, 1 / sqrt(12)
+CUTOFFS = np.geomspace(1 / 200, 0.4, 25)  # of the sampling frequency
+
+
+def low_pass(time: Array, cutoff: float) -> Smoother:
+    """Return a smoother without phase shift, gain 1 / (1 + (f / cutoff)^6), for signals at ``time`` (s), cutoff in Hz.
+
+    The minimiser of the squared deviation plus the squared third derivative; the stamps need not be equidistant.
+    Source: E. Whittaker, Proc. Edinburgh Math. Soc. 41 (1923).
+    """
+    n = time.size
+    operator, at = sparse.eye_array(n, format="csc"), time
+    for _ in range(3):
+        difference = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(at.size - 1, at.size))
+        operator = sparse.diags_array(1.0 / np.diff(at)) @ difference @ operator
+        at = 0.5 * (at[1:] + at[:-1])
+    weight = (2 * np.pi * cutoff) ** -6.0
+    solve = splu((sparse.eye_array(n) + weight * operator.T @ operator).tocsc())
+    return lambda signal: np.asarray(solve.solve(signal))
+
+
+def gentlest(time: Array, x: Array, noise: NoiseModel) -> Smoother:
+    """Return the strongest :func:`low_pass` that takes no more from ``x`` than ``noise`` (discrepancy principle).
+
+    Source: V. Morozov, Soviet Math. Dokl. 7 (1966).
+    """
+    rate = 1.0 / float(np.median(np.diff(time)))
+    for cutoff in CUTOFFS * rate:
+        smooth = low_pass(time, float(cutoff))
+        if np.sqrt(np.mean((x - smooth(x)) ** 2)) <= noise.rms:
+            break
+    return smooth
+
+
+def fuse(time: Array, a: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, float]]:
+    """Return the map from x (m) and a (m/s^2), shape (n,), to velocity (m/s) without drift and the bias of a.
+
+    Least squares over position, velocity and one bias: x errs by its noise, and each step obeys the acceleration,
+    linear in between, but for its noise and for what the sampling misses where it jumps (break-away and stop happen
+    between two samples): ``a`` says where.
+    """
+    n, dt = time.size, np.diff(time)
+    slack = dt * (a_noise + MISSED * np.abs(np.diff(a)))  # m/s a step
+    i, column = np.arange(n - 1), np.full(n - 1, 2 * n)
+    wx, wv, wp = np.full(n, 1.0 / x_noise), 1.0 / slack, 2.0 / (slack * dt)
+    speeds = np.column_stack([-wv, wv, dt * wv]), np.column_stack([n + i, n + i + 1, column])
+    places = np.column_stack([-wp, wp, -dt * wp, 0.5 * dt**2 * wp]), np.column_stack([i, i + 1, n + i, column])
+    rows = np.concatenate([np.arange(n), n + np.repeat(i, 3), 2 * n - 1 + np.repeat(i, 4)])
+    columns = np.concatenate([np.arange(n), speeds[1].ravel(), places[1].ravel()])
+    entries = np.concatenate([wx, speeds[0].ravel(), places[0].ravel()])
+    design = sparse.csc_matrix((entries, (rows, columns)), shape=(3 * n - 2, 2 * n + 1))
+    solve = splu((design.T @ design).tocsc())
+
+    def velocity(x: Array, a: Array) -> tuple[Array, float]:
+        once, twice = 0.5 * (a[1:] + a[:-1]), (2.0 * a[:-1] + a[1:]) / 6.0
+        found = solve.solve(design.T @ np.concatenate([wx * x, wv * dt * once, wp * dt**2 * twice]))
+        return found[n : 2 * n], float(found[2 * n])
+
+    return velocity
+
+
+def integrate(time: Array, a: Array, rest: Mask) -> Array:
+    """Return the velocity (m/s) from acceleration (m/s^2), shape (n,), made zero at every sample of ``rest``.
+
+    What has gathered between two rests is taken away as a straight line (zero-velocity update).
+    """
+    v = cumulative_trapezoid(a, time, initial=0.0)
+    return np.asarray(v - np.interp(time, time[rest], v[rest]))
+
+
+def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
+    """Return where an accelerometer says that the piston rests, shape (n,).
+
+    Quiet stretches, but not those of steady sliding: the velocity gathered since the last rest must be zero within
+    what the sensor's noise and the uncertainty of its bias add up to. The first quiet stretch is a rest.
+    """
+    level = np.median(a[_quiet(a - np.median(a), noise)]) if a.size else 0.0
+    quiet = _quiet(a - level, noise)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
+    rest = np.zeros(a.size, dtype=bool)
+    dt = float(np.median(np.diff(time)))
+    known, total, last = 0, 0.0, 0
+    for start, stop in edges.reshape(-1, 2):
+        bias = total / known if known else float(np.mean(a[start:stop]))
+        gathered = float(np.sum(a[last:start] - bias)) * dt
+        steps = start - last
+        spread = noise.rms * dt * np.sqrt(steps + steps**2 / max(known, QUIET))
+        if known == 0 or abs(gathered) <= AGREEMENT * spread:
+            rest[start:stop] = True
+            known, total, last = known + stop - start, total + float(np.sum(a[start:stop])), int(stop)
+    return rest
+
+
+def _quiet(a: Array, noise: NoiseModel) -> Mask:
+    """Return windows whose power is that of the noise alone; a window's outer quarters stay outside."""
+    loud = uniform_filter1d(a**2, QUIET, mode="nearest") > (LOUD * noise.rms) ** 2
+    return np.asarray(~loud)
