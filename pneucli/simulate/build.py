@@ -17,6 +17,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 
 import numpy as np
@@ -27,8 +28,9 @@ from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
 from pneucli.simulate import kernel, layout
 
+_LOCK = Lock()  # threads ask for kernels
 END = "# --- end of ports ---"
-ENTRIES = ("run", "run_imposed")
+ENTRIES = ("run", "run_imposed", "run_balance")
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ def build(effects: Sequence[Effect], *, compiled: bool = True) -> Kernel:
 
     ``compiled=False`` gives the same text as plain Python, which tests compare and step through.
     """
-    return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled)
+    with _LOCK:
+        return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled)
 
 
 @cache
@@ -168,8 +171,8 @@ def _load(text: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
     spec.loader.exec_module(module)
+    sys.modules[name] = module
     return module
 
 

@@ -40,15 +40,16 @@ def imposed_force(model: Model, experiment: Experiment, noise: Mapping[str, Arra
     Where both are measured, the force of the pressures counts as known and the driving force is compared.
     """
     kernel = kernel_for(model.effects)
-    x, v, a = motion(experiment, noise)
-    p1, p2 = experiment.inputs[:, at.IN_P1].copy(), experiment.inputs[:, at.IN_P2].copy()
+    inputs = experiment.inputs.copy()
+    inputs[:, at.IN_X], inputs[:, at.IN_V], a = motion(experiment, noise)
+    still = v_still(experiment, inputs[:, at.IN_V])
     out = np.zeros(experiment.time.size)
     base, th = base_vector(model, experiment), kernel.vector(model.effect_values())
     on = kernel.switches(experiment.active(model.effects))
-    kernel.functions.run_imposed(experiment.time, x, v, a, p1, p2, v_still(experiment, v), base, th, on, out)
+    kernel.functions.run_imposed(experiment.time, inputs, a, still, base, th, on, out)
     if "force" in experiment.recording:
-        area_1, area_2 = base[at.AREA_1], base[at.AREA_2]
-        out -= area_1 * (p1 - base[at.AMBIENT]) - area_2 * (p2 - base[at.AMBIENT])
+        p1, p2 = inputs[:, at.IN_P1] - base[at.AMBIENT], inputs[:, at.IN_P2] - base[at.AMBIENT]
+        out -= base[at.AREA_1] * p1 - base[at.AREA_2] * p2
     return out
 
 

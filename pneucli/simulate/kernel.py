@@ -476,24 +476,69 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             )
 
 
-def run_imposed(time, x, v, a, p1, p2, v_still, base_values, th_values, on_values, out):
+def bristles(z, v, a, h, level, stiffness, c, th, on):
+    """Deflection after a step h of given motion, and the friction force of the LuGre model."""
+    rate = stiffness * abs(v) / level
+    z = (z + h * v) / (1.0 + h * rate)
+    return z, stiffness * z + bristle_damping(th, on) * (v - rate * z) + c * v
+
+
+def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out):
     """Write the driving force in N that the model needs for a given motion, shape (n,).
 
     Within ``v_still`` dry friction goes through zero in a straight line: what it is at rest, motion does not tell.
     """
     base, th, on = scalars(base_values, th_values, on_values)
-    m = base[MASS] + mass(th, on)
-    stiffness = bristle_stiffness(th, on)
-    z = 0.0
+    m, stiffness, z = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0
+    true_pressures(time, inputs, base, th, on)
     for k in range(time.size):
-        direction = 1.0 if v[k] >= 0.0 else -1.0
-        rising, falling = friction_levels(direction, abs(v[k]), x[k], p1[k], p2[k], base, th, on)
+        x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
+        direction = 1.0 if v >= 0.0 else -1.0
+        rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
         level = falling if a[k] * direction < 0.0 else rising
         c = base[VISCOUS] * viscous_factor(direction, th, on)
-        friction = level * min(max(v[k] / v_still, -1.0), 1.0)
+        friction = level * min(max(v / v_still, -1.0), 1.0) + c * v
         if stiffness > 0.0:
-            h = time[k] - time[k - 1] if k > 0 else 0.0
-            rate = stiffness * abs(v[k]) / level
-            z = (z + h * v[k]) / (1.0 + h * rate)
-            friction = stiffness * z + bristle_damping(th, on) * (v[k] - rate * z)
-        out[k] = m * a[k] + friction + c * v[k] - force(x[k], v[k], base[STROKE], th, on)
+            z, friction = bristles(z, v, a[k], time[k] - time[max(k - 1, 0)], level, stiffness, c, th, on)
+        out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
+
+
+def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, a_still, base_values, th_values, on_values, out):
+    """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the nearest that the
+    model's set-valued friction allows.
+
+    inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) true acceleration, noise_p1 and
+    noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0.
+    """
+    base, th, on = scalars(base_values, th_values, on_values)
+    m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
+    area_1, area_2, p_amb = base[AREA_1], base[AREA_2], base[AMBIENT]
+    true_pressures(time, inputs, base, th, on)
+    for k in range(time.size):
+        x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
+        h = time[k] - time[max(k - 1, 0)]
+        push = area_1 * (p1 + noise_p1[k] - p_amb) - area_2 * (p2 + noise_p2[k] - p_amb) + inputs[k, IN_FORCE]
+        friction = push + force(x, v, base[STROKE], th, on) - m * a[k]
+        direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
+        rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+        c = base[VISCOUS] * viscous_factor(direction, th, on)
+        if stiffness > 0.0:
+            level = falling if a[k] * direction < 0.0 else rising
+            z, held = bristles(z, v, a[k], h, level, stiffness, c, th, on)
+            out[k] = friction - held
+            continue
+        if v == 0.0:
+            hold = rising * static_factor(rest, th, on)
+            rest += h
+            over = abs(friction) - hold
+            out[k] = direction * (over if leaving[k] == direction else max(over, 0.0))
+            continue
+        rest = 0.0
+        along = direction * friction - c * abs(v)
+        speeding = a[k] * direction
+        if speeding > a_still:
+            out[k] = direction * (along - rising)
+        elif speeding < -a_still:
+            out[k] = direction * (along - falling)
+        else:
+            out[k] = direction * (along - min(max(along, falling), rising))

@@ -89,7 +89,7 @@ def local_fits(y: Array, noise: NoiseModel, period: float) -> LinearSmoother:
     Constants, lines and parabolas are grown apart; each sample takes the surest, so that a rest is a rest.
     """
     n = y.size
-    windows, best, chosen = [], np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+    windows, plan, dull = [], _Plan(n), _Plan(n)
     for degree in (0, 1, 2):
         low, high = np.full(n, -np.inf), np.full(n, np.inf)
         growing = np.ones(n, dtype=bool)
@@ -99,27 +99,36 @@ def local_fits(y: Array, noise: NoiseModel, period: float) -> LinearSmoother:
             low = np.maximum(low, estimate - AGREEMENT * deviation)
             high = np.minimum(high, estimate + AGREEMENT * deviation)
             growing &= low <= high
-            better = growing & (deviation < best)
-            chosen[better], best[better] = len(windows), deviation[better]
+            plan.offer(len(windows), growing, deviation)
+            if degree > 0:  # a constant has no slope to tell
+                dull.offer(len(windows), growing | ~np.isfinite(dull.deviation), deviation)
             windows.append(window)
-    return _assemble(windows, chosen, n)
+    value = _assemble(windows, plan.chosen, [w.value for w in windows])
+    return LinearSmoother(value, _assemble(windows, dull.chosen, [w.slope for w in windows]))
 
 
-def _assemble(windows: list[_Window], chosen: NDArray[np.int64], n: int) -> LinearSmoother:
-    rows, columns, values, slopes = [], [], [], []
-    for i, window in enumerate(windows):
+class _Plan:
+    """Which window each sample takes: the one with the smallest deviation among those offered."""
+
+    def __init__(self, n: int) -> None:
+        self.chosen = np.zeros(n, dtype=np.int64)
+        self.deviation = np.full(n, np.inf)
+
+    def offer(self, window: int, accepted: NDArray[np.bool_], deviation: Array) -> None:
+        better = accepted & (deviation < self.deviation)
+        self.chosen[better], self.deviation[better] = window, deviation[better]
+
+
+def _assemble(windows: list[_Window], chosen: NDArray[np.int64], weights: list[Array]) -> sparse.csr_matrix:
+    rows, columns, entries = [], [], []
+    for i, (window, weight) in enumerate(zip(windows, weights, strict=True)):
         mine = np.flatnonzero(chosen == i)
-        width = window.value.shape[1]
+        width = weight.shape[1]
         rows.append(np.repeat(mine, width))
         columns.append((window.start[mine, None] + np.arange(width)).ravel())
-        values.append(window.value[mine].ravel())
-        slopes.append(window.slope[mine].ravel())
-    row, column = np.concatenate(rows), np.concatenate(columns)
-
-    def matrix(entries: list[Array]) -> sparse.csr_matrix:
-        return sparse.csr_matrix((np.concatenate(entries), (row, column)), shape=(n, n))
-
-    return LinearSmoother(matrix(values), matrix(slopes))
+        entries.append(weight[mine].ravel())
+    place = (np.concatenate(rows), np.concatenate(columns))
+    return sparse.csr_matrix((np.concatenate(entries), place), shape=(chosen.size, chosen.size))
 
 
 def kinematics(

@@ -1,0 +1,231 @@
+"""Fit a model to the training recordings: bounded least squares in units of the sensors' noise.
+
+Each recording is seen through one subsystem at a time (:mod:`pneucli.identify.views`). Intervals come from the scores
+of blocks of samples (a sandwich estimator), so that correlated residuals do not feign precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import norm
+
+from pneucli.identify.parameters import Free, with_parameters
+from pneucli.identify.views import View
+from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import workers
+from pneucli.simulate.valve_area import ValveArea
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4  # of a parameter's scale, for differences
+BLOCK = 0.25  # s, longer than the residuals' memory
+MOST_BLOCKS = 40  # of one recording
+TOLERANCE = 1e-5
+ROUGH = 0.02  # of the logarithm of the area: by how much a valve departs from a power law between knots
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fitted parameter: value, standard error and 95 % interval in its own unit; whether it stands at a bound."""
+
+    name: str
+    unit: str
+    value: float
+    error: float
+    ci95: tuple[float, float]
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The fitted model, its parameters, and what tests on it need.
+
+    ``residual`` (N,), ``jacobian`` (N, k) in units of the channels' noise and the fit's coordinates; ``blocks`` (N,)
+    numbers the block of each residual; ``covariance`` (k, k) of the coordinates.
+    """
+
+    model: Model
+    free: tuple[Free, ...]
+    estimates: tuple[Estimate, ...]
+    residual: Array
+    jacobian: Array
+    blocks: NDArray[np.int64]
+    covariance: Array
+    cost: float
+
+    def __getitem__(self, name: str) -> Estimate:
+        return next(e for e in self.estimates if e.name == name)
+
+
+@dataclass
+class Problem:
+    """Residuals of the views in units of their noise, and their derivatives."""
+
+    model: Model
+    views: Sequence[View]
+    free: Sequence[Free]
+
+    def __post_init__(self) -> None:
+        self.start = np.array([f.inward(f.start) for f in self.free])
+        self.tight = np.array([1.0 / f.prior for f in self.free])
+
+    def model_at(self, z: Array) -> Model:
+        """Return the model at coordinates z (k,)."""
+        return with_parameters(self.model, {f.name: f.outward(c) for f, c in zip(self.free, z, strict=True)})
+
+    def data(self, model: Model) -> list[Array]:
+        """Return the residuals of each view in units of noise."""
+        return _parallel(lambda view: scaled(view, model), self.views)
+
+    def residuals(self, z: Array) -> Array:
+        """Return all residuals (N + p,), what is known beforehand last."""
+        return np.concatenate([*self.data(self.model_at(z)), self.prior(z)])
+
+    def prior(self, z: Array) -> Array:
+        """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
+        return np.concatenate([self.tight * (z - self.start), roughness(self.model_at(z).valve) / ROUGH])
+
+    def jacobian(self, z: Array) -> Array:
+        """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""
+        base = self.model_at(z)
+        nominal = self.data(base)
+        offsets = np.concatenate([[0], np.cumsum([part.size for part in nominal])])
+        known = self.prior(z)
+        out = np.zeros((offsets[-1] + known.size, z.size))
+        upper = self.bounds()[1]
+        jobs = []
+        for j in range(z.size):
+            step = STEP if z[j] + STEP < upper[j] else -STEP
+            moved = z.copy()
+            moved[j] += step
+            model = self.model_at(moved)
+            jobs += [(i, j, step, model) for i, view in enumerate(self.views) if differ(base, model, view)]
+            out[offsets[-1] :, j] = (self.prior(moved) - known) / step
+
+        def column(job: tuple[int, int, float, Model]) -> None:
+            i, j, step, model = job
+            out[offsets[i] : offsets[i + 1], j] = (scaled(self.views[i], model) - nominal[i]) / step
+
+        _parallel(column, jobs)
+        return out
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the coordinates' bounds."""
+        return (
+            np.array([f.inward(f.lower) for f in self.free]),
+            np.array([f.inward(f.upper) for f in self.free]),
+        )
+
+    def blocks(self) -> NDArray[np.int64]:
+        """Return the number of the block of each residual (N,): one stretch of time of one view, all channels."""
+        return block_numbers(self.views)
+
+
+def scaled(view: View, model: Model) -> Array:
+    """Return a view's residuals in units of their noise, channel after channel."""
+    residual = view.residual(model)
+    return np.concatenate([residual[c] / view.noise[c] for c in view.channels])
+
+
+def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
+    """Return the number of the block of each residual, in the order of :func:`scaled` over the views."""
+    numbers, first = [], 0
+    for view in views:
+        time = view.experiment.time
+        length = max(BLOCK, (time[-1] - time[0]) / MOST_BLOCKS)
+        mine = first + ((time - time[0]) / length).astype(np.int64)
+        numbers.append(np.tile(mine, len(view.channels)))
+        first = int(mine[-1]) + 1
+    return np.concatenate(numbers)
+
+
+def differ(a: Model, b: Model, view: View) -> bool:
+    """Whether two models that differ in one parameter differ in this view at all."""
+    if a.valve != b.valve:
+        u = view.experiment.inputs[:, at.IN_U]
+        return view.kind in ("chambers", "whole") and bool(np.any(a.valve(u) != b.valve(u)))
+    changed = {name for name in b.values if a.values.get(name) != b.values[name]}
+    parts = {name.partition(".")[0] for name in changed}
+    if any(effect.name in parts and view.feels(effect) for effect in b.effects):
+        return True
+    if view.kind == "chambers":
+        return bool(parts & {"rig"}) or "valve.critical_ratio" in changed
+    return bool(parts & {"friction", "rig"})
+
+
+def fit(
+    model: Model,
+    views: Sequence[View],
+    free: Sequence[Free],
+    *,
+    rounds: int = 12,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Fit:
+    """Fit the free parameters from their starts to what the views leave over."""
+    problem = Problem(model, views, free)
+    lower, upper = problem.bounds()
+    start = np.clip(problem.start, lower + 1e-9, upper - 1e-9)
+    found = least_squares(
+        problem.residuals,
+        start,
+        problem.jacobian,
+        bounds=(lower, upper),
+        x_scale="jac",
+        xtol=TOLERANCE,
+        ftol=TOLERANCE,
+        max_nfev=rounds,
+    )
+    progress(f"fitted {len(free)} parameters in {found.nfev} rounds")
+    return _summary(problem, found.x, found.fun, found.jac)
+
+
+def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fit:
+    blocks = problem.blocks()
+    n = blocks.size
+    bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+    meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
+    covariance = bread @ meat @ bread
+    model = problem.model_at(z)
+    lower, upper = problem.bounds()
+    estimates = []
+    for j, f in enumerate(problem.free):
+        value = f.outward(z[j])
+        error = float(np.sqrt(max(covariance[j, j], 0.0)))
+        edge = norm.ppf(0.975) * error
+        low, high = f.outward(z[j] - edge), f.outward(z[j] + edge)
+        at_bound = bool(z[j] - lower[j] < 1e-6 or upper[j] - z[j] < 1e-6)
+        estimates.append(Estimate(f.name, f.unit, value, error * f.slope(value), (low, high), at_bound))
+    cost = float(residual @ residual)
+    return Fit(model, tuple(problem.free), tuple(estimates), residual[:n], jacobian[:n], blocks, covariance, cost)
+
+
+def roughness(valve: ValveArea) -> Array:
+    """Return how far each inner knot's log area lies off the line through its neighbours, over log(|u| - overlap)."""
+    rows = []
+    for sign, overlap in ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent)):
+        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > overlap)
+        x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, 1e-14) for _, a in side])
+        if x.size > 2:
+            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+            rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
+    return np.concatenate(rows) if rows else np.zeros(0)
+
+
+def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> Array:
+    """Return the sum of outer products of the blocks' scores (k, k)."""
+    weighted = jacobian * residual[:, None]
+    scores = np.zeros((int(blocks.max()) + 1, jacobian.shape[1]))
+    np.add.at(scores, blocks, weighted)
+    return np.asarray(scores.T @ scores)
+
+
+def _parallel(work: Callable[..., object], jobs: Sequence[object]) -> list:  # type: ignore[type-arg]
+    with ThreadPoolExecutor(workers()) as pool:
+        return list(pool.map(work, jobs))

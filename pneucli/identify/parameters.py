@@ -1,0 +1,134 @@
+"""The parameters that a fit varies: base friction, the valve's areas, unknown rig values, and the effects' own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.physics.declaration import Effect
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+AREA = "valve.effective_area"
+OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
+GAIN = "valve.gain"
+
+
+@dataclass(frozen=True)
+class Free:
+    """One free parameter. The fit sees (value - zero) / scale, or log(value) where ``logarithmic``.
+
+    ``prior`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide alone.
+    """
+
+    name: str
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    scale: float
+    logarithmic: bool = False
+    prior: float = np.inf
+
+    def inward(self, value: float) -> float:
+        """Return the fit's coordinate of a value."""
+        return float(np.log(value)) if self.logarithmic else value / self.scale
+
+    def outward(self, z: float) -> float:
+        """Return the value at a coordinate of the fit."""
+        return float(np.exp(z)) if self.logarithmic else z * self.scale
+
+    def slope(self, value: float) -> float:
+        """Return d value / d coordinate."""
+        return value if self.logarithmic else self.scale
+
+
+def area_name(command: float) -> str:
+    """Return the parameter's name of the effective area at a command in V."""
+    return f"{AREA}({command:+.4g} V)"
+
+
+def value_of(model: Model, name: str) -> float:
+    """Return the value of any parameter of a model by its name."""
+    if name in OVERLAPS:
+        return float(getattr(model.valve, OVERLAPS[name]))
+    if name.startswith(AREA):
+        names = [area_name(c) for c in model.valve.commands]
+        return model.valve.areas[names.index(name)]
+    if name == GAIN:
+        return model.valve.areas[-1] / model.valve.commands[-1]
+    return model.values[name] if name in model.values else model.base()[name]
+
+
+def with_parameters(model: Model, values: dict[str, float]) -> Model:
+    """Return the model with parameters of any kind replaced."""
+    valve = model.valve
+    areas = [values.get(area_name(c), a) for c, a in zip(valve.commands, valve.areas, strict=True)]
+    if GAIN in values:
+        areas = [values[GAIN] * abs(c) for c in valve.commands]
+    overlaps = {field: values[name] for name, field in OVERLAPS.items() if name in values}
+    rest = {n: v for n, v in values.items() if n not in OVERLAPS and n != GAIN and not n.startswith(AREA)}
+    return replace(model.with_values(rest), valve=replace(valve, areas=tuple(areas), **overlaps))
+
+
+def base_parameters(model: Model, experiments: Sequence[Experiment], *, linear_valve: bool) -> list[Free]:
+    """Return the base model's free parameters that these experiments can tell, starting from the model's values."""
+    free: list[Free] = []
+    moving = [e for e in experiments if e.recording.experiment != "valve"]
+    driven = [e for e in experiments if e.flags[1] > 0 and not e.recording.valve_shut]
+    if moving:
+        coulomb = max(value_of(model, "friction.coulomb"), 1e-3)
+        viscous = max(value_of(model, "friction.viscous"), 1e-3)
+        free.append(Free("friction.coulomb", "N", coulomb, 0.0, 1e5, coulomb))
+        free.append(Free("friction.viscous", "N s/m", viscous, 0.0, 1e6, viscous))
+        if model.rig.moving_mass is None:
+            mass = value_of(model, "rig.moving_mass")
+            free.append(Free("rig.moving_mass", "kg", mass, 1e-3, 1e5, mass))
+    if driven:
+        free += _valve(model, linear_valve=linear_valve)
+    return free
+
+
+def _valve(model: Model, *, linear_valve: bool) -> list[Free]:
+    if linear_valve:
+        gain = value_of(model, GAIN)
+        return [Free(GAIN, "m^2/V", gain, 1e-12, 1e-3, 1.0, logarithmic=True)]
+    valve = model.valve
+    areas = [
+        Free(area_name(c), "m^2", a, 1e-12, 1e-2, 1.0, logarithmic=True)
+        for c, a in zip(valve.commands, valve.areas, strict=True)
+    ]
+    lowest = min((abs(c) for c in valve.commands), default=0.0)
+    overlaps = [
+        Free(name, "V", getattr(valve, field), 0.0, 0.95 * lowest, 0.1, prior=10.0) for name, field in OVERLAPS.items()
+    ]
+    return areas + overlaps
+
+
+def effect_parameters(effect: Effect, model: Model, starts: dict[str, float] | None = None) -> list[Free]:
+    """Return an effect's free parameters, starting from given, present or typical values."""
+    free = []
+    for i, p in enumerate(effect.parameters):
+        name = f"{effect.name}.{p.name}"
+        start = (starts or {}).get(name, model.values.get(name, p.typical[0]))
+        start = float(np.clip(start, p.lower, p.upper))
+        logarithmic = p.null is None and p.lower > 0.0
+        scale = max(abs(start - _null(p.null, model)), abs(p.typical[0]) * 0.1, 1e-12)
+        free.append(Free(name, p.unit, start, p.lower, p.upper, scale, logarithmic=logarithmic))
+        del i
+    return free
+
+
+def _null(null: float | str | None, model: Model) -> float:
+    return value_of(model, null) if isinstance(null, str) else (null or 0.0)
+
+
+def null_value(effect: Effect, index: int, model: Model) -> float | None:
+    """Return the value at which the effect's parameter makes it vanish, None where it alone cannot."""
+    null = effect.parameters[index].null
+    return value_of(model, null) if isinstance(null, str) else null

@@ -1,0 +1,143 @@
+"""First guesses without a simulation: friction from the balance of forces, valve areas from the balance of mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from pneucli.physics.gas import CRITICAL_RATIO, orifice_flow
+from pneucli.recording import Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.imposed import motion
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import NO_VALVE, ValveArea
+
+Array = NDArray[np.float64]
+
+MOVING = 0.02  # of the largest speed, below which friction is not told by motion
+HELD = 5  # samples after a change of the command that are left out
+CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
+
+
+def first_guess(experiments: Sequence[Experiment], rig: Rig, *, linear_valve: bool) -> Model:
+    """Return the base model as the measurements suggest it directly."""
+    values = friction_guess([e for e in experiments if e.recording.experiment != "valve"], rig)
+    if rig.vessel_volume is not None:
+        values["rig.vessel_volume"] = rig.vessel_volume
+    driven = [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
+    if any(e.vessel for e in driven) and rig.vessel_volume is None:
+        values["rig.vessel_volume"] = 1e-3
+    valve = valve_guess(driven, rig, values, linear=linear_valve) if driven else NO_VALVE
+    return Model(rig, (), values, valve)
+
+
+def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
+    """Return Coulomb and viscous friction (and mass where unknown) by linear least squares of the forces."""
+    rows, right = [], []
+    for e in experiments:
+        if "x" not in e.raw:
+            continue
+        _, v, a = motion(e)
+        force = _force(e, rig)
+        moving = np.abs(v) > MOVING * np.max(np.abs(v))
+        known = 0.0 if rig.moving_mass is None else rig.moving_mass * a
+        rows.append(np.column_stack([np.sign(v), v, a, np.ones_like(v)])[moving])
+        right.append((force - known)[moving])
+    if not rows:
+        return {}
+    design, target = np.vstack(rows), np.concatenate(right)
+    if rig.moving_mass is not None:
+        design = np.delete(design, 2, axis=1)
+    lower = np.zeros(design.shape[1])
+    lower[-1] = -np.inf  # a constant force is let go, so that it does not lean on the friction
+    found = lsq_linear(design, target, bounds=(lower, np.inf)).x
+    names = ["friction.coulomb", "friction.viscous"] + (["rig.moving_mass"] if rig.moving_mass is None else [])
+    return dict(zip(names, (float(f) for f in found), strict=False))
+
+
+def _force(e: Experiment, rig: Rig) -> Array:
+    """Return the force on the piston but for friction, from pressures and driving force."""
+    a1 = rig.piston_area_1 or 0.0
+    a2 = a1 if rig.piston_area_2 is None else rig.piston_area_2
+    p1, p2 = e.inputs[:, at.IN_P1] - rig.ambient_pressure, e.inputs[:, at.IN_P2] - rig.ambient_pressure
+    return np.asarray(a1 * p1 - a2 * p2 + e.inputs[:, at.IN_FORCE])
+
+
+def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Array]:
+    """Return (mass flow into chamber 1, flow per effective area at the recorded command), each (n,).
+
+    kg/s and kg/(s m^2), by the base model's balance of the smoothed pressure.
+    """
+    gas = rig.heat_capacity_ratio * rig.gas_constant * rig.gas_temperature
+    p, u = e.inputs[:, at.IN_P1], e.inputs[:, at.IN_U]
+    slope = e.smoothers["p1"].slope @ e.raw["p1"] if "p1" in e.smoothers else np.gradient(p, e.time)
+    area = 0.0 if e.vessel else rig.piston_area_1 or 0.0
+    volume = vessel_volume if e.vessel else (rig.dead_volume_1 or 0.0) + area * e.inputs[:, at.IN_X]
+    flow = (slope * volume + rig.heat_capacity_ratio * p * area * e.inputs[:, at.IN_V]) / gas
+    k = np.sqrt(2.0 / (rig.gas_constant * rig.gas_temperature))
+    supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
+    unit = np.array(
+        [
+            orifice_flow(s, q, CRITICAL_RATIO, k, k) if c > 0 else -orifice_flow(q, ambient, CRITICAL_RATIO, k, k)
+            for c, q, s in zip(u, p, supply, strict=True)
+        ]
+    )
+    return flow, unit
+
+
+def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float], *, linear: bool) -> ValveArea:
+    """Return the valve's area at the commands that were held longest (or one gain for all)."""
+    u, flow, unit = [], [], []
+    for e in experiments:
+        q, per_area = mass_flow(e, rig, values.get("rig.vessel_volume", 1e-3))
+        settled = np.convolve(np.abs(np.diff(e.inputs[:, at.IN_U], prepend=0.0)) > 0, np.ones(HELD))[: q.size] == 0
+        keep = settled if e.vessel else np.ones(q.size, dtype=bool)
+        u.append(e.inputs[keep, at.IN_U])
+        flow.append(q[keep])
+        unit.append(per_area[keep])
+    command, q, per_area = np.concatenate(u), np.concatenate(flow), np.concatenate(unit)
+    if linear:
+        gain = float(np.sum(q * per_area * np.abs(command)) / np.sum((per_area * command) ** 2))
+        return ValveArea((-10.0, 10.0), (10 * max(gain, 1e-12),) * 2)
+    sides = [_side(command, q, per_area, sign) for sign in (-1.0, 1.0)]
+    knots = [(c, a) for commands, areas, _ in sides for c, a in zip(commands, areas, strict=True)]
+    knots.sort()
+    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), sides[1][2], sides[0][2])
+
+
+def _side(command: Array, q: Array, per_area: Array, sign: float) -> tuple[list[float], list[float], float]:
+    """Return knots (V), areas (m^2) and overlap (V) of one direction."""
+    mine = sign * command > 0
+    levels, held = np.unique(np.round(command[mine], 3), return_counts=True)
+    if levels.size > 40:  # commands of a closed loop: no level was held
+        levels, held = sign * np.array([0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]), np.ones(7)
+    knots: list[float] = []
+    areas: list[float] = []
+    for level in levels[np.argsort(-held, kind="stable")]:
+        if any(abs(np.log(level / k)) < CLOSE for k in knots):
+            continue
+        near = mine & (np.abs(command / level - 1.0) < 0.5 * CLOSE * (held.max() == 1) + 1e-3)
+        area = float(np.sum(q[near] * per_area[near]) / max(np.sum(per_area[near] ** 2), 1e-30))
+        if area > 0:
+            knots.append(float(level))
+            areas.append(area)
+    order = np.argsort(np.abs(knots))
+    knots, areas = [knots[i] for i in order], [areas[i] for i in order]
+    return knots, areas, _overlap(np.abs(knots), np.array(areas))
+
+
+def _overlap(commands: Array, areas: Array) -> float:
+    """Return the overlap in V at which the areas are nearest to a power law."""
+    if commands.size < 3:
+        return 0.0
+    best, at_best = np.inf, 0.0
+    for overlap in np.linspace(0.0, 0.95 * commands[0], 96):
+        x = np.log(commands - overlap)
+        misfit = np.polyfit(x, np.log(areas), 1, full=True)[1]
+        if misfit.size and misfit[0] < best:
+            best, at_best = float(misfit[0]), float(overlap)
+    return at_best

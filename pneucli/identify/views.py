@@ -1,0 +1,163 @@
+"""What a recording says of a part of the rig: residuals of one subsystem at a time, the rest fed with measurements.
+
+``chambers``: the pressures are simulated with the measured motion, so friction has no say. ``forces``: the measured
+motion and pressures leave a friction force, which is held against the model's set of possible ones, so the gas has no
+say. ``imposed``: the force that the model needs for the given motion against the measured one. ``whole``: all channels
+simulated, where a subsystem lacks a signal. Each view is smooth in its parameters, which a free run with stick and
+slip is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.physics.declaration import Effect
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import outputs
+from pneucli.simulate.run import base_vector, kernel_for, simulate
+
+Array = NDArray[np.float64]
+Kind = Literal["chambers", "forces", "imposed", "whole"]
+
+# ports by the view in which they show; sensors of pressure show in both
+MECHANICAL = {"dry_rise", "slowing", "dry_factor", "static_factor", "viscous_factor", "force", "mass"} | {
+    "bristle_stiffness",
+    "bristle_damping",
+    "read_a",
+}
+SENSING = {"read_p1", "read_p2", "unread_p1", "unread_p2", "sensor_lag", "sensor_delay"}
+RESTED = 20  # samples of rest, and of motion, that make a break-away
+A_STILL = 3.0  # standard deviations of the acceleration, below which it does not tell speeding from slowing
+
+
+@dataclass(frozen=True)
+class View:
+    """One experiment seen through one subsystem."""
+
+    experiment: Experiment
+    kind: Kind
+
+    @property
+    def name(self) -> str:
+        """Recording and view, for people."""
+        return f"{self.experiment.recording.name}: {self.kind}"
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """The channels whose residuals the view holds."""
+        if self.kind == "forces":
+            return ("force",)
+        if self.kind == "chambers":
+            return tuple(c for c in self.experiment.channels if c in ("p1", "p2", "temperature"))
+        return self.experiment.channels
+
+    def feels(self, effect: Effect) -> bool:
+        """Whether the effect can show in this view."""
+        if effect.name not in self.experiment.active((effect,)):
+            return False
+        mechanical = bool(MECHANICAL & effect.ports.keys())
+        sensing = bool(SENSING & effect.ports.keys())
+        if self.kind == "chambers":
+            return sensing or not mechanical
+        if self.kind == "forces":
+            return sensing or mechanical
+        return True
+
+    def residual(self, model: Model) -> dict[str, Array]:
+        """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured."""
+        e = self.experiment
+        if self.kind == "forces":
+            return {"force": self._balance(model)}
+        modelled = simulate(model, e) if self.kind == "chambers" else outputs(model, e)
+        return {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
+
+    @cached_property
+    def noise(self) -> dict[str, float]:
+        """The standard deviation of each channel that the sensors alone would give."""
+        e = self.experiment
+        if self.kind == "forces":
+            area_1 = e.rig.piston_area_1 or 0.0
+            area_2 = area_1 if e.rig.piston_area_2 is None else e.rig.piston_area_2
+            share = {"p1": area_1, "p2": area_2, "a": e.rig.moving_mass or 1.0, "force": 1.0}
+            parts = [share[n] * e.noise[n].rms for n in share if n in e.noise]
+            return {"force": max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)}
+        return {c: e.noise[c].rms for c in self.channels if c in e.noise}
+
+    @cached_property
+    def _measured(self) -> dict[str, Array]:
+        return {c: self.experiment.measured(c) for c in self.channels}
+
+    @cached_property
+    def _motion(self) -> tuple[Array, Array, Array]:
+        """True acceleration (n,), the directions in which rests end (n,), and the noise of the raw pressures (n, 2)."""
+        e = self.experiment
+        if e.fusion is not None:
+            _, _, bias = e.fusion(e.raw["x"], e.raw["a"])
+            a = e.raw["a"] - bias
+        else:
+            a = e.raw["a"] if "a" in e.raw else np.gradient(e.inputs[:, at.IN_V], e.time)
+        rough = [e.raw[n] - e.inputs[:, c] if n in e.raw else np.zeros(e.time.size) for n, c in PRESSURE_COLUMNS]
+        return a, breakaways(e.inputs[:, at.IN_V]), np.column_stack(rough)
+
+    def _balance(self, model: Model) -> Array:
+        e, kernel = self.experiment, kernel_for(model.effects)
+        a, leaving, rough = self._motion
+        still = A_STILL * e.noise["a"].rms if "a" in e.noise else 0.05 * float(np.max(np.abs(a)))
+        out = np.zeros(e.time.size)
+        kernel.functions.run_balance(
+            e.time,
+            e.inputs.copy(),
+            a,
+            rough[:, 0].copy(),
+            rough[:, 1].copy(),
+            leaving,
+            still,
+            base_vector(model, e),
+            kernel.vector(model.effect_values()),
+            kernel.switches(e.active(model.effects)),
+            out,
+        )
+        return out
+
+
+PRESSURE_COLUMNS = (("p1", at.IN_P1), ("p2", at.IN_P2))
+
+
+def breakaways(v: Array) -> Array:
+    """Return the direction of motion at the last sample of each rest that motion follows, else 0; shape of v."""
+    out = np.zeros(v.size)
+    moving = v != 0.0
+    for k in np.flatnonzero(~moving[:-1] & moving[1:]):
+        before, after = moving[max(k - RESTED, 0) : k + 1], v[k + 1 : k + 1 + RESTED]
+        if k >= RESTED and not before.any() and (np.all(after > 0) or np.all(after < 0)):
+            out[k] = np.sign(after[0])
+    return out
+
+
+def views_of(experiments: Sequence[Experiment]) -> list[View]:
+    """Return the views that the recorded signals allow."""
+    found: list[View] = []
+    for e in experiments:
+        if e.recording.imposed == "motion":
+            found.append(View(e, "imposed"))
+            continue
+        if e.recording.experiment == "valve":
+            found.append(View(e, "chambers"))
+            continue
+        if "x" not in e.raw:
+            found.append(View(e, "whole"))
+            continue
+        found.append(View(e, "forces"))
+        if e.recording.experiment == "axis":
+            given = e.flags.copy()
+            given[at.MECHANICS] = 0.0
+            found.append(View(replace(e, flags=given), "chambers"))
+    return found
