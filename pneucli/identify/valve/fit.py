@@ -20,7 +20,7 @@ ORDER = 8  # of the residuals' autoregression: colour, and most of a mains line
 SUBSTEP = 2e-3  # s, below the time constant of the last approach to equilibrium
 FIRST = {"shared": 0.05, "own": 0.005, "leak": 0.005}  # prior standard deviations to start from: base law first
 WIDEST = {"shared": 0.5, "own": 0.3, "leak": 0.2}
-NARROWEST = {"shared": 5e-4, "own": 5e-4, "leak": 5e-5}  # what a rig does not hold anyway
+NARROWEST = {"shared": 1e-3, "own": 1e-3, "leak": 5e-5}  # what a rig does not hold anyway
 
 
 @dataclass(frozen=True)

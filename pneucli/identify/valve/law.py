@@ -20,7 +20,7 @@ from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX
 
 Array = NDArray[np.float64]
 
-SHARED, OWN, LEAK = 6, 3, 4  # coefficients of the shared and a command's own correction, and of l
+SHARED, OWN, LEAK = 9, 3, 4  # coefficients of the shared and a command's own correction, and of l
 LAMINAR = 0.002  # below this 1 - r the flow is linear in it: the root's infinite slope has no physics
 EDGE = 5e-4  # of the largest command: half width over which the area leaves zero
 
