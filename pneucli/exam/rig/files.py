@@ -24,7 +24,7 @@ def write_csv(path: Path, rig: str, seen: dict[str, Array], signals: tuple[str, 
     columns = [[f"{k}.0" for k in range(seen[signals[0]].size)]]
     for name in signals:
         _, factor, decimals = LAYOUT[name]
-        columns.append([repr(float(value)) for value in np.round(seen[name] * factor, decimals) + 0.0])
+        columns.append([repr(value) for value in (np.round(seen[name] * factor, decimals) + 0.0).tolist()])
     header = ",".join(["t [ms]", *(LAYOUT[name][0] for name in signals)])
     lines = [f"# rig {rig}", f"# run {path.stem}", header, *map(",".join, zip(*columns, strict=True))]
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -57,10 +57,8 @@ def valve_flow(par: Parameters, area: float, t: float, s: Array) -> tuple[float,
     supply = s[PS] + par.ripple * math.sin(2.0 * math.pi * par.ripple_frequency * t)
     ratio = par.critical_ratio
     q_in = flow(open_in, supply, par.temperature, s[P1], ratio)
-    exhaust = par.ambient
-    if par.back_pressure > 0.0:
-        exhaust += par.back_pressure * flow(open_out, s[P1], s[T1], par.ambient, ratio)
-    return q_in, flow(open_out, s[P1], s[T1], exhaust, ratio)
+    q_out = flow(open_out, s[P1], s[T1], par.ambient, ratio)
+    return q_in, q_out / (1.0 + par.silencer * q_out)
 
 
 @njit(cache=True)
@@ -76,8 +74,10 @@ def chamber(
 
 
 @njit(cache=True)
-def gas(par: Parameters, s: Array, q_in: float, q_out: float, is_open: bool, ds: Array) -> None:
-    """Rates of the gas in both chambers and of the supply."""
+def gas(par: Parameters, s: Array, q_in: float, q_out: float, held: int, ds: Array) -> None:
+    """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
+    if held == 2:
+        return
     wall = par.temperature
     lost = flow(par.leak_area, s[P1], s[T1], par.ambient, LEAK_RATIO)
     drawn = flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
@@ -88,7 +88,7 @@ def gas(par: Parameters, s: Array, q_in: float, q_out: float, is_open: bool, ds:
     heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
     mass_1 = gained - given + back - over
     ds[P1], ds[T1] = chamber(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1)
-    if not is_open:
+    if held == 0:
         volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - s[X])
         heat_2 = over * s[T1] - back * s[T2]
         ds[P2], ds[T2] = chamber(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], over - back, heat_2)
@@ -151,9 +151,9 @@ def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) ->
 
 
 @njit(cache=True)
-def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, float], is_open: bool, ds: Array) -> None:
+def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, float], held: int, ds: Array) -> None:
     """Time derivative of the whole state."""
-    gas(par, s, q[0], q[1], is_open, ds)
+    gas(par, s, q[0], q[1], held, ds)
     if par.piston_area_1 > 0.0:
         ds[X], ds[V] = s[V], acceleration(par, t, s, mode, ds)
     if par.load_mass > 0.0:

@@ -83,5 +83,5 @@ class Parameters(NamedTuple):
     ripple_frequency: float = 7.0
     gain_drift: float = 0.0  # 1/s, of the valve's area
     spool_stiction: float = 0.0  # V that the command must move before the spool jumps after it
-    back_pressure: float = 0.0  # Pa s/kg, of a clogged silencer
+    silencer: float = 0.0  # s/kg, by which a clogged one throttles the exhaust more, the larger the flow
     pressure_curvature: float = 0.0  # 1/Pa, of the sensor of p1

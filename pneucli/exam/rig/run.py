@@ -53,38 +53,37 @@ def run(par: Parameters, manoeuvre: Manoeuvre) -> dict[str, Array]:
     """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... ms."""
     m = manoeuvre
     start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
-    rows = _run(par, m.command, m.gain, m.chamber_2_open, start, m.imposed)
+    held = 2 if m.imposed.size else int(m.chamber_2_open)
+    rows = _run(par, m.command, m.gain, held, start, m.imposed)
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
 @njit(cache=True)
 def _step(
-    par: Parameters, t: float, h: float, s: Array, mode: float, q: tuple[float, float], is_open: bool, work: Array
+    par: Parameters, t: float, h: float, s: Array, mode: float, q: tuple[float, float], held: int, work: Array
 ) -> None:
     """One midpoint step of length h (s) into ``s``."""
     middle, ds = work[0], work[1]
-    rates(par, t, s, mode, q, is_open, ds)
+    rates(par, t, s, mode, q, held, ds)
     middle[:] = s + 0.5 * h * ds
-    rates(par, t + 0.5 * h, middle, mode, q, is_open, ds)
+    rates(par, t + 0.5 * h, middle, mode, q, held, ds)
     s += h * ds
 
 
 @njit(cache=True)
-def _advance(
-    par: Parameters, t: float, s: Array, rest: float, q: tuple[float, float], is_open: bool, work: Array
-) -> float:
+def _advance(par: Parameters, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array) -> float:
     """Advance ``s`` by STEP, cut where the piston comes to rest; returns the time at rest in s."""
     mode = mode_at(par, t, s, rest)
     before = work[2]
     before[:] = s
-    _step(par, t, STEP, s, mode, q, is_open, work)
+    _step(par, t, STEP, s, mode, q, held, work)
     if mode != 0.0 and s[V] * mode < 0.0 and par.bristle_stiffness == 0.0:
         part = before[V] / (before[V] - s[V])
         s[:] = before
-        _step(par, t, part * STEP, s, mode, q, is_open, work)
+        _step(par, t, part * STEP, s, mode, q, held, work)
         s[V] = 0.0
         mode = mode_at(par, t, s, 0.0)
-        _step(par, t, (1.0 - part) * STEP, s, mode, q, is_open, work)
+        _step(par, t, (1.0 - part) * STEP, s, mode, q, held, work)
     if s[X] < 0.0 or s[X] > par.stroke:
         s[X], s[V] = min(max(s[X], 0.0), par.stroke), 0.0
     return rest + STEP if mode == 0.0 else 0.0
@@ -104,13 +103,15 @@ def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[flo
 
 
 @njit(cache=True)
-def _row(par: Parameters, u: float, t: float, s: Array, rest: float, q: tuple[float, float], work: Array) -> Array:
-    rates(par, t, s, mode_at(par, t, s, rest), q, True, work[1])
+def _row(
+    par: Parameters, u: float, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array
+) -> Array:
+    rates(par, t, s, mode_at(par, t, s, rest), q, held, work[1])
     return np.array([u, s[PS], s[P1], s[P2], s[X], s[V], work[1][V], s[T1]])
 
 
 @njit(cache=True)
-def _run(par: Parameters, command: Array, gain: float, is_open: bool, start: Array, imposed: Array) -> Array:
+def _run(par: Parameters, command: Array, gain: float, held: int, start: Array, imposed: Array) -> Array:
     n, substeps = command.size, round(SAMPLE / STEP)
     s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty((n, 8))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
@@ -121,16 +122,16 @@ def _run(par: Parameters, command: Array, gain: float, is_open: bool, start: Arr
         u = command[k]
         if gain > 0.0:
             u = round(min(max(gain * (command[k] - s[X]), -10.0), 10.0), 4)
-        rows[k] = _row(par, u, k * SAMPLE, s, rest, q, work)
+        rows[k] = _row(par, u, k * SAMPLE, s, rest, q, held, work)
         for j in range(substeps):
             i, t = k * substeps + j, k * SAMPLE + j * STEP
             if imposed.size:
-                s[P1 : P2 + 1 : 2] = _between(imposed, k, j / substeps)
+                s[P1 : P2 + 1 : 2] = _between(imposed, k, (j + 0.5) / substeps)
             spool, opening = _spool(par, u, spool, opening)
             line[i % len(line)] = valve_flow(par, valve_area(par, opening, t), t, s)
             late = line[(i + 1) % len(line)]
             q = (late[0], late[1])
-            rest = _advance(par, t, s, rest, q, is_open, work)
+            rest = _advance(par, t, s, rest, q, held, work)
     return rows
 
 

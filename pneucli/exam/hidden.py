@@ -1,0 +1,231 @@
+"""What an exam may hide: the effects of the catalogue and effects that no catalogue names, with their sizes.
+
+A size of 1 is about what the shared example cases hide; a third of it is a third of the distance from null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneucli.exam.rig.parameters import Parameters
+
+Kind = str
+Draw = Callable[[Parameters, np.random.Generator], dict[str, float]]
+
+VALVE, FRICTION, AXIS = ("valve",), ("friction",), ("axis",)
+GAS, MOTION, EVERYWHERE = VALVE + AXIS, FRICTION + AXIS, VALVE + FRICTION + AXIS
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One effect: its name, the kinds of rig on which it shows, and how large it is at full size.
+
+    ``fields`` maps the catalogue's parameter names to the rig's, with the factor from the catalogue's unit to SI.
+    ``scaled`` maps the rig's fields that carry the size to their null values; an ``inverse`` one is null at infinity.
+    """
+
+    name: str
+    kinds: tuple[Kind, ...]
+    fields: dict[str, tuple[str, float]]
+    scaled: dict[str, float]
+    draw: Draw
+    inverse: bool = False
+
+    def set(self, par: Parameters, size: float, rng: np.random.Generator) -> Parameters:
+        """Return the rig with this effect of the given size."""
+        values = self.draw(par, rng)
+        for field, null in self.scaled.items():
+            base = par.coulomb if field == "static" else null
+            values[field] = values[field] / size if self.inverse else base + size * (values[field] - base)
+        return par._replace(**values)
+
+    def truth(self, par: Parameters) -> dict[str, float]:
+        """The parameters in the catalogue's names and units."""
+        return {name: float(getattr(par, field)) / factor for name, (field, factor) in self.fields.items()}
+
+
+def _about(**centres: float) -> Draw:
+    """Draw every field within 25 % of its centre."""
+    return lambda _, rng: {name: centre * rng.uniform(0.75, 1.25) for name, centre in centres.items()}
+
+
+def _either_sign(**centres: float) -> Draw:
+    def draw(_: Parameters, rng: np.random.Generator) -> dict[str, float]:
+        return {k: c * rng.uniform(0.75, 1.25) * float(rng.choice([-1.0, 1.0])) for k, c in centres.items()}
+
+    return draw
+
+
+def _plain(name: str, kinds: tuple[Kind, ...], draw: Draw, scaled: dict[str, float], **fields: str) -> Hidden:
+    return Hidden(name, kinds, {key: (field, 1.0) for key, field in fields.items()}, scaled, draw)
+
+
+def _stribeck(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    return {"static": par.coulomb * rng.uniform(1.6, 2.1), "stribeck_velocity": rng.uniform(0.01, 0.025)}
+
+
+def _patch(_: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    start = rng.uniform(0.06, 0.12)
+    end = start + rng.uniform(0.015, 0.03)
+    return {"position_from": start, "position_to": end, "position_gain": rng.uniform(1.0, 1.8)}
+
+
+def _spring(_: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    return {"spring_stiffness": rng.uniform(150, 300), "spring_rest": rng.uniform(0.03, 0.17)}
+
+
+def _payload(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    return {"extra_mass": par.mass * rng.uniform(0.4, 0.8)}
+
+
+def _scale(_: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    return {"pressure_scale": 1.0 + rng.uniform(0.04, 0.08) * float(rng.choice([-1.0, 1.0]))}
+
+
+CATALOGUE = (
+    # not nested: at small conductances the gas is adiabatic, so size says nothing about how visible it is
+    _plain("heat-transfer", GAS, _about(heat_conductance=0.6), {}, conductance="heat_conductance"),
+    _plain("chamber-leak", GAS, _about(leak_area=3e-8), {"leak_area": 0.0}, area="leak_area"),
+    _plain("piston-leak", AXIS, _about(piston_leak_area=8e-8), {"piston_leak_area": 0.0}, area="piston_leak_area"),
+    _plain(
+        "dead-volume",
+        AXIS,
+        _about(dead_volume_added=15e-6),
+        {"dead_volume_added": 0.0},
+        volume_added="dead_volume_added",
+    ),
+    Hidden(
+        "supply-droop",
+        GAS,
+        {"vessel_volume": ("supply_volume", 1.0), "regulator_conductance": ("regulator_conductance", 1.0)},
+        {"regulator_conductance": 0.0},
+        _about(supply_volume=1.5e-3, regulator_conductance=2e-8),
+        inverse=True,
+    ),
+    _plain("line-delay", GAS, _about(line_delay=0.011), {"line_delay": 0.0}, delay="line_delay"),
+    _plain("valve-deadband", AXIS, _about(overlap=0.5), {"overlap": 0.0}, width="overlap"),
+    _plain("valve-lag", GAS, _about(valve_lag=0.018), {"valve_lag": 0.0}, time_constant="valve_lag"),
+    _plain(
+        "valve-hysteresis", GAS, _about(valve_half_width=0.2), {"valve_half_width": 0.0}, half_width="valve_half_width"
+    ),
+    _plain("valve-leak", GAS, _about(valve_leak_area=3e-8), {"valve_leak_area": 0.0}, area="valve_leak_area"),
+    _plain(
+        "critical-ratio", GAS, _about(critical_ratio=0.2), {"critical_ratio": 0.528}, critical_ratio="critical_ratio"
+    ),
+    _plain("stribeck", MOTION, _stribeck, {"static": 0.0}, static="static", velocity="stribeck_velocity"),
+    _plain("friction-hysteresis", MOTION, _about(drop=0.45), {"drop": 0.0}, drop="drop"),
+    Hidden(
+        "presliding",
+        MOTION,
+        {"stiffness": ("bristle_stiffness", 1.0), "damping": ("bristle_damping", 1.0)},
+        {"bristle_stiffness": 0.0},
+        _about(bristle_stiffness=5e4, bristle_damping=80.0),
+        inverse=True,
+    ),
+    _plain(
+        "friction-asymmetry",
+        MOTION,
+        _either_sign(asymmetry=0.25, viscous_asymmetry=0.25),
+        {"asymmetry": 0.0, "viscous_asymmetry": 0.0},
+        asymmetry="asymmetry",
+        viscous_asymmetry="viscous_asymmetry",
+    ),
+    Hidden(
+        "pressure-friction",
+        MOTION,
+        {"gain": ("pressure_gain", 1e-5)},
+        {"pressure_gain": 0.0},
+        _about(pressure_gain=0.2e-5),
+    ),
+    Hidden(
+        "position-friction",
+        MOTION,
+        {"from": ("position_from", 1.0), "to": ("position_to", 1.0), "gain": ("position_gain", 1.0)},
+        {"position_gain": 0.0},
+        _patch,
+    ),
+    _plain(
+        "constant-force", MOTION, _either_sign(constant_force=16.0), {"constant_force": 0.0}, force="constant_force"
+    ),
+    _plain(
+        "spring-force",
+        MOTION,
+        _spring,
+        {"spring_stiffness": 0.0},
+        stiffness="spring_stiffness",
+        rest_position="spring_rest",
+    ),
+    _plain("extra-mass", MOTION, _payload, {"extra_mass": 0.0}, mass="extra_mass"),
+    _plain(
+        "end-cushion",
+        MOTION,
+        _about(cushion_length=0.065, cushion_damping=250.0),
+        {"cushion_damping": 0.0},
+        length="cushion_length",
+        damping="cushion_damping",
+    ),
+    _plain(
+        "dwell-breakaway",
+        MOTION,
+        _about(dwell_gain=0.6, dwell_time=0.4),
+        {"dwell_gain": 0.0},
+        gain="dwell_gain",
+        time_constant="dwell_time",
+    ),
+    _plain(
+        "pressure-offset",
+        EVERYWHERE,
+        _either_sign(pressure_offset=12e3),
+        {"pressure_offset": 0.0},
+        offset="pressure_offset",
+    ),
+    _plain("pressure-scale", EVERYWHERE, _scale, {"pressure_scale": 1.0}, scale="pressure_scale"),
+    _plain("pressure-lag", EVERYWHERE, _about(pressure_lag=0.012), {"pressure_lag": 0.0}, time_constant="pressure_lag"),
+    _plain(
+        "acceleration-bias",
+        MOTION,
+        _either_sign(acceleration_bias=0.4),
+        {"acceleration_bias": 0.0},
+        bias="acceleration_bias",
+    ),
+    _plain("time-skew", EVERYWHERE, _about(pressure_skew=0.012), {"pressure_skew": 0.0}, delay="pressure_skew"),
+)
+"""The effects of the catalogue (interface, section 5)."""
+
+
+def _outside(name: str, kinds: tuple[Kind, ...], scaled: str, draw: Draw) -> Hidden:
+    return Hidden(name, kinds, {}, dict.fromkeys(scaled.split(), 0.0), draw)
+
+
+OUTSIDE = (
+    _outside("dry friction falls over the first seconds", MOTION, "running_in", _about(running_in=0.4)),
+    _outside("viscous friction falls while warming up", MOTION, "warming", _about(warming=0.55)),
+    _outside("force periodic over position", MOTION, "pitch_force", _about(pitch_force=9.0, pitch=0.02)),
+    _outside("quadratic drag", MOTION, "quadratic_drag", _about(quadratic_drag=250.0)),
+    _outside(
+        "resonance of a flexibly coupled load",
+        MOTION,
+        "load_mass load_stiffness load_damping",
+        _about(load_mass=1.0, load_stiffness=2500.0, load_damping=4.0),
+    ),
+    _outside(
+        "backlash between piston and load",
+        MOTION,
+        "load_mass load_stiffness load_damping",
+        _about(load_mass=1.2, load_stiffness=2e4, load_damping=40.0, load_gap=3e-3),
+    ),
+    _outside("load periodic in time", MOTION, "swinging_force", _about(swinging_force=9.0, swinging_frequency=1.3)),
+    _outside("supply ripple that its sensor misses", GAS, "ripple", _about(ripple=4e4, ripple_frequency=7.0)),
+    _outside("valve gain drifts over each recording", GAS, "gain_drift", _either_sign(gain_drift=0.06)),
+    _outside("spool sticks and jumps", GAS, "spool_stiction", _about(spool_stiction=1.8)),
+    _outside("clogged silencer", GAS, "silencer", _about(silencer=300.0)),
+    _outside(
+        "curved characteristic of the sensor of p1", GAS, "pressure_curvature", _either_sign(pressure_curvature=8e-8)
+    ),
+)
+"""Effects that no catalogue names."""
+
+BY_NAME = {effect.name: effect for effect in CATALOGUE + OUTSIDE}

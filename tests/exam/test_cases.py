@@ -1,0 +1,122 @@
+"""An exam: what it writes, what it keeps sealed, and how answers are graded."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.exam.cases import generate_case, write_exam
+from pneucli.exam.grading import grade, to_markdown
+from pneucli.exam.hidden import BY_NAME
+from pneucli.stages import exam
+
+
+def test_a_case_is_what_a_lab_hands_over_and_does_not_tell(tmp_path):
+    truth = generate_case(tmp_path / "case-001", "valve", ["valve-lag"], "", 1.0, 7)
+    files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())
+    pipeline = tomllib.loads((tmp_path / "case-001" / "pipeline.toml").read_text())
+    assert len(files) == 1 + len(pipeline["recordings"])
+    assert {r["use"] for r in pipeline["recordings"]} == {"train", "test"}
+    assert not any("lag" in (tmp_path / f).read_text() for f in files)
+    assert truth["verdict"] == "missing-effect"
+
+
+@pytest.mark.parametrize(
+    ("kind", "hidden"), [("friction", ["stribeck"]), ("axis", ["supply-droop"]), ("axis", ["valve-deadband"])]
+)
+def test_the_pipeline_says_what_the_effect_needs(tmp_path, kind, hidden):
+    generate_case(tmp_path / "case", kind, hidden, "", 1.0, 8)
+    pipeline = tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())
+    assert ("p_supply" in pipeline["signals"]) <= (hidden != ["supply-droop"])
+    assert (pipeline["model"].get("valve") == "linear") >= (hidden == ["valve-deadband"])
+    for recording in pipeline["recordings"]:
+        table = np.genfromtxt(tmp_path / "case" / recording["file"], delimiter=",", skip_header=3)
+        assert np.all(np.isfinite(table))
+
+
+def test_the_same_seed_gives_the_same_case_and_another_seed_another(tmp_path):
+    for name, seed in (("a/c", 1), ("b/c", 1), ("d/c", 2)):
+        generate_case(tmp_path / name, "valve", [], "", 1.0, seed)
+    text = {name: (tmp_path / name / "c" / "raw" / "stairs_1.csv").read_bytes() for name in "abd"}
+    assert text["a"] == text["b"] != text["d"]
+
+
+def test_an_exam_has_nulls_strangers_and_pairs_and_its_names_do_not_tell(tmp_path):
+    exam.write(tmp_path / "exam", cases=6, nulls=2, seed=3)
+    truths = [json.loads(p.read_text()) for p in sorted((tmp_path / "exam" / ".sealed").glob("*.json"))]
+    assert sorted(t["verdict"] for t in truths) == ["adequate"] * 2 + ["missing-effect"] * 5 + ["unexplained"]
+    assert sorted(len(t["hidden"]) for t in truths) == [0, 0, 0, 1, 1, 1, 1, 2]
+    assert not list((tmp_path / "exam").glob("case-*/truth*"))
+    with pytest.raises(InputError, match="not empty"):
+        write_exam(tmp_path / "exam")
+
+
+def _seal(folder, case, hidden, outside=None):
+    verdict = "unexplained" if outside else "missing-effect" if hidden else "adequate"
+    (folder / ".sealed").mkdir(parents=True, exist_ok=True)
+    truth = {"hidden": hidden, "outside_the_catalogue": outside, "verdict": verdict}
+    (folder / ".sealed" / f"{case}.json").write_text(json.dumps(truth))
+
+
+def _answer(folder, case, verdict, missing=(), twins=(), value=1.0, error=1.0):
+    (folder / "answers").mkdir(exist_ok=True)
+    candidates = [
+        {"effect": e, "parameters": {"area": {"value": value}}, "indistinguishable_from": list(twins)} for e in missing
+    ]
+    ladder = [
+        {"add": None, "error_train": 9.0, "error_test": 9.0},
+        {"add": "x", "error_train": 1.0, "error_test": error},
+    ]
+    answer = {"verdict": verdict, "missing": list(missing), "candidates": candidates, "ladder": ladder}
+    (folder / "answers" / f"{case}.json").write_text(json.dumps(answer))
+
+
+def test_grading_counts_by_hand(tmp_path):
+    leak = {"chamber-leak": {"area": 1.0}}
+    for case, hidden in (("a", leak), ("b", leak), ("c", leak), ("d", {}), ("e", {})):
+        _seal(tmp_path, case, hidden)
+    _seal(tmp_path, "f", {}, "backlash between piston and load")
+    _answer(tmp_path, "a", "missing-effect", ["chamber-leak"], value=1.1, error=1.02)  # exact, parameter within 15 %
+    _answer(tmp_path, "b", "missing-effect", ["valve-leak"], twins=["chamber-leak"])  # in the set only
+    _answer(tmp_path, "d", "adequate")
+    _answer(tmp_path, "e", "missing-effect", ["stribeck"])  # a false alarm
+    _answer(tmp_path, "f", "unexplained", ["spring-force"])  # flagged, and yet named
+    result = exam.grade(tmp_path)
+    shares = {what: (share["right"], share["of"]) for what, share in result["shares"].items()}
+    assert shares == {
+        "verdict right": (4, 6),
+        "true effects in the answer": (2, 3),
+        "exactly the true effects": (1, 3),
+        "nulls named nothing": (1, 2),
+        "unknown flagged": (1, 1),
+        "unknown wrongly named": (1, 1),
+        "parameters within 15 %": (1, 1),
+    }
+    assert result["unanswered"] == ["c"]
+    assert result["error_after"] == {"median": 1.02, "largest": 1.02}
+    assert {"hidden": "none", "answered": "stribeck", "cases": 1} in result["confusion"]
+    # Clopper and Pearson for 1 of 2: the beta quantiles 1 - 0.975^(1/2) and 0.975^(1/2)
+    assert result["shares"]["nulls named nothing"]["ci95"] == pytest.approx([1 - 0.975**0.5, 0.975**0.5])
+    assert (tmp_path / "answers" / "grades.md").read_text() == to_markdown(result)
+
+
+def test_a_broken_answer_names_file_and_line(tmp_path):
+    _seal(tmp_path, "a", {})
+    (tmp_path / "answers").mkdir()
+    (tmp_path / "answers" / "a.json").write_text('{"verdict":\n oops}')
+    with pytest.raises(InputError, match=r"a\.json, line 2"):
+        grade(tmp_path, tmp_path / "answers")
+
+
+def test_a_folder_without_truths_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no sealed truths"):
+        grade(tmp_path, tmp_path)
+
+
+def test_the_rig_hides_the_whole_catalogue_and_more():
+    assert len([e for e in BY_NAME.values() if e.fields]) == 27
+    assert len([e for e in BY_NAME.values() if not e.fields]) >= 8
