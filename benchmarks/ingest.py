@@ -65,9 +65,16 @@ def make(path: Path, size: float) -> None:
 
 def plain(folder: Path) -> None:
     """Let pyarrow read and write the file and do nothing else."""
-    with pcsv.open_csv(folder / "large.csv") as reader, pq.ParquetWriter(
-        folder / "plain.parquet", reader.schema, compression="zstd", use_dictionary=False, use_byte_stream_split=True
-    ) as writer:
+    with (
+        pcsv.open_csv(folder / "large.csv") as reader,
+        pq.ParquetWriter(
+            folder / "plain.parquet",
+            reader.schema,
+            compression="zstd",
+            use_dictionary=False,
+            use_byte_stream_split=True,
+        ) as writer,
+    ):
         for batch in reader:
             writer.write_batch(batch)
 

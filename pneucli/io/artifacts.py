@@ -175,13 +175,9 @@ def read_table(path: str | Path) -> dict[str, NDArray[Any] | list[str]]:
 
 def read_metadata(path: str | Path) -> dict[str, Any]:
     """Return schema, version, units, inputs and parameters of an artifact."""
-    metadata = pq.read_schema(path).metadata or {}
-    plain = {key.decode().removeprefix(_PREFIX): value.decode() for key, value in metadata.items()}
-    return {
-        key: plain[key] if key in ("schema", "version") else json.loads(plain[key])
-        for key in sorted(plain)
-        if key in _ABOUT
-    }
+    metadata = pq.read_metadata(path).metadata or {}
+    own = {name: metadata[key].decode() for name in _ABOUT if (key := (_PREFIX + name).encode()) in metadata}
+    return {name: text if name in ("schema", "version") else json.loads(text) for name, text in own.items()}
 
 
 _ABOUT = ("schema", "version", "units", "inputs", "parameters")

@@ -173,7 +173,7 @@ class _Clock:
         if self._gaps:
             message = f"{self._gaps} gaps, {self._missing:.3g} s in all, were left as they are"
             found.append(Repair("time", "gap", self._gaps, message))
-        if self._uneven > 0.01 * self._intervals:
+        if self._uneven > max(ISOLATED, 0.01 * self._intervals):
             share = f"{100 * self._uneven / self._intervals:.0f} %"
             message = f"the clock jitters: {share} of the intervals are {100 * JITTER:.0f} % off {self.period:.4g} s"
             found.append(Repair("time", "jitter", self._uneven, message))

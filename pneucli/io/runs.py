@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 SHORTEST = 20  # samples
 CHANCE = 1e-9  # expected number of such runs in the recording, were each repetition independent
 VISIBLE = 0.3  # share of steps that turn round: 2/3 in white noise, about 0 in a smooth curve
+COARSE = 1.5  # steps of the resolution: below, noise hides in the quantisation
 JUMP = 20.0  # times the median step
 
 
@@ -37,7 +38,7 @@ class Runs:
         self._long: list[_Run] = []
         self._equal = self._pairs = self._turns = self._steps = 0
         self._low, self._high = np.inf, -np.inf
-        self._step = np.inf
+        self._step = self._resolution = np.inf
 
     def see(self, values: Array) -> None:
         """Take note of the next samples."""
@@ -49,6 +50,7 @@ class Runs:
         self._steps += moving.size
         if moving.size:
             self._step = min(self._step, float(np.median(np.abs(moving))))
+            self._resolution = min(self._resolution, float(np.min(np.abs(moving))))
         self._low = min(self._low, float(np.fmin.reduce(values)))
         self._high = max(self._high, float(np.fmax.reduce(values)))
         self._find(values)
@@ -76,7 +78,7 @@ class Runs:
             return True
         inside = sum(other.length - 1 for other in self._long)
         repeats = max(self._equal - inside, 1) / max(self._pairs - inside, 1)
-        noisy = self._turns > VISIBLE * self._steps > 0
+        noisy = self._turns > VISIBLE * self._steps > 0 and self._step > COARSE * self._resolution
         return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(CHANCE)
 
     def _repair(self, kind: str, runs: list[_Run]) -> Repair:

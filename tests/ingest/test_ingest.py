@@ -1,0 +1,204 @@
+"""The stage from pipeline file to artifacts, on files of its own, on the real recordings and on the cases."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pneucli.config import load
+from pneucli.errors import InputError
+from pneucli.io.artifacts import read_metadata, read_table
+from pneucli.io.recordings import load_recordings
+from pneucli.pipeline.context import Context
+from pneucli.recording import Recording
+from pneucli.stages import ingest
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("PNEUCLI_DATA", ROOT.parent / "shared" / "real"))
+CASES = Path(os.environ.get("PNEUCLI_CASES", ROOT.parent / "shared" / "cases"))
+REAL = sorted(path for path in (ROOT / "pipelines").glob("*.toml") if "PNEUCLI_DATA" in path.read_text())
+
+needs_real = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here (PNEUCLI_DATA)")
+needs_cases = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here (PNEUCLI_CASES)")
+
+PIPELINE = """
+[pipeline]
+name = "two"
+[rig]
+ambient_pressure = "1.0 bar"
+[signals]
+time = { column = "t", unit = "ms" }
+p1 = { column = "P", unit = "bar", reference = "gauge", noise = "4 mbar" }
+x = { column = "X", unit = "mm" }
+[[recordings]]
+name = "charge"
+file = "charge.csv"
+experiment = "valve"
+use = "train"
+u = "3 V"
+from = "10 ms"
+to = "80 ms"
+[[recordings]]
+name = "stroke"
+file = "stroke.csv"
+experiment = "friction"
+use = "test"
+chamber_2 = "open"
+"""
+
+
+def ingested(path: Path, out: Path) -> tuple[dict[str, Any], list[Recording]]:
+    answer = ingest.run(Context(path, load(path), out, out.parent))
+    return answer, load_recordings(out)
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(0)
+    rows = [f"{t},{6.5 + 0.004 * rng.standard_normal():.5f}" for t in range(100)]
+    (tmp_path / "charge.csv").write_text("t,P\n" + "\n".join(rows) + "\n")
+    (tmp_path / "stroke.csv").write_text(
+        "t,P,X\n" + "\n".join(f"{row},{n * n * 1e-3:.4f}" for n, row in enumerate(rows))
+    )
+    (tmp_path / "two.toml").write_text(PIPELINE)
+    return tmp_path / "two.toml"
+
+
+def test_artifacts_hold_si_units_and_what_made_them(two: Path, tmp_path: Path) -> None:
+    answer, (charge, stroke) = ingested(two, tmp_path / "ingest")
+    assert (charge.time[0], charge.time[-1], charge.time.size) == (0.01, 0.08, 71)
+    assert charge["p1"].mean() == pytest.approx(7.5e5, rel=1e-3)
+    assert set(charge.signals) == {"u", "p1"}
+    assert np.all(charge["u"] == 3.0)
+    assert charge.noise["p1"].rms == pytest.approx(400.0)
+    assert charge.noise["u"].rms == 0.0
+    assert stroke.chamber_2 == "open"
+    assert set(stroke.signals) == {"p1", "x"}
+    schema = pq.read_schema(tmp_path / "ingest" / "signals.parquet")
+    assert schema.names == ["recording", "time", "u", "p1", "x"]
+    assert {name: schema.field(name).metadata[b"unit"] for name in ("time", "p1", "x")} == {
+        "time": b"s",
+        "p1": b"Pa",
+        "x": b"m",
+    }
+    about = read_metadata(tmp_path / "ingest" / "signals.parquet")
+    assert about["schema"] == "pneucli/ingest/signals/1"
+    assert sorted(about["inputs"].values()) == sorted({row["sha256"] for row in answer["recordings"]})
+    assert about["parameters"]["pipeline"]["rig"]["ambient_pressure"] == "1.0 bar"
+    for name in ("recordings", "noise", "repairs"):
+        assert read_metadata(tmp_path / "ingest" / f"{name}.parquet")["schema"] == f"pneucli/ingest/{name}/1"
+
+
+def test_repairs_are_listed_with_counts(two: Path, tmp_path: Path) -> None:
+    text = (tmp_path / "charge.csv").read_text()
+    (tmp_path / "charge.csv").write_text(text.replace("\n50,", "\n49,").replace("\n60,6", "\n60,99"))
+    answer, (charge, _) = ingested(two, tmp_path / "ingest")
+    found = {(one["signal"], one["kind"]): one["count"] for one in answer["repairs"] if one["recording"] == "charge"}
+    assert found == {("time", "duplicate"): 1, ("p1", "spike"): 1}
+    assert np.isnan(charge["p1"]).sum() == 1
+    table = read_table(tmp_path / "ingest" / "repairs.parquet")
+    assert list(zip(table["signal"], table["kind"], strict=True)) == list(found)
+    assert "1 spikes" in ingest.describe(answer)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('column = "P"', 'column = "Q"', r'(?s)no column "Q" for p1.*columns: "t", "P"'),
+        ('u = "3 V"\n', "", "u is not described"),
+        ('from = "10 ms"\nto = "80 ms"', 'from = "1 s"', "0 usable rows"),
+        ('column = "t"', 'column = "T"', r'no column "T"'),
+        ("[rig]", '[rig]\nsuply_pressure = "1 bar"', 'did you mean "supply_pressure"'),
+    ],
+)
+def test_what_the_stage_cannot_use_is_refused(two: Path, tmp_path: Path, old: str, new: str, says: str) -> None:
+    assert old in PIPELINE
+    two.write_text(PIPELINE.replace(old, new))
+    with pytest.raises(InputError, match=says):
+        ingested(two, tmp_path / "ingest")
+    assert not list((tmp_path / "ingest").glob("*.parquet"))
+
+
+@needs_real
+@pytest.mark.real
+@pytest.mark.parametrize("path", REAL, ids=lambda path: path.stem)
+def test_every_real_recording_loads(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
+    answer, recordings = ingested(path, tmp_path / "ingest")
+    assert len(recordings) == len(answer["recordings"])
+    for one in recordings:
+        assert np.all(np.diff(one.time) > 0)
+        assert not [
+            r for r in answer["repairs"] if r["kind"] in ("spike", "frozen", "saturated", "backward", "duplicate")
+        ]
+        assert all(np.isfinite(values).any() for values in one.signals.values())
+
+
+@pytest.fixture
+def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Recording]]:
+    if not DATA.is_dir():
+        pytest.skip("the real recordings are not here (PNEUCLI_DATA)")
+    monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
+    return lambda name: ingested(ROOT / "pipelines" / f"{name}.toml", tmp_path / "ingest")[1]
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(
+    ("name", "friction"),  # README of the recordings: half the difference of retract and extend medians, N
+    [("o-ring", [3.98, 5.50, 7.16, 7.98]), ("pk", [2.64, 3.58, 5.19, 6.60]), ("x-ring257", [4.56, 6.50, 8.63, 15.53])],
+)
+def test_seal_friction_is_what_its_authors_data_give(
+    real: Callable[[str], list[Recording]], name: str, friction: list[float]
+) -> None:
+    area = load(ROOT / "pipelines" / f"zillen-{name}.toml").to_rig().piston_area_1
+    assert area is not None
+    measured = []
+    for one in real(f"zillen-{name}"):
+        net = one["force"] + (one["p1"] - one["p2"]) * area
+        speed = np.gradient(one["x"], one.time)
+        forth, back = np.median(net[speed > 4e-3]), np.median(net[speed < -4e-3])
+        measured.append(abs(forth - back) / 2)
+    assert measured == pytest.approx(friction, rel=0.1)
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(
+    ("name", "start", "end"), [("aluminium", 7.315, 7.284), ("prusa", 7.645, 7.548), ("ultimaker-020", 7.671, 0.03)]
+)
+def test_decay_ends_where_its_readme_says(
+    real: Callable[[str], list[Recording]], name: str, start: float, end: float
+) -> None:
+    (one,) = real(f"zillen-decay-{name}")
+    gauge = (one["p1"] - 101_300) / 1e5
+    assert one.valve_shut
+    assert one.time[-1] == pytest.approx(145, abs=7)  # "10 Hz, about 145 s"
+    assert one.period == pytest.approx(0.1, rel=0.02)
+    assert (np.median(gauge[:10]), np.median(gauge[-10:])) == (
+        pytest.approx(start, abs=6e-3),
+        pytest.approx(end, abs=6e-3),
+    )
+
+
+@pytest.mark.real
+def test_emps_and_hyddown_have_the_published_sizes(real: Callable[[str], list[Recording]]) -> None:
+    assert [one.time.size for one in real("emps")] == [24_841, 24_841]
+    (vessel,) = real("hyddown")
+    assert np.isfinite(vessel["p1"]).sum() == 15
+    assert np.isfinite(vessel["temperature"]).sum() == 14
+
+
+@needs_cases
+@pytest.mark.real
+@pytest.mark.parametrize("path", sorted(CASES.glob("case-*/pipeline.toml")), ids=lambda path: path.parent.name)
+def test_cases_pass_unaltered(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ingest, "FEWEST", 10**9)  # noise is another matter, and takes longer
+    answer, recordings = ingested(path, tmp_path / "ingest")
+    assert answer["repairs"] == []
+    for one, row in zip(recordings, answer["recordings"], strict=True):
+        raw = np.loadtxt(row["file"], delimiter=",", skiprows=3)
+        np.testing.assert_allclose(one.time, raw[:, 0] * 1e-3, rtol=1e-15)
+        assert one.time.size == len(raw)
