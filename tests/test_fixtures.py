@@ -29,8 +29,9 @@ def test_a_fixture_is_the_one_that_was_made(name):
     assert hashlib.sha256((HERE / name).read_bytes()).hexdigest() == HASHES[name]
 
 
-def test_every_recording_is_hashed():
-    assert {p.relative_to(HERE).as_posix() for p in HERE.rglob("*.csv")} <= set(HASHES)
+def test_every_recording_is_hashed(make):
+    folders = [HERE / fixture.laboratory.name for fixture in make.fixtures()]
+    assert {p.relative_to(HERE).as_posix() for folder in folders for p in folder.iterdir()} < set(HASHES)
 
 
 def test_the_rig_still_gives_a_fixture_bit_for_bit(make, tmp_path):
