@@ -42,7 +42,7 @@ def acceleration(drive: float, v: float, mass: float, tables: Array, step: float
     toward = v if v != 0.0 else drive
     side, direction = (0, 1.0) if toward > 0.0 else (1, -1.0)
     if v == 0.0:
-        return direction * max(direction * drive - tables[side, 0, 0], 0.0) / mass
+        return float(direction * max(direction * drive - tables[side, 0, 0], 0.0) / mass)
     force, _ = net(direction * drive, direction * v, tables[side], step, speeding_up)
     return direction * force / mass
 

@@ -69,7 +69,8 @@ def fit_stribeck(samples: Samples, *, offset: bool) -> Fit:
     """Fit Stribeck friction (3.6); return Coulomb and viscous friction where a fall with velocity is not there.
 
     The fall is kept where twice the gain in likelihood, divided by the residuals' correlation (long-run over sample
-    variance), exceeds twice the Schwarz penalty of its two parameters.
+    variance), exceeds twice the Schwarz penalty of its two parameters, and where static friction less Coulomb
+    friction is more than three standard errors.
     """
     s = samples
     plain = fit_coulomb(s, offset=offset)
@@ -85,20 +86,26 @@ def fit_stribeck(samples: Samples, *, offset: bool) -> Fit:
 
     low = np.array([0.0, 0.0, 0.0, 0.5 * speed.min(), -np.inf][: len(names)])
     curved = _refine(names, residual, start, low, s)
-    gain = _cost(plain_residual(plain, s), curved.deviation) - _cost(residual(curved.theta), curved.deviation)
+    gain = _cost(scaled_residual(plain, s), curved.deviation) - _cost(residual(curved.theta), curved.deviation)
     inflation = _inflation(residual(curved.theta), s.block)
-    falls = curved["static"] > curved["coulomb"]
-    return curved if falls and 2 * gain / inflation > 4 * np.log(len(s)) else plain
+    return curved if _falls(curved) and 2 * gain / inflation > 4 * np.log(len(s)) else plain
 
 
-def plain_residual(fit: Fit, s: Samples) -> Array:
+def _falls(fit: Fit) -> bool:
+    """Whether static friction lies above Coulomb friction by more than three standard errors."""
+    contrast = np.array([{"static": 1.0, "coulomb": -1.0}.get(name, 0.0) for name in fit.names])
+    return bool(contrast @ fit.theta > 3.0 * np.sqrt(contrast @ fit.covariance @ contrast))
+
+
+def scaled_residual(fit: Fit, s: Samples) -> Array:
     """Return what a fit leaves of the friction force, in standard deviations, shape (n,)."""
     return np.asarray((law(s.v, fit) + fit["offset"] - s.friction) / s.sigma)
 
 
 def _stribeck_start(s: Samples, *, offset: bool) -> Array | None:
     """Return the best of a search over the Stribeck velocity, the other parameters by linear least squares."""
-    speed, best = np.abs(s.v), (np.inf, None)
+    speed = np.abs(s.v)
+    best: tuple[float, Array | None] = (np.inf, None)
     lowest = [0.0, 0.0, 0.0] + ([-np.inf] if offset else [])
     for velocity in np.geomspace(max(speed.min(), 1e-3 * speed.max()), 0.5 * speed.max(), SEARCH):
         columns = [np.sign(s.v), s.v, np.sign(s.v) / (1 + (s.v / velocity) ** 2)] + [np.ones(len(s))] * offset

@@ -19,6 +19,7 @@ from pneucli.identify.friction.values import Samples, Value, pool
 from pneucli.recording import Recording, Rig
 
 FEWEST = 100  # moving samples
+RESTLESS = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise
 UNKNOWN = 0.5  # half the interval of an identified mass over its value, beyond which it counts as not identifiable
 
 
@@ -78,7 +79,7 @@ def identify_friction(recordings: Sequence[Recording], rig: Rig, nodes: int = GR
     domain = Domain(top, max(m.floor for m in train), nodes)
     models, missing = identify_models(samples, both, domain, inertia or 1.0)
     cuts = tuple(c for m in train if not m.imposed for c in cut(m, inertia))
-    levels = [kinetic_friction(m, inertia) for m in motions if m.imposed]
+    levels = tuple(k for m in motions if m.imposed and (k := kinetic_friction(m, inertia)))
     return FrictionIdentification(
         mass=mass,
         parameters=both.values(),
@@ -89,8 +90,8 @@ def identify_friction(recordings: Sequence[Recording], rig: Rig, nodes: int = GR
         averages=tuple(average(cuts)),
         models=models,
         deviations=deviations(models, motions, inertia, both["offset"]),
-        kinetic=tuple(level for level in levels if level),
-        warnings=(*warnings, *missing, *_doubts(both, samples)),
+        kinetic=levels,
+        warnings=(*warnings, *missing, *_doubts(both, samples), *_differing(levels)),
     )
 
 
@@ -117,6 +118,15 @@ def _mass(train: Sequence[Motion], rig: Rig, warnings: list[str]) -> Value | Non
     return None
 
 
+def _differing(levels: Sequence[KineticFriction]) -> list[str]:
+    """Return a warning where kinetic friction differs between recordings by more than both intervals."""
+    if not levels or max(k.friction.ci_low for k in levels) <= min(k.friction.ci_high for k in levels):
+        return []
+    values = [k.friction.value for k in levels]
+    spread = f"{min(values):.3g} to {max(values):.3g} N"
+    return [f"kinetic friction differs between recordings ({spread}): model A pools them; see each one's own level"]
+
+
 def _doubts(both: Fit, samples: Samples) -> list[str]:
     """Return what the user should know about the fit of model A."""
     out = []
@@ -124,7 +134,7 @@ def _doubts(both: Fit, samples: Samples) -> list[str]:
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
         out.append(f"a constant force of {force:.3g} N acts beside friction (or a sensor's or an area's error)")
-    if both.deviation > 1.5:
+    if both.deviation > RESTLESS:
         out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise: friction depends on more than v")
     if values["coulomb"].ci_low <= 0:
         out.append("dry friction is not told from zero")

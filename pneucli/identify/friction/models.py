@@ -102,7 +102,7 @@ class FrictionModel:
         """Return the branch that holds while speeding up, or while slowing."""
         return self.branches[0 if accelerating else -1]
 
-    def force(self, v: Array, accelerating: Array | bool = True) -> Array:
+    def force(self, v: Array, accelerating: NDArray[np.bool_] | bool = True) -> Array:
         """Return the friction force (N) at ``v`` (m/s) where ``accelerating`` says which branch; shapes broadcast.
 
         The domain's ends hold for velocities beyond it.
@@ -154,13 +154,11 @@ def direct(name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: 
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
     branches = []
     for branch, s in samples.items():
-        forward, backward = (_side(domain, s, both, d) for d in (1, -1))
-        if forward is None and backward is None:
+        sides = [side for d in (1, -1) if (side := _side(domain, s, both, d))]
+        if not sides:
             raise InputError("friction recordings", f"{len(s)} samples {branch}", f"at least {FEWEST}", "move further")
-        ahead, back = (a if a is not None else b for a, b in ((forward, backward), (backward, forward)))
-        assert ahead is not None
-        assert back is not None
-        level = np.where(domain.grid >= 0, np.interp(speed, *ahead), np.interp(speed, *back))
+        levels = [np.interp(speed, *side) for side in (sides[0], sides[-1])]
+        level = np.where(domain.grid >= 0, *levels)
         branches.append(_tp(domain, branch, level * smoothed, mass))
     return FrictionModel(name, domain, tuple(branches))
 

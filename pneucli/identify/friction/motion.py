@@ -20,6 +20,7 @@ Mask = NDArray[np.bool_]
 Kinematics = Callable[[Array, Array], tuple[Array, Array]]
 
 CLEAR = 5.0  # standard deviations of the velocity, below which a piston counts as resting
+RINGING = 1e-3  # of the highest speed: what smoothing leaves of it beside a stop
 DISTINCT = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
 
 
@@ -57,7 +58,7 @@ class Motion:
     @property
     def floor(self) -> float:
         """The velocity in m/s below which the piston counts as resting."""
-        return CLEAR * self.sigma_v
+        return max(CLEAR * self.sigma_v, RINGING * float(np.abs(self.v).max()))
 
     @property
     def moving(self) -> Mask:
@@ -88,9 +89,9 @@ def motion_of(recording: Recording, rig: Rig) -> Motion:
     A pressure that was not recorded counts as ambient. Raises InputError where motion or drive were not recorded, and
     where pressures are the drive but the piston's area is missing.
     """
-    raw = {name: filled(recording.time, values) for name, values in recording.signals.items()}
-    noise = {n: recording.noise.get(n) or estimate(recording.time, raw[n]) for n in raw}
     parts = _drive_parts(recording, rig)
+    raw = {n: filled(recording.time, recording[n]) for n in (*parts, "x", "a") if n in recording}
+    noise = {n: recording.noise.get(n) or estimate(recording.time, raw[n]) for n in raw}
     drive = sum(gain * (raw[n] - zero) for n, (gain, zero) in parts.items()) + np.zeros(recording.time.size)
     derive, smooth, a = _estimators(recording, raw, noise)
     v, smooth_a = derive(raw.get("x", np.zeros(a.size)), a)
@@ -107,7 +108,7 @@ def motion_of(recording: Recording, rig: Rig) -> Motion:
         smooth_a=smooth_a,
         drive=drive if accelerometer else quiet_drive,
         smooth_drive=quiet_drive,
-        valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw if n in {*parts, "x", "a"}]),
+        valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw]),
         sigma_v=max(float(np.std(v_error)), 1e-7),
         sigma_a=max(float(np.std(a_error)), 1e-9),
         sigma_drive=float(np.sqrt(sum((gain * noise[n].rms) ** 2 for n, (gain, _) in parts.items()))),

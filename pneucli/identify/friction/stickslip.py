@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from pneucli.identify.friction.motion import Motion
 
 Array = NDArray[np.float64]
+Samples = NDArray[np.intp]
 BranchName = Literal["accelerating", "slowing"]
 
 REST = 0.02  # s at rest before and after, without which a slide is no stick-slip
+SLIDE = 0.02  # of the highest speed
 FEWEST = 5  # moving samples
 NODES = 60
 
@@ -65,24 +67,30 @@ class Averaged:
 def cut(motion: Motion, mass: float) -> list[Cut]:
     """Return every single stick-slip of a recording, for a moving mass in kg.
 
-    A slide counts that the piston rests ``REST`` s before and after, without turning back in between.
+    A slide counts that the piston rests ``REST`` s before and after; what is slower than ``SLIDE`` of the recording's
+    highest speed throughout is rest, since velocity from position alone rings beside a stop.
     """
-    moving = (np.abs(motion.v) > motion.floor).astype(np.int8)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], moving, [0]])))
-    begins, stops = edges[::2], edges[1::2]
+    begins, stops = _slides(motion)
     before = np.concatenate([[0], stops])[:-1]
-    after = np.concatenate([begins, [moving.size]])[1:]
+    after = np.concatenate([begins, [motion.v.size]])[1:]
     rest = REST / motion.recording.period
     slides = zip(before, begins, stops, after, strict=True)
     return [
         _cut(motion, mass, start, begin, stop, end)
         for start, begin, stop, end in slides
-        if min(begin - start, end - stop) >= rest and stop - begin >= FEWEST and _one_way(motion.v[begin:stop])
+        if min(begin - start, end - stop) >= rest and stop - begin >= FEWEST
     ]
 
 
-def _one_way(v: Array) -> bool:
-    return bool(np.all(v > 0) or np.all(v < 0))
+def _slides(motion: Motion) -> tuple[Samples, Samples]:
+    """Return where slides begin and where they have ended, as samples; a slide keeps its direction."""
+    sign = np.where(np.abs(motion.v) > motion.floor, np.sign(motion.v), 0.0)
+    edges = np.flatnonzero(np.diff(sign, prepend=0.0, append=0.0))
+    begins, stops = edges[:-1], edges[1:]
+    fast = SLIDE * np.abs(motion.v).max()
+    peaks = [np.abs(motion.v[i:j]).max() if sign[i] else 0.0 for i, j in zip(begins, stops, strict=True)]
+    keep = np.array(peaks) > fast
+    return begins[keep], stops[keep]
 
 
 def _cut(motion: Motion, mass: float, start: int, begin: int, stop: int, end: int) -> Cut:

@@ -43,7 +43,7 @@ def level_tables(model: FrictionModel) -> tuple[Array, float]:
     """Return the friction levels (N), shape (2, 2, n): toward +x and -x, then speeding up and slowing; and the step."""
     n = FINER * model.domain.nodes // 2
     step = model.domain.top / n
-    speed = step * (np.arange(n) + 0.5)
+    speed = np.asarray(step * (np.arange(n) + 0.5), dtype=np.float64)
     rows = [[model.level(d * speed, accelerating=b) for b in (True, False)] for d in (1.0, -1.0)]
     return np.maximum(np.array(rows), 0.0), step
 
@@ -58,8 +58,8 @@ def driven(model: FrictionModel, motion: Motion, mass: float, offset: float) -> 
 
 def predicted_force(model: FrictionModel, motion: Motion, mass: float, offset: float) -> Array:
     """Return the driving force (N), shape (n,), that a model asks for an imposed motion; the sign smoothed (6.22)."""
-    speeding_up = motion.v * motion.smooth_a >= 0
-    return np.asarray(mass * motion.smooth_a + model.force(motion.v, speeding_up) + offset)
+    inertia: Array = mass * motion.smooth_a
+    return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + offset
 
 
 def deviations(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Samples:
 
 def pool(motions: Sequence[Motion], mass: float) -> Samples:
     """Return the moving samples of all recordings, for a moving mass in kg."""
-    parts: list[list[Array]] = []
+    parts: list[list[NDArray[Any]]] = []
     for number, m in enumerate(motions):
         keep = m.moving
         friction = m.friction(mass)[keep]

@@ -31,10 +31,11 @@ def low_pass(time: Array, cutoff: float) -> Smoother:
     Source: E. Whittaker, Proc. Edinburgh Math. Soc. 41 (1923).
     """
     n = time.size
-    operator, at = sparse.eye_array(n, format="csc"), time
+    operator, at = sparse.csc_array(sparse.eye_array(n)), time
     for _ in range(3):
-        difference = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(at.size - 1, at.size))
-        operator = sparse.diags_array(1.0 / np.diff(at)) @ difference @ operator
+        slope = np.stack([-1.0 / np.diff(at), 1.0 / np.diff(at)])
+        difference = sparse.diags_array(slope, offsets=[0, 1], shape=(at.size - 1, at.size))
+        operator = sparse.csc_array(difference @ operator)
         at = 0.5 * (at[1:] + at[:-1])
     weight = (2 * np.pi * cutoff) ** -6.0
     solve = splu((sparse.eye_array(n) + weight * operator.T @ operator).tocsc())
@@ -86,7 +87,7 @@ def integrate(time: Array, a: Array, rest: Mask) -> Array:
 
     What has gathered between two rests is taken away as a straight line (zero-velocity update).
     """
-    v = cumulative_trapezoid(a, time, initial=0.0)
+    v = np.concatenate([[0.0], cumulative_trapezoid(a, time)])
     return np.asarray(v - np.interp(time, time[rest], v[rest]))
 
 
@@ -115,5 +116,5 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
 
 def _quiet(a: Array, noise: NoiseModel) -> Mask:
     """Return windows whose power is that of the noise alone; a window's outer quarters stay outside."""
-    loud = uniform_filter1d(a**2, QUIET, mode="nearest") > (LOUD * noise.rms) ** 2
+    loud = uniform_filter1d(a**2, QUIET, mode="reflect") > (LOUD * noise.rms) ** 2
     return np.asarray(~loud)

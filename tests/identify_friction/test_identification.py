@@ -1,0 +1,77 @@
+"""What the identification as a whole hands over, and what it asks for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.identify.friction import identify_friction
+from tests.identify_friction.benches import BENCH, FIXTURES, RIG, identified, load, pressed, pulses, recorded
+
+STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015)
+RUN = recorded(STICKY, pressed(STICKY, pulses(2, 30.0)), 1)
+
+
+def test_everything_for_tables_and_figures_is_there() -> None:
+    found = identified(FIXTURES / "friction_null_stribeck")
+    assert [m.name for m in found.models] == list("ABCDEF")
+    assert [c.branch for c in found.curves] == ["accelerating", "slowing", "both"]
+    assert found.cuts
+    assert found.averages
+    assert found.kinetic == ()
+    assert found.model("D").title.startswith("Stribeck")
+
+
+def test_measured_curves_hold_the_law_within_their_intervals() -> None:
+    found = identified(FIXTURES / "friction_null_stribeck")
+    model = found.model("A")
+    for curve in found.curves:
+        clear = np.abs(curve.v) > 0.02  # where the law is steep, the mean over a bin is not the law at its middle
+        inside = (curve.ci_low <= model.force(curve.v)) & (model.force(curve.v) <= curve.ci_high)
+        assert np.mean(inside[clear]) > 0.85
+
+
+def test_test_recordings_are_not_fitted_to() -> None:
+    recordings, rig = load(FIXTURES / "friction_null_coulomb")
+    spoilt = [r if r.use == "train" else _spoilt(r) for r in recordings]
+    assert identify_friction(spoilt, rig).parameters == identified(FIXTURES / "friction_null_coulomb").parameters
+
+
+def _spoilt(recording):  # type: ignore[no-untyped-def]
+    return replace(recording, signals={**recording.signals, "p1": recording["p1"] + 5e4})
+
+
+def test_axis_recordings_serve_where_there_is_no_friction_test() -> None:
+    found = identify_friction([replace(RUN, experiment="axis")], RIG)
+    assert found.parameters["coulomb"].value == pytest.approx(12.0, rel=0.03)
+
+
+def test_a_constant_force_is_told_from_friction_only_where_both_directions_were_measured() -> None:
+    rising = pressed(STICKY, np.abs(pulses(2, 30.0)) * 0.8)
+    one_way = identify_friction([recorded(STICKY, rising, 2)], RIG)
+    assert "offset" not in one_way.parameters
+    assert any("one direction" in warning for warning in one_way.warnings)
+
+
+def test_the_grid_is_the_users_to_choose() -> None:
+    found = identify_friction([RUN], RIG, nodes=400)
+    assert found.model("E").branches[0].tp.grids[0].size == 400
+
+
+def test_what_cannot_be_identified_is_said() -> None:
+    with pytest.raises(InputError, match="no friction test to train on"):
+        identify_friction([replace(RUN, use="test")], RIG)
+    resting = recorded(BENCH, pressed(BENCH, np.zeros(500)), 3)
+    with pytest.raises(InputError, match="moving samples"):
+        identify_friction([resting], RIG)
+    with pytest.raises(InputError, match="friction model"):
+        identify_friction([RUN], RIG).model("G")
+
+
+def test_a_mass_left_out_is_identified() -> None:
+    found = identify_friction([RUN], replace(RIG, moving_mass=None))
+    assert found.mass is not None
+    assert found.mass.value == pytest.approx(2.0, rel=0.03)

@@ -1,0 +1,148 @@
+"""Models A to F: the smoothed sign, the TP models and their grid, and what direct models make of noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.identify.friction import Domain, FrictionModel, grid_convergence
+from pneucli.identify.friction.fit import fit_coulomb
+from pneucli.identify.friction.models import direct, identify_models
+from pneucli.identify.friction.values import BLOCK, Samples
+from pneucli.physics.friction import nouri, stribeck
+from pneucli.tp import check
+from tests.identify_friction.benches import FIXTURES, Array, identified
+
+HYSTERETIC = FIXTURES / "friction_hysteresis"
+DOMAIN = Domain(top=0.3, resolved=1e-3)
+MASS = 2.0
+
+
+def samples(repeats: int, seed: int) -> Samples:
+    """Triangular velocities to both sides, friction of two branches (3.7), 1 N of white noise; 4 s a repeat."""
+    rng = np.random.default_rng(seed)
+    time = 5e-4 * np.arange(8000 * repeats)
+    v = 0.3 * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * time)) + 1e-6
+    a = np.gradient(v, time)
+    force = nouri(v, a, (12.0, 40.0, 18.0, 0.02), (8.0, 45.0)) + rng.standard_normal(v.size)
+    branch = np.sign(v * a).astype(np.int8)
+    keep = np.abs(v) > 2e-3
+    columns = (v, a, force, force, np.ones_like(v), branch, (time / BLOCK).astype(np.int64))
+    return Samples(*(column[keep] for column in columns))
+
+
+def models(repeats: int = 1, seed: int = 0, domain: Domain = DOMAIN) -> dict[str, FrictionModel]:
+    s = samples(repeats, seed)
+    found, warnings = identify_models(s, fit_coulomb(s, offset=True), domain, MASS)
+    assert warnings == []
+    return {m.name: m for m in found}
+
+
+def test_the_smoothed_sign_reaches_95_percent_where_sensors_and_grid_begin_to_resolve() -> None:
+    by_sensor = Domain(top=0.05, resolved=1e-3)
+    by_grid = Domain(top=0.05, resolved=1e-9)
+    assert by_sensor.sign(np.array([1e-3, -1e-3])) == pytest.approx([0.95, -0.95])
+    assert by_grid.sign(np.array([2 * by_grid.step])) == pytest.approx([0.95])
+    v = np.linspace(-0.05, 0.05, 11)
+    assert by_sensor.sign(v) == pytest.approx(2 / (1 + np.exp(-by_sensor.eta * v)) - 1)  # (6.22)
+
+
+def test_model_d_is_nouris_law_but_for_the_smoothed_sign() -> None:
+    d = models()["D"]
+    v = np.concatenate([np.linspace(-0.3, -0.01, 50), np.linspace(0.01, 0.3, 50)])
+    truth = nouri(v, v, (12.0, 40.0, 18.0, 0.02), (8.0, 45.0))
+    assert d.force(v, True) == pytest.approx(truth, abs=0.03 * 12.0)
+    assert d.force(v, False) == pytest.approx(8.0 * np.sign(v) + 45.0 * v, abs=0.03 * 8.0)
+    assert d.force(np.zeros(1), True) == pytest.approx([0.0])
+
+
+def test_level_is_friction_with_a_true_sign() -> None:
+    d = models()["D"]
+    rising = d.branch(accelerating=True).parameters
+    assert d.level(np.array([1e-9]), accelerating=True) == pytest.approx([rising["static"].value], rel=0.005)
+    assert d.level(np.array([-1e-9]), accelerating=True) == pytest.approx([rising["static"].value], rel=0.005)
+
+
+@pytest.mark.parametrize(("name", "source"), [("B", "A"), ("E", "D")])
+def test_tp_models_are_convex_and_exact_at_the_nodes(name: str, source: str) -> None:
+    found = models()
+    for one, original in zip(found[name].branches, found[source].branches, strict=True):
+        assert one.tp is not None
+        assert check(one.tp) == []
+        assert one.tp.grids[0].size == 1000  # the thesis's
+        assert one.force(DOMAIN.grid) == pytest.approx(original.force(DOMAIN.grid), rel=1e-9)
+
+
+def test_the_large_vertex_is_that_of_standstill() -> None:
+    """a22(0) = (Fs eta / 2 + Fv) / m (notes on chapter 6); the innermost nodes are half a step from it."""
+    domain = Domain(top=0.3, resolved=5e-3)  # so smooth that half a step makes no difference
+    found = models(domain=domain)
+    one = found["E"].branches[0]
+    p = found["D"].branches[0].parameters
+    assert one.tp is not None
+    at_rest = (p["static"].value * domain.eta / 2 + p["viscous"].value) / MASS
+    assert one.tp.vertices.max() == pytest.approx(at_rest, rel=0.01)
+    fastest = stribeck(np.array([0.3]), *(p[k].value for k in ("coulomb", "viscous", "static", "velocity")))[0]
+    assert one.tp.vertices.min() == pytest.approx(fastest / (MASS * 0.3), rel=0.01)
+
+
+def test_e_closes_in_on_d_with_the_square_of_the_grid() -> None:
+    """Between the nodes a22 is interpolated linearly: the error falls with the square of their distance."""
+    sizes = (1000, 2000, 4000, 8000)
+    found = grid_convergence(identified(HYSTERETIC).model("D"), MASS, sizes)
+    assert [n for n, _ in found] == list(sizes)
+    slope = np.polyfit(np.log(sizes), np.log([e for _, e in found]), 1)[0]
+    assert slope == pytest.approx(-2.0, abs=0.15)
+
+
+@pytest.mark.parametrize("name", ["C", "F"])
+def test_averaging_n_repeats_brings_direct_models_down_by_the_root_of_n(name: str) -> None:
+    def error(repeats: int) -> float:
+        squares = []
+        for seed in range(4):
+            v = DOMAIN.grid[np.abs(DOMAIN.grid) > 0.01]
+            squares.append(np.mean((models(repeats, seed)[name].force(v, True) - TRUTHS[name](v)) ** 2))
+        return float(np.sqrt(np.mean(squares)))
+
+    assert error(1) / error(4) == pytest.approx(2.0, rel=0.15)
+    assert error(1) / error(16) == pytest.approx(4.0, rel=0.2)
+
+
+def rising(v: Array) -> Array:
+    return nouri(v, v, (12.0, 40.0, 18.0, 0.02), (8.0, 45.0))
+
+
+def mean_of_branches(v: Array) -> Array:
+    """Both branches are met equally often at every velocity."""
+    return 0.5 * (rising(v) + 8.0 * np.sign(v) + 45.0 * v)
+
+
+TRUTHS = {"F": rising, "C": mean_of_branches}
+
+
+def test_one_direction_mirrors_the_other_where_it_was_not_measured() -> None:
+    s = samples(4, 1)
+    forward = s.where(s.v > 0)
+    model = direct("C", DOMAIN, {"both": forward}, fit_coulomb(forward, offset=False), MASS)
+    v = np.linspace(0.01, 0.3, 30)
+    assert model.force(-v) == pytest.approx(-model.force(v))
+
+
+def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_friction() -> None:
+    s = samples(4, 1)
+    both = fit_coulomb(s, offset=True)
+    wide = Domain(top=0.6, resolved=1e-3)
+    model = direct("C", wide, {"both": s}, both, MASS)
+    force = model.force(np.array([0.35, 0.55]))
+    assert np.diff(force) == pytest.approx([both["viscous"] * 0.2], rel=1e-3)
+
+
+def test_no_model_is_made_of_no_samples() -> None:
+    s = samples(1, 0)
+    none = s.where(np.zeros(len(s), dtype=bool))
+    with pytest.raises(InputError, match="0 samples slowing"):
+        direct("F", DOMAIN, {"accelerating": s, "slowing": none}, fit_coulomb(s, offset=True), MASS)
+    found, warnings = identify_models(s.where(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
+    assert [m.name for m in found] == ["A", "B", "C"]
+    assert "slowing" in warnings[0]

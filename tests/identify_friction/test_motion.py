@@ -1,0 +1,132 @@
+"""Velocity without drift and friction force, from every set of sensors, against the true signals of the exam's rig."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pneucli.errors import InputError
+from pneucli.identify.friction import motion_of
+from pneucli.identify.friction.velocity import integrate, low_pass, rests
+from pneucli.noise import NoiseModel
+from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
+
+STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)
+TRUTH = pressed(STICKY, pulses(3, 30.0))
+
+
+@pytest.mark.parametrize("sensors", [("x", "a"), ("x",), ("a",)], ids=["x and a", "x", "a"])
+def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, ...]) -> None:
+    motion = motion_of(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), RIG)
+    error = motion.v - TRUTH["v"]
+    fastest = np.abs(TRUTH["v"]).max()
+    # 0.3 m/s^2 of bias, integrated over these 2.6 s, would be 0.78 m/s; the sensors promise sigma_v, and position
+    # alone cannot follow the jumps of the acceleration, where the period times half a jump of 10 m/s^2 is 5 mm/s
+    assert np.sqrt(np.mean(error**2)) < (1e-3 * fastest if sensors == ("x",) else 2 * motion.sigma_v)
+    assert abs(np.mean(error[-200:])) < 1e-3 * fastest
+
+
+@pytest.mark.parametrize("sensors", [("x", "a"), ("a",)], ids=["x and a", "a"])
+def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) -> None:
+    motion = motion_of(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), RIG)
+    truth = STICKY.piston_area_1 * (TRUTH["p1"] - TRUTH["p2"]) - 2.0 * TRUTH["a"]
+    error = (motion.friction(2.0) - truth)[motion.moving]
+    # 200 Pa on each of two pressures over 8 cm^2, 0.05 m/s^2 on 2 kg
+    expected = np.sqrt(2 * (200 * 8e-4) ** 2 + (2 * 0.05) ** 2)
+    assert motion.sigma_friction(2.0) == pytest.approx(expected, rel=1e-6)
+    assert np.std(error) == pytest.approx(expected, rel=0.1)
+    assert abs(np.mean(error)) < 5 * expected / np.sqrt(error.size)
+
+
+def test_a_resting_piston_is_not_taken_for_a_moving_one() -> None:
+    motion = motion_of(recorded(STICKY, TRUTH, 3), RIG)
+    rest = TRUTH["v"] == 0.0
+    clear = np.abs(TRUTH["v"]) > 3 * motion.floor
+    assert not np.any(motion.moving & rest)
+    assert np.mean(motion.moving[clear]) > 0.98
+
+
+def test_branches_are_those_of_the_true_acceleration() -> None:
+    motion = motion_of(recorded(STICKY, TRUTH, 4), RIG)
+    true_branch = np.sign(TRUTH["v"] * TRUTH["a"])
+    judged = motion.branch != 0
+    assert np.mean(judged[motion.moving]) > 0.8
+    assert np.mean((motion.branch == true_branch)[judged]) > 0.97
+
+
+def test_a_measured_force_does_as_well_as_the_pressures() -> None:
+    by_pressure = motion_of(recorded(STICKY, TRUTH, 5), RIG)
+    r = by_pressure.recording
+    force = RIG.piston_area_1 * (r["p1"] - r["p2"])
+    noise = {**{k: r.noise[k] for k in ("x", "a")}, "force": NoiseModel(white=0.23)}
+    by_force = motion_of(replace(r, signals={"x": r["x"], "a": r["a"], "force": force}, noise=noise), RIG)
+    assert by_force.friction(2.0) == pytest.approx(by_pressure.friction(2.0), abs=1e-9)
+
+
+def test_ambient_pressure_acts_on_the_rod() -> None:
+    rig = replace(RIG, piston_area_2=5e-4)
+    r = recorded(BENCH, pressed(BENCH, np.zeros(300)), 6)
+    still = {**r.signals, "p1": np.full(300, 2e5), "p2": np.full(300, 3e5), "a": np.zeros(300)}
+    drive = motion_of(replace(r, signals=still), rig).drive
+    assert drive == pytest.approx(8e-4 * 2e5 - 5e-4 * 3e5 - 3e-4 * 101_300.0)
+
+
+def test_samples_that_were_not_measured_are_left_out() -> None:
+    r = recorded(STICKY, TRUTH, 7)
+    p1 = r["p1"].copy()
+    p1[300:340] = np.nan
+    motion = motion_of(replace(r, signals={**r.signals, "p1": p1}), RIG)
+    assert not motion.valid[300:340].any()
+    assert not motion.moving[300:340].any()
+    assert np.all(np.isfinite(motion.drive))
+
+
+def test_what_is_missing_is_named() -> None:
+    r = recorded(STICKY, TRUTH, 8)
+    with pytest.raises(InputError, match="neither x nor a"):
+        motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2")}), RIG)
+    with pytest.raises(InputError, match="piston_area_1"):
+        motion_of(r, replace(RIG, piston_area_1=None, piston_area_2=None))
+    with pytest.raises(InputError, match="p1, p2 or force"):
+        motion_of(replace(r, signals={k: r[k] for k in ("x", "a")}), RIG)
+
+
+@settings(max_examples=30, deadline=None)
+@given(bias=st.floats(-2, 2), seed=st.integers(0, 1000))
+def test_zero_velocity_updates_take_any_constant_bias_away(bias: float, seed: int) -> None:
+    time = 1e-3 * np.arange(600)
+    a = np.where((time > 0.2) & (time <= 0.4), 4 * np.sin(2 * np.pi * (time - 0.2) / 0.2), 0.0)
+    rest = (time < 0.19) | (time > 0.41)
+    v = integrate(time, a + bias, rest)
+    exact = np.where((time > 0.2) & (time <= 0.4), 4 * 0.1 / np.pi * (1 - np.cos(10 * np.pi * (time - 0.2))), 0.0)
+    assert v == pytest.approx(exact, abs=2e-3)
+    assert v[rest] == pytest.approx(np.zeros(rest.sum()), abs=1e-12)
+    noisy = a + bias + 0.05 * np.random.default_rng(seed).standard_normal(time.size)
+    found = rests(time, noisy, NoiseModel(white=0.05))
+    assert found[:180].mean() > 0.95  # a window of 21 samples is 1.5 times too loud once in a thousand
+    assert not found[230:370].any()
+
+
+def test_steady_sliding_is_not_a_rest_though_the_accelerometer_reads_nothing() -> None:
+    time = 1e-3 * np.arange(1000)
+    a = np.zeros(1000)
+    a[200:250], a[700:750] = 2.0, -2.0  # slides at 0.1 m/s in between
+    found = rests(time, a + 0.02 * np.random.default_rng(0).standard_normal(1000), NoiseModel(white=0.02))
+    assert found[20:180].all()
+    assert found[780:].all()
+    assert not found[280:670].any()
+
+
+def test_low_pass_keeps_parabolas_and_halves_a_sine_at_its_cutoff() -> None:
+    rng = np.random.default_rng(1)
+    time = np.cumsum(rng.uniform(0.5e-3, 1.5e-3, 3000))
+    smooth = low_pass(time, 10.0)
+    parabola = 1.0 + 2 * time - 3 * time**2
+    assert smooth(parabola) == pytest.approx(parabola, abs=1e-4)  # of 18; rounding of a stiff system
+    even = 1e-3 * np.arange(3000)
+    sine = np.sin(2 * np.pi * 10.0 * even)
+    assert low_pass(even, 10.0)(sine)[500:2500] == pytest.approx(0.5 * sine[500:2500], abs=2e-3)

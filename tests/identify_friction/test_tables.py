@@ -1,0 +1,117 @@
+"""The small simulator that drives each friction model, against closed solutions; and tables 6.2 and 6.3 in kind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pneucli.identify.friction.drive import run
+from pneucli.identify.friction.tables import POOLED, STEP
+from tests.identify_friction.benches import FIXTURES, Array, identified
+
+TIME = 1e-3 * np.arange(500)
+TOP, NODES = 1.0, 2000
+
+
+def tables(rising: float, falling: float, viscous: float) -> tuple[Array, float]:
+    """Coulomb and viscous friction, with dry friction of its own per branch."""
+    step = TOP / NODES
+    speed = step * (np.arange(NODES) + 0.5)
+    one = np.array([rising + viscous * speed, falling + viscous * speed])
+    return np.array([one, one]), step
+
+
+def drive(force: Array, start: float, mass: float, rising: float, falling: float, viscous: float) -> Array:
+    levels, step = tables(rising, falling, viscous)
+    return run(TIME, force, start, mass, levels, step, STEP)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    force=st.floats(5, 30),
+    coulomb=st.floats(1, 4),
+    viscous=st.floats(30, 100),
+    mass=st.floats(0.5, 5),
+    side=st.sampled_from([-1.0, 1.0]),
+)
+def test_a_constant_force_gives_the_exponential(
+    force: float, coulomb: float, viscous: float, mass: float, side: float
+) -> None:
+    v, a = drive(np.full(TIME.size, side * force), 0.0, mass, coulomb, coulomb, viscous)
+    exact = side * (force - coulomb) / viscous * -np.expm1(-viscous * TIME / mass)
+    final = (force - coulomb) / viscous
+    assert v == pytest.approx(exact, abs=2e-3 * final)
+    held = viscous * 0.5 * TOP / NODES  # N: below the table's first node its value holds
+    exact_a = side * (force - coulomb) / mass * np.exp(-viscous * TIME / mass)
+    assert a == pytest.approx(exact_a, abs=(5e-3 * force + held) / mass)
+
+
+@given(share=st.floats(-0.999, 0.999))
+@settings(max_examples=20, deadline=None)
+def test_a_force_below_the_level_holds_for_ever(share: float) -> None:
+    v, a = drive(np.full(TIME.size, 8.0 * share), 0.0, 2.0, 8.0, 8.0, 40.0)
+    assert np.all(v == 0.0)
+    assert np.all(a == 0.0)
+
+
+def test_a_slide_stops_when_friction_has_taken_its_momentum_and_then_rests() -> None:
+    v, _ = drive(np.zeros(TIME.size), 0.5, 2.0, 8.0, 8.0, 0.0)
+    stop = 0.5 * 2.0 / 8.0  # m v / F
+    assert v[stop - 1e-3 > TIME] == pytest.approx(0.5 - 4.0 * TIME[stop - 1e-3 > TIME], abs=1e-3)
+    assert np.all(v[stop + 1e-3 < TIME] == 0.0)
+
+
+def test_between_the_branches_the_velocity_stays() -> None:
+    force = np.where(TIME < 0.2, 14.0, 10.0)  # above both; then between 8 and 12 N
+    v, a = drive(force, 0.0, 2.0, 12.0, 8.0, 0.0)
+    late = TIME > 0.21
+    assert v[TIME <= 0.2][-1] == pytest.approx(0.2, rel=0.02)
+    assert np.ptp(v[late]) == 0.0
+    assert np.all(a[late] == 0.0)
+
+
+def rmsd(fixture: str, model: str, use: str, channel: str) -> float:
+    found = [
+        d.rmsd
+        for d in identified(FIXTURES / fixture).deviations
+        if (d.model, d.use, d.channel, d.recording) == (model, use, channel, POOLED)
+    ]
+    assert len(found) == 1
+    return found[0]
+
+
+@pytest.mark.parametrize("use", ["train", "test"])
+@pytest.mark.parametrize("channel", ["a", "v"])
+def test_models_with_hysteresis_beat_those_without_where_there_is_hysteresis(use: str, channel: str) -> None:
+    """The thesis's finding (6.3.4), on the fixture whose dry friction is 40 % less while slowing."""
+    hysteretic = max(rmsd("friction_hysteresis", m, use, channel) for m in "DEF")
+    single = min(rmsd("friction_hysteresis", m, use, channel) for m in "ABC")
+    assert hysteretic < 0.5 * single
+
+
+@pytest.mark.parametrize("use", ["train", "test"])
+def test_without_hysteresis_the_simple_model_is_as_good(use: str) -> None:
+    a, d = (rmsd("friction_null_coulomb", m, use, "a") for m in "AD")
+    assert a <= 1.05 * d
+    assert a < 1.5 * 0.05  # the accelerometer's noise is 0.05 m/s^2: hardly anything but noise is left
+
+
+def test_tp_models_follow_their_parametric_source() -> None:
+    for source, copy in (("A", "B"), ("D", "E")):
+        for channel in ("a", "v"):
+            gain = rmsd("friction_hysteresis", copy, "test", channel) / rmsd(
+                "friction_hysteresis", source, "test", channel
+            )
+            assert gain == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_tables_give_each_recording_and_each_use_absolute_and_in_per_cent_of_its_range() -> None:
+    found = identified(FIXTURES / "friction_null_coulomb")
+    names = {m.recording.name for m in found.motions} | {POOLED}
+    assert {d.recording for d in found.deviations} == names
+    assert {d.model for d in found.deviations} == set("ABCDEF")
+    motion = next(m for m in found.motions if m.recording.name == "driven_1")
+    one = next(d for d in found.deviations if (d.model, d.recording, d.channel) == ("A", "driven_1", "a"))
+    assert one.percent == pytest.approx(100 * one.rmsd / np.ptp(motion.a))
