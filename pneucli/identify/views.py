@@ -35,6 +35,7 @@ MECHANICAL = {"dry_rise", "slowing", "dry_factor", "static_factor", "viscous_fac
 }
 SENSING = {"read_p1", "read_p2", "unread_p1", "unread_p2", "sensor_lag", "sensor_delay"}
 RESTED = 20  # samples of rest, and of motion, that make a break-away
+SMEARED = 5  # samples around a change of the direction of motion
 A_STILL = 3.0  # standard deviations of the acceleration, below which it does not tell speeding from slowing
 
 
@@ -96,8 +97,10 @@ class View:
         return {c: self.experiment.measured(c) for c in self.channels}
 
     @cached_property
-    def _motion(self) -> tuple[Array, Array, Array]:
-        """True acceleration (n,), the directions in which rests end (n,), and the noise of the raw pressures (n, 2)."""
+    def _motion(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """True acceleration (n,), directions in which rests end (n,), raw minus smoothed pressures (n, 2), and where
+        the direction of motion is not known (n,).
+        """
         e = self.experiment
         if e.fusion is not None:
             _, _, bias = e.fusion(e.raw["x"], e.raw["a"])
@@ -105,11 +108,12 @@ class View:
         else:
             a = e.raw["a"] if "a" in e.raw else np.gradient(e.inputs[:, at.IN_V], e.time)
         rough = [e.raw[n] - e.inputs[:, c] if n in e.raw else np.zeros(e.time.size) for n, c in PRESSURE_COLUMNS]
-        return a, breakaways(e.inputs[:, at.IN_V]), np.column_stack(rough)
+        v = e.inputs[:, at.IN_V]
+        return a, breakaways(v), np.column_stack(rough), unsure(v)
 
     def _balance(self, model: Model) -> Array:
         e, kernel = self.experiment, kernel_for(model.effects)
-        a, leaving, rough = self._motion
+        a, leaving, rough, doubtful = self._motion
         still = A_STILL * e.noise["a"].rms if "a" in e.noise else 0.05 * float(np.max(np.abs(a)))
         out = np.zeros(e.time.size)
         kernel.functions.run_balance(
@@ -119,6 +123,7 @@ class View:
             rough[:, 0].copy(),
             rough[:, 1].copy(),
             leaving,
+            doubtful,
             still,
             base_vector(model, e),
             kernel.vector(model.effect_values()),
@@ -139,6 +144,17 @@ def breakaways(v: Array) -> Array:
         before, after = moving[max(k - RESTED, 0) : k + 1], v[k + 1 : k + 1 + RESTED]
         if k >= RESTED and not before.any() and (np.all(after > 0) or np.all(after < 0)):
             out[k] = np.sign(after[0])
+    return out
+
+
+def unsure(v: Array) -> NDArray[np.bool_]:
+    """Return where the sign of v, shape (n,), has just changed or soon will: a stop is smeared by the sampling."""
+    change = np.flatnonzero(np.diff(np.sign(v)) != 0)
+    out = np.zeros(v.size, dtype=bool)
+    for shift in range(1 - SMEARED, SMEARED + 1):
+        out[np.clip(change + shift, 0, v.size - 1)] = True
+    out[:SMEARED] = out[-SMEARED:] = True
+    out[np.flatnonzero(breakaways(v))] = False
     return out
 
 

@@ -79,6 +79,7 @@ class Parameter:
     upper: float
     typical: tuple[float, ...]
     title: str = ""
+    of: str = ""  # typical values are multiples of this base parameter, or shares of the range of the signal "x"
 
 
 @dataclass(frozen=True, eq=False)

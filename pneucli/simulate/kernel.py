@@ -476,11 +476,17 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             )
 
 
-def bristles(z, v, a, h, level, stiffness, c, th, on):
-    """Deflection after a step h of given motion, and the friction force of the LuGre model."""
-    rate = stiffness * abs(v) / level
-    z = (z + h * v) / (1.0 + h * rate)
-    return z, stiffness * z + bristle_damping(th, on) * (v - rate * z) + c * v
+def bristles(z, dx, h, level, stiffness, th, on):
+    """Deflection after a displacement dx within h, and the force of the LuGre model's bristles, exact in z."""
+    rate = stiffness * abs(dx) / level
+    before = z
+    if rate > 1e-6:
+        decay = math.exp(-rate)
+        z = z * decay + dx * (1.0 - decay) / rate
+    else:
+        z += dx
+    change = (z - before) / h if h > 0.0 else 0.0
+    return z, stiffness * z + bristle_damping(th, on) * change
 
 
 def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out):
@@ -499,33 +505,40 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         friction = level * min(max(v / v_still, -1.0), 1.0) + c * v
         if stiffness > 0.0:
-            z, friction = bristles(z, v, a[k], time[k] - time[max(k - 1, 0)], level, stiffness, c, th, on)
+            dx, h = x - inputs[max(k - 1, 0), IN_X], time[k] - time[max(k - 1, 0)]
+            z, friction = bristles(z, dx, h, level, stiffness, th, on)
+            friction += c * v
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, a_still, base_values, th_values, on_values, out):
-    """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the nearest that the
-    model's set-valued friction allows.
+def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, base_values, th_values, on_values, out):
+    """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) true acceleration, noise_p1 and
-    noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0.
+    noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0,
+    unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a force that is more than
+    the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
     area_1, area_2, p_amb = base[AREA_1], base[AREA_2], base[AMBIENT]
+    # the residual counts in the readings' units: a sensor that reads twice the pressure also shows twice its noise
+    gain = 1e-5 * (read_p1(p_amb + 1e5, p_amb, th, on) - read_p1(p_amb, p_amb, th, on))
     true_pressures(time, inputs, base, th, on)
     for k in range(time.size):
         x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
         h = time[k] - time[max(k - 1, 0)]
-        push = area_1 * (p1 + noise_p1[k] - p_amb) - area_2 * (p2 + noise_p2[k] - p_amb) + inputs[k, IN_FORCE]
-        friction = push + force(x, v, base[STROKE], th, on) - m * a[k]
+        push = area_1 * (p1 - p_amb) - area_2 * (p2 - p_amb) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
+        friction = push - m * a[k]
+        if v != 0.0:
+            friction += (area_1 * noise_p1[k] - area_2 * noise_p2[k]) / gain
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         if stiffness > 0.0:
             level = falling if a[k] * direction < 0.0 else rising
-            z, held = bristles(z, v, a[k], h, level, stiffness, c, th, on)
-            out[k] = friction - held
+            z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, level, stiffness, th, on)
+            out[k] = friction - held - c * v
             continue
         if v == 0.0:
             hold = rising * static_factor(rest, th, on)
@@ -535,10 +548,7 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, a_still, base_valu
             continue
         rest = 0.0
         along = direction * friction - c * abs(v)
-        speeding = a[k] * direction
-        if speeding > a_still:
-            out[k] = direction * (along - rising)
-        elif speeding < -a_still:
-            out[k] = direction * (along - falling)
-        else:
-            out[k] = direction * (along - min(max(along, falling), rising))
+        speeding = min(max(0.5 + 0.5 * a[k] * direction / a_still, 0.0), 1.0)
+        out[k] = direction * (along - falling - speeding * (rising - falling))
+    for k in range(time.size):
+        out[k] = 0.0 if unsure[k] != 0 else out[k] * gain

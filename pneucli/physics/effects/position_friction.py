@@ -15,9 +15,9 @@ EFFECT = Effect(
     title="A stretch of the stroke with more friction",
     part="cylinder",
     parameters=(
-        Parameter("from", "m", None, 0.0, 10.0, (0.05,), "start of the stretch"),
-        Parameter("to", "m", None, 0.0, 10.0, (0.1,), "end of the stretch"),
-        Parameter("gain", "1", 0.0, -0.95, 20.0, (0.5, 1.5), "growth of dry friction in it"),
+        Parameter("from", "m", None, 0.0, 10.0, (0.0, 0.15, 0.3, 0.45, 0.6, 0.75), "start of the stretch", "x"),
+        Parameter("to", "m", None, 0.0, 10.0, (0.2, 0.35, 0.5, 0.65, 0.8, 1.0), "end of the stretch", "x"),
+        Parameter("gain", "1", 0.0, -0.95, 20.0, (1.0,), "growth of dry friction in it"),
     ),
     ports={"dry_factor": dry_factor},
     equation="$F_{dry}(1 + k)$ for $x_{from} \\le x \\le x_{to}$",

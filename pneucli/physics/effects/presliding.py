@@ -19,7 +19,7 @@ EFFECT = Effect(
     part="cylinder",
     parameters=(
         Parameter("stiffness", "N/m", None, 1e2, 1e7, (2e4, 1e5), "stiffness of the bristles"),
-        Parameter("damping", "N s/m", None, 0.0, 1e4, (50.0, 200.0), "damping of the bristles"),
+        Parameter("damping", "N s/m", None, 0.0, 1e4, (100.0,), "damping of the bristles"),
     ),
     ports={"bristle_stiffness": bristle_stiffness, "bristle_damping": bristle_damping},
     equation="$\\dot z = v - \\sigma_0 |v| z / g(v)$, $F = \\sigma_0 z + \\sigma_1 \\dot z + F_v v$",

@@ -13,8 +13,8 @@ EFFECT = Effect(
     title="A spring between piston and frame",
     part="cylinder",
     parameters=(
-        Parameter("stiffness", "N/m", 0.0, 0.0, 1e5, (100.0, 500.0), "stiffness"),
-        Parameter("rest_position", "m", None, -10.0, 10.0, (0.1,), "position without force"),
+        Parameter("stiffness", "N/m", 0.0, 0.0, 1e5, (300.0,), "stiffness"),
+        Parameter("rest_position", "m", None, -10.0, 10.0, (0.0, 0.5, 1.0), "position without force", "x"),
     ),
     ports={"force": force},
     equation="$F = -k (x - x_0)$",

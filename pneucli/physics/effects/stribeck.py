@@ -14,8 +14,8 @@ EFFECT = Effect(
     title="Stribeck friction",
     part="cylinder",
     parameters=(
-        Parameter("static", "N", "friction.coulomb", 0.0, 1e4, (20.0,), "static friction"),
-        Parameter("velocity", "m/s", None, 5e-4, 0.3, (0.01, 0.03), "Stribeck velocity"),
+        Parameter("static", "N", "friction.coulomb", 0.0, 1e4, (1.3, 1.8), "static friction", "friction.coulomb"),
+        Parameter("velocity", "m/s", None, 5e-4, 0.3, (0.005, 0.015, 0.04), "Stribeck velocity"),
     ),
     ports={"dry_rise": dry_rise},
     equation="$F = \\left[F_c + \\frac{F_s - F_c}{1 + (v/v_s)^2}\\right]\\mathrm{sign}\\,v + F_v v$",

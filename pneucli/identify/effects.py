@@ -1,0 +1,137 @@
+"""Where to start fitting an effect: a cheap score of its typical values, base parameters projected out, no refit."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.fit import Fit, Problem, fit
+from pneucli.identify.parameters import Free, base_parameters, effect_parameters, value_of
+from pneucli.identify.views import View
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What switching an effect on at some values changes in the residuals (N,), in units of noise.
+
+    ``gain`` is the fall of the cost (squared) that a linear step along it promises, base parameters adjusting.
+    """
+
+    values: dict[str, float]
+    change: Array
+    gain: float
+    step: float
+
+
+def typical_values(parameter: Parameter, model: Model, views: Sequence[View]) -> list[float]:
+    """Return the values from which a fit may start, in the parameter's unit."""
+    if parameter.of == "x":
+        x = np.concatenate([v.experiment.inputs[:, at.IN_X] for v in views if "x" in v.experiment.raw] or [np.zeros(1)])
+        low, high = float(x.min()), float(x.max())
+        return [low + share * (high - low) for share in parameter.typical]
+    scale = value_of(model, parameter.of) if parameter.of else 1.0
+    return [scale * t for t in parameter.typical]
+
+
+def starts(effect: Effect, model: Model, views: Sequence[View]) -> list[dict[str, float]]:
+    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order."""
+    names = [f"{effect.name}.{p.name}" for p in effect.parameters]
+    lists = [typical_values(p, model, views) for p in effect.parameters]
+    combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
+    stretch = (f"{effect.name}.from", f"{effect.name}.to")
+    return [c for c in combinations if stretch[0] not in c or c[stretch[0]] < c[stretch[1]]]
+
+
+def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model:
+    """Return the model with the effect switched on at values."""
+    others = tuple(e for e in model.effects if e.name != effect.name)
+    return replace(model.with_values(values), effects=(*others, effect))
+
+
+def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signature]:
+    """Return the effect's signatures at its typical values, best first; only the views that feel it are run."""
+    problem = Problem(found.model, views, ())
+    nominal = problem.data(found.model)
+    basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else np.zeros((found.residual.size, 0))
+    target = found.residual - basis @ (basis.T @ found.residual)
+    felt = [i for i, view in enumerate(views) if view.feels(effect)]
+    out = []
+    for values in starts(effect, found.model, views) if felt else []:
+        model = with_effect(found.model, effect, values)
+        part = Problem(model, [views[i] for i in felt], ()).data(model)
+        parts = [np.zeros(n.size) for n in nominal]
+        for i, residual in zip(felt, part, strict=True):
+            parts[i] = residual - nominal[i]
+        out.append(_signature(values, np.concatenate(parts), basis, target, nested=effect.nested))
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def _signature(values: dict[str, float], change: Array, basis: Array, target: Array, *, nested: bool) -> Signature:
+    new = change - basis @ (basis.T @ change)
+    if not nested:  # it cannot be switched on by degrees
+        return Signature(values, change, float(target @ target - (target + new) @ (target + new)), 1.0)
+    power = float(new @ new)
+    if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
+        return Signature(values, change, 0.0, 0.0)
+    step = -float(new @ target) / power
+    return Signature(values, change, step * step * power, step)
+
+
+def scaled_start(effect: Effect, signature: Signature, model: Model) -> dict[str, float]:
+    """Return the signature's values with those that have a null moved by the promised step (within 0.05 to 5)."""
+    step = float(np.clip(signature.step, 0.05, 5.0))
+    values = dict(signature.values)
+    for p in effect.parameters:
+        name = f"{effect.name}.{p.name}"
+        if p.null is not None:  # steps between the typical values, no further
+            null = value_of(model, p.null) if isinstance(p.null, str) else p.null
+            values[name] = float(np.clip(null + step * (values[name] - null), p.lower, p.upper))
+    return values
+
+
+def fit_model(
+    model: Model, views: Sequence[View], effects: Sequence[Effect], *, linear_valve: bool, rounds: int = 12
+) -> Fit:
+    """Fit the base model, then with each effect in turn from its best start, all parameters together."""
+    experiments = [v.experiment for v in views]
+    found = fit(replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds)
+    for effect in effects:
+        found = fit_added(found, views, effect, linear_valve=linear_valve, rounds=rounds)
+    return found
+
+
+def fit_added(
+    found: Fit,
+    views: Sequence[View],
+    effect: Effect,
+    *,
+    linear_valve: bool,
+    rounds: int = 12,
+    signature: Signature | None = None,
+) -> Fit:
+    """Refit with one more effect, from its best signature."""
+    model = found.model
+    ranked = [signature] if signature is not None else signatures(effect, found, views)
+    if not ranked:
+        return replace(found, model=replace(model, effects=(*model.effects, effect)))
+    values = scaled_start(effect, ranked[0], model)
+    free = free_parameters(with_effect(model, effect, values), views, linear_valve=linear_valve)
+    return fit(with_effect(model, effect, values), views, free, rounds=rounds)
+
+
+def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) -> list[Free]:
+    """Return all free parameters of a model, base and effects, starting from its values."""
+    free = base_parameters(model, [v.experiment for v in views], linear_valve=linear_valve)
+    for effect in model.effects:
+        if any(view.feels(effect) for view in views):
+            free += effect_parameters(effect, model)
+    return free
