@@ -91,6 +91,8 @@ def test_what_is_missing_is_named() -> None:
         motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2")}), RIG)
     with pytest.raises(InputError, match="piston_area_1"):
         motion_of(r, replace(RIG, piston_area_1=None, piston_area_2=None))
+    with pytest.raises(InputError, match="p2 was not recorded"):  # an air spring is not ambient pressure
+        motion_of(replace(r, signals={k: r[k] for k in ("p1", "x", "a")}), RIG)
     with pytest.raises(InputError, match="p1, p2 or force"):
         motion_of(replace(r, signals={k: r[k] for k in ("x", "a")}), RIG)
 

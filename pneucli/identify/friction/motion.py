@@ -86,8 +86,8 @@ class Motion:
 def motion_of(recording: Recording, rig: Rig) -> Motion:
     """Return motion and driving force of a recording with x, a or both, and p1, p2, force or several of them.
 
-    A pressure that was not recorded counts as ambient. Raises InputError where motion or drive were not recorded, and
-    where pressures are the drive but the piston's area is missing.
+    A pressure that was not recorded counts as ambient. Raises InputError where motion or drive were not recorded, where
+    pressures are the drive but the piston's area is missing, and where p2 is missing of a chamber that is not open.
     """
     parts = _drive_parts(recording, rig)
     raw = {n: filled(recording.time, recording[n]) for n in (*parts, "x", "a") if n in recording}
@@ -118,6 +118,9 @@ def motion_of(recording: Recording, rig: Rig) -> Motion:
 
 def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float]]:
     """Return gain and zero of every signal that drives the piston."""
+    name = f"recording {recording.name}"
+    if recording.chamber_2 in ("closed", "valve") and "p1" in recording and "p2" not in recording:
+        raise InputError(name, f"chamber 2 is {recording.chamber_2}, p2 was not recorded", "p2", "record or state p2")
     a1 = rig.piston_area_1 or 0.0
     areas = {"p1": a1, "p2": -(a1 if rig.piston_area_2 is None else rig.piston_area_2)}
     parts = {n: (area, rig.ambient_pressure) for n, area in areas.items() if n in recording and area}
@@ -125,7 +128,7 @@ def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float
         parts["force"] = (1.0, 0.0)
     if not parts:
         missing = "rig.cylinder.piston_area_1" if {"p1", "p2"} & set(recording.signals) else "p1, p2 or force"
-        raise InputError(f"recording {recording.name}", f"no {missing}", "what drives the piston", f"add {missing}")
+        raise InputError(name, f"no {missing}", "what drives the piston", f"add {missing}")
     return parts
 
 
