@@ -48,4 +48,6 @@ def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed:
     """Return the rms deviation by channel that a correct model would show, never below the sensor's own noise."""
     rms = {c: float(np.sqrt(np.mean(d**2))) for c, d in deviations(model, experiment, draws, seed).items()}
     low_pass = experiment.low_pass is not None
-    return {c: max(r, 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms) for c, r in rms.items()}
+    return {
+        c: max(r, 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms) for c, r in rms.items()
+    }

@@ -35,7 +35,11 @@ class Region:
     def in_words(self) -> str:
         """Return a sentence for a person."""
         quantity = SIGNALS.get(self.signal)
-        name = quantity.title if quantity else {"direction": "direction of motion", "p_ratio": "pressure ratio"}[self.signal]
+        name = (
+            quantity.title
+            if quantity
+            else {"direction": "direction of motion", "p_ratio": "pressure ratio"}[self.signal]
+        )
         return (
             f"{100 * self.share_of_error:.0f} % of the error of {self.channel} in {self.recording} stands at "
             f"{name} {self.from_:.4g} to {self.to:.4g} {self.unit}".rstrip()
@@ -77,7 +81,9 @@ def find_regions(comparisons: Sequence[Comparison], at_least: float = 1.2) -> li
             for signal, values in locators(comparison).items():
                 region = _worst_stretch(values, squared)
                 if region is not None:
-                    regions.append((weight * (region[2] - region[3]), _region(comparison, result.channel, signal, region)))
+                    regions.append(
+                        (weight * (region[2] - region[3]), _region(comparison, result.channel, signal, region))
+                    )
     return [region for _, region in sorted(regions, key=lambda r: -r[0])][:LARGEST_REGIONS]
 
 

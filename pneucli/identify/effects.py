@@ -103,7 +103,9 @@ def fit_model(
 ) -> Fit:
     """Fit the base model, then with each effect in turn from its best start, all parameters together."""
     experiments = [v.experiment for v in views]
-    found = fit(replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds)
+    found = fit(
+        replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds
+    )
     for effect in effects:
         found = fit_added(found, views, effect, linear_valve=linear_valve, rounds=rounds)
     return found

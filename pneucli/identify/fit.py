@@ -170,6 +170,9 @@ def fit(
 ) -> Fit:
     """Fit the free parameters from their starts to what the views leave over."""
     problem = Problem(model, views, free)
+    if not free:
+        residual = np.concatenate([*problem.data(model), problem.prior(np.zeros(0))])
+        return _summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
     lower, upper = problem.bounds()
     start = np.clip(problem.start, lower + 1e-9, upper - 1e-9)
     found = least_squares(
@@ -189,6 +192,10 @@ def fit(
 def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fit:
     blocks = problem.blocks()
     n = blocks.size
+    if not problem.free:
+        return Fit(
+            problem.model, (), (), residual[:n], jacobian[:n], blocks, np.zeros((0, 0)), float(residual @ residual)
+        )
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 MOVING = 0.02  # of the largest speed, below which friction is not told by motion
 HELD = 5  # samples after a change of the command that are left out
+FEWEST_KNOTS = 3
+HELD_FOR = 0.3  # s for which a command must be held in all to have a knot of its own
+STAND_IN_VOLUME = 1e-3  # m^3, of a vessel of unknown volume: only areas over it mean anything
 CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
 
 
@@ -29,8 +32,8 @@ def first_guess(experiments: Sequence[Experiment], rig: Rig, *, linear_valve: bo
     if rig.vessel_volume is not None:
         values["rig.vessel_volume"] = rig.vessel_volume
     driven = [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
-    if any(e.vessel for e in driven) and rig.vessel_volume is None:
-        values["rig.vessel_volume"] = 1e-3
+    if any(e.vessel for e in experiments) and rig.vessel_volume is None:
+        values["rig.vessel_volume"] = STAND_IN_VOLUME
     valve = valve_guess(driven, rig, values, linear=linear_valve) if driven else NO_VALVE
     return Model(rig, (), values, valve)
 
@@ -93,7 +96,7 @@ def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, f
     """Return the valve's area at the commands that were held longest (or one gain for all)."""
     u, flow, unit = [], [], []
     for e in experiments:
-        q, per_area = mass_flow(e, rig, values.get("rig.vessel_volume", 1e-3))
+        q, per_area = mass_flow(e, rig, values.get("rig.vessel_volume", STAND_IN_VOLUME))
         settled = np.convolve(np.abs(np.diff(e.inputs[:, at.IN_U], prepend=0.0)) > 0, np.ones(HELD))[: q.size] == 0
         keep = settled if e.vessel else np.ones(q.size, dtype=bool)
         u.append(e.inputs[keep, at.IN_U])
@@ -103,18 +106,23 @@ def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, f
     if linear:
         gain = float(np.sum(q * per_area * np.abs(command)) / np.sum((per_area * command) ** 2))
         return ValveArea((-10.0, 10.0), (10 * max(gain, 1e-12),) * 2)
-    sides = [_side(command, q, per_area, sign) for sign in (-1.0, 1.0)]
+    enough = int(HELD_FOR / float(np.median([e.recording.period for e in experiments])))
+    sides = [_side(command, q, per_area, sign, enough) for sign in (-1.0, 1.0)]
     knots = [(c, a) for commands, areas, _ in sides for c, a in zip(commands, areas, strict=True)]
     knots.sort()
     return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), sides[1][2], sides[0][2])
 
 
-def _side(command: Array, q: Array, per_area: Array, sign: float) -> tuple[list[float], list[float], float]:
+def _side(
+    command: Array, q: Array, per_area: Array, sign: float, enough: int
+) -> tuple[list[float], list[float], float]:
     """Return knots (V), areas (m^2) and overlap (V) of one direction."""
     mine = sign * command > 0
     levels, held = np.unique(np.round(command[mine], 3), return_counts=True)
     if levels.size > 40:  # commands of a closed loop: no level was held
         levels, held = sign * np.array([0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]), np.ones(7)
+    elif np.sum(held >= enough) >= FEWEST_KNOTS:
+        levels, held = levels[held >= enough], held[held >= enough]
     knots: list[float] = []
     areas: list[float] = []
     for level in levels[np.argsort(-held, kind="stable")]:

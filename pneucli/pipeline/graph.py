@@ -50,7 +50,7 @@ _ALL = (
         "identify",
         "valve map and inverse, friction models A-F, model parameters",
         parents=("ingest",),
-        tables=("pipeline", "model"),
+        tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
     ),
     Stage(

@@ -138,7 +138,9 @@ def _port(name: str, effects: Sequence[Effect]) -> str:
 def _scalars(effects: Sequence[Effect]) -> str:
     """Return the function that takes the parameters out of their arrays, once a run: tuples live in registers."""
     sizes = {"base": len(layout.BASE), "th": len(parameters_of(effects)), "on": len(effects)}
-    tuples = [f"({''.join(f'{name}[{i}], ' for i in range(size + 1 - (name == 'base')))})" for name, size in sizes.items()]
+    tuples = [
+        f"({''.join(f'{name}[{i}], ' for i in range(size + 1 - (name == 'base')))})" for name, size in sizes.items()
+    ]
     return "def scalars(base, th, on):\n    return " + ", ".join(tuples)
 
 
@@ -179,4 +181,3 @@ def _load(text: str) -> ModuleType:
 def parameters_of(effects: Sequence[Effect]) -> dict[str, Parameter]:
     """Return every parameter of the effects by EFFECT.PARAMETER."""
     return {f"{e.name}.{p.name}": p for e in effects for p in e.parameters}
-

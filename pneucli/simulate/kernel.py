@@ -257,20 +257,38 @@ def acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on):
     return direction * beyond(direction * (push - c * v), rising, falling) / m
 
 
-def delayed(times, flows, head, t):
-    """The flow at time t, from a ring of past flows whose newest stands at head; 0 before the first."""
-    size = times.size
-    i = head
-    for _ in range(size - 1):
-        j = (i - 1) % size
-        if times[i] <= t:
-            return flows[i]
-        if times[j] <= t:
-            if times[j] < -1e29:
-                return 0.0
-            return flows[j] + (flows[i] - flows[j]) * (t - times[j]) / (times[i] - times[j])
-        i = j
-    return 0.0
+def most_steps(time, h_max, span):
+    """The largest number of steps of the kernel that begin within ``span`` s."""
+    most = count = first = 0
+    for k in range(time.size - 1):
+        count += steps_between(time[k], time[k + 1], h_max)
+        while time[first] < time[k] - span:
+            count -= steps_between(time[first], time[first + 1], h_max)
+            first += 1
+        most = max(most, count)
+    return most
+
+
+def steps_between(t, t_next, h_max):
+    """Number of equal steps from one sample to the next, each at most h_max long."""
+    return max(int(math.ceil((t_next - t) / h_max - 1e-9)), 1)
+
+
+def delayed(ring, tail, t):
+    """Both flows at time t from a ring of (time, in, out), 0 before the first; returns them and the new tail.
+
+    The tail is the newest entry that is not after t; t must not go back, nor reach the newest of all.
+    """
+    size = ring.shape[0]
+    nxt = tail + 1 if tail + 1 < size else 0
+    while ring[nxt, 0] <= t:
+        tail = nxt
+        nxt = tail + 1 if tail + 1 < size else 0
+    if ring[tail, 0] < -1e29:
+        return 0.0, 0.0, tail
+    w = (t - ring[tail, 0]) / (ring[nxt, 0] - ring[tail, 0])
+    q_in = ring[tail, 1] + w * (ring[nxt, 1] - ring[tail, 1])
+    return q_in, ring[tail, 2] + w * (ring[nxt, 2] - ring[tail, 2]), tail
 
 
 def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, on):
@@ -287,6 +305,19 @@ def slope(time, values, k):
     return (values[j] - values[i]) / (time[j] - time[i])
 
 
+def advance(time, inputs, column, delay):
+    """Move a measured column earlier in time by ``delay`` in place; its last value is held."""
+    j = 0
+    for k in range(time.size):
+        while j < time.size - 1 and time[j + 1] <= time[k] + delay:
+            j += 1
+        # j >= k, so that what is read has not been overwritten but for j == k
+        inputs[k, column] = inputs[j, column]
+        if j < time.size - 1:
+            w = (time[k] + delay - time[j]) / (time[j + 1] - time[j])
+            inputs[k, column] += w * (inputs[j + 1, column] - inputs[j, column])
+
+
 def true_pressures(time, inputs, base, th, on):
     """Undo in place what the sensors of p1 and p2 do to the measured (smoothed) pressures."""
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
@@ -296,7 +327,7 @@ def true_pressures(time, inputs, base, th, on):
             for k in range(time.size):
                 inputs[k, column] += lag * slope(time, reading, k)
         if delay > 0.0:
-            inputs[:, column] = np.interp(time + delay, time, inputs[:, column].copy())
+            advance(time, inputs, column, delay)
     for k in range(time.size):
         inputs[k, IN_P1] = unread_p1(inputs[k, IN_P1], base[AMBIENT], th, on)
         inputs[k, IN_P2] = unread_p2(inputs[k, IN_P2], base[AMBIENT], th, on)
@@ -371,9 +402,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     bias = (area_1 - area_2) * p_amb
 
     delay = flow_delay(th, on)
-    ring = int(2.0 * delay / h_max) + 64 if delay > 0.0 else 1
-    ring_t, ring_in, ring_out = np.full(ring, -1e30), np.zeros(ring), np.zeros(ring)
-    head = 0
+    ring = np.full((most_steps(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 3), -1e30)
+    head, tail = 0, ring.shape[0] - 1
     s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U])
     s_supply, before = np.zeros(on_values.size), np.zeros(2)
 
@@ -413,7 +443,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             out[k, A] = read_a(a, th, on)
         if last:
             break
-        steps = max(int(math.ceil(dt / h_max - 1e-9)), 1)
+        steps = steps_between(time[k], time[nxt], h_max)
         h = dt / steps
         for i in range(steps):
             w = (i + 0.5) / steps
@@ -454,10 +484,9 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             if delay > 0.0:
                 t = time[k] + (i + 0.5) * h
                 # without back-flow: delayed, it would oscillate as no hose does
-                ring_t[head], ring_in[head], ring_out[head] = t, max(q_in, 0.0), max(q_out, 0.0)
-                q_in = delayed(ring_t, ring_in, head, t - delay)
-                q_out = delayed(ring_t, ring_out, head, t - delay)
-                head = (head + 1) % ring
+                ring[head, 0], ring[head, 1], ring[head, 2] = t, max(q_in, 0.0), max(q_out, 0.0)
+                q_in, q_out, tail = delayed(ring, tail, t - delay)
+                head = head + 1 if head + 1 < ring.shape[0] else 0
             across = leak_1_2(p1_mid, p2_mid, k1, th, on)
             q_out += across + leak_1_ambient(p1_mid, p_amb, k1, th, on)
             p1, dp1, m1, T1 = chamber_step(

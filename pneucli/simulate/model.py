@@ -35,9 +35,7 @@ class Model:
 
     def effect_values(self) -> dict[str, float]:
         """Return the values of the effects' parameters by EFFECT.PARAMETER."""
-        return {
-            f"{e.name}.{p.name}": self.values[f"{e.name}.{p.name}"] for e in self.effects for p in e.parameters
-        }
+        return {f"{e.name}.{p.name}": self.values[f"{e.name}.{p.name}"] for e in self.effects for p in e.parameters}
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """Return the model with some values replaced."""

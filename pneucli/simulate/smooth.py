@@ -28,7 +28,7 @@ def autocovariance(noise: NoiseModel, n: int) -> Array:
     r = noise.coloured**2 * noise.pole**lags if noise.coloured else np.zeros(n)
     for frequency, amplitude in noise.lines:
         r = r + 0.5 * amplitude**2 * np.cos(2 * np.pi * frequency * noise.period * lags)
-    r[0] += max(noise.white, 0.0)**2
+    r[0] += max(noise.white, 0.0) ** 2
     r[0] = max(r[0], noise.step**2 / 12)
     return np.asarray(r)
 
@@ -131,9 +131,7 @@ def _assemble(windows: list[_Window], chosen: NDArray[np.int64], weights: list[A
     return sparse.csr_matrix((np.concatenate(entries), place), shape=(chosen.size, chosen.size))
 
 
-def kinematics(
-    time: Array, x_noise: float, a_noise: float
-) -> Callable[[Array, Array], tuple[Array, Array, float]]:
+def kinematics(time: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, Array, float]]:
     """Return the map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
 
     Least squares over x_k, v_k and one constant bias: x is measured, and each step obeys the integrated acceleration,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.errors import InputError
 from pneucli.identify.friction import Domain, FrictionModel, grid_convergence
 from pneucli.identify.friction.fit import fit_coulomb
 from pneucli.identify.friction.models import direct, identify_models
@@ -125,6 +124,7 @@ def test_one_direction_mirrors_the_other_where_it_was_not_measured() -> None:
     s = samples(4, 1)
     forward = s.where(s.v > 0)
     model = direct("C", DOMAIN, {"both": forward}, fit_coulomb(forward, offset=False), MASS)
+    assert model is not None
     v = np.linspace(0.01, 0.3, 30)
     assert model.force(-v) == pytest.approx(-model.force(v))
 
@@ -134,6 +134,7 @@ def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_frictio
     both = fit_coulomb(s, offset=True)
     wide = Domain(top=0.6, resolved=1e-3)
     model = direct("C", wide, {"both": s}, both, MASS)
+    assert model is not None
     force = model.force(np.array([0.35, 0.55]))
     assert np.diff(force) == pytest.approx([both["viscous"] * 0.2], rel=1e-3)
 
@@ -141,8 +142,8 @@ def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_frictio
 def test_no_model_is_made_of_no_samples() -> None:
     s = samples(1, 0)
     none = s.where(np.zeros(len(s), dtype=bool))
-    with pytest.raises(InputError, match="0 samples slowing"):
-        direct("F", DOMAIN, {"accelerating": s, "slowing": none}, fit_coulomb(s, offset=True), MASS)
+    assert direct("F", DOMAIN, {"accelerating": s, "slowing": none}, fit_coulomb(s, offset=True), MASS) is None
     found, warnings = identify_models(s.where(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
     assert [m.name for m in found] == ["A", "B", "C"]
-    assert "slowing" in warnings[0]
+    assert "no model D, E, F" in warnings[0]
+    assert "0 slowing" in warnings[0]

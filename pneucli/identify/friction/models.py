@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.errors import InputError
 from pneucli.identify.friction.curve import Branch
 from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck, law
 from pneucli.identify.friction.values import Samples, Value
@@ -134,21 +133,25 @@ def _parametric(domain: Domain, branch: Branch, fit: Fit) -> ModelBranch:
     return ModelBranch(branch, force, fit.values())
 
 
-def transformed(name: Name, source: FrictionModel, mass: float, nodes: int | None = None) -> FrictionModel:
-    """Return model B or E: the TP models of the branches of A or D, on the source's grid or one of ``nodes``."""
-    domain = source.domain if nodes is None else replace(source.domain, nodes=nodes)
-    branches = []
-    for one in source.branches:
-        safe = np.where(domain.grid == 0, 1e-6 / domain.eta, domain.grid)  # a22's limit at standstill
-        branches.append(_tp(domain, one.branch, one.force(safe) / (mass * safe), mass))
-    return FrictionModel(name, domain, tuple(branches))
+def transformed(name: Name, source: FrictionModel, mass: float) -> FrictionModel:
+    """Return model B or E: the TP models of the branches of A or D."""
+    branches = tuple(_resampled(one, source.domain, source.domain.grid, mass) for one in source.branches)
+    return FrictionModel(name, source.domain, branches)
 
 
-def direct(name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: Fit, mass: float) -> FrictionModel:
+def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> ModelBranch:
+    """Return the TP model of a branch on any grid."""
+    safe = np.where(grid == 0, 1e-6 / domain.eta, grid)  # a22's limit at standstill
+    return _tp(grid, one.branch, one.force(safe) / (mass * safe), mass)
+
+
+def direct(
+    name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: Fit, mass: float
+) -> FrictionModel | None:
     """Return model C or F: TP models directly from the measured samples of each branch.
 
     A direction with fewer than ``FEWEST`` samples mirrors the other. Beyond the measured velocities friction goes on
-    with the viscous slope of ``both``, toward standstill it is held. Raises InputError where a branch has no samples.
+    with the viscous slope of ``both``, toward standstill it is held. None where a branch has too few in either.
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
@@ -156,10 +159,10 @@ def direct(name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: 
     for branch, s in samples.items():
         sides = [side for d in (1, -1) if (side := _side(domain, s, both, d))]
         if not sides:
-            raise InputError("friction recordings", f"{len(s)} samples {branch}", f"at least {FEWEST}", "move further")
+            return None
         levels = [np.interp(speed, *side) for side in (sides[0], sides[-1])]
         level = np.where(domain.grid >= 0, *levels)
-        branches.append(_tp(domain, branch, level * smoothed, mass))
+        branches.append(_tp(domain.grid, branch, level * smoothed, mass))
     return FrictionModel(name, domain, tuple(branches))
 
 
@@ -178,8 +181,8 @@ def _side(domain: Domain, s: Samples, both: Fit, direction: int) -> tuple[Array,
     return nodes, found.samples[np.clip(np.arange(nodes.size), first, last)] + beyond
 
 
-def _tp(domain: Domain, branch: Branch, a22: Array, mass: float) -> ModelBranch:
-    tp = transform(a22[:, None, None], (domain.grid,))
+def _tp(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBranch:
+    tp = transform(a22[:, None, None], (grid,))
 
     def force(v: Array) -> Array:
         return np.asarray(mass * v * tp.evaluate(v)[..., 0, 0])
@@ -190,44 +193,42 @@ def _tp(domain: Domain, branch: Branch, a22: Array, mass: float) -> ModelBranch:
 def identify_models(
     samples: Samples, both: Fit, domain: Domain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
-    """Return the models A to F of the samples, and warnings; D to F only where both branches were measured."""
-    offset = both["offset"]
+    """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
     a = parametric("A", domain, {"both": both})
-    models = [a, transformed("B", a, mass), direct("C", domain, {"both": samples}, both, mass)]
+    found: list[FrictionModel | None] = [
+        a,
+        transformed("B", a, mass),
+        direct("C", domain, {"both": samples}, both, mass),
+    ]
     parts: dict[Branch, Samples] = {
         "accelerating": samples.where(samples.branch > 0),
         "slowing": samples.where(samples.branch < 0),
     }
-    short = [name for name, s in parts.items() if len(s) < FEWEST]
-    if short:
-        return tuple(models), [f"no models D to F: hardly a sample {' or '.join(short)}"]
-    shifted = {name: replace(s, friction=s.friction - offset) for name, s in parts.items()}
-    rising, falling = shifted["accelerating"], shifted["slowing"]
-    fits: dict[Branch, Fit] = {
-        "accelerating": fit_stribeck(rising, offset=False),
-        "slowing": fit_coulomb(falling, offset=False),
-    }
-    d = parametric("D", domain, fits)
-    models += [d, transformed("E", d, mass), direct("F", domain, parts, both, mass)]
-    return tuple(models), []
+    if all(len(s) >= FEWEST for s in parts.values()):
+        d = parametric("D", domain, _branch_fits(parts, both["offset"]))
+        found += [d, transformed("E", d, mass), direct("F", domain, parts, both, mass)]
+    models = tuple(m for m in found if m is not None)
+    missing = [name for name in TITLES if name not in {m.name for m in models}]
+    counts = ", ".join(f"{len(s)} {name}" for name, s in parts.items())
+    return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
+
+
+def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, Fit]:
+    rising, falling = (replace(parts[b], friction=parts[b].friction - offset) for b in ("accelerating", "slowing"))
+    return {"accelerating": fit_stribeck(rising, offset=False), "slowing": fit_coulomb(falling, offset=False)}
 
 
 def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -> list[tuple[int, float]]:
-    """Return, for each number of nodes, the rms deviation in N of the TP model (E of D, B of A) from its source.
+    """Return, for each number of nodes, the rms deviation in N of the TP models (E of D, B of A) from their source.
 
     The smoothed sign is the source's throughout: the grid alone changes.
     """
-    fine = np.linspace(-source.domain.top, source.domain.top, 40_001)
+    top = source.domain.top
+    fine = np.linspace(-top, top, 40_001)
     out = []
     for nodes in sizes:
-        branches = [_tp_on(source, one, mass, nodes) for one in source.branches]
-        errors = [b.force(fine) - one.force(fine) for b, one in zip(branches, source.branches, strict=True)]
+        grid = np.linspace(-top, top, nodes)
+        copies = [_resampled(one, source.domain, grid, mass) for one in source.branches]
+        errors = [copy.force(fine) - one.force(fine) for copy, one in zip(copies, source.branches, strict=True)]
         out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))
     return out
-
-
-def _tp_on(source: FrictionModel, one: ModelBranch, mass: float, nodes: int) -> ModelBranch:
-    grid = replace(source.domain, nodes=nodes).grid
-    safe = np.where(grid == 0, 1e-6 / source.domain.eta, grid)
-    tp = transform((one.force(safe) / (mass * safe))[:, None, None], (grid,))
-    return ModelBranch(one.branch, lambda v: np.asarray(mass * v * tp.evaluate(v)[..., 0, 0]), tp=tp)

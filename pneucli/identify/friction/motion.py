@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ Kinematics = Callable[[Array, Array], tuple[Array, Array]]
 
 CLEAR = 5.0  # standard deviations of the velocity, below which a piston counts as resting
 RINGING = 1e-3  # of the highest speed: what smoothing leaves of it beside a stop
+LEAST = 1e-5  # of a signal's spread: below, a computed signal's sampling errs more than its sensor
 DISTINCT = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
 
 
@@ -91,7 +92,7 @@ def motion_of(recording: Recording, rig: Rig) -> Motion:
     """
     parts = _drive_parts(recording, rig)
     raw = {n: filled(recording.time, recording[n]) for n in (*parts, "x", "a") if n in recording}
-    noise = {n: recording.noise.get(n) or estimate(recording.time, raw[n]) for n in raw}
+    noise = {n: _noise(recording, n, y) for n, y in raw.items()}
     drive = sum(gain * (raw[n] - zero) for n, (gain, zero) in parts.items()) + np.zeros(recording.time.size)
     derive, smooth, a = _estimators(recording, raw, noise)
     v, smooth_a = derive(raw.get("x", np.zeros(a.size)), a)
@@ -114,6 +115,13 @@ def motion_of(recording: Recording, rig: Rig) -> Motion:
         sigma_drive=float(np.sqrt(sum((gain * noise[n].rms) ** 2 for n, (gain, _) in parts.items()))),
         measured_a=noise["a"].rms if accelerometer else 0.0,
     )
+
+
+def _noise(recording: Recording, name: str, values: Array) -> NoiseModel:
+    """Return a signal's noise, as given or estimated, but no less than ``LEAST`` of its spread."""
+    given = recording.noise.get(name) or estimate(recording.time, values)
+    least = LEAST * float(np.std(values))
+    return given if given.rms >= least else replace(given, white=least)
 
 
 def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float]]:

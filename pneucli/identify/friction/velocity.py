@@ -95,7 +95,7 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
     """Return where an accelerometer says that the piston rests, shape (n,).
 
     Quiet stretches, but not those of steady sliding: the velocity gathered since the last rest must be zero within
-    what the sensor's noise and the uncertainty of its bias add up to. The first quiet stretch is a rest.
+    what the sensor's noise, the uncertainty of its bias and the sampling of jumps add up to. The first quiet stretch is a rest.
     """
     level = np.median(a[_quiet(a - np.median(a), noise)]) if a.size else 0.0
     quiet = _quiet(a - level, noise)
@@ -107,7 +107,8 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
         bias = total / known if known else float(np.mean(a[start:stop]))
         gathered = float(np.sum(a[last:start] - bias)) * dt
         steps = start - last
-        spread = noise.rms * dt * np.sqrt(steps + steps**2 / max(known, QUIET))
+        missed = MISSED * float(np.linalg.norm(np.diff(a[last : start + 1])))
+        spread = dt * np.hypot(noise.rms * np.sqrt(steps + steps**2 / max(known, QUIET)), missed)
         if known == 0 or abs(gathered) <= AGREEMENT * spread:
             rest[start:stop] = True
             known, total, last = known + stop - start, total + float(np.sum(a[start:stop])), int(stop)

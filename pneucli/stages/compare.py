@@ -1,0 +1,85 @@
+"""``compare``: model against recordings: how much they differ, and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from pneucli.compare import ChannelResult, Comparison, Region, compare, find_regions, overall_error
+from pneucli.io.artifacts import write_table
+from pneucli.pipeline.context import Context
+from pneucli.quantities import SIGNALS
+from pneucli.stages.study import Study, load_model
+
+
+def run(context: Context) -> dict[str, Any]:
+    """Compare the identified model with every recording; return the answer that ``--json`` prints."""
+    study = Study(context)
+    model = load_model(context.artifacts / "identify", study.rig, study.effects)
+    comparisons = []
+    for i, experiment in enumerate(study.experiments):
+        context.progress(f"comparing {experiment.recording.name}", 0.2 + 0.7 * i / len(study.experiments))
+        comparisons.append(compare(model, experiment))
+    _write_residuals(study, comparisons)
+    results = [r for c in comparisons for r in c.results]
+    regions = find_regions(comparisons)
+    return _answer(study, results, regions)
+
+
+def _answer(study: Study, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
+    return {
+        "schema": "pneucli/compare/1",
+        "pipeline": study.context.config.name,
+        "horizon_s": study.context.config.compare.horizon,
+        "model": study.context.answers["identify"]["model"],
+        "channels": [_finite(asdict(r)) for r in results],
+        "error": {use: overall_error(results, use) for use in ("train", "test")},
+        "where": [_renamed(asdict(r)) | {"words": r.in_words()} for r in regions],
+    }
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """JSON knows no NaN: null stands for what cannot be told, such as a percentage of a range of zero."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+
+
+def _renamed(row: dict[str, Any]) -> dict[str, Any]:
+    return {"from" if k == "from_" else k: v for k, v in row.items()}
+
+
+def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
+    columns: dict[str, list[Any]] = {n: [] for n in ("recording", "use", "channel", "unit")}
+    numbers: dict[str, list[Any]] = {n: [] for n in ("time", "measured", "model", "residual", "segment")}
+    for c in comparisons:
+        n = c.experiment.time.size
+        for result in c.results:
+            texts = (result.recording, result.use, result.channel, SIGNALS[result.channel].unit)
+            for name, text in zip(columns, texts, strict=True):
+                columns[name] += [text] * n
+            residual = c.residual(result.channel)
+            parts = (c.experiment.time, c.measured[result.channel], c.modelled[result.channel], residual, c.segment)
+            for name, part in zip(numbers, parts, strict=True):
+                numbers[name].append(part)
+    write_table(
+        study.context.out / "residuals.parquet",
+        {**columns, **{n: np.concatenate(parts).astype(np.float64) for n, parts in numbers.items()}},
+        units={"time": "s", "segment": "1"} | dict.fromkeys(("measured", "model", "residual"), "see column unit"),
+        schema="pneucli/compare/residuals/1",
+        provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+    )
+
+
+def describe(answer: dict[str, Any]) -> str:
+    """Return the errors as lines for a person, test recordings first, then where they stand."""
+    lines = [f"{'recording':20s} {'use':6s} {'channel':8s} {'rmsd':>12s} {'unit':6s} {'% range':>8s} {'x noise':>8s}"]
+    for c in sorted(answer["channels"], key=lambda c: c["use"] != "test"):
+        percent, ratio = (float("nan") if c[k] is None else c[k] for k in ("percent", "ratio_to_noise"))
+        head = f"{c['recording']:20s} {c['use']:6s} {c['channel']:8s} {c['rmsd']:12.5g} {c['unit']:6s}"
+        lines.append(f"{head} {percent:8.3g} {ratio:8.3g}")
+    for use, error in answer["error"].items():
+        lines.append(f"error over noise, {use}: {'no such recording' if error is None else format(error, '.3g')}")
+    return "\n".join(lines + [region["words"] for region in answer["where"][:5]])

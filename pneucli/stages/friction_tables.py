@@ -1,0 +1,130 @@
+"""The friction identification as artifacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.identify.friction import FrictionIdentification
+from pneucli.io.artifacts import Provenance, write_table
+
+MODEL_POINTS = 401
+
+
+def write_friction(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
+    grid = np.linspace(-friction.domain.top, friction.domain.top, MODEL_POINTS)
+    models = [
+        {"model": m.name, "branch": b.branch, "v": v, "force": f}
+        for m in friction.models
+        for b in m.branches
+        for v, f in zip(grid, b.force(grid), strict=True)
+    ]
+    _write(out / "friction_models.parquet", models, {"v": "m/s", "force": "N"}, provenance)
+    curves = [
+        {"branch": c.branch, "v": v, "force": f, "ci_low": low, "ci_high": high, "count": float(n)}
+        for c in friction.curves
+        for v, f, low, high, n in zip(c.v, c.force, c.ci_low, c.ci_high, c.count, strict=True)
+    ]
+    force = {"force": "N", "ci_low": "N", "ci_high": "N"}
+    _write(out / "friction_curves.parquet", curves, {"v": "m/s", "count": "1", **force}, provenance)
+    cuts = [
+        {"recording": c.recording, "cut": float(i), "direction": float(c.direction), "time": t, "speed": s, "force": f}
+        for i, c in enumerate(friction.cuts)
+        for t, s, f in zip(c.time, c.speed, c.friction, strict=True)
+    ]
+    units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
+    _write(out / "friction_cuts.parquet", cuts, units, provenance)
+    _write_averages(friction, out, provenance)
+    _write_tables(friction, out, provenance)
+    _write_tp(friction, out, provenance)
+
+
+def _write_averages(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    rows = [
+        {"branch": a.branch, "direction": float(a.direction), "speed": s, "force": f, "error": e, "count": float(n)}
+        for a in friction.averages
+        for s, f, e, n in zip(a.speed, a.friction, a.error, a.count, strict=True)
+    ]
+    units = {"direction": "1", "speed": "m/s", "force": "N", "error": "N", "count": "1"}
+    _write(out / "friction_averages.parquet", rows, units, provenance)
+
+
+def _write_tables(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    rows: list[dict[str, Any]] = [
+        {
+            "model": d.model,
+            "recording": d.recording,
+            "use": d.use,
+            "channel": d.channel,
+            "rmsd": d.rmsd,
+            "unit": d.unit,
+            "percent": d.percent,
+            "relative_percent": d.relative_percent,
+        }
+        for d in friction.deviations
+    ]
+    units = {"rmsd": "see column unit", "percent": "%", "relative_percent": "%"}
+    _write(out / "friction_deviations.parquet", rows, units, provenance)
+    parameters: list[dict[str, Any]] = [
+        {
+            "model": m.name,
+            "branch": b.branch,
+            "name": name,
+            "value": v.value,
+            "unit": v.unit,
+            "ci_low": v.ci_low,
+            "ci_high": v.ci_high,
+        }
+        for m in friction.models
+        for b in m.branches
+        for name, v in b.parameters.items()
+    ]
+    units = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
+    _write(out / "friction_parameters.parquet", parameters, units, provenance)
+    kinetic: list[dict[str, Any]] = [
+        {
+            "recording": k.recording,
+            "p1": k.pressures.get("p1", np.nan),
+            "speed": k.speed,
+            "friction": k.friction.value,
+            "ci_low": k.friction.ci_low,
+            "ci_high": k.friction.ci_high,
+            "offset": k.offset.value,
+        }
+        for k in friction.kinetic
+    ]
+    units = {"p1": "Pa", "speed": "m/s", "friction": "N", "offset": "N", "ci_low": "N", "ci_high": "N"}
+    _write(out / "friction_kinetic.parquet", kinetic, units, provenance)
+
+
+def _write_tp(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    weights: list[dict[str, Any]] = []
+    vertices: list[dict[str, Any]] = []
+    for m in friction.models:
+        for b in m.branches:
+            if b.tp is None:
+                continue
+            for j, column in enumerate(b.tp.weights[0].T):
+                weights += [
+                    {"model": m.name, "branch": b.branch, "vertex": float(j), "v": v, "weight": w}
+                    for v, w in zip(b.tp.grids[0], column, strict=True)
+                ]
+            vertices += [
+                {"model": m.name, "branch": b.branch, "vertex": float(j), "a22": float(a)}
+                for j, a in enumerate(np.ravel(b.tp.vertices))
+            ]
+    _write(out / "tp_weights.parquet", weights, {"vertex": "1", "v": "m/s", "weight": "1"}, provenance)
+    _write(out / "tp_vertices.parquet", vertices, {"vertex": "1", "a22": "1/s"}, provenance)
+
+
+def _write(path: Path, rows: Sequence[dict[str, Any]], units: dict[str, str], provenance: Provenance) -> None:
+    """Write rows as columns; nothing where there is none."""
+    if not rows:
+        return
+    columns: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
+    columns = {n: np.array(c, dtype=np.float64) if n in units else c for n, c in columns.items()}
+    write_table(path, columns, units=units, schema=f"pneucli/identify/{path.stem}/1", provenance=provenance)

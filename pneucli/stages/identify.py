@@ -1,0 +1,162 @@
+"""``identify``: signals -> valve map and inverse, friction models A to F, and the model's parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pneucli.errors import InputError
+from pneucli.identify.effects import fit_model
+from pneucli.identify.fit import Estimate, Fit
+from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.start import STAND_IN_VOLUME, first_guess
+from pneucli.identify.valve import ValveIdentification, identify_valve
+from pneucli.io.artifacts import write_table
+from pneucli.pipeline.context import Context
+from pneucli.stages.friction_tables import write_friction
+from pneucli.stages.study import Study, save_model
+from pneucli.stages.valve_tables import iso_parameters, write_valve
+
+
+def run(context: Context) -> dict[str, Any]:
+    """Identify whatever the training recordings allow; return the answer that ``--json`` prints.
+
+    Raises InputError where no recording can be used for anything.
+    """
+    study = Study(context)
+    warnings: list[str] = []
+    train = [e for e in study.experiments if e.recording.use == "train"]
+    if not train:
+        raise InputError(
+            f"{context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
+        )
+    context.progress("fitting the model", 0.3)
+    guess = first_guess(train, study.rig, linear_valve=study.linear_valve)
+    fitted = fit_model(guess, study.views("train"), study.effects, linear_valve=study.linear_valve)
+    context.progress("identifying the valve", 0.5)
+    valve = _valve(study, warnings)
+    context.progress("identifying friction", 0.7)
+    friction = _friction(study, warnings)
+    estimates = [as_ratio(e, study) for e in fitted.estimates]
+    _write(study, fitted, estimates, valve, friction)
+    warnings += [f"{e.name} stands at its bound" for e in fitted.estimates if e.at_bound]
+    return _answer(study, estimates, valve, friction, warnings)
+
+
+def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
+    tests = [r for r in study.recordings if r.experiment == "valve" and not r.valve_shut and r.use == "train"]
+    if not tests or study.linear_valve:
+        return None
+    try:
+        return identify_valve(study.recordings, study.rig)
+    except InputError as error:
+        warnings.append(f"no valve map: {error.where}: {error.found}")
+        return None
+
+
+def _friction(study: Study, warnings: list[str]) -> FrictionIdentification | None:
+    if not any(r.experiment != "valve" and r.use == "train" for r in study.recordings):
+        return None
+    try:
+        found = identify_friction(study.recordings, study.rig)
+    except InputError as error:
+        warnings.append(f"no friction models: {error.where}: {error.found}")
+        return None
+    warnings += found.warnings
+    return found
+
+
+def as_ratio(estimate: Estimate, study: Study) -> Estimate:
+    """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
+    per_volume = study.rig.vessel_volume is None and not study.rig.has_cylinder
+    if not per_volume or not estimate.unit.startswith(("m^2", "m^3", "W/K", "kg")):
+        return estimate
+    low, high = estimate.ci95
+    return Estimate(
+        estimate.name,
+        f"{estimate.unit}/m^3",
+        estimate.value / STAND_IN_VOLUME,
+        estimate.error / STAND_IN_VOLUME,
+        (low / STAND_IN_VOLUME, high / STAND_IN_VOLUME),
+        estimate.at_bound,
+    )
+
+
+def _write(
+    study: Study,
+    fitted: Fit,
+    estimates: list[Estimate],
+    valve: ValveIdentification | None,
+    friction: FrictionIdentification | None,
+) -> None:
+    out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
+    save_model(fitted.model, out, provenance)
+    rows = [(e.name, e.value, e.unit, *e.ci95) for e in estimates]
+    if valve is not None:
+        write_valve(valve, out, provenance)
+        rows += iso_parameters(valve)
+    if friction is not None:
+        write_friction(friction, out, provenance)
+    name, value, unit, low, high = zip(*rows, strict=True) if rows else ((),) * 5
+    write_table(
+        out / "parameters.parquet",
+        {"name": list(name), "value": value, "unit": list(unit), "ci_low": low, "ci_high": high},
+        units=dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
+        schema="pneucli/identify/parameters/1",
+        provenance=provenance,
+    )
+
+
+def parameter_answer(estimates: list[Estimate]) -> dict[str, Any]:
+    """Return the parameters as the JSON answers hold them."""
+    return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for e in estimates}
+
+
+def _answer(
+    study: Study,
+    estimates: list[Estimate],
+    valve: ValveIdentification | None,
+    friction: FrictionIdentification | None,
+    warnings: list[str],
+) -> dict[str, Any]:
+    answer: dict[str, Any] = {
+        "schema": "pneucli/identify/1",
+        "pipeline": study.context.config.name,
+        "model": {"effects": [e.name for e in study.effects], "parameters": parameter_answer(estimates)},
+        "warnings": warnings,
+    }
+    if valve is not None:
+        answer["valve"] = {
+            "overlap": {
+                k: {"value": v.value, "unit": "V", "ci95": [v.ci_low, v.ci_high]} for k, v in valve.overlap.items()
+            },
+            "iso": {n: {"value": v, "unit": u, "ci95": [lo, hi]} for n, v, u, lo, hi in iso_parameters(valve)},
+        }
+    if friction is not None:
+        answer["friction"] = {
+            "kinetic": [
+                {"recording": k.recording, "pressures": k.pressures, "friction": k.friction.value, "unit": "N"}
+                for k in friction.kinetic
+            ],
+            "deviations": [
+                {
+                    "model": d.model,
+                    "recording": d.recording,
+                    "use": d.use,
+                    "channel": d.channel,
+                    "rmsd": d.rmsd,
+                    "unit": d.unit,
+                    "percent": d.percent,
+                }
+                for d in friction.deviations
+            ],
+        }
+    return answer
+
+
+def describe(answer: dict[str, Any]) -> str:
+    """Return the parameters as lines for a person."""
+    effects = ", ".join(answer["model"]["effects"]) or "none"
+    lines = [f"model effects: {effects}"]
+    for name, p in answer["model"]["parameters"].items():
+        lines.append(f"  {name:36s} {p['value']:12.5g} {p['unit']:8s} 95 %: {p['ci95'][0]:.5g} to {p['ci95'][1]:.5g}")
+    return "\n".join(lines + [f"warning: {w}" for w in answer["warnings"]])

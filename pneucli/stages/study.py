@@ -1,0 +1,105 @@
+"""What the stages after ingest share: the pipeline's recordings, effects and options as domain objects; the model file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pneucli.identify.views import View, views_of
+from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
+from pneucli.io.recordings import load_recordings
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import all_effects, select
+from pneucli.pipeline.context import Context
+from pneucli.recording import Recording, Rig
+from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import ValveArea
+
+MODEL_FILE = "model.parquet"
+
+
+@dataclass(frozen=True)
+class Study:
+    """The pipeline as the domain packages see it."""
+
+    context: Context
+
+    @cached_property
+    def rig(self) -> Rig:
+        """What is known of the rig."""
+        return self.context.config.to_rig()
+
+    @cached_property
+    def recordings(self) -> list[Recording]:
+        """All recordings, in the pipeline file's order."""
+        return load_recordings(self.context.artifacts / "ingest")
+
+    @cached_property
+    def known_effects(self) -> dict[str, Effect]:
+        """The catalogue and the user's own effects."""
+        folder = self.context.path.parent
+        return all_effects(folder / name for name in self.context.config.model.plugins)
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that the model has."""
+        where = f"{self.context.path}, key model.effects"
+        return select(self.context.config.model.effects, self.known_effects, where)
+
+    @property
+    def linear_valve(self) -> bool:
+        """Whether the valve is one gain."""
+        return self.context.config.model.valve == "linear"
+
+    @cached_property
+    def experiments(self) -> list[Experiment]:
+        """Every recording made ready, restarted at the comparison's horizon."""
+        compare = self.context.config.compare
+        ready = []
+        for i, recording in enumerate(self.recordings):
+            self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
+            ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
+        return ready
+
+    def views(self, use: str) -> list[View]:
+        """The recordings of one use, one subsystem at a time."""
+        return views_of([e for e in self.experiments if e.recording.use == use])
+
+    def provenance(self, *inputs: str) -> Provenance:
+        """What made an artifact of this stage: earlier artifacts by path, and the file's own model and comparison."""
+        document = self.context.config.document
+        hashes = {name: sha256_of(self.context.artifacts / name) for name in inputs}
+        return Provenance(hashes, {key: document.get(key, {}) for key in ("pipeline", "rig", "model", "compare")})
+
+
+def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
+    """Write a model's values and the valve's knots."""
+    rows = [("value", name, np.nan, value) for name, value in model.values.items()]
+    rows += [("area", "", c, a) for c, a in zip(model.valve.commands, model.valve.areas, strict=True)]
+    rows += [
+        ("overlap", "fill", np.nan, model.valve.overlap_fill),
+        ("overlap", "vent", np.nan, model.valve.overlap_vent),
+    ]
+    kind, name, command, value = zip(*rows, strict=True)
+    write_table(
+        folder / MODEL_FILE,
+        {"kind": list(kind), "name": list(name), "command": np.array(command), "value": np.array(value)},
+        units={"command": "V", "value": "SI"},
+        schema="pneucli/identify/model/1",
+        provenance=provenance,
+    )
+
+
+def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
+    """Return the model that ``identify`` wrote."""
+    table = read_table(folder / MODEL_FILE)
+    rows = list(zip(table["kind"], table["name"], table["command"], table["value"], strict=True))
+    values = {str(n): float(v) for k, n, _, v in rows if k == "value"}
+    knots = [(float(c), float(v)) for k, _, c, v in rows if k == "area"]
+    overlap = {str(n): float(v) for k, n, _, v in rows if k == "overlap"}
+    valve = ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap["fill"], overlap["vent"])
+    return Model(rig, effects, values, valve)
