@@ -1,7 +1,7 @@
 """Speed and accuracy of the simulation core in one run: ``python -m benchmarks.simulate``. Writes nothing.
 
-10 s of a proportional position loop at 1 kHz, chamber 2 closed, valve of ``fixtures/demo``. Every time is the fastest of
-many, the rivals taking turns, and stands beside the same loop in C (``smoothed.c``: RK4 at 100 us, gcc -O3, friction
+10 s of a proportional position loop at 1 kHz, chamber 2 closed, valve of ``fixtures/demo``. Every time is the fastest
+of many, the rivals taking turns, and stands beside the same loop in C (``smoothed.c``: RK4 at 100 us, gcc -O3, friction
 smoothed by tanh(v / 1 mm/s)). Exit code 1 where a limit, which the project has set itself, is not held.
 """
 

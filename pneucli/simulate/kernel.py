@@ -8,7 +8,7 @@ Scheme: the pressures take a midpoint step (one evaluation, extrapolated from th
 trapezoidal step in which dry friction is a set: a piston that stops within a step stops exactly there, and holds
 until the force exceeds what holds it. The command is held over a sample, measured inputs are interpolated.
 """
-# ruff: noqa: F401, F403, F405, D103, ANN, PLR
+# ruff: noqa: F403, F405, D103
 # mypy: ignore-errors
 
 import math
@@ -182,11 +182,13 @@ def pressure_rate(p, T, volume, growth, q_in, q_out, heat_flow, base):
 
 
 def friction_levels(direction, speed, x, p1, p2, base, th, on):
-    """Dry friction in N while speeding up and while slowing; equal without hysteresis."""
+    """Dry friction in N while speeding up and while slowing; equal without hysteresis. Never below 1e-9 N: factors
+    beyond what they are valid for must not make it push, and bristles need a level.
+    """
     factor = dry_factor(direction, x, p1, p2, base[AMBIENT], th, on)
-    rising = (base[COULOMB] + dry_rise(base[COULOMB], speed, th, on)) * factor
+    rising = max((base[COULOMB] + dry_rise(base[COULOMB], speed, th, on)) * factor, 1e-9)
     if has_slowing(on):
-        return rising, min(base[COULOMB] * slowing(th, on) * factor, rising)
+        return rising, min(max(base[COULOMB] * slowing(th, on) * factor, 1e-9), rising)
     return rising, rising
 
 
@@ -224,23 +226,26 @@ def slide(x, v, v_guess, push, h, rest, m, p1, p2, base, th, on):
     return from_rest(x + 0.5 * stopped * v, push, h - stopped, 0.0, m, p1, p2, base, th, on)
 
 
+def mean_decay(y):
+    """(1 - exp(-y)) / y for y >= 0: the mean of exp(-y s) over s = 0..1; by its series (to 5e-8) where y is small."""
+    if y < 0.25:
+        return 1.0 - y * (1 / 2 - y * (1 / 6 - y * (1 / 24 - y * (1 / 120 - y * (1 / 720)))))
+    return (1.0 - math.exp(-y)) / y
+
+
 def slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on):
     """Move for h with LuGre bristles of deflection z; returns x, v, z. Implicit in the velocity, exact in z."""
     direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
     rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
     level = falling if dv * direction < 0.0 else rising
-    rate = stiffness * abs(v) / level
     sigma = bristle_damping(th, on)
     c = base[VISCOUS] * viscous_factor(direction, th, on)
-    shape = 1.0 / (1.0 + 0.5 * h * rate)
-    held = (stiffness - sigma * rate) * shape
-    v_mid = (2.0 * m / h * v + push - held * z) / (2.0 * m / h + 0.5 * h * held + sigma + c)
-    if rate * h > 1e-6:
-        decay = math.exp(-rate * h)
-        z = z * decay + v_mid * (1.0 - decay) / rate
-    else:
-        z += h * v_mid
-    return x + h * v_mid, 2.0 * v_mid - v, z
+    # z at midpoint is (z + h/2 v_mid) / (1 + h/2 rate); all is multiplied by the level, which spares two divisions
+    rate = stiffness * abs(v) / level
+    whole, pull = level + 0.5 * h * stiffness * abs(v), stiffness * (level - sigma * abs(v))
+    inertia = 2.0 * m / h
+    v_mid = (whole * (inertia * v + push) - pull * z) / (whole * (inertia + sigma + c) + 0.5 * h * pull)
+    return x + h * v_mid, 2.0 * v_mid - v, z + h * (v_mid - rate * z) * mean_decay(rate * h)
 
 
 def acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on):
@@ -271,7 +276,7 @@ def most_steps(time, h_max, span):
 
 def steps_between(t, t_next, h_max):
     """Number of equal steps from one sample to the next, each at most h_max long."""
-    return max(int(math.ceil((t_next - t) / h_max - 1e-9)), 1)
+    return max(math.ceil((t_next - t) / h_max - 1e-9), 1)
 
 
 def delayed(ring, tail, t):
@@ -305,6 +310,16 @@ def slope(time, values, k):
     return (values[j] - values[i]) / (time[j] - time[i])
 
 
+def undo_lag(time, inputs, column, lag):
+    """Turn what a first-order sensor reads into what it saw, in place: ``lag`` times the slope is added."""
+    before = inputs[0, column]
+    for k in range(time.size):
+        i, j = max(k - 1, 0), min(k + 1, time.size - 1)
+        rise = inputs[j, column] - before
+        before = inputs[k, column]
+        inputs[k, column] += lag * rise / (time[j] - time[i])
+
+
 def advance(time, inputs, column, delay):
     """Move a measured column earlier in time by ``delay`` in place; its last value is held."""
     j = 0
@@ -323,9 +338,7 @@ def true_pressures(time, inputs, base, th, on):
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
     for column in (IN_P1, IN_P2):
         if lag > 0.0:
-            reading = inputs[:, column].copy()
-            for k in range(time.size):
-                inputs[k, column] += lag * slope(time, reading, k)
+            undo_lag(time, inputs, column, lag)
         if delay > 0.0:
             advance(time, inputs, column, delay)
     for k in range(time.size):
@@ -508,14 +521,9 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
 def bristles(z, dx, h, level, stiffness, th, on):
     """Deflection after a displacement dx within h, and the force of the LuGre model's bristles, exact in z."""
     rate = stiffness * abs(dx) / level
-    before = z
-    if rate > 1e-6:
-        decay = math.exp(-rate)
-        z = z * decay + dx * (1.0 - decay) / rate
-    else:
-        z += dx
-    change = (z - before) / h if h > 0.0 else 0.0
-    return z, stiffness * z + bristle_damping(th, on) * change
+    change = (dx - rate * z) * mean_decay(rate)
+    speed = change / h if h > 0.0 else 0.0
+    return z + change, stiffness * (z + change) + bristle_damping(th, on) * speed
 
 
 def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out):
