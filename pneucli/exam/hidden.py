@@ -106,7 +106,8 @@ CATALOGUE = (
         inverse=True,
     ),
     _plain("line-delay", GAS, _about(line_delay=0.011), {"line_delay": 0.0}, delay="line_delay"),
-    _plain("valve-deadband", AXIS, _about(overlap=0.5), {"overlap": 0.0}, width="overlap"),
+    # the catalogue's width is the whole dead zone, the rig's overlap half of it, on each side of the centre
+    Hidden("valve-deadband", AXIS, {"width": ("overlap", 0.5)}, {"overlap": 0.0}, _about(overlap=0.5)),
     _plain("valve-lag", GAS, _about(valve_lag=0.018), {"valve_lag": 0.0}, time_constant="valve_lag"),
     _plain(
         "valve-hysteresis", GAS, _about(valve_half_width=0.2), {"valve_half_width": 0.0}, half_width="valve_half_width"
