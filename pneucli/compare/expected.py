@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, smooth
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 
@@ -26,21 +26,19 @@ def deviations(model: Model, experiment: Experiment, draws: int = DRAWS, seed: i
     drawn: dict[str, list[Array]] = {channel: [] for channel in experiment.channels}
     for _ in range(draws):
         noise = experiment.draw_noise(rng)
-        shift = smooth(noise, experiment.smoothers, experiment.fusion, experiment.time)
-        inputs = experiment.inputs + shift
-        inputs[experiment.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0  # rest is seen as rest, whatever the noise
+        inputs = experiment.read_again(noise)
         disturbed = outputs(model, experiment, inputs, noise)
         for channel in experiment.channels:
-            reading = _reading_noise(experiment, channel, noise, shift)
+            reading = _reading_noise(experiment, channel, noise, inputs)
             drawn[channel].append(experiment.filtered(reading) - (disturbed[channel] - nominal[channel]))
     return {channel: np.array(rows) for channel, rows in drawn.items()}
 
 
-def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array], shift: Array) -> Array:
+def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array], inputs: Array) -> Array:
     if channel in noise:
         return noise[channel]
     if channel == "v":
-        return shift[:, at.IN_V]
+        return np.asarray(inputs[:, at.IN_V] - experiment.inputs[:, at.IN_V])
     return experiment.net_pressure_noise(noise)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pneucli.compare.channels import Comparison
 from pneucli.quantities import LOCATORS, SIGNALS
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
 
 Array = NDArray[np.float64]
 
@@ -47,9 +48,9 @@ class Region:
         )
 
 
-def locators(comparison: Comparison) -> dict[str, Array]:
+def locators(e: Experiment) -> dict[str, Array]:
     """Return the signals over which an error may concentrate, each (n,), as measured and smoothed."""
-    e, inputs = comparison.experiment, comparison.experiment.inputs
+    inputs = e.inputs
     found: dict[str, Array] = {"time": e.time}
     for name, column in (("u", at.IN_U), ("p1", at.IN_P1), ("p2", at.IN_P2), ("x", at.IN_X), ("v", at.IN_V)):
         if name in e.raw or (name == "v" and "x" in e.raw):
@@ -78,7 +79,7 @@ def find_regions(comparisons: Sequence[Comparison], at_least: float = 1.2) -> li
                 continue
             squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
             weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
-            for signal, values in locators(comparison).items():
+            for signal, values in locators(comparison.experiment).items():
                 region = _worst_stretch(values, squared)
                 if region is not None:
                     regions.append(

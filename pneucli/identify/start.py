@@ -77,7 +77,7 @@ def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Arr
     """
     gas = rig.heat_capacity_ratio * rig.gas_constant * rig.gas_temperature
     p, u = e.inputs[:, at.IN_P1], e.inputs[:, at.IN_U]
-    slope = e.smoothers["p1"].slope @ e.raw["p1"] if "p1" in e.smoothers else np.gradient(p, e.time)
+    slope = e.smoothers["p1"].slope(e.raw["p1"]) if "p1" in e.smoothers else np.gradient(p, e.time)
     area = 0.0 if e.vessel else rig.piston_area_1 or 0.0
     volume = vessel_volume if e.vessel else (rig.dead_volume_1 or 0.0) + area * e.inputs[:, at.IN_X]
     flow = (slope * volume + rig.heat_capacity_ratio * p * area * e.inputs[:, at.IN_V]) / gas

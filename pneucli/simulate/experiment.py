@@ -14,7 +14,7 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.smooth import LinearSmoother, kinematics, local_fits
+from pneucli.simulate.smooth import LocalFits, kinematics, local_fits
 
 Array = NDArray[np.float64]
 
@@ -33,19 +33,21 @@ class Experiment:
     """One recording, smoothed, with what the kernel needs to run it.
 
     ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 8) the
-    smoothed readings in the kernel's layout, ``restarts`` the samples at which the model is set to them.
+    smoothed readings in the kernel's layout, ``restarts`` the samples at which the model is set to them; ``still`` is
+    the speed in m/s below which the piston is taken to rest.
     """
 
     recording: Recording
     rig: Rig
     raw: Mapping[str, Array]
     noise: Mapping[str, NoiseModel]
-    smoothers: Mapping[str, LinearSmoother]
+    smoothers: Mapping[str, LocalFits]
     fusion: Fusion | None
     inputs: Array
     restarts: NDArray[np.int64]
     flags: Array
     low_pass: float | None = None
+    still: float = 0.0
 
     @property
     def time(self) -> Array:
@@ -122,6 +124,19 @@ class Experiment:
         """Return one realisation of every sensor's noise."""
         return _draw(self.noise, self.time, rng)
 
+    def read_again(self, noise: Mapping[str, Array]) -> Array:
+        """Return the inputs (n, 8) that other readings of the same run would give: smoothed ones, with noise, smoothed.
+
+        Windows are chosen anew, since their choice follows the noise; the motion's least squares is linear.
+        """
+        inputs = self.inputs + smooth(noise, self.smoothers, self.fusion, self.time)
+        for name in self.smoothers.keys() - {"x"}:
+            column = at.INPUTS.index(name)
+            reading = self.inputs[:, column] + noise[name]
+            inputs[:, column] = local_fits(reading, self.noise[name], self.recording.period)(reading)
+        inputs[np.abs(inputs[:, at.IN_V]) < self.still, at.IN_V] = 0.0
+        return inputs
+
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""
         return replace(self, restarts=restarts(self.time, horizon))
@@ -139,23 +154,22 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     if enough and "x" in raw and "a" in raw:
         fusion = kinematics(recording.time, max(noise["x"].rms, 1e-9), max(noise["a"].rms, 1e-9))
     inputs = smooth(raw, smoothers, fusion, recording.time)
+    still = 0.0
     if "x" in raw:
         drawn = smooth(_draw(noise, recording.time, np.random.default_rng(0)), smoothers, fusion, recording.time)
-        at_rest = np.abs(inputs[:, at.IN_V]) < RESTING * np.std(drawn[:, at.IN_V])
-        inputs[at_rest, at.IN_V] = 0.0
+        still = RESTING * float(np.std(drawn[:, at.IN_V]))
+        inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
     _stand_ins(inputs, recording, rig)
     flags = _flags(recording, raw, noise)
     starts = restarts(recording.time, horizon)
-    return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass)
+    return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass, still)
 
 
 def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
     return {name: model.draw(time, rng) for name, model in noise.items()}
 
 
-def smooth(
-    raw: Mapping[str, Array], smoothers: Mapping[str, LinearSmoother], fusion: Fusion | None, time: Array
-) -> Array:
+def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array) -> Array:
     """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
     inputs = np.zeros((time.size, len(at.INPUTS)))
     for column, name in enumerate(at.INPUTS):
@@ -164,7 +178,7 @@ def smooth(
     if fusion is not None:
         inputs[:, at.IN_X], inputs[:, at.IN_V], _ = fusion(raw["x"], raw["a"])
     elif "x" in raw and "v" not in raw:
-        slope = smoothers["x"].slope @ raw["x"] if "x" in smoothers else np.gradient(raw["x"], time)
+        slope = smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
         inputs[:, at.IN_V] = slope
     return inputs
 

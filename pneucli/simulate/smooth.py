@@ -1,4 +1,4 @@
-"""Smoothed states from measured signals, as linear maps: what smooths a signal also says what noise it lets through.
+"""Smoothed states from measured signals: local polynomials for pressures, least squares for the motion.
 
 Local polynomials in windows that grow as long as their estimates agree within the noise (the intersection of
 confidence intervals, Goldenshluger and Nemirovski 1997), so that a kink stays a kink and a rest is averaged long.
@@ -7,8 +7,9 @@ Position and acceleration are fused into position and velocity by least squares,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from scipy.sparse.linalg import factorized
 from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
-HALF_WIDTHS = (1, 2, 4, 8, 16, 32, 64, 128)
+HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
 AGREEMENT = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
 
 
@@ -34,77 +35,102 @@ def autocovariance(noise: NoiseModel, n: int) -> Array:
 
 
 @dataclass(frozen=True)
-class LinearSmoother:
-    """Value and slope per sample as sparse matrices (n, n) applied to one signal."""
+class Window:
+    """Polynomial fits in windows of 2 ``half`` + 1 samples, moved inward at the ends of a record.
 
-    value: sparse.csr_matrix
-    slope: sparse.csr_matrix
+    ``value`` and ``slope`` (per sample) have shape (2 half + 1, 2 half + 1): row i are the weights for the sample that
+    stands i-th in its window.
+    """
 
-    def __call__(self, y: Array) -> Array:
-        """Return the smoothed signal."""
-        return np.asarray(self.value @ y)
-
-
-@dataclass(frozen=True)
-class _Window:
-    """All local fits of one width and degree: where each sample's window begins, and its weights (n, width)."""
-
-    start: NDArray[np.int64]
+    half: int
     value: Array
     slope: Array
 
-    def estimate(self, y: Array) -> Array:
-        return np.einsum("ij,ij->i", self.value, y[self.start[:, None] + np.arange(self.value.shape[1])])
-
-    def deviation(self, noise: NoiseModel) -> Array:
-        """Standard deviation of the estimates; all inner samples have the same weights."""
-        n, width = self.value.shape
-        lags = np.abs(np.subtract.outer(np.arange(width), np.arange(width)))
-        covariance = autocovariance(noise, width)[lags]
-        ends = np.flatnonzero(self.start != np.arange(n) - width // 2)
-        rows = np.append(ends, n // 2)
-        variance = np.einsum("ij,jk,ik->i", self.value[rows], covariance, self.value[rows])
-        out = np.full(n, variance[-1])
-        out[ends] = variance[:-1]
-        return np.asarray(np.sqrt(np.maximum(out, 0.0)))
+    def apply(self, weights: Array, y: Array) -> Array:
+        """Return the fits to y, shape (n,), by ``value`` or ``slope``."""
+        width, inner = weights.shape[0], y.size - self.half
+        out = np.empty(y.size)
+        out[: self.half] = weights[: self.half] @ y[:width]
+        out[self.half : inner] = np.correlate(y, weights[self.half])
+        out[inner:] = weights[self.half + 1 :] @ y[y.size - width :]
+        return out
 
 
-def _window(n: int, half: int, degree: int, period: float) -> _Window:
-    """Return the fits in windows of 2 half + 1 samples, moved inward at the ends of the record."""
-    width = min(2 * half + 1, n)
-    start = np.clip(np.arange(n) - half, 0, n - width)
+@lru_cache(maxsize=64)
+def window(half: int, degree: int) -> Window:
+    """Return the window of one half width (samples) and degree of its polynomial."""
     scale = max(half, 1)
-    powers = np.vander((np.arange(width) - (width - 1) / 2) / scale, degree + 1, increasing=True)
+    powers = np.vander(np.arange(-half, half + 1) / scale, degree + 1, increasing=True)
     fit = np.linalg.pinv(powers)
-    at = (np.arange(n) - start - (width - 1) / 2) / scale
-    rows, inverse = np.unique(at, return_inverse=True)
-    value = np.vander(rows, degree + 1, increasing=True) @ fit
-    tilt = np.column_stack([i * rows ** max(i - 1, 0) for i in range(degree + 1)]) @ fit / (scale * period)
-    return _Window(start, value[inverse], tilt[inverse])
+    tilt = np.column_stack([np.zeros(2 * half + 1), powers[:, :-1] * np.arange(1, degree + 1)]) / scale
+    return Window(half, powers @ fit, tilt @ fit)
 
 
-def local_fits(y: Array, noise: NoiseModel, period: float) -> LinearSmoother:
+@lru_cache(maxsize=256)
+def deviations(noise: NoiseModel, half: int, degree: int) -> Array:
+    """Return the standard deviation of a window's values by the sample's place in it, shape (2 half + 1,)."""
+    weights = window(half, degree).value
+    lags = np.abs(np.subtract.outer(np.arange(2 * half + 1), np.arange(2 * half + 1)))
+    variance = np.sum(weights @ autocovariance(noise, 2 * half + 1)[lags] * weights, axis=1)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+@dataclass(frozen=True)
+class LocalFits:
+    """Which window each sample of a record takes, for its value and for its slope; linear once that is chosen."""
+
+    windows: tuple[Window, ...]
+    for_value: NDArray[np.int64]
+    for_slope: NDArray[np.int64]
+    period: float
+
+    def __call__(self, y: Array) -> Array:
+        """Return the smoothed signal, shape (n,)."""
+        out = np.empty(y.size)
+        for w, mine in self._used(self.for_value):
+            out[mine] = w.apply(w.value, y)[mine]
+        return out
+
+    def slope(self, y: Array) -> Array:
+        """Return the derivative of the smoothed signal in 1/s, shape (n,)."""
+        out = np.empty(y.size)
+        for w, mine in self._used(self.for_slope):
+            out[mine] = w.apply(w.slope, y)[mine] / self.period
+        return out
+
+    def _used(self, chosen: NDArray[np.int64]) -> Iterator[tuple[Window, NDArray[np.bool_]]]:
+        for i in np.unique(chosen):
+            yield self.windows[i], chosen == i
+
+
+def local_fits(y: Array, noise: NoiseModel, period: float) -> LocalFits:
     """Return the smoother of one signal of shape (n,); samples are taken as equidistant, NaN is not allowed.
 
     Constants, lines and parabolas are grown apart; each sample takes the surest, so that a rest is a rest.
     """
     n = y.size
-    windows, plan, dull = [], _Plan(n), _Plan(n)
+    windows: list[Window] = []
+    value, slope = _Plan(n), _Plan(n)
     for degree in (0, 1, 2):
         low, high = np.full(n, -np.inf), np.full(n, np.inf)
         growing = np.ones(n, dtype=bool)
-        for half in (h for h in (0, *HALF_WIDTHS) if 2 * h + 1 <= n and h >= degree):
-            window = _window(n, half, degree, period)
-            estimate, deviation = window.estimate(y), window.deviation(noise)
+        for half in (h for h in HALF_WIDTHS if 2 * h + 1 <= n and h >= degree):
+            grown = window(half, degree)
+            estimate, deviation = grown.apply(grown.value, y), _along(deviations(noise, half, degree), n)
             low = np.maximum(low, estimate - AGREEMENT * deviation)
             high = np.minimum(high, estimate + AGREEMENT * deviation)
             growing &= low <= high
-            plan.offer(len(windows), growing, deviation)
+            value.offer(len(windows), growing, deviation)
             if degree > 0:  # a constant has no slope to tell
-                dull.offer(len(windows), growing | ~np.isfinite(dull.deviation), deviation)
-            windows.append(window)
-    value = _assemble(windows, plan.chosen, [w.value for w in windows])
-    return LinearSmoother(value, _assemble(windows, dull.chosen, [w.slope for w in windows]))
+                slope.offer(len(windows), growing | ~np.isfinite(slope.deviation), deviation)
+            windows.append(grown)
+    return LocalFits(tuple(windows), value.chosen, slope.chosen, period)
+
+
+def _along(deviation: Array, n: int) -> Array:
+    """Return what goes by the place in a window as what goes by the sample of a record of n."""
+    half = deviation.size // 2
+    return np.concatenate([deviation[:half], np.full(n - 2 * half, deviation[half]), deviation[half + 1 :]])
 
 
 class _Plan:
@@ -114,21 +140,9 @@ class _Plan:
         self.chosen = np.zeros(n, dtype=np.int64)
         self.deviation = np.full(n, np.inf)
 
-    def offer(self, window: int, accepted: NDArray[np.bool_], deviation: Array) -> None:
+    def offer(self, index: int, accepted: NDArray[np.bool_], deviation: Array) -> None:
         better = accepted & (deviation < self.deviation)
-        self.chosen[better], self.deviation[better] = window, deviation[better]
-
-
-def _assemble(windows: list[_Window], chosen: NDArray[np.int64], weights: list[Array]) -> sparse.csr_matrix:
-    rows, columns, entries = [], [], []
-    for i, (window, weight) in enumerate(zip(windows, weights, strict=True)):
-        mine = np.flatnonzero(chosen == i)
-        width = weight.shape[1]
-        rows.append(np.repeat(mine, width))
-        columns.append((window.start[mine, None] + np.arange(width)).ravel())
-        entries.append(weight[mine].ravel())
-    place = (np.concatenate(rows), np.concatenate(columns))
-    return sparse.csr_matrix((np.concatenate(entries), place), shape=(chosen.size, chosen.size))
+        self.chosen[better], self.deviation[better] = index, deviation[better]
 
 
 def kinematics(time: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, Array, float]]:

@@ -1,4 +1,4 @@
-"""What the stages after ingest share: the pipeline's recordings, effects and options as domain objects; the model file."""
+"""What the stages after ingest share: recordings, effects and options as domain objects; the model file."""
 
 from __future__ import annotations
 
