@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.fit import Fit, Problem, fit
-from pneucli.identify.parameters import Free, base_parameters, effect_parameters, value_of
+from pneucli.identify.parameters import STEP, Free, base_parameters, effect_parameters, value_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate import layout as at
@@ -86,9 +86,9 @@ def _signature(values: dict[str, float], change: Array, basis: Array, target: Ar
     return Signature(values, change, step * step * power, step)
 
 
-def scaled_start(effect: Effect, signature: Signature, model: Model) -> dict[str, float]:
-    """Return the signature's values with those that have a null moved by the promised step (within 0.05 to 5)."""
-    step = float(np.clip(signature.step, 0.05, 5.0))
+def scaled_start(effect: Effect, signature: Signature, model: Model, share: float = 1.0) -> dict[str, float]:
+    """Return the signature's values, those with a null moved by a share of the promised step (within 0.05 to 5)."""
+    step = share * float(np.clip(signature.step, 0.05, 5.0))
     values = dict(signature.values)
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
@@ -125,9 +125,25 @@ def fit_added(
     ranked = [signature] if signature is not None else signatures(effect, found, views)
     if not ranked:
         return replace(found, model=replace(model, effects=(*model.effects, effect)))
-    values = scaled_start(effect, ranked[0], model)
-    free = free_parameters(with_effect(model, effect, values), views, linear_valve=linear_valve)
-    return fit(with_effect(model, effect, values), views, free, rounds=rounds)
+    refitted = found
+    for share in (1.0, 0.05):  # where the promised step leads astray, from nearly nothing
+        started = with_effect(model, effect, scaled_start(effect, ranked[0], model, share))
+        refitted = _from_coarse_to_fine(started, views, effect, linear_valve=linear_valve, rounds=rounds)
+        if refitted.cost <= found.cost:
+            break
+    return refitted
+
+
+def _from_coarse_to_fine(
+    model: Model, views: Sequence[View], effect: Effect, *, linear_valve: bool, rounds: int
+) -> Fit:
+    """Fit; where the effect has edges, in which it is not smooth, with ever smaller differences."""
+    edged = any(p.step for p in effect.parameters)
+    for coarse in (12.0, 4.0) if edged else ():
+        free = free_parameters(model, views, linear_valve=linear_valve)
+        free = [replace(f, step=coarse * f.step) if f.step > STEP else f for f in free]
+        model = fit(model, views, free, rounds=rounds).model
+    return fit(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
 
 
 def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) -> list[Free]:
@@ -137,3 +153,9 @@ def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) 
         if any(view.feels(effect) for view in views):
             free += effect_parameters(effect, model)
     return free
+
+
+def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, linear_valve: bool, rounds: int = 12) -> Fit:
+    """Refit without one of the model's effects."""
+    model = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
+    return fit(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)

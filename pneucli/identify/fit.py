@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from pneucli.identify.parameters import Free, with_parameters
+from pneucli.identify.parameters import STEP, Free, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
@@ -24,7 +25,6 @@ from pneucli.simulate.valve_area import ValveArea
 
 Array = NDArray[np.float64]
 
-STEP = 1e-4  # of a parameter's scale, for differences
 BLOCK = 0.25  # s, longer than the residuals' memory
 MOST_BLOCKS = 40  # of one recording
 TOLERANCE = 1e-5
@@ -97,24 +97,32 @@ class Problem:
         base = self.model_at(z)
         nominal = self.data(base)
         offsets = np.concatenate([[0], np.cumsum([part.size for part in nominal])])
-        known = self.prior(z)
+        known, adding = self.prior(z), Lock()
         out = np.zeros((offsets[-1] + known.size, z.size))
-        upper = self.bounds()[1]
         jobs = []
         for j in range(z.size):
-            step = STEP if z[j] + STEP < upper[j] else -STEP
-            moved = z.copy()
-            moved[j] += step
-            model = self.model_at(moved)
-            jobs += [(i, j, step, model) for i, view in enumerate(self.views) if differ(base, model, view)]
-            out[offsets[-1] :, j] = (self.prior(moved) - known) / step
+            for step in self._steps(z, j):
+                moved = z.copy()
+                moved[j] += step
+                model = self.model_at(moved)
+                jobs += [(i, j, step, model) for i, view in enumerate(self.views) if differ(base, model, view)]
+                out[offsets[-1] :, j] += (self.prior(moved) - known) / step / len(self._steps(z, j))
 
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
-            out[offsets[i] : offsets[i + 1], j] = (scaled(self.views[i], model) - nominal[i]) / step
+            change = (scaled(self.views[i], model) - nominal[i]) / step
+            with adding:
+                out[offsets[i] : offsets[i + 1], j] += change / len(self._steps(z, j))
 
         _parallel(column, jobs)
         return out
+
+    def _steps(self, z: Array, j: int) -> tuple[float, ...]:
+        """Return the differences for one coordinate: to both sides of an edge, since only one side may tell."""
+        step = self.free[j].step
+        if step > STEP:
+            return (step, -step)
+        return (step,) if z[j] + step < self.bounds()[1][j] else (-step,)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the coordinates' bounds."""

@@ -17,13 +17,15 @@ Array = NDArray[np.float64]
 AREA = "valve.effective_area"
 OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
 GAIN = "valve.gain"
+STEP = 1e-4  # of a parameter's scale, for differences
 
 
 @dataclass(frozen=True)
 class Free:
     """One free parameter. The fit sees (value - zero) / scale, or log(value) where ``logarithmic``.
 
-    ``prior`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide alone.
+    ``prior`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide alone;
+    ``step`` the difference in that coordinate from which derivatives are taken.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Free:
     scale: float
     logarithmic: bool = False
     prior: float = np.inf
+    step: float = STEP
 
     def inward(self, value: float) -> float:
         """Return the fit's coordinate of a value."""
@@ -113,14 +116,14 @@ def _valve(model: Model, *, linear_valve: bool) -> list[Free]:
 def effect_parameters(effect: Effect, model: Model, starts: dict[str, float] | None = None) -> list[Free]:
     """Return an effect's free parameters, starting from given, present or typical values."""
     free = []
-    for i, p in enumerate(effect.parameters):
+    for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
         start = (starts or {}).get(name, model.values.get(name, p.typical[0]))
         start = float(np.clip(start, p.lower, p.upper))
         logarithmic = p.null is None and p.lower > 0.0
         scale = max(abs(start - _null(p.null, model)), abs(p.typical[0]) * 0.1, 1e-12)
-        free.append(Free(name, p.unit, start, p.lower, p.upper, scale, logarithmic=logarithmic))
-        del i
+        step = max(p.step / scale, STEP)
+        free.append(Free(name, p.unit, start, p.lower, p.upper, scale, logarithmic=logarithmic, step=step))
     return free
 
 

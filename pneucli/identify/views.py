@@ -55,7 +55,7 @@ class View:
     def channels(self) -> tuple[str, ...]:
         """The channels whose residuals the view holds."""
         if self.kind == "forces":
-            return ("force",)
+            return ("force", "a") if "a" in self.experiment.raw else ("force",)
         if self.kind == "chambers":
             return tuple(c for c in self.experiment.channels if c in ("p1", "p2", "temperature"))
         return self.experiment.channels
@@ -76,7 +76,7 @@ class View:
         """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured."""
         e = self.experiment
         if self.kind == "forces":
-            return {"force": self._balance(model)}
+            return self._balance(model)
         modelled = simulate(model, e) if self.kind == "chambers" else outputs(model, e)
         return {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
 
@@ -89,7 +89,8 @@ class View:
             area_2 = area_1 if e.rig.piston_area_2 is None else e.rig.piston_area_2
             share = {"p1": area_1, "p2": area_2, "a": e.rig.moving_mass or 1.0, "force": 1.0}
             parts = [share[n] * e.noise[n].rms for n in share if n in e.noise]
-            return {"force": max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)}
+            force = max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)
+            return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
         return {c: e.noise[c].rms for c in self.channels if c in e.noise}
 
     @cached_property
@@ -98,20 +99,17 @@ class View:
 
     @cached_property
     def _motion(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """True acceleration (n,), directions in which rests end (n,), raw minus smoothed pressures (n, 2), and where
+        """Measured acceleration (n,), directions in which rests end (n,), raw minus smoothed pressures (n, 2), and where
         the direction of motion is not known (n,).
         """
         e = self.experiment
-        if e.fusion is not None:
-            _, _, bias = e.fusion(e.raw["x"], e.raw["a"])
-            a = e.raw["a"] - bias
-        else:
-            a = e.raw["a"] if "a" in e.raw else np.gradient(e.inputs[:, at.IN_V], e.time)
+        a = e.raw["a"] if "a" in e.raw else np.gradient(e.inputs[:, at.IN_V], e.time)
         rough = [e.raw[n] - e.inputs[:, c] if n in e.raw else np.zeros(e.time.size) for n, c in PRESSURE_COLUMNS]
         v = e.inputs[:, at.IN_V]
         return a, breakaways(v), np.column_stack(rough), unsure(v)
 
-    def _balance(self, model: Model) -> Array:
+    def _balance(self, model: Model) -> dict[str, Array]:
+        """Return the force left over, and the accelerometer's reading where the piston rests."""
         e, kernel = self.experiment, kernel_for(model.effects)
         a, leaving, rough, doubtful = self._motion
         still = A_STILL * e.noise["a"].rms if "a" in e.noise else 0.05 * float(np.max(np.abs(a)))
@@ -130,10 +128,23 @@ class View:
             kernel.switches(e.active(model.effects)),
             out,
         )
-        return out
+        if "a" not in self.channels:
+            return {"force": out}
+        resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
+        return {"force": out, "a": np.where(resting, a - resting_reading(model, e), 0.0)}
 
 
 PRESSURE_COLUMNS = (("p1", at.IN_P1), ("p2", at.IN_P2))
+
+
+def resting_reading(model: Model, experiment: Experiment) -> float:
+    """Return what the model's accelerometer reads at rest in m/s^2."""
+    reading = 0.0
+    for effect in model.effects:
+        if "read_a" in effect.ports and effect.name in experiment.active((effect,)):
+            values = [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
+            reading = float(effect.ports["read_a"](reading, *values))  # type: ignore[arg-type]
+    return reading
 
 
 def breakaways(v: Array) -> Array:

@@ -80,6 +80,7 @@ class Parameter:
     typical: tuple[float, ...]
     title: str = ""
     of: str = ""  # typical values are multiples of this base parameter, or shares of the range of the signal "x"
+    step: float = 0.0  # by which a fit must move it to see a difference, where the effect is not smooth in it
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""The compiled model: built from the effects' declarations, and run on recordings."""

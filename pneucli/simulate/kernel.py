@@ -551,7 +551,7 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
 def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
-    inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) true acceleration, noise_p1 and
+    inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, noise_p1 and
     noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0,
     unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a force that is more than
     the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
@@ -561,19 +561,20 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, b
     area_1, area_2, p_amb = base[AREA_1], base[AREA_2], base[AMBIENT]
     # the residual counts in the readings' units: a sensor that reads twice the pressure also shows twice its noise
     gain = 1e-5 * (read_p1(p_amb + 1e5, p_amb, th, on) - read_p1(p_amb, p_amb, th, on))
+    bias = read_a(0.0, th, on)
     true_pressures(time, inputs, base, th, on)
     for k in range(time.size):
         x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
         h = time[k] - time[max(k - 1, 0)]
         push = area_1 * (p1 - p_amb) - area_2 * (p2 - p_amb) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
-        friction = push - m * a[k]
+        friction = push - m * (a[k] - bias)
         if v != 0.0:
             friction += (area_1 * noise_p1[k] - area_2 * noise_p2[k]) / gain
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         if stiffness > 0.0:
-            level = falling if a[k] * direction < 0.0 else rising
+            level = falling if (a[k] - bias) * direction < 0.0 else rising
             z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, level, stiffness, th, on)
             out[k] = friction - held - c * v
             continue
@@ -585,7 +586,7 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, b
             continue
         rest = 0.0
         along = direction * friction - c * abs(v)
-        speeding = min(max(0.5 + 0.5 * a[k] * direction / a_still, 0.0), 1.0)
+        speeding = min(max(0.5 + 0.5 * (a[k] - bias) * direction / a_still, 0.0), 1.0)
         out[k] = direction * (along - falling - speeding * (rising - falling))
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain

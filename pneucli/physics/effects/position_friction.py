@@ -15,8 +15,8 @@ EFFECT = Effect(
     title="A stretch of the stroke with more friction",
     part="cylinder",
     parameters=(
-        Parameter("from", "m", None, 0.0, 10.0, (0.0, 0.15, 0.3, 0.45, 0.6, 0.75), "start of the stretch", "x"),
-        Parameter("to", "m", None, 0.0, 10.0, (0.2, 0.35, 0.5, 0.65, 0.8, 1.0), "end of the stretch", "x"),
+        Parameter("from", "m", None, 0.0, 10.0, (0.0, 0.15, 0.3, 0.45, 0.6, 0.75), "start of the stretch", "x", 1e-3),
+        Parameter("to", "m", None, 0.0, 10.0, (0.2, 0.35, 0.5, 0.65, 0.8, 1.0), "end of the stretch", "x", 1e-3),
         Parameter("gain", "1", 0.0, -0.95, 20.0, (1.0,), "growth of dry friction in it"),
     ),
     ports={"dry_factor": dry_factor},

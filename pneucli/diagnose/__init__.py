@@ -1,0 +1,1 @@
+"""Which physical effect is missing: screen, refit, hold out, and doubt."""

@@ -1,0 +1,126 @@
+"""What a model leaves over: is it more than noise, and over which variable does it have a shape?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from pneucli.compare.expected import deviations
+from pneucli.compare.where import locators
+from pneucli.identify.fit import block_numbers
+from pneucli.identify.views import Kind, View
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+DRAWS = 3
+BINS = 12
+FEWEST_BLOCKS = 4  # in a bin, to know how its mean scatters
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The residual over one variable: means over bins, in units of noise.
+
+    ``share`` is the part of the squared residual that the means hold beyond what scatter gives; ``p_value`` the chance
+    of such means where the residual does not depend on the variable.
+    """
+
+    variable: str
+    centres: Array
+    means: Array
+    errors: Array
+    share: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """One channel seen through one kind of view, over all recordings of a use.
+
+    ``ratio`` is its rms over what a correct model would show.
+    """
+
+    kind: Kind
+    channel: str
+    ratio: float
+    shapes: tuple[Shape, ...]
+
+
+def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
+    """Return what the model leaves over in each channel of each kind of view."""
+    groups: dict[tuple[Kind, str], list[tuple[View, Array, float]]] = {}
+    for view in views:
+        residual, expected = view.residual(model), expected_rms(model, view)
+        for channel in view.channels:
+            scaled = residual[channel] / view.noise[channel]
+            if np.any(scaled):
+                groups.setdefault((view.kind, channel), []).append((view, scaled, expected[channel]))
+    return [_remainder(kind, channel, members) for (kind, channel), members in groups.items()]
+
+
+def expected_rms(model: Model, view: View) -> dict[str, float]:
+    """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise."""
+    if view.kind == "forces":
+        return dict.fromkeys(view.channels, 1.0)
+    drawn = deviations(model, view.experiment, DRAWS)
+    return {c: max(float(np.sqrt(np.mean(drawn[c] ** 2))) / view.noise[c], 1.0) for c in view.channels}
+
+
+def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]]) -> Remainder:
+    power = sum(float(np.sum((r / e) ** 2)) for _, r, e in members)
+    count = sum(int(np.count_nonzero(r)) for _, r, _ in members)
+    blocks = block_numbers([_one_channel(view) for view, _, _ in members])
+    residual = np.concatenate([r for _, r, _ in members])
+    variables = [locators(view.experiment) for view, _, _ in members]
+    shapes = []
+    for name in variables[0]:
+        if name not in ("a", channel) and all(name in v for v in variables):  # noise is in both
+            values = np.concatenate([v[name] - (v[name][0] if name == "time" else 0.0) for v in variables])
+            found = shape(name, values, residual, blocks)
+            if found is not None:
+                shapes.append(found)
+    return Remainder(kind, channel, float(np.sqrt(power / count)), tuple(sorted(shapes, key=lambda s: -s.share)))
+
+
+def _one_channel(view: View) -> View:
+    single = View(view.experiment, view.kind)
+    single.__dict__["channels"] = view.channels[:1]
+    return single
+
+
+def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int64]) -> Shape | None:
+    """Return the residual's means over bins of a variable, None where it does not vary.
+
+    Each bin holds as many samples as the others; the scatter of its mean comes from the blocks' sums.
+    """
+    seen = np.isfinite(values) & (residual != 0.0)
+    values, residual, blocks = values[seen], residual[seen], blocks[seen]
+    place = _bins(values)
+    if place.max(initial=0) == 0:
+        return None
+    keys, inverse = np.unique(place * (int(blocks.max()) + 1) + blocks, return_inverse=True)
+    bins = keys // (int(blocks.max()) + 1)
+    sums, counts = np.bincount(inverse, residual), np.bincount(inverse)
+    total = np.bincount(bins, counts)
+    means = np.bincount(bins, sums) / np.maximum(total, 1)
+    scatter = np.bincount(bins, (sums - counts * means[bins]) ** 2)
+    enough = np.bincount(bins) >= FEWEST_BLOCKS
+    errors = np.sqrt(scatter) / np.maximum(total, 1)
+    if not enough.any():
+        return None
+    z = means[enough] / np.maximum(errors[enough], 1e-12)
+    held = float(np.sum(total[enough] * (means[enough] ** 2 - errors[enough] ** 2)))
+    share = max(held, 0.0) / max(float(np.sum(residual**2)), 1e-300)
+    centres = np.bincount(place, values) / np.maximum(np.bincount(place), 1)
+    return Shape(variable, centres[enough], means[enough], errors[enough], share, float(chi2.sf(z @ z, z.size)))
+
+
+def _bins(values: Array) -> NDArray[np.int64]:
+    levels = np.unique(values)
+    edges = levels[1:] if levels.size <= BINS else np.unique(np.quantile(values, np.arange(1, BINS) / BINS))
+    return np.searchsorted(edges, values, side="right").astype(np.int64)

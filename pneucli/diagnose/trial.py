@@ -1,0 +1,116 @@
+"""One effect put to the test: screened by its signature, refitted with the whole model, held out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
+from pneucli.identify.effects import Signature, fit_added, fit_without, signatures, starts
+from pneucli.identify.fit import Fit, Problem, block_numbers
+from pneucli.identify.views import View
+from pneucli.physics.declaration import Effect
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The data of a diagnosis: views to fit, views held out, and the effects that may be missing."""
+
+    train: Sequence[View]
+    held_out: Sequence[View]
+    effects: Mapping[str, Effect]
+    linear_valve: bool
+    progress: Callable[[str], None] = field(default=lambda _: None)
+
+    @cached_property
+    def hypotheses(self) -> int:
+        """How many starts are screened in all: the size of the family of tests."""
+        return sum(1 for e in self.effects.values() if self.can_show(e) for _ in e.parameters)
+
+    def can_show(self, effect: Effect) -> bool:
+        """Whether the effect acts in any view that is fitted."""
+        if effect.part == "linear valve" and not self.linear_valve:
+            return False
+        return any(view.feels(effect) for view in self.train)
+
+    def state(self, found: Fit) -> State:
+        """Return a fit with its costs."""
+        problem = Problem(found.model, self.held_out, ())
+        test = np.concatenate(problem.data(found.model)) if self.held_out else np.zeros(0)
+        blocks = block_numbers(self.held_out) if self.held_out else np.zeros(0, dtype=np.int64)
+        return State(found, block_costs(found.residual, found.blocks), test, block_costs(test, blocks))
+
+    def screen(self, state: State) -> list[tuple[Effect, Signature]]:
+        """Return effects with their best signature, by the fall of the cost that it promises."""
+        ranked = []
+        waiting = [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
+        for i, effect in enumerate(waiting):
+            self.progress(f"screening {effect.name}, {len(waiting) - i - 1} left")
+            found = signatures(effect, state.fit, self.train)
+            if found and found[0].gain > 0.0:
+                ranked.append((effect, found[0]))
+        return sorted(ranked, key=lambda pair: -pair[1].gain)
+
+    def added(self, state: State, effect: Effect, signature: Signature | None = None) -> Trial:
+        """Refit with the effect and hold it against the data that the fit has not seen."""
+        self.progress(f"fitting {effect.name}")
+        found = fit_added(state.fit, self.train, effect, linear_valve=self.linear_valve, signature=signature)
+        return self.trial(state, self.state(found), effect)
+
+    def without(self, state: State, effect: Effect) -> State:
+        """Refit without one of the effects."""
+        return self.state(fit_without(state.fit, self.train, effect, linear_valve=self.linear_valve))
+
+    def trial(self, before: State, after: State, effect: Effect) -> Trial:
+        """Return what the step from one state to the other is worth."""
+        train = gain(before.train, after.train)
+        p_value = wald(after.fit, effect)
+        return Trial(effect, after, train, gain(before.test, after.test), train.p_value if np.isnan(p_value) else p_value)
+
+
+@dataclass(frozen=True)
+class State:
+    """A fitted model and what it leaves over: costs by block of the training and of the held-out views."""
+
+    fit: Fit
+    train: Array
+    test_residual: Array
+    test: Array
+
+    @property
+    def model(self) -> Model:
+        """The fitted model."""
+        return self.fit.model
+
+    @property
+    def names(self) -> list[str]:
+        """The effects that the model has."""
+        return [e.name for e in self.fit.model.effects]
+
+    @property
+    def costs(self) -> Array:
+        """All blocks' costs, trained and held out."""
+        return np.concatenate([self.train, self.test])
+
+    @property
+    def cost(self) -> float:
+        """Their sum."""
+        return float(self.costs.sum())
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An effect added to a state: gains on trained and held-out data; ``p_value`` of its parameters, not adjusted."""
+
+    effect: Effect
+    state: State
+    train: Gain
+    test: Gain
+    p_value: float
