@@ -1,0 +1,97 @@
+"""Static figures: matplotlib to inline SVG that takes its ink from the page, so that it serves light and dark."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure as Canvas
+from numpy.typing import NDArray
+
+from pneucli.report.parts import Figure
+
+# Okabe and Ito (2008): told apart by every kind of colour vision
+BLUE, ORANGE, GREEN, PINK, SKY, AMBER = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"
+GREY = "#888888"
+PALETTE = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER)
+INK = "#010203"  # stands for the page's own text colour
+ON_HEAT = "#222222"  # lines over a heat map, whose colours do not follow the page
+_STYLE: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "pneucli",
+    "text.parse_math": False,  # a recording's name may hold a dollar sign
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "image.cmap": "viridis",
+    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
+    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
+}
+WIDTH, HEIGHT = 4.6, 3.1  # inches; as narrow as a telephone, two abreast on a desk
+_MIDDLE = LinearSegmentedColormap.from_list("middle", matplotlib.colormaps["viridis"](np.linspace(0.18, 0.88, 64)))
+
+
+@dataclass
+class Drawing:
+    """A figure in the making: draw on ``axes`` (and ``canvas``); ``figure`` is there after the block."""
+
+    canvas: Canvas
+    axes: Axes
+    caption: str
+    figure: Figure | None = None
+
+
+@contextmanager
+def drawing(caption: str, x: str, y: str, height: float = HEIGHT) -> Iterator[Drawing]:
+    """Yield a drawing with titled axes; its ``figure`` is made when the block ends."""
+    with matplotlib.rc_context(_STYLE):
+        canvas = Canvas(figsize=(WIDTH, height), layout="constrained")
+        axes = canvas.subplots()
+        axes.set_xlabel(x)
+        axes.set_ylabel(y)
+        one = Drawing(canvas, axes, caption)
+        yield one
+        one.figure = Figure(_svg(canvas), one.caption)
+
+
+def figures(drawings: Sequence[Drawing]) -> list[Figure]:
+    """Return the finished figures of drawings."""
+    return [one.figure for one in drawings if one.figure is not None]
+
+
+def _svg(canvas: Canvas) -> str:
+    text = io.StringIO()
+    canvas.savefig(text, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :].replace(INK, "currentColor")
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'<g id="[^"]*">', "<g>", svg)  # matplotlib numbers them anew in each figure
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
+    return re.sub(r'(<svg[^>]*?) height="[^"]*"', r'\1 role="img"', svg, count=1)
+
+
+def shade(number: int, count: int) -> Any:
+    """Return the colour of curve ``number`` of ``count`` that rise in order; legible on light and dark."""
+    return _MIDDLE(number / max(count - 1, 1))
+
+
+def heat(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title: str, **options: Any) -> None:
+    """Draw ``z`` of shape (y, x) as an image over cell edges or centres, with a colour bar; NaN stays empty."""
+    mesh = one.axes.pcolormesh(x, y, np.ma.masked_invalid(z), rasterized=True, **options)
+    bar = one.canvas.colorbar(mesh, ax=one.axes, label=title, pad=0.02)
+    bar.outline.set_visible(False)

@@ -1,0 +1,27 @@
+"""The checks as JUnit XML, for continuous integration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.etree import ElementTree
+
+from pneucli.report.material import Check
+
+
+def to_junit(name: str, checks: Sequence[Check]) -> str:
+    """Return one test case a check; a failure's text carries value and limit.
+
+    The stage that a check looks into (``compare`` of ``compare.error.test``) is the case's class name.
+    """
+    failures = sum(bool(check.failure) for check in checks)
+    counts = {"tests": str(len(checks)), "failures": str(failures), "errors": "0", "skipped": "0"}
+    suites = ElementTree.Element("testsuites", counts)
+    suite = ElementTree.SubElement(suites, "testsuite", {"name": f"pneucli {name}", **counts})
+    for check in checks:
+        stage = check.path.split(".")[0]
+        case = ElementTree.SubElement(suite, "testcase", {"classname": f"{name}.{stage}", "name": check.path})
+        if check.failure:
+            ElementTree.SubElement(case, "failure", {"message": check.failure}).text = check.failure
+        ElementTree.SubElement(case, "system-out").text = f"{check.path} = {check.value} (wanted: {check.wanted})"
+    ElementTree.indent(suites)
+    return ElementTree.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"

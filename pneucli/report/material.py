@@ -1,0 +1,93 @@
+"""What a report is made of: the stages' answers and tables, and the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of equal length and the unit of each; a long table of mixed quantities has a column ``unit``."""
+
+    columns: Mapping[str, ArrayLike]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._arrays[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __len__(self) -> int:
+        return next(iter(self._arrays.values())).size if self.columns else 0
+
+    @cached_property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        return {name: np.asarray(values) for name, values in self.columns.items()}
+
+    def text(self, name: str) -> str:
+        """Return the first value of a column of text."""
+        return str(self[name][0])
+
+    def rows(self, chosen: NDArray[Any]) -> Table:
+        """Return the rows that an index or a mask chooses."""
+        return Table({name: values[chosen] for name, values in self._arrays.items()}, self.units)
+
+    def where(self, **equals: object) -> Table:
+        """Return the rows whose columns have these values."""
+        chosen = np.ones(len(self), dtype=bool)
+        for name, value in equals.items():
+            chosen &= self[name] == value
+        return self.rows(chosen)
+
+    def groups(self, *names: str) -> Iterator[tuple[tuple[Any, ...], Table]]:
+        """Yield the rows of each combination of values of the columns ``names``, in the order of appearance."""
+        if not len(self):
+            return
+        keys = [self[name] for name in names]
+        cuts = np.flatnonzero(np.logical_or.reduce([key[1:] != key[:-1] for key in keys])) + 1
+        stretches: dict[tuple[Any, ...], list[NDArray[np.int64]]] = {}
+        for stretch in np.split(np.arange(len(self)), cuts):
+            stretches.setdefault(tuple(key[stretch[0]] for key in keys), []).append(stretch)
+        for combination, parts in stretches.items():
+            yield combination, self.rows(np.concatenate(parts))
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check of ``[checks]``: its path, what is wanted, the value found, and why it fails (empty: it passed)."""
+
+    path: str
+    wanted: str
+    value: Any
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Material:
+    """The pipeline's name, the answers by stage, the tables by ``"stage/file"``, and the checks; any may be absent.
+
+    ``about`` says what made the report: words to be shown in its last lines.
+    """
+
+    name: str
+    answers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    checks: Sequence[Check] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
+
+    def answer(self, stage: str) -> Mapping[str, Any]:
+        """Return a stage's answer, empty where there is none."""
+        return self.answers.get(stage, {})
+
+    def table(self, name: str) -> Table:
+        """Return a table, empty where there is none."""
+        return self.tables.get(name, Table({}))

@@ -1,0 +1,28 @@
+"""The checks of the pipeline file: what was wanted, what was found."""
+
+from __future__ import annotations
+
+from pneucli.report.material import Check, Material
+from pneucli.report.parts import Cell, Grid, Section
+from pneucli.report.shown import number
+
+
+def section(material: Material) -> Section | None:
+    """Return the checks as a table; absent where the pipeline file has none."""
+    if not material.checks:
+        return None
+    failed = sum(bool(check.failure) for check in material.checks)
+    lead = f"{failed} of {len(material.checks)} checks failed." if failed else "Every check passed."
+    grid = Grid(
+        "The limits of [checks] in the pipeline file.",
+        ("check", "wanted", "found", ""),
+        [_row(c) for c in material.checks],
+    )
+    return Section("checks", "Checks", lead, (grid,))
+
+
+def _row(check: Check) -> list[Cell]:
+    value = number(check.value) if isinstance(check.value, float) else str(check.value)
+    found = Cell("nothing there" if check.value is None else value, numeric=False)
+    verdict = Cell("failed", tone="bad", numeric=False) if check.failure else Cell("passed", tone="good", numeric=False)
+    return [Cell(check.path, numeric=False), Cell(check.wanted, numeric=False), found, verdict]

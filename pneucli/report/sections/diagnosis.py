@@ -1,0 +1,149 @@
+"""The diagnosis: which physical effect is missing, and what the residual shows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.ticker import NullFormatter, ScalarFormatter
+
+from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
+from pneucli.report.material import Material, Table
+from pneucli.report.parts import Cell, Figure, Grid, Note, Part, Section
+from pneucli.report.shown import axis, number, percent, quantity, shown, shown_unit, signal_unit
+
+Answer = Mapping[str, Any]
+SHAPES = 8
+
+
+def section(material: Material) -> Section | None:
+    """Return verdict, ladder, candidates and the residual's shape; absent where nothing was diagnosed."""
+    answer = material.answer("diagnose")
+    if not answer:
+        return None
+    parts: list[Part] = [note] if (note := verdict(answer)) else []
+    parts += _ladder(answer.get("ladder", []))
+    parts += _shapes(material.table("diagnose/shape"), answer.get("missing", []))
+    parts += [
+        grid
+        for grid in (_candidates(answer.get("candidates", [])), _moved(answer.get("moved") or []))
+        if grid is not None
+    ]
+    parts += _remarks(answer)
+    lead = "Each effect of the catalogue was added in turn and judged by how much of the error it explains."
+    return Section("diagnosis", "Diagnosis", lead, parts)
+
+
+def verdict(answer: Answer) -> Note | None:
+    """Return the verdict and why, in one sentence or two."""
+    if not answer:
+        return None
+    missing = " and ".join(answer.get("missing", []))
+    words = {
+        "adequate": "Nothing is missing that these recordings could show.",
+        "missing-effect": f"Missing from the model: {missing}.",
+        "unexplained": "Structure remains that no effect of the catalogue accounts for"
+        + (f"; {missing} helped." if missing else "."),
+    }
+    start = words.get(answer.get("verdict", ""), "")
+    return Note(f"{start} {answer.get('sentence') or ''}".strip(), "good" if answer["verdict"] == "adequate" else "bad")
+
+
+def _ladder(steps: Sequence[Answer]) -> list[Figure]:
+    if len(steps) < 2:
+        return []
+    caption = "The error falls, from left to right, as each effect is added to the model; 1 is the noise floor."
+    with drawing(caption, "effect added", "error, × noise") as one:
+        axes = one.axes
+        for use, colour in (("error_train", BLUE), ("error_test", ORANGE)):
+            known = [(i, step[use]) for i, step in enumerate(steps) if step.get(use) is not None]
+            if known:
+                axes.plot(*zip(*known, strict=True), "o-", color=colour, label=use.removeprefix("error_"))
+                for place, error in known:
+                    axes.annotate(number(error, 3), (place, error), (0, 6), textcoords="offset points", ha="center")
+        axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--")
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(ScalarFormatter())
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_xticks(range(len(steps)), [step["add"] or "model as given" for step in steps])
+        axes.margins(x=0.15, y=0.2)
+        axes.legend()
+    return figures([one])
+
+
+def _shapes(shape: Table, missing: Sequence[str]) -> list[Figure]:
+    """Return the residual over the variable that tells an effect, before and after; missing effects first."""
+    found = sorted(shape.groups("effect", "recording", "channel", "variable"), key=lambda one: one[0][0] not in missing)
+    return figures([_shape(*map(str, key), rows=rows) for key, rows in found[:SHAPES]])
+
+
+def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Table) -> Drawing:
+    unit = rows.text("unit")
+    caption = (
+        f"{effect}: the residual of {channel} in {recording}, before and after adding it, and what it would leave."
+    )
+    with drawing(caption, axis(variable), f"residual of {channel} in {shown_unit(unit)}") as one:
+        x = shown(rows["value"], signal_unit(variable))
+        styles = (("residual_before", "before", ORANGE, "-"), ("residual_after", "after", BLUE, "-"))
+        for column, label, colour, line in (*styles, ("expected", "expected of it", GREY, "--")):
+            if column in rows:
+                one.axes.plot(x, shown(rows[column], unit), line, color=colour, label=label)
+        one.axes.legend()
+    return one
+
+
+def _candidates(candidates: Sequence[Answer]) -> Grid | None:
+    if not candidates:
+        return None
+    rows = [
+        [
+            Cell(c["effect"], numeric=False),
+            Cell("yes" if c.get("supported") else "no", tone="good" if c.get("supported") else "", numeric=False),
+            Cell(number(c.get("error_before"), 3)),
+            Cell(number(c.get("error_after"), 3)),
+            Cell(_parameters(c.get("parameters", {})), numeric=False),
+            Cell(", ".join(c.get("indistinguishable_from", [])) or "–", numeric=False),
+            Cell(c.get("why", ""), numeric=False),
+        ]
+        for c in candidates
+    ]
+    head = ("effect", "supported", "error before", "after", "would be", "not told apart from", "why")
+    return Grid("Candidates; errors are in units of the noise floor.", head, rows, folded=len(rows) > 8)
+
+
+def _parameters(parameters: Mapping[str, Answer]) -> str:
+    return "; ".join(
+        f"{name} {quantity(p['value'], p['unit'], 3)} ({quantity(p['ci95'][0], p['unit'], 3)} – "
+        f"{quantity(p['ci95'][1], p['unit'], 3)})"
+        for name, p in parameters.items()
+    )
+
+
+def _moved(moved: Sequence[Answer]) -> Grid | None:
+    if not moved:
+        return None
+    rows = [
+        [
+            Cell(m["parameter"], numeric=False),
+            Cell(quantity(m["from"], m["unit"])),
+            Cell(quantity(m["to"], m["unit"])),
+            Cell("yes" if m["plausible"] else "no", tone="" if m["plausible"] else "bad", numeric=False),
+        ]
+        for m in moved
+    ]
+    return Grid("Parameters that moved when it was added.", ("parameter", "from", "to", "plausible"), rows)
+
+
+def _remarks(answer: Answer) -> list[Part]:
+    parts: list[Part] = []
+    if (share := answer.get("unexplained_share")) is not None:
+        parts.append(Note(f"{percent(share)} of the error beyond noise stays unexplained."))
+    if rest := answer.get("unexplained"):
+        words = ", ".join(f"{key}: {value}" for key, value in rest.items() if value)
+        parts.append(Note(f"What remains – {words}."))
+    if following := answer.get("next_experiment"):
+        parts.append(Note(f"Next experiment: {following}"))
+    if limits := answer.get("detectable"):
+        rows = [[Cell(one["would_show"], numeric=False)] for one in limits]
+        parts.append(Grid("What these recordings would have shown.", ("detectable",), rows, folded=len(rows) > 4))
+    return parts

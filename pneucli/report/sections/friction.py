@@ -1,0 +1,155 @@
+"""Friction: what was measured of it, its two branches, models A to F, and how well each replays the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pneucli.report.figure import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, Drawing, drawing, figures
+from pneucli.report.material import Material, Table
+from pneucli.report.parts import Cell, Grid, Part, Section
+from pneucli.report.shown import number, quantity, shown
+
+BRANCHES = {"both": GREY, "accelerating": BLUE, "slowing": ORANGE}
+MODELS = {
+    "A": "parametric Stribeck",
+    "B": "TP of A",
+    "C": "TP direct from the measurement",
+    "D": "parametric with hysteresis",
+    "E": "TP of D, one a branch",
+    "F": "TP direct, one a branch",
+}
+_COLOURS = dict(zip(MODELS, (INK, ORANGE, GREEN, PINK, SKY, BLUE), strict=True))
+_LINES = dict(zip(MODELS, ("-", "--", ":", "-", "--", ":"), strict=True))
+NEAR = 0.15  # of the range of velocity: where Stribeck friction is
+SCATTERED = 1500  # dots of a figure
+
+
+def section(material: Material) -> Section | None:
+    """Return the friction's figures and tables; absent where none was identified."""
+    models = material.table("identify/friction_models")
+    if not len(models):
+        return None
+    curves, cuts = material.table("identify/friction_curves"), material.table("identify/friction_cuts")
+    drawings = [_scatter(cuts)] if len(cuts) else []
+    drawings += [_curves(curves)] if len(curves) else []
+    names = [str(name) for name in dict.fromkeys(models["model"])]
+    for group in ([n for n in names if n in "ABC"], [n for n in names if n in "DEF"]):
+        drawings += [_models(models, group, curves, near) for near in (False, True) if group]
+    if len(kinetic := material.table("identify/friction_kinetic")):
+        drawings.append(_kinetic(kinetic))
+    lead = "Friction is the force on the piston less mass times acceleration; the sign is that of the velocity."
+    parts: list[Part] = [*figures(drawings), *_tables(material)]
+    return Section("friction", "Friction", lead, parts)
+
+
+def _scatter(cuts: Table) -> Drawing:
+    caption = "Stick-slips cut out of the recordings: friction over speed, one line a slip; direction by colour."
+    with drawing(caption, "speed in mm/s", "friction in N") as one:
+        step = max(1, len(cuts) // SCATTERED)
+        for (direction, _), rows in cuts.groups("direction", "cut"):
+            some = rows.rows(np.arange(0, len(rows), step))
+            colour = BLUE if direction > 0 else ORANGE
+            force = some["force"] * (1 if some["force"].mean() > 0 else -1)
+            one.axes.plot(shown(some["speed"], "m/s"), force, color=colour, linewidth=0.7, alpha=0.7)
+        for direction, colour, label in ((1, BLUE, "toward +x"), (-1, ORANGE, "toward −x")):
+            if (np.sign(cuts["direction"]) == direction).any():
+                one.axes.plot([], [], color=colour, label=label)
+        one.axes.legend()
+    return one
+
+
+def _curves(curves: Table) -> Drawing:
+    caption = "Mean friction over velocity with its 95 % band: where the branches part, friction has hysteresis."
+    with drawing(caption, "velocity in mm/s", "friction in N") as one:
+        for branch, colour in BRANCHES.items():
+            if len(rows := curves.where(branch=branch)):
+                _banded(one, rows, colour, branch)
+        one.axes.legend()
+    return one
+
+
+def _banded(one: Drawing, rows: Table, colour: str, label: str) -> None:
+    """Draw a branch for each direction, so that no line crosses standstill."""
+    for i, side in enumerate((rows["v"] < 0, rows["v"] > 0)):
+        part = rows.rows(np.flatnonzero(side)[np.argsort(rows["v"][side])])
+        v = shown(part["v"], "m/s")
+        one.axes.fill_between(v, part["ci_low"], part["ci_high"], color=colour, alpha=0.25, linewidth=0)
+        one.axes.plot(v, part["force"], color=colour, label=label if i else None)
+
+
+def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawing:
+    told = "; ".join(f"{name}: {MODELS.get(name, '')}" for name in names)
+    caption = f"Models over the measured friction (dots). {told}."
+    if set(names) & set("DEF"):
+        caption += " Each has a branch for speeding up and one for slowing down."
+    if near:
+        caption = f"Models {', '.join(names)} near standstill."
+    with drawing(caption, "velocity in mm/s", "friction in N") as one:
+        if len(curves):
+            one.axes.plot(shown(curves["v"], "m/s"), curves["force"], ".", color=GREY, markersize=2, alpha=0.6)
+        for name in names:
+            for i, (_, rows) in enumerate(models.where(model=name).groups("branch")):
+                v = shown(rows["v"], "m/s")
+                label = name if i == 0 else None
+                one.axes.plot(v, rows["force"], _LINES.get(name, "-"), color=_COLOURS.get(name, GREY), label=label)
+        reach = 1.1 * float(np.abs(shown((curves if len(curves) else models)["v"], "m/s")).max())
+        reach *= NEAR if near else 1.0
+        one.axes.set_xlim(-reach, reach)
+        one.axes.legend()
+    return one
+
+
+def _kinetic(kinetic: Table) -> Drawing:
+    over_pressure = np.isfinite(kinetic["p1"]).all()
+    x = shown(kinetic["p1"], "Pa") if over_pressure else shown(kinetic["speed"], "m/s")
+    caption = "Kinetic friction at imposed motion, with 95 % intervals, one point a recording."
+    title = "pressure of chamber 1 in bar" if over_pressure else "speed in mm/s"
+    with drawing(caption, title, "friction in N") as one:
+        middle = kinetic["friction"]
+        spread = np.clip([middle - kinetic["ci_low"], kinetic["ci_high"] - middle], 0, None)
+        one.axes.errorbar(x, middle, spread, fmt="o", color=BLUE, markersize=3, capsize=2)
+        one.axes.set_ylim(bottom=0)
+    return one
+
+
+def _tables(material: Material) -> Iterator[Part]:
+    if len(deviations := material.table("identify/friction_deviations")):
+        yield from _deviations(deviations)
+    if len(parameters := material.table("identify/friction_parameters")):
+        columns = ("model", "branch", "name", "value", "unit", "ci_low", "ci_high")
+        rows = [
+            [
+                *(Cell(str(text), numeric=False) for text in (model, branch, name)),
+                *(Cell(quantity(float(v), str(unit))) for v in (value, low, high)),
+            ]
+            for model, branch, name, value, unit, low, high in zip(*(parameters[c] for c in columns), strict=True)
+        ]
+        head = ("model", "branch", "parameter", "value", "95 % from", "to")
+        yield Grid("Parameters of the parametric models.", head, rows)
+
+
+def _deviations(table: Table) -> Iterator[Grid]:
+    """Yield what tables 6.2 and 6.3 of the thesis hold, for each channel, test recordings first."""
+    whole = table.where(recording="all") if (table["recording"] == "all").any() else table
+    rows = []
+    for (model,), of_model in whole.groups("model"):
+        cells = [Cell(model, numeric=False), Cell(MODELS.get(model, ""), numeric=False)]
+        for use in ("test", "train"):
+            for channel in ("a", "v"):
+                cells += _deviation(of_model.where(use=use, channel=channel))
+        rows.append(cells)
+    titles = [t for use in ("test", "train") for c in ("a", "v") for t in (f"{c}, {use}", "of range")]
+    caption = (
+        "Root mean square deviation of each model when the measured drive moves it (the thesis's tables 6.2, 6.3); "
+        "all recordings of a use together."
+    )
+    yield Grid(caption, ("model", "", *titles), rows)
+
+
+def _deviation(rows: Table) -> list[Cell]:
+    if not len(rows):
+        return [Cell("–"), Cell("–")]
+    value = quantity(float(rows["rmsd"].mean()), rows.text("unit"), 3)
+    return [Cell(value), Cell(f"{number(float(rows['percent'].mean()), 2)} %")]

@@ -1,0 +1,35 @@
+"""The model's parameters with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pneucli.report.material import Material
+from pneucli.report.parts import Cell, Grid, Section
+from pneucli.report.shown import number, quantity
+
+
+def section(material: Material) -> Section | None:
+    """Return the parameters of the model; absent where none was identified."""
+    model = material.answer("identify").get("model")
+    if not model or not model["parameters"]:
+        return None
+    rows = [_row(name, p) for name, p in model["parameters"].items()]
+    effects = ", ".join(model["effects"])
+    lead = f"The base model with {effects}." if effects else "The base model, without further effects."
+    head = ("parameter", "value", "95 % interval from", "to", "half width")
+    grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
+    return Section("parameters", "Parameters", lead, (grid,))
+
+
+def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:
+    value, unit, (low, high) = parameter["value"], parameter["unit"], parameter["ci95"]
+    relative = abs(high - low) / 2 / abs(value) if value and None not in (low, high) else None
+    return [
+        Cell(name, numeric=False),
+        Cell(quantity(value, unit, 5)),
+        Cell(quantity(low, unit, 5)),
+        Cell(quantity(high, unit, 5)),
+        Cell("–" if relative is None else f"{number(100 * relative, 2)} %", bar=relative),
+    ]

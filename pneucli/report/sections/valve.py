@@ -1,0 +1,192 @@
+"""The valve: its curves, the pressure gradient over command and pressure, the inverse, the area of each command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from pneucli.report.decimate import envelope
+from pneucli.report.figure import BLUE, GREY, ON_HEAT, ORANGE, Drawing, drawing, figures, heat, shade
+from pneucli.report.material import Material, Table
+from pneucli.report.parts import Cell, Figure, Grid, Part, Section
+from pneucli.report.shown import number, quantity, short, shown, shown_unit
+
+Array = NDArray[np.float64]
+PLOTTED = 300  # samples of a curve
+LABELLED = 7  # sizes of the command that a figure shows
+
+
+def section(material: Material) -> Section | None:
+    """Return the valve's figures and tables; absent where no valve was identified."""
+    if not len(material.table("identify/valve_map")):
+        return None
+    lead = (
+        "Pressure gradients of the vessel behind the valve, identified directly from its charging and discharging at "
+        "each command; no flow coefficient is assumed."
+    )
+    parts: list[Part] = [*_figures(material), *_tables(material.answer("identify").get("valve", {}))]
+    return Section("valve", "Valve: map and inverse", lead, parts)
+
+
+def _figures(material: Material) -> Iterator[Figure]:
+    curves, grid = material.table("identify/valve_curves"), material.table("identify/valve_map")
+    drawings = [_inflation(curves), _gradients(curves)] if len(curves) else []
+    drawings += [_map(grid), _over_command(grid)]
+    if len(inverse := material.table("identify/valve_inverse")):
+        drawings.append(_inverse(inverse))
+    if len(areas := material.table("identify/valve_areas")):
+        drawings.append(_areas(areas))
+    yield from figures(drawings)
+
+
+def _steps(curves: Table) -> list[tuple[float, Table]]:
+    """Return the longest curve of each command, of commands evenly chosen among those recorded for long."""
+    longest: dict[float, Table] = {}
+    for (_, u), rows in curves.groups("recording", "u"):
+        if _duration(rows) > (_duration(longest[u]) if u in longest else 0.0):
+            longest[float(u)] = rows
+    long = 0.5 * max(map(_duration, longest.values()))
+    sizes = sorted({abs(u) for u, rows in longest.items() if _duration(rows) >= long})
+    places = np.unique(np.linspace(0, len(sizes) - 1, LABELLED).round().astype(int))
+    chosen = {sizes[i] for i in places}
+    return [(u, rows) for u, rows in sorted(longest.items()) if abs(u) in chosen]
+
+
+def _duration(rows: Table) -> float:
+    return float(np.ptp(rows["time"]))
+
+
+def _colour(u: float, steps: list[tuple[float, Table]]) -> Any:
+    sizes = sorted({abs(command) for command, _ in steps})
+    return shade(sizes.index(abs(u)), len(sizes))
+
+
+def _legend(one: Drawing, steps: list[tuple[float, Table]]) -> None:
+    sizes = sorted({abs(u) for u, _ in steps})
+    handles = [Line2D([], [], color=_colour(u, steps), label=f"{short(u)} V") for u in sizes]
+    one.axes.legend(handles=handles, title="|command|", loc="upper left", bbox_to_anchor=(1, 1))
+
+
+def _inflation(curves: Table) -> Drawing:
+    steps = _steps(curves)
+    caption = "Charging and discharging: what was measured (dots) and what was fitted (lines), one pair a command."
+    with drawing(caption, "time from the step in s", "pressure in bar") as one:
+        for u, rows in steps:
+            kept = envelope([rows["measured"]], PLOTTED)
+            time = rows["time"] - rows["time"][0]
+            colour = _colour(u, steps)
+            dots = kept[:: max(1, kept.size // 40)]
+            one.axes.plot(time[dots], shown(rows["measured"][dots], "Pa"), ".", color=colour, markersize=2.5)
+            one.axes.plot(time[kept], shown(rows["fitted"][kept], "Pa"), color=colour, linewidth=1.0)
+        _legend(one, steps)
+    return one
+
+
+def _gradients(curves: Table) -> Drawing:
+    steps = _steps(curves)
+    caption = (
+        "The gradient over the pressure in the vessel, with its 95 % band. While the flow is choked, discharging gives "
+        "a straight line through the origin of absolute pressure, and charging a constant."
+    )
+    with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
+        for u, rows in steps:
+            order = np.argsort(rows["fitted"])
+            order = order[:: max(1, order.size // PLOTTED)]
+            p, low, high, middle = (
+                shown(rows[name][order], unit)
+                for name, unit in (("fitted", "Pa"), ("ci_low", "Pa/s"), ("ci_high", "Pa/s"), ("gradient", "Pa/s"))
+            )
+            one.axes.fill_between(p, low, high, color=_colour(u, steps), alpha=0.25, linewidth=0)
+            one.axes.plot(p, middle, color=_colour(u, steps))
+        one.axes.axhline(0, color=GREY, linewidth=0.6)
+        _legend(one, steps)
+    return one
+
+
+def _square(table: Table, x: str, y: str, z: str) -> tuple[Array, Array, Array]:
+    """Return the axes and the values (y, x) of a table that holds a full grid."""
+    xs, ys = np.unique(table[x]), np.unique(table[y])
+    values = np.full((ys.size, xs.size), np.nan)
+    values[np.searchsorted(ys, table[y]), np.searchsorted(xs, table[x])] = table[z]
+    return xs, ys, values
+
+
+def _map(grid: Table) -> Drawing:
+    u, p, gradient = _square(grid, "u", "p", "p_gradient")
+    p, gradient = shown(p, "Pa"), shown(gradient, "Pa/s")
+    most = float(np.nanmax(np.abs(gradient)))
+    caption = "The valve map: pressure gradient over command and pressure."
+    with drawing(caption, "valve command in V", "pressure in bar") as one:
+        heat(one, u, p, gradient, "pressure gradient in bar/s", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
+        lines = one.axes.contour(u, p, gradient, 10, colors=ON_HEAT, linewidths=0.5)
+        one.axes.clabel(lines, fontsize=7, colors=ON_HEAT, fmt=lambda value: number(value, 3))
+        if "covered" in grid and not grid["covered"].all():
+            covered = _square(grid, "u", "p", "covered")[2]
+            one.axes.contourf(u, p, covered, [-0.5, 0.5], colors="none", hatches=["///"])
+            one.caption += " Hatched: no measurement reaches there, the model extends it."
+    return one
+
+
+def _over_command(grid: Table) -> Drawing:
+    levels = np.unique(grid["p"])
+    chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
+    caption = "Cuts through the map at constant pressure, with the 95 % band; flat around zero is the spool's overlap."
+    with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
+        for i, level in enumerate(chosen):
+            rows = grid.where(p=level)
+            colour = shade(i, chosen.size)
+            low, high = (shown(rows[f"p_gradient_ci_{end}"], "Pa/s") for end in ("low", "high"))
+            one.axes.fill_between(rows["u"], low, high, color=colour, alpha=0.25, linewidth=0)
+            one.axes.plot(rows["u"], shown(rows["p_gradient"], "Pa/s"), color=colour, label=quantity(level, "Pa", 2))
+        one.axes.axhline(0, color=GREY, linewidth=0.6)
+        one.axes.legend()
+    return one
+
+
+def _inverse(inverse: Table) -> Drawing:
+    gradient, p, u = _square(inverse, "p_gradient", "p", "u")
+    reachable = _square(inverse, "p_gradient", "p", "reachable")[2]
+    gradient, p = shown(gradient, "Pa/s"), shown(p, "Pa")
+    most = float(np.nanmax(np.abs(u)))
+    caption = "The inverse map: the command that gives a wanted gradient at a pressure. Hatched: out of reach, clipped."
+    with drawing(caption, "wanted pressure gradient in bar/s", "pressure in bar") as one:
+        heat(one, gradient, p, u, "valve command in V", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
+        if not reachable.all():
+            one.axes.contourf(gradient, p, reachable, [-0.5, 0.5], colors="none", hatches=["///"])
+    return one
+
+
+def _areas(areas: Table) -> Drawing:
+    unit = areas.units.get("area", "m^2")
+    caption = "Effective area over command, charging and discharging, with 95 % intervals."
+    with drawing(caption, "valve command in V", f"effective area in {shown_unit(unit)}") as one:
+        for label, chosen, colour in (
+            ("supply → chamber", areas["u"] > 0, BLUE),
+            ("chamber → ambient", areas["u"] < 0, ORANGE),
+        ):
+            rows = areas.rows(np.flatnonzero(chosen)[np.argsort(areas["u"][chosen])])
+            area, low, high = (shown(rows[name], unit) for name in ("area", "ci_low", "ci_high"))
+            spread = np.clip([area - low, high - area], 0, None)
+            one.axes.errorbar(rows["u"], area, spread, fmt="o-", color=colour, markersize=3, capsize=2, label=label)
+        one.axes.set_ylim(bottom=0)
+        one.axes.legend()
+    return one
+
+
+def _tables(valve: Mapping[str, Any]) -> Iterator[Part]:
+    if overlap := valve.get("overlap"):
+        rows = [[Cell(name, numeric=False), *_value(o)] for name, o in overlap.items()]
+        yield Grid("Overlap of the spool.", ("", "value", "95 % from", "to"), rows)
+    if iso := valve.get("iso"):
+        rows = [[Cell(name.removeprefix("valve."), numeric=False), *_value(p)] for name, p in iso.items()]
+        caption = "Characteristics by ISO 6358-1: sonic conductance, critical ratio and subsonic index of each command."
+        yield Grid(caption, ("characteristic", "value", "95 % from", "to"), rows, folded=True)
+
+
+def _value(parameter: Mapping[str, Any]) -> list[Cell]:
+    values = (parameter["value"], *parameter["ci95"])
+    return [Cell(quantity(value, parameter["unit"])) for value in values]
