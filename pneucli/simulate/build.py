@@ -56,27 +56,31 @@ class Kernel:
         return np.array([name in active for name in self.effects] + [False], dtype=np.uint8)
 
 
-def build(effects: Sequence[Effect], *, compiled: bool = True) -> Kernel:
+def build(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> Kernel:
     """Return the kernel of the base model with ``effects`` in it, each behind a switch.
 
-    ``compiled=False`` gives the same text as plain Python, which tests compare and step through.
+    ``compiled=False`` gives the same text as plain Python, which tests compare and step through. ``control``: text of
+    functions, ``control`` of :mod:`pneucli.simulate.kernel` among them, which take the place of the one there.
     """
     with _LOCK:
-        return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled)
+        return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled, control)
 
 
 @cache
-def _build(effects: tuple[Effect, ...], compiled: bool) -> Kernel:
-    text = source(effects, compiled=compiled)
+def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> Kernel:
+    text = source(effects, compiled=compiled, control=control)
     module = _load(text)
     index = {name: i for i, name in enumerate(parameters_of(effects))}
     return Kernel(module.run, module, tuple(e.name for e in effects), index)
 
 
-def source(effects: Sequence[Effect], *, compiled: bool = True) -> str:
+def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> str:
     """Return the text of the kernel's module."""
     template = inspect.getsource(kernel)
     physics = template.partition(END)[2]
+    if control is not None:
+        before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
+        physics = f"{before}{control}\n\n{after}"
     parts = [
         "import math\n\nimport numpy as np\nfrom numba import njit\n",
         _constants(),
