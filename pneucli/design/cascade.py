@@ -1,0 +1,226 @@
+"""The cascade: position PID, pressure PID, inverse valve map (thesis 7.1-7.3), its gains from requirements by rule.
+
+The whole system does not satisfy the matching condition (:mod:`pneucli.design.surface`), so the piston is driven by a
+pressure that an inner, faster loop makes. The rules, each overruled by a requirement that is stated:
+
+- pressure loop: corner 0.3 / period, at most 0.7 over the lag and delay between command and reading that the model or
+  the requirements name; observers of pressure and motion have the same corner, that of motion at most
+  ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x does not make a load of a tenth of the dry friction;
+- position loop: corner of the pressure loop / 8.5, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``;
+- sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sector`;
+- reference: closing speed 0.7 of what the slower direction of the valve just keeps up with, anywhere in the middle 60 %
+  of the stroke where the pressures lie well within range; the acceleration whose force that direction builds within
+  half the position loop's time constant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.design.controller import Controller
+from pneucli.design.requirements import Requirements
+from pneucli.errors import InputError
+from pneucli.physics.gas import flow_function
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import CLOSED_AREA
+
+Array = NDArray[np.float64]
+
+NODES = 201
+LAGS = ("valve-lag.time_constant", "line-delay.delay", "pressure-lag.time_constant", "time-skew.delay")
+WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
+SLACK = 0.05  # of ambient and supply pressure, which the pressure references keep away from
+
+
+@dataclass(frozen=True)
+class Corners:
+    """Corner frequencies in rad/s of the loops and observers."""
+
+    pressure: float
+    position: float
+    motion_observer: float
+    flow_observer: float
+
+
+def design_cascade(model: Model, wanted: Requirements, sealed: float | None = None) -> Controller:
+    """Return the controller for an identified model.
+
+    ``sealed``: pressure in Pa that chamber 2 has when the piston stands in the middle (None: the geometric mean of
+    ambient and supply pressure). Raises InputError where the model has no cylinder, mass, supply pressure or valve.
+    """
+    _require(model)
+    fill, vent = inverse_table(model, 1.0), inverse_table(model, -1.0)
+    axis = axis_values(model, wanted, fill[1], vent[1], sealed)
+    corners = corners_of(model, wanted, axis)
+    values = axis | gains(corners, axis, wanted) | reference_limits(corners, axis, wanted)
+    values |= standstill(corners, values, wanted)
+    return Controller(values, fill[0], vent[0])
+
+
+def _require(model: Model) -> None:
+    rig = model.rig
+    for key, value in (
+        ("cylinder.piston_area_1", rig.piston_area_1),
+        ("cylinder.stroke", rig.stroke),
+        ("cylinder.dead_volume_1", rig.dead_volume_1),
+        ("cylinder.dead_volume_2", rig.dead_volume_2),
+        ("cylinder.moving_mass", rig.moving_mass or model.values.get("rig.moving_mass")),
+        ("supply_pressure", rig.supply_pressure or model.values.get("rig.supply_pressure")),
+    ):
+        if value is None:
+            raise InputError(f"[rig] {key}", "a controller needs it, and it is not known", "its value in the pipeline")
+    if not any(c > 0 for c in model.valve.commands) or not any(c < 0 for c in model.valve.commands):
+        raise InputError(
+            "the valve", "not identified in both directions", "recordings that fill and that vent chamber 1"
+        )
+
+
+def inverse_table(model: Model, direction: float) -> tuple[tuple[float, ...], float, float]:
+    """Return commands in V at areas (i / (n - 1))^2 of the largest one, that area in m^2, and its command.
+
+    The largest area is that of the largest command tested: what lies beyond is not known, hence not reachable.
+    """
+    top = max(direction * c for c in model.valve.commands if direction * c > 0)
+    u = np.linspace(0.0, top, 40 * NODES)
+    area = np.maximum.accumulate(model.valve(direction * u))
+    open_ = int(np.argmax(area > CLOSED_AREA))
+    wanted = area[-1] * np.linspace(0.0, 1.0, NODES) ** 2
+    return tuple(direction * np.interp(wanted, area[open_:], u[open_:])), float(area[-1]), float(direction * top)
+
+
+def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, sealed: float | None) -> dict[str, float]:
+    """Return what the controller knows of the axis: the model's nominal values by the layout's names."""
+    base, more = model.base(), model.values
+    rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
+    coulomb = base["friction.coulomb"]
+    ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
+    return {
+        "C_PERIOD": wanted.period,
+        "C_U_MAX": max(abs(c) for c in model.valve.commands),
+        "C_TWO_VALVES": float(wanted.chamber_2 == "valve"),
+        "C_COMPENSATION": 1.0,
+        "C_MASS": base["rig.moving_mass"] + more.get("extra-mass.mass", 0.0),
+        "C_AREA_1": base["rig.piston_area_1"],
+        "C_AREA_2": base["rig.piston_area_2"],
+        "C_STROKE": base["rig.stroke"],
+        "C_DEAD_1": base["rig.dead_volume_1"] + more.get("dead-volume.volume_added", 0.0),
+        "C_DEAD_2": base["rig.dead_volume_2"],
+        "C_AMBIENT": ambient,
+        "C_SUPPLY": supply,
+        "C_GAMMA": base["rig.heat_capacity_ratio"],
+        "C_GAMMA_R_T": base["rig.heat_capacity_ratio"] * rt,
+        "C_K_GAS": math.sqrt(2.0 / rt),
+        "C_CRITICAL": more.get("critical-ratio.critical_ratio", base["valve.critical_ratio"]),
+        "C_COULOMB": coulomb,
+        "C_STATIC": max(more.get("stribeck.static", coulomb), coulomb),
+        "C_STRIBECK": more.get("stribeck.velocity", 1.0),
+        "C_VISCOUS": base["friction.viscous"],
+        "C_P_LOW": (1.0 + SLACK) * ambient,
+        "C_P_HIGH": (1.0 - SLACK) * supply,
+        "C_P_MEAN": sealed or math.sqrt(ambient * supply),
+        "C_AREA_FILL": fill,
+        "C_AREA_VENT": vent,
+        "C_NODES": float(NODES),
+    }
+
+
+def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float]) -> Corners:
+    """Return the corner frequencies by the rules above."""
+    late = wanted.delay + sum(model.values.get(name, 0.0) for name in LAGS)
+    pressure = min(0.3 / wanted.period, 0.7 / late if late > 0.0 else math.inf)
+    if wanted.pressure_bandwidth is not None:
+        pressure = 2.0 * math.pi * wanted.pressure_bandwidth
+    position = pressure / 8.5
+    if wanted.position_bandwidth is not None:
+        position = 2.0 * math.pi * wanted.position_bandwidth
+    noise = math.hypot(wanted.noise_x, wanted.quantum_x / math.sqrt(12.0))
+    quiet = math.sqrt(0.1 * axis["C_COULOMB"] / (axis["C_MASS"] * noise)) if noise and axis["C_COULOMB"] else math.inf
+    return Corners(pressure, position, min(pressure, quiet), pressure / 7.5)
+
+
+def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
+    """Return the gains of both PIDs and all observers (observers: equal poles at exp(-corner period))."""
+    h, w, two_zeta = wanted.period, corners.position, 2.0 * wanted.damping
+    pole, pressure_pole, flow_pole = (
+        math.exp(-c * h) for c in (corners.motion_observer, corners.pressure, corners.flow_observer)
+    )
+    return {
+        "C_KP": w * w * (1.0 + two_zeta),
+        "C_KD": w * (1.0 + two_zeta),
+        "C_KI": w**3,
+        "C_OBS_X": 1.0 - pole**3,
+        "C_OBS_V": 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h,
+        "C_OBS_LOAD": axis["C_MASS"] * (1.0 - pole) ** 3 / (h * h),
+        "C_P_KP": corners.pressure,
+        "C_P_KI": (corners.pressure / 6.0) ** 2,
+        "C_OBS_P": 1.0 - pressure_pole,
+        "C_OBS_FLOW": (1.0 - flow_pole) ** 2 / h,
+    }
+
+
+def reference_limits(corners: Corners, axis: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
+    """Return the largest speed and acceleration of the shaped reference, and the time over which it closes in."""
+    speed, rate = reachable(axis)
+    force_rate = axis["C_AREA_1"] * rate
+    return {
+        "C_V_MAX": wanted.max_speed or 0.7 * speed,
+        "C_A_MAX": wanted.max_acceleration or force_rate / (2.0 * corners.position * axis["C_MASS"]),
+        "C_SHAPE": 4.0 * wanted.period,
+        "C_FLOW_STEP": 0.05 * rate,
+    }
+
+
+def reachable(axis: Mapping[str, float]) -> tuple[float, float]:
+    """Return speed (m/s) and pressure gradient (Pa/s) that both valve directions reach.
+
+    All over the middle 60 % of the stroke, as far as the pressures that balance the air spring lie well within range.
+    """
+    area_1, area_2, stroke, gamma = axis["C_AREA_1"], axis["C_AREA_2"], axis["C_STROKE"], axis["C_GAMMA"]
+    x = np.linspace(0.2, 0.8, 25) * stroke
+    volume_1, volume_2 = axis["C_DEAD_1"] + area_1 * x, axis["C_DEAD_2"] + area_2 * (stroke - x)
+    p2 = spring_pressure(axis, x)
+    balance = (area_2 * p2 + (area_1 - area_2) * axis["C_AMBIENT"]) / area_1
+    p1 = np.clip(balance, WORKING[0] * axis["C_AMBIENT"], WORKING[1] * axis["C_SUPPLY"])
+    low, high = axis["C_AMBIENT"] / p1, p1 / axis["C_SUPPLY"]
+    scale = axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_1
+    flow = np.vectorize(flow_function)
+    fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow(high, axis["C_CRITICAL"])
+    vent = axis["C_AREA_VENT"] * scale * p1 * flow(low, axis["C_CRITICAL"])
+    rate = np.minimum(fill, vent)
+    per_speed = gamma * (p1 * area_1 / volume_1 + p2 * area_2**2 / (area_1 * volume_2))
+    within = p1 == balance if np.any(p1 == balance) else np.ones(x.size, dtype=bool)
+    return float(np.min((rate / per_speed)[within])), float(np.min(rate[within]))
+
+
+def spring_pressure(axis: Mapping[str, float], x: Array) -> Array:
+    """Return the pressure in Pa of chamber 2 at x: closed in the middle (isentropic), or held by its own valve."""
+    if axis["C_TWO_VALVES"] > 0.5:
+        return np.full_like(x, axis["C_P_MEAN"])
+    half = axis["C_DEAD_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
+    volume = axis["C_DEAD_2"] + axis["C_AREA_2"] * (axis["C_STROKE"] - x)
+    return np.asarray(axis["C_P_MEAN"] * (half / volume) ** axis["C_GAMMA"])
+
+
+def standstill(corners: Corners, values: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
+    """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force."""
+    static = values["C_STATIC"]
+    tolerance = wanted.tolerance or max(10e-6, 2.0 * wanted.quantum_x, 4.0 * wanted.noise_x)
+    reach = 0.5 * tolerance
+    steep = min(0.2 / wanted.period, corners.pressure / 5.0)
+    return {
+        "C_REACH": reach,
+        "C_V_FLOOR": max(2.0 * wanted.quantum_x / wanted.period, 0.01 * values["C_V_MAX"]),
+        "C_LINGER": 6.0 / corners.pressure,
+        "C_SECTOR_1": steep / wanted.sector_ratio,
+        "C_SECTOR_2": steep,
+        "C_SECTOR_RATE": 0.15 * static / reach,
+        "C_SECTOR_SLOW": 0.7 * static,
+        "C_SECTOR_FAST": 18.0 * static,
+        "C_P_BAND": 0.1 * static / values["C_AREA_1"],
+        "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
+    }

@@ -1,0 +1,127 @@
+"""The controller against a model: one run of the compiled kernel with the controller's own code in it."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.design import layout, loop, step
+from pneucli.design.controller import Controller
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import catalogue
+from pneucli.simulate import layout as at
+from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.experiment import STEP, U_MAX
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples."""
+
+    noise_x: float = 0.0
+    noise_p: float = 0.0
+    quantum_x: float = 0.0
+    quantum_p: float = 0.0
+    delay: int = 0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What happens to the axis, one value a sample of the controller: shapes ``(n,)``, SI.
+
+    ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
+    ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s.
+    """
+
+    name: str
+    reference: Array
+    force: Array
+    supply: Array
+    start: tuple[float, float, float]
+    lost: tuple[tuple[str, float, float], ...] = field(default=())
+
+
+@dataclass(frozen=True)
+class Run:
+    """One closed-loop run: the model's output ``(n, 9)`` (simulate.layout) and the controller's log (design.layout)."""
+
+    scenario: Scenario
+    time: Array
+    model: Array
+    log: Array
+
+
+@cache
+def loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
+    """Return the compiled kernel with the controller in it: bare, or with the catalogue and a user's own effects."""
+    if not effects:
+        return build((), control=controller_text())
+    return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()), control=controller_text())
+
+
+def controller_text() -> str:
+    """Return the controller as text for the kernel: its constants and functions."""
+    constants = [f"{n} = {v}" for n, v in vars(layout).items() if n[:2] in ("S_", "C_", "L_")]
+    sources = [inspect.getsource(module) for module in (step, loop)]
+    functions = [text[re.search(r"^def ", text, flags=re.MULTILINE).start() :] for text in sources]  # type: ignore[union-attr]
+    return "\n\n\n".join(["\n".join(constants), *functions])
+
+
+def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, seed: int = 0) -> Run:
+    """Simulate one scenario; the noise depends on the seed alone."""
+    kernel = loop_kernel(model.effects)
+    n = scenario.reference.size
+    time: Array = controller.period * np.arange(n, dtype=np.float64)
+    log = sensor_rows(scenario, bench, time, seed)
+    state = np.concatenate([np.zeros(layout.L_STATES), log.ravel()])
+    out = np.zeros((n, at.OUTPUTS))
+    kernel.run(
+        time,
+        _inputs(scenario),
+        np.zeros(1, dtype=np.int64),
+        np.array([model.base()[name] for name in at.BASE]),
+        kernel.vector(model.effect_values()),
+        kernel.switches([e.name for e in model.effects]),
+        _flags(controller),
+        model.valve.table(),
+        STEP["axis"],
+        state,
+        np.concatenate([controller.vector(), [bench.quantum_x, bench.quantum_p, bench.delay]]),
+        out,
+    )
+    return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
+
+
+def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Array:
+    """Return the log, shape ``(n, 15)``, with the sensors' noise in it; NaN where a reading is missing."""
+    rows = np.zeros((time.size, layout.L_ROW))
+    sigma = np.array([bench.noise_x, bench.noise_p, bench.noise_p])
+    rows[:, :3] = sigma * np.random.default_rng(seed).standard_normal((time.size, 3))
+    for signal, begin, end in scenario.lost:
+        rows[(time >= begin) & (time < end), ("x", "p1", "p2").index(signal)] = np.nan
+    return rows
+
+
+def _inputs(scenario: Scenario) -> Array:
+    """Return the kernel's inputs: the reference stands where a command would, the start in the first row."""
+    x, p1, p2 = scenario.start
+    out = np.zeros((scenario.reference.size, len(at.INPUTS)))
+    out[:, at.IN_U], out[:, at.IN_FORCE], out[:, at.IN_SUPPLY] = scenario.reference, scenario.force, scenario.supply
+    out[:, [at.IN_X, at.IN_P1, at.IN_P2]] = x, p1, p2
+    return out
+
+
+def _flags(controller: Controller) -> Array:
+    flags = np.zeros(at.FLAGS)
+    flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0
+    flags[at.CHAMBER_2] = at.VALVE_2 if controller.values["C_TWO_VALVES"] > 0.5 else at.CLOSED
+    flags[at.U_MAX] = U_MAX
+    return flags

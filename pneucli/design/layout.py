@@ -1,0 +1,98 @@
+"""Where each number stands in the controller's two arrays: its state and its parameters."""
+
+from __future__ import annotations
+
+(
+    S_STARTED,  # 1 after the first sample
+    S_U1,  # V, the commands of this sample
+    S_U2,
+    S_X,  # m, m/s: observed motion
+    S_V,
+    S_LOAD,  # N: filtered estimate of what pushes beside the pressures and the modelled friction
+    S_P1,  # Pa: observed pressures
+    S_P2,
+    S_RATE1,  # Pa/s: what the last command should make of the pressures
+    S_RATE2,
+    S_FLOW1,  # Pa/s: filtered estimate of what changes the pressures beside that
+    S_FLOW2,
+    S_X_REF,  # m: last reference, its last rate and its filtered rate in m/s
+    S_RAW,
+    S_V_REF,
+    S_X_SHAPED,  # m, m/s, m/s^2: the reference that the axis is able to follow
+    S_V_SHAPED,
+    S_A_SHAPED,
+    S_REST,  # s since the reference came to rest
+    S_HOLD,  # 1 while the piston is left where it sticks
+    S_ANCHOR,  # m: where the piston stuck
+    S_BREAK,  # N beyond the load that last set it free, and that is applied to do so
+    S_STICK,
+    S_BRAKE,  # s for which a freed piston is still stopped
+    S_FORCE,  # N asked of the pressures, and what of it is integrated
+    S_INTEGRAL,
+    S_P1_REF,  # Pa
+    S_P2_REF,
+    S_INTEGRAL1,  # Pa/s
+    S_INTEGRAL2,
+) = range(30)
+
+(
+    C_PERIOD,  # s
+    C_U_MAX,  # V
+    C_TWO_VALVES,  # 1: a second valve drives chamber 2
+    C_COMPENSATION,  # 1: both disturbance estimates are subtracted, 0: the PIDs alone
+    C_MASS,  # kg, m^2, m, m^3
+    C_AREA_1,
+    C_AREA_2,
+    C_STROKE,
+    C_DEAD_1,
+    C_DEAD_2,
+    C_AMBIENT,  # Pa
+    C_SUPPLY,
+    C_GAMMA,  # 1
+    C_GAMMA_R_T,  # J/kg
+    C_K_GAS,  # sqrt(2 / (R T)), s/m
+    C_CRITICAL,  # 1
+    C_COULOMB,  # N, N, m/s, N s/m
+    C_STATIC,
+    C_STRIBECK,
+    C_VISCOUS,
+    C_V_FLOOR,  # m/s below which the direction of motion is not known
+    C_V_MAX,  # limits of the shaped reference: m/s, m/s^2, and the time in s over which it closes in
+    C_A_MAX,
+    C_SHAPE,
+    C_KP,  # 1/s^2, 1/s, 1/s^3
+    C_KD,
+    C_KI,
+    C_SECTOR_1,  # 1/s: the sector's lines
+    C_SECTOR_2,
+    C_SECTOR_RATE,  # N/(s m), N/s, N/s: integral switching term
+    C_SECTOR_SLOW,
+    C_SECTOR_FAST,
+    C_LINGER,  # s in which a stirring piston is noticed and stopped
+    C_REACH,  # m: error at which the piston is left in peace
+    C_OBS_X,  # 1, 1/s, N/m: gains of the motion observer for the innovation of position
+    C_OBS_V,
+    C_OBS_LOAD,
+    C_LOAD_STEP,  # N: largest change of the load estimate in a sample (M_k)
+    C_P_KP,  # 1/s, 1/s^2
+    C_P_KI,
+    C_OBS_P,  # 1, 1/s: gains of the pressure observers
+    C_OBS_FLOW,
+    C_FLOW_STEP,  # Pa/s: largest change of the flow estimate in a sample (M_k)
+    C_P_BAND,  # Pa off its reference that a pressure may be while the piston is held
+    C_P_LOW,  # Pa: range of the pressure references
+    C_P_HIGH,
+    C_P_MEAN,  # Pa: mean of both pressures, where there are two valves
+    C_AREA_FILL,  # m^2: largest effective areas
+    C_AREA_VENT,
+    C_NODES,  # of each inverse table, which follow: commands in V at (i / (nodes - 1))^2 of the largest area
+    C_TABLE,
+) = range(51)
+
+STATE = tuple(name for name in globals() if name.startswith("S_"))
+PARAMETERS = tuple(name for name in globals() if name.startswith("C_"))
+
+# in the closed loop the state is followed by a row a sample: what the sensors add, what the controller read and made
+(L_NOISE_X, L_NOISE_P1, L_NOISE_P2, L_READ_X, L_READ_P1, L_READ_P2, L_U1, L_U2) = range(8)
+(L_LOAD, L_FLOW1, L_P1_REF, L_P2_REF, L_SHAPED, L_V, L_FORCE) = range(8, 15)
+L_STATES, L_ROW = len(STATE), 15

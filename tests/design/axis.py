@@ -1,0 +1,65 @@
+"""The axis of ``fixtures/demo`` with the true values of ``fixtures/truth.json``, and what the tests do with it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from pneucli.design.cascade import design_cascade
+from pneucli.design.closed_loop import Bench, Scenario
+from pneucli.design.controller import Controller
+from pneucli.design.requirements import Requirements
+from pneucli.design.scenarios import start_at
+from pneucli.physics.effects import catalogue
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import ValveArea
+
+TRUTH = json.loads((Path(__file__).parents[2] / "fixtures/truth.json").read_text())["demo"]["parameters"]
+COMMANDS = (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)
+BENCH = Bench(noise_p=400.0, quantum_x=1e-6)  # the fixture's sensors
+REQUIREMENTS = Requirements(quantum_x=1e-6, noise_p=400.0)
+SEALED = 300e3  # Pa, with which the fixture's axis recordings start in the middle
+RIG = Rig(
+    gas_temperature=TRUTH["temperature"],
+    ambient_pressure=TRUTH["ambient"],
+    supply_pressure=TRUTH["supply"],
+    piston_area_1=TRUTH["piston_area_1"],
+    piston_area_2=TRUTH["piston_area_2"],
+    stroke=TRUTH["stroke"],
+    dead_volume_1=TRUTH["dead_volume_1"],
+    dead_volume_2=TRUTH["dead_volume_2"],
+    moving_mass=TRUTH["mass"],
+)
+
+
+def area(u: float) -> float:
+    """The rig's valve law (pneucli.exam.rig.parameters)."""
+    share = max(abs(u) - TRUTH["overlap"], 0.0) / (10.0 - TRUTH["overlap"])
+    return float(TRUTH["effective_area"] * share ** TRUTH["exponent"])
+
+
+def model() -> Model:
+    commands = (*(-u for u in reversed(COMMANDS)), *COMMANDS)
+    valve = ValveArea(commands, tuple(area(u) for u in commands), TRUTH["overlap"], TRUTH["overlap"])
+    values = {
+        "friction.coulomb": TRUTH["coulomb"],
+        "friction.viscous": TRUTH["viscous"],
+        "stribeck.static": TRUTH["static"],
+        "stribeck.velocity": TRUTH["stribeck_velocity"],
+    }
+    return Model(RIG, (catalogue()["stribeck"],), values, valve)
+
+
+def controller(requirements: Requirements = REQUIREMENTS) -> Controller:
+    return design_cascade(model(), requirements, SEALED)
+
+
+def scenario(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0, **more: object) -> Scenario:
+    """A scenario of the axis that begins in balance."""
+    n = reference.size
+    start = start_at(c.values, float(reference[0]))
+    supply = np.full(n, c.values["C_SUPPLY"])
+    return Scenario("test", reference, np.broadcast_to(force, n).astype(float), supply, start, **more)
