@@ -23,6 +23,7 @@ HELD = 5  # samples after a change of the command that are left out
 FEWEST_KNOTS = 3
 HELD_FOR = 0.3  # s for which a command must be held in all to have a knot of its own
 STAND_IN_VOLUME = 1e-3  # m^3, of a vessel of unknown volume: only areas over it mean anything
+LEAST_MASS = 0.01  # kg, where the motion is too slow to show any
 CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
 
 
@@ -58,8 +59,10 @@ def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     lower = np.zeros(design.shape[1])
     lower[-1] = -np.inf  # a constant force is let go, so that it does not lean on the friction
     found = lsq_linear(design, target, bounds=(lower, np.inf)).x
-    names = ["friction.coulomb", "friction.viscous"] + (["rig.moving_mass"] if rig.moving_mass is None else [])
-    return dict(zip(names, (float(f) for f in found), strict=False))
+    values = {"friction.coulomb": float(found[0]), "friction.viscous": float(found[1])}
+    if rig.moving_mass is None:
+        values["rig.moving_mass"] = max(float(found[2]), LEAST_MASS)
+    return values
 
 
 def _force(e: Experiment, rig: Rig) -> Array:

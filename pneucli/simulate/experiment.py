@@ -23,6 +23,7 @@ OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperatu
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
+SHORTEST = 20  # samples between restarts: fewer leave the model nothing to say
 U_MAX = 10.0  # V, half the range of the area's table
 Fusion = Callable[[Array, Array], tuple[Array, Array, float]]
 STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's longest step
@@ -100,11 +101,14 @@ class Experiment:
         return np.asarray(a1 * noise.get("p1", zero) - a2 * noise.get("p2", zero))
 
     def filtered(self, values: Array, wider: float = 1.0) -> Array:
-        """Return values low-passed without phase shift, where the comparison asks for it (at ``wider`` times it)."""
+        """Return values low-passed, where the comparison asks for it (at ``wider`` times its frequency).
+
+        A Butterworth filter of second order, forward and backward: no phase shift, half the amplitude at its frequency.
+        """
         nyquist = 0.5 / self.recording.period
         if self.low_pass is None or wider * self.low_pass >= nyquist:
             return values
-        sections = butter(4, wider * self.low_pass / nyquist, output="sos")
+        sections = butter(2, wider * self.low_pass / nyquist, output="sos")
         return np.asarray(sosfiltfilt(sections, values))
 
     def active(self, effects: tuple[Effect, ...]) -> list[str]:
@@ -215,9 +219,13 @@ def _initial_opening(raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) 
 
 
 def restarts(time: Array, horizon: float | None) -> NDArray[np.int64]:
-    """Return the samples at which the model starts anew: every ``horizon`` s, and after each gap in the record."""
-    gaps = 1 + np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time)))
-    grid = np.arange(0.0, time[-1] - time[0], horizon) if horizon else np.zeros(1)
+    """Return the samples at which the model starts anew: every ``horizon`` s, and after each gap in the record.
+
+    A horizon of fewer than ``SHORTEST`` sampling periods counts as that many.
+    """
+    period = float(np.median(np.diff(time)))
+    gaps = 1 + np.flatnonzero(np.diff(time) > GAP * period)
+    grid = np.arange(0.0, time[-1] - time[0], max(horizon, SHORTEST * period)) if horizon else np.zeros(1)
     return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
 
 

@@ -14,12 +14,15 @@ from pneucli.simulate.run import base_vector, kernel_for
 
 Array = NDArray[np.float64]
 
+WIDER = 4.0
+
 
 def motion(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> tuple[Array, Array, Array]:
     """Return x, v, a of the measured motion, each (n,); derived from x where they were not measured.
 
-    With a low-pass, x is filtered by it at twice its frequency before it is differentiated: what the comparison's
-    own filter takes away is not needed, and differentiated noise would come back through the friction's sign.
+    With a low-pass, x is filtered by it at ``WIDER`` times its frequency before it is differentiated: what the
+    comparison's own filter takes away is not needed, and differentiated noise would come back through the friction's
+    sign.
     """
     time, raw = experiment.time, experiment.raw
     x = raw["x"] if noise is None else raw["x"] + noise.get("x", 0.0)
@@ -27,7 +30,7 @@ def motion(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> 
         x, v, _ = experiment.fusion(x, raw["a"])
         return x, v, raw["a"]
     if experiment.low_pass is not None:
-        x = experiment.filtered(x, 2.0)
+        x = experiment.filtered(x, WIDER)
     elif "x" in experiment.smoothers:
         x = experiment.smoothers["x"](x)
     v = raw["v"] if "v" in raw else np.gradient(x, time)

@@ -67,7 +67,8 @@ def _friction(study: Study, warnings: list[str]) -> FrictionIdentification | Non
 
 def as_ratio(estimate: Estimate, study: Study) -> Estimate:
     """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
-    per_volume = study.rig.vessel_volume is None and not study.rig.has_cylinder
+    tested = any(e.vessel for e in study.experiments)
+    per_volume = tested and study.rig.vessel_volume is None and not study.rig.has_cylinder
     if not per_volume or not estimate.unit.startswith(("m^2", "m^3", "W/K", "kg")):
         return estimate
     low, high = estimate.ci95

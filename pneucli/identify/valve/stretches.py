@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 SETTLING = 0.03  # s after a jump of the command that are left out: spool, hose and clock act there, not the map
 SHORTEST = 0.03  # s that a stretch must last beyond that
 JUMP = 0.005  # of the command's range in one sample
+UNEVEN = 0.1  # median departure from the sampling period, over the period: jitter and a few gaps stay below it
 SUPPLY_AVERAGE = 0.1  # s over which the supply's reading is averaged: a buffer vessel is slower, noise is not
 
 
@@ -60,8 +61,11 @@ def _pieces(index: int, recording: Recording, supply_pressure: float | None) -> 
     for signal in ("u", "p1"):
         if signal not in recording:
             raise InputError(f"recording {recording.name}", f"no signal {signal}", "u and p1", "see [signals]")
-    supply = _supply(recording, supply_pressure)
-    u, dt = recording["u"], recording.period
+    steps, dt = np.diff(recording.time), recording.period
+    if np.median(np.abs(steps - dt)) > UNEVEN * dt:
+        found, mend = "sampled unevenly", "resample it, or leave it to the fit of the model"
+        raise InputError(f"recording {recording.name}", found, "even sampling", mend)
+    supply, u = _supply(recording, supply_pressure), recording["u"]
     rows = np.stack([recording.time, u, supply, recording["p1"]])
     jumps = np.flatnonzero(np.abs(np.diff(u)) > JUMP * max(np.ptp(u), 1e-9)) + 1
     starts, stops = np.append(0, jumps), np.append(jumps, u.size)
