@@ -42,21 +42,18 @@ def section(material: Material) -> Section | None:
 
 
 def _zoom(table: Table) -> Zoom:
-    runs = []
-    for (scenario,), rows in table.groups("scenario"):
-        panels = []
-        for (channel,), of_channel in rows.groups("channel"):
-            unit = of_channel.text("unit")
-            kept = envelope([of_channel["value"]], MOST)
-            curves = [
-                Series(
-                    "input" if channel == "u" else "model",
-                    "input" if channel == "u" else "model",
-                    shown(of_channel["value"][kept], unit),
-                )
-            ]
-            if np.isfinite(of_channel["measured"]).any():
-                curves.insert(0, Series("measured", "measured", shown(of_channel["measured"][kept], unit)))
-            panels.append(Panel(str(channel), shown_unit(unit), of_channel["time"][kept], curves))
-        runs.append(Run(str(scenario), panels))
+    runs = [
+        Run(str(scenario), [_panel(str(channel), part) for (channel,), part in rows.groups("channel")])
+        for (scenario,), rows in table.groups("scenario")
+    ]
     return Zoom("open-loop", "Drag over a stretch to zoom in, double-click to see all again.", runs)
+
+
+def _panel(channel: str, rows: Table) -> Panel:
+    unit = rows.text("unit")
+    role = "input" if channel in ("u", "u2") else "model"
+    kept = envelope([rows["value"]], MOST)
+    curves = [Series(role, role, shown(rows["value"][kept], unit))]
+    if np.isfinite(rows["measured"]).any():
+        curves.insert(0, Series("measured", "measured", shown(rows["measured"][kept], unit)))
+    return Panel(channel, shown_unit(unit), rows["time"][kept], curves)

@@ -1,0 +1,176 @@
+"""Open-loop scenarios: the model alone, on recorded inputs or on a command of one's own, never set back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.noise import NoiseModel
+from pneucli.quantities import SIGNALS
+from pneucli.recording import Recording, Rig
+from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import outputs
+from pneucli.units import parse_quantity
+
+Array = NDArray[np.float64]
+
+PERIOD = 1e-3  # s, between the samples of a command
+COMMANDS = ("steps", "sine", "ramp", "recorded")
+BENCHES = {"experiment": ("valve", "axis"), "chamber_2": ("closed", "open"), "command": COMMANDS}
+UNITS = {
+    "amplitude": "V",
+    "offset": "V",
+    "frequency": "1/s",
+    "dwell": "s",
+    "duration": "s",
+    "x": "m",
+    "p1": "Pa",
+    "p2": "Pa",
+    "p_supply": "Pa",
+}
+KEYS = ("kind", "name", "recording", "values", *BENCHES, *UNITS)
+
+
+@dataclass(frozen=True)
+class OpenLoopRun:
+    """One scenario: time in s, the commands, what the model says and what was measured by channel; each (n,), SI."""
+
+    scenario: str
+    time: Array
+    commands: Mapping[str, Array]
+    modelled: Mapping[str, Array]
+    measured: Mapping[str, Array]
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """Return for each channel: least, largest and last value, and RMSD and fit where there is a measurement."""
+        return [self._metrics(channel) for channel in self.modelled]
+
+    def _metrics(self, channel: str) -> dict[str, Any]:
+        values = self.modelled[channel]
+        found: dict[str, Any] = {
+            "channel": channel,
+            "unit": SIGNALS[channel].unit,
+            "from": float(values.min()),
+            "to": float(values.max()),
+            "end": float(values[-1]),
+        }
+        return found | self._against_measurement(channel)
+
+    def _against_measurement(self, channel: str) -> dict[str, float | None]:
+        if channel not in self.measured:
+            return {"rmsd": None, "fit_percent": None}
+        error = self.measured[channel] - self.modelled[channel]
+        seen = np.isfinite(error)
+        y = self.measured[channel][seen]
+        spread = float(np.linalg.norm(y - y.mean()))
+        fit = 100 * (1 - float(np.linalg.norm(error[seen])) / spread) if spread else None
+        return {"rmsd": float(np.sqrt(np.mean(error[seen] ** 2))), "fit_percent": fit}
+
+
+def default_runs(model: Model, experiments: Sequence[Experiment]) -> list[OpenLoopRun]:
+    """Return the free run of the test recordings of each experiment; of its first one where none is for testing.
+
+    Recordings with imposed motion are left out: nothing in them runs freely.
+    """
+    free = [e for e in experiments if e.recording.imposed is None]
+    chosen: list[Experiment] = []
+    for kind in dict.fromkeys(e.recording.experiment for e in free):
+        of_kind = [e for e in free if e.recording.experiment == kind]
+        chosen += [e for e in of_kind if e.recording.use == "test"] or of_kind[:1]
+    return [free_run(model, experiment, experiment.recording.name) for experiment in chosen]
+
+
+def free_run(model: Model, experiment: Experiment, name: str) -> OpenLoopRun:
+    """Return the model from the measured start on, under the recorded inputs; only a gap sets it back."""
+    once = experiment.with_restarts(None)
+    measured = {channel: once.measured(channel) for channel in once.channels}
+    return OpenLoopRun(name, once.time, _commands(once), outputs(model, once), measured)
+
+
+def _commands(experiment: Experiment) -> dict[str, Array]:
+    return {name: experiment.raw[name] for name in ("u", "u2") if name in experiment.raw}
+
+
+def run_scenario(
+    model: Model, table: Mapping[str, Any], experiments: Mapping[str, Experiment], where: str
+) -> OpenLoopRun:
+    """Return one table of ``[[scenarios]]``; raises InputError, ``where`` and key named, for what cannot be read.
+
+    ``command = "recorded"`` replays ``recording``; else ``steps`` holds each of ``values`` for ``dwell``, ``sine`` is
+    offset + amplitude sin(2 pi frequency t), ``ramp`` goes from offset - amplitude to offset + amplitude. A command
+    runs for ``duration``, from rest at ``x`` (default: half the stroke) and ``p1``, ``p2`` (default: ambient).
+    """
+    values = _read(table, where)
+    if values["command"] == "recorded":
+        name = str(table.get("recording", ""))
+        if name not in experiments:
+            raise InputError(f"{where}.recording", f'"{name}"', "a recording's name", did_you_mean(name, experiments))
+        return free_run(model, experiments[name], str(table.get("name", name)))
+    experiment = prepare(commanded(values, model.rig), model.rig, None)
+    name = str(table.get("name", values["command"]))
+    return OpenLoopRun(name, experiment.time, _commands(experiment), outputs(model, experiment), {})
+
+
+def _read(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+    values: dict[str, Any] = {"command": "recorded" if "recording" in table else "steps"}
+    for key, value in table.items():
+        if key not in KEYS:
+            raise InputError(f"{where}.{key}", "unknown key", "", did_you_mean(key, KEYS))
+        if key in BENCHES and value not in BENCHES[key]:
+            raise InputError(f"{where}.{key}", f'"{value}"', "", did_you_mean(str(value), BENCHES[key]))
+        try:
+            values[key] = _in_si(key, value)
+        except UnitError as error:
+            raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS.get(key, "V")}"') from error
+    if values["command"] == "steps" and not values.get("values"):
+        raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]')
+    return values
+
+
+def _in_si(key: str, value: Any) -> Any:
+    if key == "values":
+        return [parse_quantity(one, "V") for one in value]
+    return parse_quantity(value, UNITS[key]) if key in UNITS else value
+
+
+def commanded(values: Mapping[str, Any], rig: Rig) -> Recording:
+    """Return the recording that a bench would begin with: the command over time, and the state at its start."""
+    command = _command(values)
+    kind = values.get("experiment", "axis" if rig.has_cylinder else "valve")
+    start = {"p1": values.get("p1", rig.ambient_pressure)}
+    if kind == "axis":
+        start |= {
+            "p2": values.get("p2", rig.ambient_pressure),
+            "x": values.get("x", 0.5 * (rig.stroke or 0.0)),
+            "v": 0.0,
+        }
+    if "p_supply" in values:
+        start["p_supply"] = values["p_supply"]
+    signals = {"u": command, **{name: np.full(command.size, value) for name, value in start.items()}}
+    return Recording(
+        name=str(values.get("name", "command")),
+        experiment=kind,
+        use="test",
+        time=np.arange(command.size, dtype=np.float64) * PERIOD,
+        signals=signals,
+        noise=dict.fromkeys(signals, NoiseModel(0.0)),
+        chamber_2=values.get("chamber_2", "closed") if kind == "axis" else None,
+    )
+
+
+def _command(values: Mapping[str, Any]) -> Array:
+    """Return the command in V, sampled at PERIOD."""
+    amplitude, offset = values.get("amplitude", 1.0), values.get("offset", 0.0)
+    if values["command"] == "steps":
+        held = round(values.get("dwell", 1.0) / PERIOD)
+        return np.repeat(np.array(values["values"], dtype=np.float64), held)
+    time = np.arange(0.0, values.get("duration", 5.0), PERIOD)
+    if values["command"] == "sine":
+        return np.asarray(offset + amplitude * np.sin(2 * np.pi * values.get("frequency", 0.5) * time))
+    return np.asarray(offset + amplitude * np.linspace(-1.0, 1.0, time.size))

@@ -1,0 +1,74 @@
+"""``simulate``: open-loop and closed-loop scenarios with the identified model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pneucli.errors import InputError, did_you_mean
+from pneucli.io.artifacts import write_table
+from pneucli.pipeline.context import Context
+from pneucli.quantities import SIGNALS
+from pneucli.simulate.open_loop import OpenLoopRun, default_runs, run_scenario
+from pneucli.stages.study import Study, load_model
+
+KINDS = ("open-loop",)
+
+
+def run(context: Context) -> dict[str, Any]:
+    """Run every scenario of ``[[scenarios]]``, by default the free run of the recordings; return their metrics."""
+    study = Study(context)
+    for i, scenario in enumerate(context.config.scenarios):
+        kind = scenario.get("kind", "open-loop")
+        if kind not in KINDS:
+            where = f"{context.path}, key scenarios.{i + 1}.kind"
+            raise InputError(where, f'"{kind}"', "", did_you_mean(str(kind), KINDS))
+    runs = _open_loop(study)
+    _write(study, runs)
+    return {
+        "schema": "pneucli/simulate/1",
+        "pipeline": context.config.name,
+        "open_loop": [{"scenario": r.scenario, "channels": r.metrics()} for r in runs],
+    }
+
+
+def _open_loop(study: Study) -> list[OpenLoopRun]:
+    model = load_model(study.context.artifacts / "identify", study.rig, study.effects)
+    stated = study.context.config.scenarios
+    if not stated:
+        return default_runs(model, study.experiments)
+    by_name = {e.recording.name: e for e in study.experiments}
+    where = f"{study.context.path}, key scenarios"
+    return [run_scenario(model, table, by_name, f"{where}.{i + 1}") for i, table in enumerate(stated)]
+
+
+def _write(study: Study, runs: Sequence[OpenLoopRun]) -> None:
+    texts: dict[str, list[str]] = {"scenario": [], "channel": [], "unit": []}
+    numbers: dict[str, list[Any]] = {"time": [], "value": [], "measured": []}
+    for one in runs:
+        for channel, values in {**one.commands, **one.modelled}.items():
+            for name, text in zip(texts, (one.scenario, channel, SIGNALS[channel].unit), strict=True):
+                texts[name] += [text] * values.size
+            measured = one.measured.get(channel, np.full(values.size, np.nan))
+            for name, part in zip(numbers, (one.time, values, measured), strict=True):
+                numbers[name].append(part)
+    write_table(
+        study.context.out / "open_loop.parquet",
+        {**texts, **{name: np.concatenate([np.zeros(0), *parts]) for name, parts in numbers.items()}},
+        units={"time": "s", "value": "see column unit", "measured": "see column unit"},
+        schema="pneucli/simulate/open_loop/1",
+        provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+    )
+
+
+def describe(answer: dict[str, Any]) -> str:
+    """Return the channels' ranges as lines for a person."""
+    lines = [f"{'scenario':20s} {'channel':8s} {'least':>12s} {'largest':>12s} {'unit':6s} {'RMSD':>10s}"]
+    for one in answer["open_loop"]:
+        for m in one["channels"]:
+            rmsd = "–" if m["rmsd"] is None else f"{m['rmsd']:.4g}"
+            head = f"{one['scenario']:20s} {m['channel']:8s} {m['from']:12.5g} {m['to']:12.5g}"
+            lines.append(f"{head} {m['unit']:6s} {rmsd:>10s}")
+    return "\n".join(lines)
