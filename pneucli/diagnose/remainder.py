@@ -124,3 +124,20 @@ def _bins(values: Array) -> NDArray[np.int64]:
     levels = np.unique(values)
     edges = levels[1:] if levels.size <= BINS else np.unique(np.quantile(values, np.arange(1, BINS) / BINS))
     return np.searchsorted(edges, values, side="right").astype(np.int64)
+
+
+TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exams: docs/diagnosis.md
+TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
+SHAPED = 0.2  # share of the squared residual that a shape may hold
+FAINT = 1.06  # a ratio below which a shape is too small to matter
+
+
+def too_much(train: Sequence[Remainder], test: Sequence[Remainder]) -> list[Remainder]:
+    """Return the remainders that are more than noise and known uncertainty, worst first."""
+    rest = [r for r in train if r.ratio > TRAIN_LIMIT or (r.ratio > FAINT and _shaped(r))]
+    rest += [r for r in test if r.ratio > TEST_LIMIT]
+    return sorted(rest, key=lambda r: -r.ratio)
+
+
+def _shaped(r: Remainder) -> bool:
+    return bool(r.shapes) and r.shapes[0].share > SHAPED and r.shapes[0].p_value < 1e-6

@@ -304,20 +304,19 @@ def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, 
     return max(p + h * rate, 1.0), rate, max(mass + h * (q_in - q_out), 1e-9), T
 
 
-def slope(time, values, k):
-    """Central difference of measured values at sample k, one-sided at the ends."""
-    i, j = max(k - 1, 0), min(k + 1, time.size - 1)
-    return (values[j] - values[i]) / (time[j] - time[i])
-
-
 def undo_lag(time, inputs, column, lag):
-    """Turn what a first-order sensor reads into what it saw, in place: ``lag`` times the slope is added."""
-    before = inputs[0, column]
+    """Turn what a first-order sensor reads into what it saw, in place: ``lag`` times the slope is added.
+
+    The slope is taken over half the lag to each side: over single samples it would mostly be noise.
+    """
+    kept = column - IN_P1 + IN_R1
+    i, j = 0, 0
     for k in range(time.size):
-        i, j = max(k - 1, 0), min(k + 1, time.size - 1)
-        rise = inputs[j, column] - before
-        before = inputs[k, column]
-        inputs[k, column] += lag * rise / (time[j] - time[i])
+        while i < k - 1 and time[k] - time[i] > 0.5 * lag:
+            i += 1
+        while j < time.size - 1 and (j <= k or time[j] - time[k] < 0.5 * lag):
+            j += 1
+        inputs[k, column] += lag * (inputs[j, kept] - inputs[i, kept]) / (time[j] - time[i])
 
 
 def advance(time, inputs, column, delay):
@@ -336,6 +335,8 @@ def advance(time, inputs, column, delay):
 def true_pressures(time, inputs, base, th, on):
     """Undo in place what the sensors of p1 and p2 do to the measured (smoothed) pressures."""
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
+    for k in range(time.size):
+        inputs[k, IN_R1], inputs[k, IN_R2] = inputs[k, IN_P1], inputs[k, IN_P2]
     for column in (IN_P1, IN_P2):
         if lag > 0.0:
             undo_lag(time, inputs, column, lag)
@@ -381,8 +382,7 @@ def read_pressures(time, inputs, out, before, first, k, base, th, on):
         out[k, R1] = lagged(time, now_1, first, k, lag, out[k - 1, R1], before[0])
         out[k, R2] = lagged(time, now_2, first, k, lag, out[k - 1, R2], before[1])
     else:
-        out[k, R1] = now_1 - lag * slope(time, inputs[:, IN_P1], k)
-        out[k, R2] = now_2 - lag * slope(time, inputs[:, IN_P2], k)
+        out[k, R1], out[k, R2] = inputs[k, IN_R1], inputs[k, IN_R2]
     before[0], before[1] = now_1, now_2
 
 
@@ -394,7 +394,7 @@ def control(k, x_ref, x, p1, p2, cs, cp):
 def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, h_max, cs, cp, out):
     """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
 
-    time (n,), inputs (n, 8) of smoothed readings (overwritten with what they say of the truth), restarts (r,) sample
+    time (n,), inputs (n, 10) of smoothed readings (overwritten with what they say of the truth), restarts (r,) sample
     indices at which x, v, p1, p2 are set to them, base (15,) and th parameters, on (effects + 1,) switches, flags (7,),
     areas (any,) over -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor go on over a restart.
     """
@@ -470,13 +470,14 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                 v_guess = v + 0.5 * dv if (v + 0.5 * dv) * v > 0.0 else v
                 push = area_1 * p1_mid - area_2 * p2_mid - bias + driven
                 push += force(x + 0.5 * h * v, v_guess, stroke, th, on)
-                x_old, v_old = x, v
+                x_old, v_old, rest_old = x, v, rest
                 if stiffness > 0.0:
                     x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1_mid, p2_mid, stiffness, base, th, on)
                 else:
                     x, v, rest = slide(x, v, v_guess, push, h, rest, m, p1_mid, p2_mid, base, th, on)
                 if x < 0.0 or x > stroke:
                     x, v = min(max(x, 0.0), stroke), 0.0
+                    rest = rest_old + h if v_old == 0.0 else 0.0  # a piston that is pressed against a stop rests
                 dv = v - v_old
                 x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
             else:
@@ -551,7 +552,7 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
 def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
-    inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, noise_p1 and
+    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, noise_p1 and
     noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0,
     unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a force that is more than
     the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
@@ -586,7 +587,9 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, b
             continue
         rest = 0.0
         along = direction * friction - c * abs(v)
-        speeding = min(max(0.5 + 0.5 * (a[k] - bias) * direction / a_still, 0.0), 1.0)
-        out[k] = direction * (along - falling - speeding * (rising - falling))
+        speeding = (a[k] - bias) * direction
+        low = rising if speeding > a_still else falling  # between the branches the noise, or nature, may be on both
+        high = falling if speeding < -a_still else rising
+        out[k] = direction * (min(along - low, 0.0) + max(along - high, 0.0))
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain

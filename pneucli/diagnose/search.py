@@ -1,0 +1,197 @@
+"""Which set of effects: forward, backward, swaps, and pairs where no single effect opens the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneucli.diagnose.evidence import gain, holm
+from pneucli.diagnose.remainder import Remainder, remainders, too_much
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.identify.effects import Signature
+from pneucli.physics.declaration import Effect
+
+MOST_EFFECTS = 4
+REFITS = 6  # of the effects that the screen ranks highest
+PAIRS = 3
+WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
+ALPHA = 0.05  # of naming any effect where none is, before it is held out
+MATERIAL = 0.002  # of the cost: less does not change what the user sees
+SWAPS = 3
+
+
+@dataclass(frozen=True)
+class Search:
+    """The way taken: ``rungs`` from the model as it is to the last, each with one effect more.
+
+    ``rounds`` holds what was tried from each rung; ``rivals`` for every effect named what was tried in its place.
+    """
+
+    rungs: tuple[State, ...]
+    rounds: tuple[tuple[Trial, ...], ...]
+    rivals: dict[str, tuple[Trial, ...]]
+    train: tuple[Remainder, ...]
+    test: tuple[Remainder, ...]
+
+    @property
+    def last(self) -> State:
+        """The model with all that was found."""
+        return self.rungs[-1]
+
+    @property
+    def added(self) -> list[str]:
+        """The effects found, in the order to add them."""
+        return self.last.names[len(self.rungs[0].names) :]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether nothing is left over beyond noise."""
+        return not too_much(self.train, self.test)
+
+
+def search(bench: Bench, base: State) -> Search:
+    """Find the effects that explain what ``base`` leaves over."""
+    rungs, rounds = _forward(bench, [base], [])
+    train, test = remains(bench, rungs[-1])
+    if too_much(train, test) and len(rungs) <= 2:
+        rungs, rounds = _pairs(bench, rungs, rounds)
+    rungs, rivals = _revise(bench, rungs, rounds)
+    train, test = remains(bench, rungs[-1])
+    return Search(tuple(rungs), tuple(map(tuple, rounds)), rivals, tuple(train), tuple(test))
+
+
+def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder]]:
+    """Return what a state leaves over in the fitted and in the held-out views."""
+    return remainders(state.model, bench.train), remainders(state.model, bench.held_out)
+
+
+def _forward(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tuple[list[State], list[list[Trial]]]:
+    while len(rungs) <= MOST_EFFECTS:
+        trials = tried(bench, rungs[-1])
+        rounds.append(trials)
+        leader = leading(bench, rungs[-1], trials)
+        if leader is None:
+            break
+        rungs.append(leader.state)
+    return rungs, rounds
+
+
+def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial]:
+    """Refit with the effects that the screen ranks highest, likeliest first."""
+    ranked = [(e, s) for e, s in bench.screen(state) if s.gain > WORTH and e.name not in without][:REFITS]
+    trials = [bench.added(state, effect, signature) for effect, signature in ranked]
+    return sorted(trials, key=lambda t: t.state.cost)
+
+
+def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Trial]:
+    """Return the trials that are significant in the family of all, hold on data not seen, and matter."""
+    adjusted = holm([t.p_value for t in trials], bench.hypotheses)
+    return [
+        t
+        for t, p in zip(trials, adjusted, strict=True)
+        if p < ALPHA
+        and t.train.total > MATERIAL * float(before.train.sum())
+        and (t.test.certain or not bench.held_out)
+    ]
+
+
+def leading(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:
+    """Return the supported trial that leaves least, the simplest of those that leave as little."""
+    able = supported(bench, before, trials)
+    if not able:
+        return None
+    best = min(able, key=lambda t: t.state.cost)
+    equal = [t for t in able if as_good(t.state, best.state)]
+    return min(equal, key=lambda t: (len(t.effect.parameters), t.state.cost))
+
+
+def as_good(state: State, best: State) -> bool:
+    """Whether the data cannot tell that ``state`` explains them less well than ``best``."""
+    return not gain(state.costs, best.costs).certain
+
+
+def _revise(
+    bench: Bench, rungs: list[State], rounds: list[list[Trial]]
+) -> tuple[list[State], dict[str, tuple[Trial, ...]]]:
+    """Drop what later additions made needless, put better rivals in place of effects, and keep the equals."""
+    base, last = rungs[0], rungs[-1]
+    rivals: dict[str, tuple[Trial, ...]] = {}
+    swaps = 0
+    names = last.names[len(base.names) :]
+    while names:
+        changed = False
+        for name in names:
+            effect = bench.effects[name]
+            before = base if len(names) == 1 else bench.without(last, effect)
+            own = bench.trial(before, last, effect)
+            if len(names) > 1 and not supported(bench, before, [own]):
+                last, changed = before, True
+                break
+            trials = rounds[0] if len(names) == 1 and swaps == 0 else tried(bench, before, [name])
+            others = [t for t in supported(bench, before, trials) if t.effect.name != name]
+            better = [t for t in others if gain(last.costs, t.state.costs).certain]
+            if better and swaps < SWAPS:
+                last, changed, swaps = min(better, key=lambda t: t.state.cost).state, True, swaps + 1
+                break
+            rivals[name] = tuple(others)
+        if not changed:
+            break
+        rivals = {}
+        names = last.names[len(base.names) :]
+    return _ladder(bench, base, last, rungs), rivals
+
+
+def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> list[State]:
+    """Return the states from base to last, the effect that explains most first."""
+    if [s.names for s in known] and known[-1] is last:
+        return list(known)
+    rungs, waiting = [base], [e for e in last.model.effects if e.name not in base.names]
+    while len(waiting) > 1:
+        trials = [bench.added(rungs[-1], effect) for effect in waiting]
+        first = min(trials, key=lambda t: t.state.cost)
+        rungs.append(first.state)
+        waiting = [e for e in waiting if e.name != first.effect.name]
+    return [*rungs, last] if waiting else rungs
+
+
+def _pairs(
+    bench: Bench, rungs: list[State], rounds: list[list[Trial]]
+) -> tuple[list[State], list[list[Trial]]]:
+    """Try the pairs that promise most together, where single effects led nowhere."""
+    base = rungs[0]
+    ranked = bench.screen(base)[:8]
+    promised = sorted(
+        ((_joint(base, a, b), i, j) for i, (_, a) in enumerate(ranked) for j, (_, b) in enumerate(ranked[:i])),
+        reverse=True,
+    )
+    best = rungs
+    for _, i, j in promised[:PAIRS]:
+        way = _both(bench, base, ranked[i][0], ranked[j][0])
+        if way is not None and gain(best[-1].costs, way[-1].costs).certain:
+            best = way
+    if best is rungs:
+        return rungs, rounds
+    return _forward(bench, best, rounds[:1])
+
+
+def _joint(base: State, a: Signature, b: Signature) -> float:
+    """Return the fall of the cost that both signatures promise together, base parameters adjusting."""
+    jacobian = base.fit.jacobian
+    both = np.column_stack([a.change, b.change])
+    basis = np.linalg.qr(np.hstack([jacobian, both]))[0]
+    return float(np.sum((basis.T @ base.fit.residual) ** 2))
+
+
+def _both(bench: Bench, base: State, a: Effect, b: Effect) -> list[State] | None:
+    """Return the way over both effects, the better one first, where each is supported beside the other."""
+    first = min((bench.added(base, e) for e in (a, b)), key=lambda t: t.state.cost)
+    other = b if first.effect is a else a
+    second = bench.added(first.state, other)
+    if not supported(bench, first.state, [second]):
+        return None
+    without = bench.without(second.state, first.effect)
+    if not supported(bench, without, [bench.trial(without, second.state, first.effect)]):
+        return None
+    return [base, first.state, second.state]
