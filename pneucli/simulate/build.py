@@ -91,17 +91,20 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
         _functions(physics),
     ]
     text = "\n\n".join(parts)
-    return re.sub(r"^def (?=(\w+))", _mark, text, flags=re.MULTILINE) if compiled else text
+    return re.sub(r"^def (\w+).*?(?=^def |\Z)", _mark, text, flags=re.MULTILINE | re.DOTALL) if compiled else text
 
 
 def _mark(match: re.Match[str]) -> str:
-    """Return the decorated ``def``.
+    """Return a function with its decorator.
 
-    All but the outermost functions are inlined, as calls with arrays are dear, and do not count references to arrays
-    (``_nrt=False``; they allocate none), which took a third of the time.
+    All but the outermost functions are inlined, as calls with arrays are dear, and those that make no array do not
+    count references to arrays (``_nrt=False``), which took a third of the time. A function inherits that from its
+    caller where it does not say.
     """
-    how = "cache=True, nogil=True" if match[1] in ENTRIES else "forceinline=True, _nrt=False"
-    return f"@njit({how}, error_model='numpy')\ndef "
+    text, name = match[0], match[1]
+    how = "cache=True, nogil=True" if name in ENTRIES else "forceinline=True"
+    makes_arrays = name in ENTRIES or re.search(r"\bnp\.|\.copy\(", text) is not None
+    return f"@njit({how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
 
 
 def _constants() -> str:
