@@ -15,8 +15,8 @@ from pneucli.design.step import step
 
 
 def rounded(value, quantum):
-    """Return value on a grid of ``quantum``, itself where that is zero."""
-    return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 else value
+    """Return value on a grid of ``quantum``, itself where that is zero or the value is missing."""
+    return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 and math.isfinite(value) else value
 
 
 def control(k, x_ref, x, p1, p2, cs, cp):

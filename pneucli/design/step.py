@@ -43,7 +43,7 @@ def per_area(filling, p, volume, c):
     return scale * p * flow_function(c[C_AMBIENT] / p, c[C_CRITICAL])
 
 
-def opening(area, most, table, c):
+def opening(area, most, table: int, c):
     """Return the command in V for an effective area, from the inverse table that begins at ``table``."""
     nodes: int = int(c[C_NODES])
     place = math.sqrt(area / most) * (nodes - 1)
@@ -288,7 +288,13 @@ def chamber_2(s, c):
 
 
 def step(x_ref, x, p1, p2, s, c):
-    """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2]."""
+    """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2].
+
+    Positions in m, pressures absolute in Pa. A reading that cannot be one (not finite, out of range) is bridged by what
+    the observers expect, a missing reference by the last one.
+    """
+    if not math.isfinite(x_ref):
+        x_ref = s[S_X_REF] if s[S_STARTED] > 0.5 else x
     if s[S_STARTED] < 0.5:
         start(x_ref, x, p1, p2, s, c)
     observe_pressures(p1, p2, s, c)

@@ -1,0 +1,1 @@
+"""The designed controller and the maps for other programs: C, MATLAB, CSV."""

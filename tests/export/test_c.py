@@ -1,0 +1,124 @@
+"""The exported C is the simulated controller, and behaves as C should."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from pneucli.design.closed_loop import Bench
+from pneucli.export import files
+from pneucli.export.translate import c_function
+from tests.design import axis
+
+CONTROLLER, MODEL = axis.controller(), axis.model()
+STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("export")
+    files.write_c(path, CONTROLLER, MODEL, axis.BENCH, "demo */ evil")
+    return path
+
+
+def build(folder: Path, *options: str) -> Path:
+    program = folder / f"replay{'_'.join(options)}".replace("/", "")
+    sources = [folder / "pneucli_replay.c", folder / "pneucli_controller.c"]
+    subprocess.run(["gcc", "-std=c11", *STRICT, *options, *sources, "-lm", "-o", program], check=True)
+    return program
+
+
+def replay(program: Path, folder: Path) -> tuple[int, float, float, float]:
+    done = subprocess.run([program, folder / files.REPLAY], check=True, capture_output=True, text=True)
+    samples, worst, longest, mean = done.stdout.split()
+    return int(samples), float(worst), float(longest), float(mean)
+
+
+def test_the_controller_is_clean_c99(folder: Path) -> None:
+    source, result = folder / "pneucli_controller.c", folder / "c99.o"
+    subprocess.run(["gcc", "-std=c99", "-O2", *STRICT, "-c", source, "-o", result], check=True)
+    needed = subprocess.run(["nm", "-u", result], check=True, capture_output=True, text=True).stdout
+    assert {word for word in needed.split() if word != "U" and not word.startswith("_")} <= {"sqrt", "fabs"}
+
+
+def test_over_a_minute_it_gives_the_simulated_commands_to_1e_9_volt(folder: Path) -> None:
+    samples, worst, _, mean = replay(build(folder, "-O2"), folder)
+    assert samples == 60_000
+    assert worst <= 1e-9
+    assert mean < 1e-5  # a hundredth of its period, on any machine that runs this
+
+
+def test_the_sanitizers_find_nothing(folder: Path) -> None:
+    program = build(folder, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    assert replay(program, folder)[1] <= 1e-9
+
+
+def test_the_minute_passes_through_saturation_rest_motion_and_missing_readings(folder: Path) -> None:
+    table = np.genfromtxt(folder / files.REPLAY, delimiter=",", names=True)
+    assert np.abs(table["u1"]).max() == CONTROLLER.values["C_U_MAX"]
+    assert np.isnan(table["x"]).any()
+    assert np.isnan(table["p1"]).any()
+    assert np.isfinite(table["u1"]).all()
+
+
+def test_a_wrong_answer_would_be_found(folder: Path) -> None:
+    text = (folder / files.REPLAY).read_text().splitlines()
+    row = text[30_000].split(",")
+    row[4] = repr(float(row[4]) + 1e-8)
+    (folder / "wrong.csv").write_text("\n".join([*text[:30_000], ",".join(row), *text[30_001:]]) + "\n")
+    done = subprocess.run([build(folder, "-O2"), folder / "wrong.csv"], check=False, capture_output=True)
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("garbage", [math.nan, math.inf, -math.inf, 1e300, -1e300])
+def test_no_reading_whatever_makes_a_command_that_is_not_one(folder: Path, garbage: float) -> None:
+    """Each reading in turn is garbage from the first sample on; commands stay finite and within the valve's range."""
+    rows = ["x_ref,x,p1,p2,u1,u2"]
+    good = [0.1, 0.1, 3e5, 3e5]
+    for place in range(4):
+        for sample in range(50):
+            values = list(good)
+            if sample < 10 or sample > 30:
+                values[place] = garbage
+            rows.append(",".join(map(repr, [*values, 0.0, 0.0])).replace("inf", "INFINITY"))
+    (folder / "garbage.csv").write_text("\n".join(rows) + "\n")
+    done = subprocess.run([build(folder, "-O2"), folder / "garbage.csv"], check=False, capture_output=True, text=True)
+    assert float(done.stdout.split()[1]) <= CONTROLLER.values["C_U_MAX"]
+
+
+def test_matlab_reads_the_same_numbers(tmp_path: Path) -> None:
+    files.write_mat(tmp_path / "design.mat", CONTROLLER, {"valve_inverse_area": files.inverse_table(CONTROLLER)})
+    found = loadmat(tmp_path / "design.mat", simplify_cells=True)
+    assert found["controller"]["kp"] == CONTROLLER.values["C_KP"]
+    assert np.array_equal(found["controller"]["fill"], CONTROLLER.fill)
+    assert found["valve_inverse_area"]["u"].size == 2 * len(CONTROLLER.fill)
+
+
+def test_csv_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
+    files.write_csv(tmp_path / "controller.csv", files.controller_table(CONTROLLER))
+    lines = (tmp_path / "controller.csv").read_text().splitlines()[1:]
+    assert {k: float(v) for k, v in (line.split(",") for line in lines)} == dict(CONTROLLER.values)
+
+
+def test_python_without_a_counterpart_is_refused() -> None:
+    def loops(s, c):
+        """Loops."""
+        for i in range(3):
+            s[i] = c[i]
+
+    with pytest.raises(ValueError, match="no counterpart"):
+        c_function(loops)
+
+
+def test_the_replay_depends_on_the_sensors(tmp_path: Path) -> None:
+    """The vectors hold what was read, not what was true: without noise they are others."""
+    files.write_c(tmp_path / "quiet", CONTROLLER, MODEL, Bench(), "demo")
+    files.write_c(tmp_path / "noisy", CONTROLLER, MODEL, axis.BENCH, "demo")
+    assert (tmp_path / "quiet" / files.REPLAY).read_text() != (tmp_path / "noisy" / files.REPLAY).read_text()
