@@ -236,13 +236,14 @@ def mean_decay(y):
 def slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on):
     """Move for h with LuGre bristles of deflection z; returns x, v, z. Implicit in the velocity, exact in z."""
     direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
-    rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+    speed = abs(v + 0.5 * dv)
+    rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
     level = falling if dv * direction < 0.0 else rising
     sigma = bristle_damping(th, on)
     c = base[VISCOUS] * viscous_factor(direction, th, on)
     # z at midpoint is (z + h/2 v_mid) / (1 + h/2 rate); all is multiplied by the level, which spares two divisions
-    rate = stiffness * abs(v) / level
-    whole, pull = level + 0.5 * h * stiffness * abs(v), stiffness * (level - sigma * abs(v))
+    rate = stiffness * speed / level
+    whole, pull = level + 0.5 * h * stiffness * speed, stiffness * (level - sigma * speed)
     inertia = 2.0 * m / h
     v_mid = (whole * (inertia * v + push) - pull * z) / (whole * (inertia + sigma + c) + 0.5 * h * pull)
     return x + h * v_mid, 2.0 * v_mid - v, z + h * (v_mid - rate * z) * mean_decay(rate * h)
