@@ -6,11 +6,11 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def command(u: float, s: float, h: float, time_constant: float) -> tuple[float, float]:
-    """Opening in V after a step h, exact for a held command."""
+    """Mean opening in V over a step h, and the spool after it, exact for a held command."""
     if time_constant <= 0.0:
         return u, u
-    s = u + (s - u) * math.exp(-h / time_constant)
-    return s, s
+    closed = -math.expm1(-h / time_constant)
+    return u + (s - u) * closed * time_constant / h, s + (u - s) * closed
 
 
 EFFECT = Effect(
