@@ -43,11 +43,12 @@ def number(value: float | None, digits: int = 4) -> str:
     """Return a number with that many significant digits; powers of ten where it is very large or small."""
     if value is None or not math.isfinite(value):
         return "–"
-    if value != 0 and not 1e-4 <= abs(value) < 1e6:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
-    decimals = digits - 1 - math.floor(math.log10(abs(value))) if value else 0
-    return f"{value:.{max(0, decimals)}f}".replace("-", "−")
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    if not -4 <= int(exponent) < 6:
+        return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}".replace("-", "−")
+    return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -19,7 +19,7 @@ SHOWN = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", 
 def run(context: Context) -> dict[str, Any]:
     """Write the report of whatever the stages before have left; return what it holds, in brief."""
     context.progress("reading artifacts", 0.1)
-    checks = [check(path, limit, context.answers, str(context.path)) for path, limit in _limits(context).items()]
+    checks = [check(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
     tables = load_tables(context.artifacts)
     about = {"made by": f"pneucli {__version__}", "pipeline file": context.path.name}
     material = Material(context.config.name, context.answers, tables, checks, about)

@@ -1,0 +1,80 @@
+"""The stage ``report``: artifacts on disk in, three files out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from pneucli import config
+from pneucli.io.artifacts import Provenance, write_table
+from pneucli.pipeline.context import Context
+from pneucli.stages import report
+from tests.report.bench import whole
+
+PIPELINE = """
+[pipeline]
+name = "bench"
+[[recordings]]
+file = "raw.csv"
+experiment = "valve"
+use = "train"
+[checks]
+"compare.error.test" = { max = 1.5 }
+"compare.error.train" = { min = 0.5, max = 2.0 }
+"diagnose.verdict" = { equals = "adequate" }
+"""
+SHOWN = ("compare/residuals", "identify/valve_areas")
+
+
+@pytest.fixture
+def context(tmp_path: Path) -> Context:
+    """A finished run of ingest, identify and compare; diagnose never ran."""
+    file = tmp_path / "bench.toml"
+    file.write_text(PIPELINE)
+    material = whole()
+    for name in SHOWN:
+        table = material.tables[name]
+        numeric = {n: table.units.get(n, "1") for n in table.columns if table[n].dtype.kind in "fib"}
+        write_table(
+            tmp_path / f"{name}.parquet",
+            {n: table[n] for n in table.columns},
+            units=numeric,
+            schema=f"pneucli/{name}/1",
+            provenance=Provenance(),
+        )
+    answers: dict[str, Any] = {n: dict(material.answers[n]) for n in ("ingest", "identify", "compare")}
+    out = tmp_path / ".report.new"
+    out.mkdir()
+    return Context(file, config.load(file), out, tmp_path, answers=answers)
+
+
+def test_it_writes_page_summary_and_junit(context: Context) -> None:
+    answer = report.run(context)
+    assert sorted(path.name for path in context.out.iterdir()) == sorted(answer["files"])
+    page = (context.out / "report.html").read_text(encoding="utf-8")
+    assert len(page.encode()) == answer["bytes"]
+    assert '<section id="comparison">' in page
+    assert str(context.artifacts) not in page
+
+
+def test_units_of_a_table_come_with_it(context: Context) -> None:
+    assert report.load_tables(context.artifacts)["identify/valve_areas"].units["area"] == "m^2"
+
+
+def test_the_checks_are_those_of_the_pipeline_file(context: Context) -> None:
+    # the bench's error is sqrt((1 + 9 + 1.21) / 3) = 1.93, over 1.5 and between 0.5 and 2
+    answer = report.run(context)
+    passed = {check["path"]: check["passed"] for check in answer["checks"]}
+    assert passed == {"compare.error.test": False, "compare.error.train": True, "diagnose.verdict": False}
+    suite = ElementTree.parse(context.out / "junit.xml").getroot()
+    failures = {case.get("name"): case.findtext("failure") for case in suite.iter("testcase")}
+    assert failures["compare.error.train"] is None
+    assert "max 1.5" in (failures["compare.error.test"] or "")
+    assert 'no "diagnose"' in (failures["diagnose.verdict"] or "")
+
+
+def test_the_line_for_people_names_the_failed_checks(context: Context) -> None:
+    assert "failed checks: compare.error.test, diagnose.verdict" in report.describe(report.run(context))
