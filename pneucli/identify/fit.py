@@ -13,9 +13,9 @@ from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import norm
 
+from pneucli.identify.least_squares import minimise
 from pneucli.identify.parameters import STEP, Free, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate import layout as at
@@ -157,8 +157,7 @@ def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
 def differ(a: Model, b: Model, view: View) -> bool:
     """Whether two models that differ in one parameter differ in this view at all."""
     if a.valve != b.valve:
-        u = view.experiment.inputs[:, at.IN_U]
-        return view.kind in ("chambers", "whole") and bool(np.any(a.valve(u) != b.valve(u)))
+        return view.kind in ("chambers", "whole") and bool(np.any((a.valve.table() != b.valve.table())[view.openings]))
     changed = {name for name in b.values if a.values.get(name) != b.values[name]}
     parts = {name.partition(".")[0] for name in changed}
     if any(effect.name in parts and view.feels(effect) for effect in b.effects):
@@ -181,20 +180,11 @@ def fit(
     if not free:
         residual = np.concatenate([*problem.data(model), problem.prior(np.zeros(0))])
         return _summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
-    lower, upper = problem.bounds()
-    start = np.clip(problem.start, lower + 1e-9, upper - 1e-9)
-    found = least_squares(
-        problem.residuals,
-        start,
-        problem.jacobian,
-        bounds=(lower, upper),
-        x_scale="jac",
-        xtol=TOLERANCE,
-        ftol=TOLERANCE,
-        max_nfev=rounds,
+    found = minimise(
+        problem.residuals, problem.jacobian, problem.start, problem.bounds(), rounds=rounds, tolerance=TOLERANCE
     )
-    progress(f"fitted {len(free)} parameters in {found.nfev} rounds")
-    return _summary(problem, found.x, found.fun, found.jac)
+    progress(f"fitted {len(free)} parameters in {found.rounds} rounds")
+    return _summary(problem, found.z, found.residual, found.jacobian)
 
 
 def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fit:

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import U_MAX, Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import base_vector, kernel_for, simulate
+from pneucli.simulate.valve_area import POINTS
 
 Array = NDArray[np.float64]
 Kind = Literal["chambers", "forces", "imposed", "whole"]
@@ -92,6 +93,13 @@ class View:
             force = max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)
             return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
         return {c: e.noise[c].rms for c in self.channels if c in e.noise}
+
+    @cached_property
+    def openings(self) -> slice:
+        """The part of the valve's table that its opening may pass through, from rest to the largest commands."""
+        u = self.experiment.inputs[:, at.IN_U]
+        place = (np.array([min(u.min(), 0.0), max(u.max(), 0.0)]) / U_MAX + 1.0) * 0.5 * (POINTS - 1)
+        return slice(max(int(place[0]), 0), int(place[1]) + 2)
 
     @cached_property
     def _measured(self) -> dict[str, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +34,8 @@ class ValveArea:
         return np.where(u > 0, self._side(u, 1.0, self.overlap_fill), self._side(-u, -1.0, self.overlap_vent))
 
     def table(self) -> Array:
-        """Return the area over -u_max..u_max, shape (4001,)."""
-        return self(np.linspace(-self.u_max, self.u_max, POINTS))
+        """Return the area over -u_max..u_max, shape (4001,); not to be written to."""
+        return _table(self)
 
     def _side(self, u: Array, sign: float, overlap: float) -> Array:
         knots = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
@@ -50,6 +51,13 @@ class ValveArea:
         below = np.minimum(beyond - place[0], 0.0) * max(slopes[0], 0.0)
         above = np.maximum(beyond - place[-1], 0.0) * max(slopes[-1], 0.0)
         return np.where(u > overlap, np.exp(inside + below + above), 0.0)
+
+
+@lru_cache(maxsize=1024)
+def _table(valve: ValveArea) -> Array:
+    table = valve(np.linspace(-valve.u_max, valve.u_max, POINTS))
+    table.setflags(write=False)
+    return table
 
 
 NO_VALVE = ValveArea((), ())

@@ -1,0 +1,80 @@
+"""Bounded least squares by Levenberg and Marquardt's method on the normal equations.
+
+scipy's ``least_squares`` factorises the whole Jacobian (N, k) in every round; with N = 1e5 residuals and k = 20
+parameters that costs as much as the simulations. Here only k by k matrices are solved. Source: D. W. Marquardt,
+J. SIAM 11 (1963) 431; bounds by projection, parameters that press against one are held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FIRST_DAMPING = 1e-3
+MOST_DAMPING = 1e8
+TRIES = 8  # of one direction, with ever more damping
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search ended: z (k,), residuals (N,), their derivatives (N, k), and the rounds it took."""
+
+    z: Array
+    residual: Array
+    jacobian: Array
+    rounds: int
+
+
+def minimise(
+    residuals: Callable[[Array], Array],
+    jacobian: Callable[[Array], Array],
+    start: Array,
+    bounds: tuple[Array, Array],
+    *,
+    rounds: int,
+    tolerance: float,
+) -> Solution:
+    """Minimise the sum of squares from ``start`` (k,) within ``bounds``.
+
+    Ends when a round lowers the sum by less than ``tolerance`` of it, or after ``rounds``.
+    """
+    z, damping = np.clip(start, *bounds), FIRST_DAMPING
+    r, j = residuals(z), jacobian(z)
+    for done in range(1, rounds + 1):
+        step = _step(residuals, z, r, j, bounds, damping)
+        if step is None:
+            return Solution(z, r, j, done)
+        before = float(r @ r)
+        z, r, damping = step
+        j = jacobian(z)
+        if before - float(r @ r) < tolerance * before:
+            return Solution(z, r, j, done)
+    return Solution(z, r, j, rounds)
+
+
+def _step(
+    residuals: Callable[[Array], Array], z: Array, r: Array, j: Array, bounds: tuple[Array, Array], damping: float
+) -> tuple[Array, Array, float] | None:
+    """Return the next z, its residuals and damping, None where no step lowers the sum."""
+    gradient, curvature = j.T @ r, j.T @ j
+    held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | (np.diag(curvature) <= 0)
+    free = np.flatnonzero(~held)
+    if not free.size:
+        return None
+    cost, inner, g = float(r @ r), curvature[np.ix_(free, free)], gradient[free]
+    for _ in range(TRIES):
+        moved = z.copy()
+        moved[free] -= np.linalg.lstsq(inner + damping * np.diag(np.diag(inner)), g, rcond=1e-14)[0]
+        moved = np.clip(moved, *bounds)
+        tried = residuals(moved)
+        if np.isfinite(tried).all() and float(tried @ tried) < cost:
+            return moved, tried, max(damping / 9.0, 1e-9)
+        damping = max(damping * 8.0, 1e-4)
+        if damping > MOST_DAMPING:
+            break
+    return None
