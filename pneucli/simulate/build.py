@@ -138,11 +138,10 @@ def _port(name: str, effects: Sequence[Effect]) -> str:
     lines = [f"def {name}({', '.join([*shown, 'th', 'on'])}):"]
     if value == "total":
         lines.append(f"    total = {1.0 if port.combine == 'factor' else 0.0}")
-    begin = 0
-    for i, effect in enumerate(effects):
-        if name in effect.ports:
-            lines += [f"    if on[{i}] != 0:", "        " + _term(name, effect, i, begin, value)]
-        begin += len(effect.parameters)
+    begins = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
+    users = [i for i, effect in enumerate(effects) if name in effect.ports]
+    for i in reversed(users) if name.startswith("unread") else users:  # an inverse undoes the last first
+        lines += [f"    if on[{i}] != 0:", "        " + _term(name, effects[i], i, begins[i], value)]
     return "\n".join([*lines, f"    return {value}"])
 
 

@@ -311,11 +311,11 @@ def undo_lag(time, inputs, column, lag):
     The slope is taken over half the lag to each side: over single samples it would mostly be noise.
     """
     kept = column - IN_P1 + IN_R1
-    i, j = 0, 0
+    half, i, j = 0.5 * lag + 1e-9, 0, 0
     for k in range(time.size):
-        while i < k - 1 and time[k] - time[i] > 0.5 * lag:
+        while i < k - 1 and time[k] - time[i] > half:
             i += 1
-        while j < time.size - 1 and (j <= k or time[j] - time[k] < 0.5 * lag):
+        while j < time.size - 1 and (j <= k or time[j + 1] - time[k] <= half):
             j += 1
         inputs[k, column] += lag * (inputs[j, kept] - inputs[i, kept]) / (time[j] - time[i])
 
