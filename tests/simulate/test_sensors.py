@@ -1,0 +1,99 @@
+"""Sensor effects: what is read, and the truth that is worked back from readings that are inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneucli.simulate import layout as at
+from pneucli.simulate.run import run
+
+from .benches import RIG, bench, clock, model, steps_of_command
+
+TIME = clock(1.0)
+AMBIENT = RIG.ambient_pressure
+TRUE = 3e5 + 5e4 * np.sin(2 * np.pi * 2.0 * TIME)
+SENSORS = {
+    "pressure-offset": {"pressure-offset.offset": 12e3},
+    "pressure-scale": {"pressure-scale.scale": 1.06},
+    "pressure-lag": {"pressure-lag.time_constant": 0.01},
+    "time-skew": {"time-skew.delay": 0.012},
+}
+ALL = {key: value for values in SENSORS.values() for key, value in values.items()}
+
+
+def read(values: dict[str, float], p1=TRUE, kind="friction", **signals) -> np.ndarray:
+    names = sorted({key.partition(".")[0] for key in values})
+    return run(model(names, values), bench(kind, TIME, {"p1": p1, "p2": p1, **signals}))
+
+
+def lagging(p0: float, amplitude: float, omega: float, lag: float) -> np.ndarray:
+    """Steady answer of a first-order sensor to p0 + amplitude sin(omega t)."""
+    return p0 + amplitude * np.sin(omega * TIME - np.arctan(omega * lag)) / np.hypot(1.0, omega * lag)
+
+
+READINGS = {
+    "pressure-offset": TRUE + 12e3,
+    "pressure-scale": AMBIENT + 1.06 * (TRUE - AMBIENT),
+    "pressure-lag": lagging(3e5, 5e4, 4 * np.pi, 0.01),
+    "time-skew": 3e5 + 5e4 * np.sin(4 * np.pi * (TIME - 0.012)),
+}
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_the_truth_is_worked_back_from_a_reading(name: str) -> None:
+    out = read(SENSORS[name], READINGS[name])
+    # a time skew cannot know what was read after the end; a slope over half the lag to each side errs by
+    # (omega lag / 2)^2 / 6 of lag omega amplitude
+    inner = TIME < 0.98
+    assert np.abs(out[:, at.P1] - TRUE)[inner].max() < 1e-3 * 5e4
+
+
+@pytest.mark.parametrize("name", [*SENSORS, "all"])
+def test_reading_what_was_worked_back_gives_the_measurement_again(name: str) -> None:
+    measured = READINGS["pressure-lag"]
+    out = read(ALL if name == "all" else SENSORS[name], measured)
+    inner = (TIME > 0.02) & (TIME < 0.96)
+    assert np.abs(out[:, at.R1] - measured)[inner].max() < 1e-3 * 5e4
+
+
+def test_an_offset_belongs_to_p1_and_a_scale_to_both() -> None:
+    offset, scale = read(SENSORS["pressure-offset"], kind="axis"), read(SENSORS["pressure-scale"], kind="axis")
+    assert np.all(offset[:, at.R2] == offset[:, at.P2])
+    assert scale[:, at.R2] == pytest.approx(AMBIENT + 1.06 * (scale[:, at.P2] - AMBIENT), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["pressure-lag", "time-skew"])
+def test_simulated_pressures_are_read_late(name: str) -> None:
+    u = steps_of_command(TIME, (0.0, 2.0, -2.0, 0.0), 0.25)
+    e = bench("axis", TIME, {"u": u, "x": 0.1, "p1": 3e5, "p2": 3e5})
+    e.flags[at.MECHANICS] = 0.0
+    out = run(model([name], SENSORS[name]), e)
+    true = out[:, at.P1]
+    if name == "time-skew":
+        exact = np.interp(TIME - 0.012, TIME, true)
+    else:
+        fine = np.linspace(0.0, 1.0, 100_001)
+        exact = np.empty(fine.size)
+        exact[0], seen = true[0], np.interp(fine, TIME, true)
+        for k in range(1, fine.size):
+            exact[k] = exact[k - 1] + 1e-5 / 0.01 * (seen[k - 1] - exact[k - 1])  # Euler at 10 us
+        exact = exact[::100]
+    assert np.abs(out[:, at.R1] - exact).max() < 2e-3 * np.ptp(true)
+    assert np.abs(out[:, at.R1] - true).max() > 0.02 * np.ptp(true)
+
+
+def test_at_a_restart_the_sensors_read_what_was_measured() -> None:
+    e = bench("axis", TIME, {"p1": TRUE, "p2": TRUE}, restarts=(0, 400, 700))
+    out = run(model(list(SENSORS), ALL), e)
+    assert out[e.restarts, at.R1] == pytest.approx(TRUE[e.restarts], abs=1e-3 * 5e4)
+
+
+def test_a_biased_accelerometer_reads_its_bias_at_rest_and_on_the_move() -> None:
+    force = np.where(TIME < 0.2, 0.0, 40.0)
+    plain = run(model(), bench("friction", TIME, {"force": force}))
+    biased = run(
+        model(["acceleration-bias"], {"acceleration-bias.bias": 0.4}), bench("friction", TIME, {"force": force})
+    )
+    assert biased[:, at.A] == pytest.approx(plain[:, at.A] + 0.4, rel=1e-12)
+    assert np.all(biased[:, at.X] == plain[:, at.X])

@@ -1,0 +1,72 @@
+"""Smoothing of signals into states: linear, true to lines and kinks, and quieter than the sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneucli.noise import NoiseModel
+from pneucli.simulate.smooth import autocovariance, kinematics, local_fits, window
+
+N, PERIOD = 600, 1e-3
+TIME = PERIOD * np.arange(N)
+NOISE = NoiseModel(white=1.0)
+RNG = np.random.default_rng(3)
+DRAWN = NOISE.draw(TIME, RNG)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.0, 0.0), (5.0, 30.0), (-2.0, -1e3)])
+def test_lines_pass_within_the_noise_and_have_their_slope(a: float, b: float) -> None:
+    smoother = local_fits(a + b * TIME + DRAWN, NOISE, PERIOD)
+    assert smoother(a + b * TIME) == pytest.approx(a + b * TIME, abs=0.5)  # constants serve where noise hides the slope
+    assert smoother.slope(a + b * TIME) == pytest.approx(np.full(N, b), abs=1e-6)
+
+
+def test_it_is_linear() -> None:
+    smoother = local_fits(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
+    one, other = RNG.standard_normal((2, N))
+    assert smoother(2.0 * one - 3.0 * other) == pytest.approx(2.0 * smoother(one) - 3.0 * smoother(other), abs=1e-12)
+
+
+def test_a_kink_stays_a_kink() -> None:
+    """A ramp of 100 noises that begins within a sample: away from it noise is averaged, at it nothing is rounded."""
+    ramp = 100.0 * np.maximum(TIME - 0.3, 0.0) / 0.1
+    smoother = local_fits(ramp + DRAWN, NOISE, PERIOD)
+    # what smoothing does to the signal itself may nowhere exceed a few noises, though windows reach 256 samples
+    assert np.abs(smoother(ramp) - ramp).max() < 3.0
+
+
+def test_a_rest_is_averaged_long() -> None:
+    smoother = local_fits(DRAWN, NOISE, PERIOD)
+    assert np.std(smoother(DRAWN)) < 0.25
+
+
+def test_the_deviation_of_a_window_is_that_of_its_estimates() -> None:
+    drawn = np.array([NOISE.draw(TIME, RNG) for _ in range(400)])
+    fit = window(8, 1)
+    estimates = np.array([fit.apply(fit.value, y) for y in drawn])
+    assert np.std(estimates[:, 300]) == pytest.approx(1 / np.sqrt(17), rel=0.15)  # the mean of 17 samples
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [NoiseModel(1.0), NoiseModel(0.5, coloured=1.0, pole=0.9), NoiseModel(0.3, lines=((50.0, 1.0),))],
+    ids=["white", "coloured", "hum"],
+)
+def test_the_autocovariance_is_that_of_the_draws(noise: NoiseModel) -> None:
+    drawn = np.array([noise.draw(TIME, RNG) for _ in range(2000)])
+    measured = np.mean(drawn[:, :1] * drawn[:, :30], axis=0)
+    assert measured == pytest.approx(autocovariance(noise, 30), abs=4 * noise.rms**2 / np.sqrt(2000))
+
+
+def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
+    x_noise, a_noise, bias = 1e-5, 0.05, 0.4
+    time = PERIOD * np.arange(5000)
+    x, v, a = 0.05 * np.sin(6 * time), 0.3 * np.cos(6 * time), -1.8 * np.sin(6 * time)
+    noisy_x, noisy_a = x + x_noise * RNG.standard_normal(5000), a + bias + a_noise * RNG.standard_normal(5000)
+    found_x, found_v, found_bias = kinematics(time, x_noise, a_noise)(noisy_x, noisy_a)
+    assert found_bias == pytest.approx(bias, abs=0.01)
+    # integrated alone, the bias would be 2 m/s off after 5 s
+    assert np.abs(found_v - v).max() < 0.01
+    assert abs(np.mean((found_v - v)[-500:])) < 1e-3
+    assert np.std(found_x - x) < x_noise
