@@ -1,0 +1,47 @@
+"""Real recordings, found through PNEUCLI_DATA or in ../shared/real beside the repository."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.stages.chain import run_stages
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("PNEUCLI_DATA", ROOT.parent / "shared" / "real"))
+
+Answers = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="session")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> Answers:
+    """Answers of a pipeline, run once each; ``effects`` takes the place of those in the file."""
+    if not DATA.is_dir():
+        pytest.skip("the real recordings are not here (PNEUCLI_DATA)")
+    folder = tmp_path_factory.mktemp("real")
+
+    @cache
+    def run(name: str, effects: tuple[str, ...] | None = None) -> dict[str, Any]:
+        path = ROOT / "pipelines" / f"{name}.toml"
+        if effects is not None:
+            text = path.read_text().partition("[model]")
+            listed = ", ".join(f'"{e}"' for e in effects)
+            rest = text[2].partition("\n\n")[2]
+            path = folder / f"{name}-{'-'.join(effects) or 'base'}.toml"
+            path.write_text(f"{text[0]}[model]\neffects = [{listed}]\n\n{rest}")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PNEUCLI_DATA", str(DATA))
+            return run_stages(path, folder / path.stem)
+
+    return run
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.real)
