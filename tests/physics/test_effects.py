@@ -1,0 +1,235 @@
+"""What every effect of the catalogue promises, taken from its declaration: nothing here names the effects one by one,
+but where physics makes one an exception.
+"""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pneucli.errors import InputError
+from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.rig.kernel import valve_area
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.effects import all_effects, catalogue, load_plugin, select
+from pneucli.simulate import layout as at
+from pneucli.simulate.build import build
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.run import base_vector, run
+from pneucli.units import parse_quantity
+from tests.simulate.benches import FRICTION, RIG, bench, clock, model, steps_of_command, typical
+
+EFFECTS = list(catalogue().values())
+VESSEL_VOLUME = {"rig.vessel_volume": 1.6e-4}
+TIME = clock(0.6)
+U = steps_of_command(TIME, (0.0, 3.0, -3.0, 0.5, 0.0, 0.0), 0.1)
+FILL = 3e5 + 1.5e5 * np.sin(2 * np.pi * 2.0 * TIME)
+
+
+def runs(effect: Effect) -> Iterator[Experiment]:
+    """Short manoeuvres of every kind in which the effect acts; they move both ways, rest, and break away."""
+    pneumatic = {"u": U}
+    candidates = [
+        bench("valve", TIME, {**pneumatic, "p1": 2e5}),
+        bench("friction", TIME, {"p1": FILL, "p2": 3e5}),
+        bench("axis", TIME, pneumatic),
+        bench("axis", TIME, {**pneumatic, "u2": -U}, "valve", restarts=(0, 333)),
+    ]
+    return (e for e in candidates if e.active((effect,)))
+
+
+def simulated(effect: Effect | None, values: dict[str, float], experiment: Experiment) -> np.ndarray:
+    names = [effect.name] if effect else []
+    return run(model(names, VESSEL_VOLUME | values), experiment)
+
+
+def nulls(effect: Effect) -> dict[str, float]:
+    """The parameters at which the effect vanishes; a parameter without such a value is typical."""
+    own = typical([effect])
+    for p in effect.parameters:
+        if p.null is not None:
+            own[f"{effect.name}.{p.name}"] = FRICTION[p.null] if isinstance(p.null, str) else p.null
+    return own
+
+
+def corners(effect: Effect) -> Iterator[dict[str, float]]:
+    names = [f"{effect.name}.{p.name}" for p in effect.parameters]
+    for values in itertools.product(*((p.lower, p.upper) for p in effect.parameters)):
+        yield dict(zip(names, values, strict=True))
+
+
+every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+
+
+@every_effect
+def test_units_parse(effect: Effect) -> None:
+    for p in effect.parameters:
+        assert parse_quantity(f"1 {p.unit}", p.unit) > 0.0
+
+
+@every_effect
+def test_bounds_hold_null_and_typical_values(effect: Effect) -> None:
+    for p in effect.parameters:
+        assert p.lower < p.upper
+        assert p.typical
+        if not p.of:
+            assert all(p.lower <= value <= p.upper for value in p.typical)
+        if isinstance(p.null, float):
+            assert p.lower <= p.null <= p.upper
+            assert p.null not in p.typical
+
+
+@every_effect
+def test_every_text_is_there(effect: Effect) -> None:
+    for text in (effect.title, effect.equation, effect.looks_like, effect.shows_over, effect.separate, effect.source):
+        assert text.strip()
+    assert all(p.title for p in effect.parameters)
+    assert inspect.getmodule(next(iter(effect.ports.values()))).__doc__
+
+
+@every_effect
+def test_ports_take_their_arguments_and_then_the_parameters(effect: Effect) -> None:
+    for name, function in effect.ports.items():
+        signature = list(inspect.signature(function).parameters)
+        assert signature[: len(PORTS[name].arguments)] == list(PORTS[name].arguments)
+        own = signature[len(PORTS[name].arguments) :]
+        declared = [p.name for p in effect.parameters]
+        # "from" and "to" are no names in Python
+        assert [{"start": "from", "end": "to"}.get(n, n) if "from" in declared else n for n in own] == declared
+        assert function.__doc__
+        assert function.__doc__.strip().endswith(".")
+
+
+def test_twins_are_effects_of_the_catalogue_and_others_than_the_effect() -> None:
+    for effect in EFFECTS:
+        assert set(effect.twins) <= set(catalogue()) - {effect.name}
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if any(p.null is not None for p in e.parameters)], ids=lambda e: e.name
+)
+def test_at_null_the_effect_is_absent(effect: Effect) -> None:
+    for experiment in runs(effect):
+        with_it, without = simulated(effect, nulls(effect), experiment), simulated(None, {}, experiment)
+        assert with_it == pytest.approx(without, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("supply-droop", "regulator_conductance"), ("presliding", "stiffness"), ("heat-transfer", "conductance")],
+)
+def test_effects_without_a_null_value_vanish_at_the_end_of_their_bounds(name: str, value: str) -> None:
+    """A stiff regulator, rigid bristles; heat transfer reaches the isothermal chamber, not the base model's."""
+    effect = catalogue()[name]
+    upper = next(p.upper for p in effect.parameters if p.name == value)
+    for experiment in runs(effect):
+        near = simulated(effect, typical([effect]) | {f"{name}.{value}": upper}, experiment)
+        without = simulated(None, {}, experiment)
+        if name == "heat-transfer":
+            assert np.abs(near[:, at.GAS_T] - RIG.gas_temperature).max() < 10.0
+        else:
+            for column, least in ((at.X, 1e-6), (at.P1, 1.0)):
+                moved = np.ptp(without[:, column])
+                assert np.abs(near - without)[:, column].max() < 5e-3 * moved + least
+
+
+@every_effect
+def test_typical_values_show(effect: Effect) -> None:
+    """Somewhere the effect changes what is compared, by more than rounding."""
+    changes = []
+    for experiment in runs(effect):
+        out, without = simulated(effect, typical([effect]), experiment), simulated(None, {}, experiment)
+        shown = [at.X, at.A, at.R1, at.R2, at.GAS_T]
+        changes.append(np.abs(out - without)[:, shown].max(axis=0) / np.array([1e-6, 1e-3, 1.0, 1.0, 1e-3]))
+    assert np.max(changes) > 1.0
+
+
+@every_effect
+def test_finite_at_the_corners_of_the_bounds(effect: Effect) -> None:
+    for values in (typical([effect]), *corners(effect)):
+        for experiment in runs(effect):
+            assert np.all(np.isfinite(simulated(effect, values, experiment))), (values, experiment.recording.experiment)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    effect=st.sampled_from([e for e in EFFECTS if e.part == "cylinder"]),
+    corner=st.integers(0, 8),
+    v=st.floats(-1.0, 1.0),
+    x=st.floats(0.0, 0.2),
+    p1=st.floats(1e5, 1.5e6),
+    p2=st.floats(1e5, 1.5e6),
+)
+def test_friction_never_adds_energy(effect: Effect, corner: int, v: float, x: float, p1: float, p2: float) -> None:
+    """Wherever the parameters stand in their bounds, dry and viscous friction oppose motion."""
+    values = [*corners(effect), typical([effect])]
+    kernel = build((effect,), compiled=False)
+    th, on = tuple(kernel.vector(values[corner % len(values)])), (1, 0)
+    base = tuple(base_vector(model(), bench("friction", TIME, {})))
+    direction = 1.0 if v > 0 else -1.0
+    rising, falling = kernel.functions.friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+    assert 0.0 < falling <= rising
+    assert kernel.functions.viscous_factor(direction, th, on) >= 0.0
+    assert kernel.functions.static_factor(1.0, th, on) >= 1.0
+
+
+def test_the_dead_band_means_the_same_in_the_catalogue_and_in_the_exams_rig() -> None:
+    """The rig's truth, put into the catalogue's effect, opens the valve at the same commands as the rig does."""
+    rig = Parameters(overlap=0.4)
+    width = BY_NAME["valve-deadband"].truth(rig)["width"]
+    command = catalogue()["valve-deadband"].ports["command"]
+    for u in np.linspace(-1.0, 1.0, 201):
+        assert (command(u, 0.0, 1e-3, width)[0] != 0.0) == (valve_area(rig, u, 0.0) != 0.0)
+
+
+PLUGIN = """
+from pneucli.physics.declaration import Effect, Parameter
+
+def force(x, v, stroke, gain):
+    "Drag in N."
+    return -gain * v * abs(v)
+
+EFFECT = Effect("drag", "Drag", "cylinder", (Parameter("gain", "kg/m", 0.0, 0.0, 1e3, (10.0,)),), {"force": force},
+                "", "", "v", (), "", "")
+"""
+
+
+def test_a_users_effect_joins_the_catalogue(tmp_path: Path) -> None:
+    (tmp_path / "drag.py").write_text(PLUGIN)
+    known = all_effects([tmp_path / "drag.py"])
+    assert set(known) == {*catalogue(), "drag"}
+    assert [e.name for e in select(["drag", "stribeck"], known)] == ["drag", "stribeck"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "no such Python file"),
+        ("x = 1", "declares no EFFECT"),
+        ("EFFECT = 3", "declares no EFFECT"),
+        ("import nothing_of_that_name", "does not run"),
+        ("def force(:", "does not run"),
+        (PLUGIN.replace('{"force"', '{"farce"'), 'did you mean "force"'),
+    ],
+    ids=["absent", "empty", "no effect", "import", "syntax", "port"],
+)
+def test_a_bad_plugin_says_what_is_wrong(tmp_path: Path, text: str | None, message: str) -> None:
+    file = tmp_path / "own.py"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        load_plugin(file)
+    assert str(file) in error.value.where
+
+
+def test_an_unknown_effect_is_refused_with_the_closest_name() -> None:
+    with pytest.raises(InputError, match='did you mean "stribeck"'):
+        select(["stribek"], catalogue())

@@ -1,0 +1,132 @@
+"""The generated kernel: switches, the same text as plain Python, and a cache that notices edits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneucli.physics.effects import catalogue, load_plugin
+from pneucli.simulate import layout as at
+from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import base_vector, effects_of, kernel_for, run, run_many
+
+from .benches import bench, clock, model, steps_of_command, typical
+
+TIME = clock(0.3)
+U = steps_of_command(TIME, (0.0, 2.0, -2.0), 0.1)
+RUNS = {
+    "valve": lambda: bench("valve", TIME, {"u": U, "p1": 3e5}),
+    "friction": lambda: bench("friction", TIME, {"p1": 3e5 + 5e4 * np.sin(40 * TIME), "p2": 3e5}),
+    "axis": lambda: bench("axis", TIME, {"u": U, "u2": -U}, "valve", restarts=(0, 150)),
+}
+
+DRAG = '''
+from pneucli.physics.declaration import Effect, Parameter
+
+
+def force(x, v, stroke, gain):
+    """Drag in N."""
+    return -gain * v * abs(v) * {factor}
+
+
+EFFECT = Effect(
+    name="drag", title="Drag", part="cylinder", parameters=(Parameter("gain", "kg/m", 0.0, 0.0, 1e3, (10.0,)),),
+    ports={{"force": force}}, equation="", looks_like="", shows_over="v", twins=(), separate="", source="",
+)
+'''
+
+
+def bare() -> Model:
+    return model((), {"rig.vessel_volume": 1e-3})
+
+
+def whole() -> Model:
+    """Every effect of the catalogue at its first typical value."""
+    effects = tuple(catalogue().values())
+    return model(list(catalogue()), typical(effects) | {"rig.vessel_volume": 1e-3})
+
+
+def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.ndarray) -> np.ndarray:
+    """As pneucli.simulate.run.run, in a given kernel; ``changes`` replace its arguments."""
+    out = np.zeros((experiment.time.size, at.OUTPUTS))
+    given = {"flags": experiment.flags, "cp": np.zeros(2)} | changes
+    kernel.run(
+        experiment.time,
+        experiment.inputs.copy(),
+        experiment.restarts,
+        base_vector(which, experiment),
+        kernel.vector(which.effect_values()),
+        kernel.switches(experiment.active(which.effects)),
+        given["flags"],
+        which.valve.table(),
+        experiment.step,
+        np.zeros(1),
+        given["cp"],
+        out,
+    )
+    return out
+
+
+@pytest.mark.parametrize("kind", RUNS)
+@pytest.mark.parametrize("which", [bare, whole])
+def test_the_kernel_as_plain_python_gives_the_same(kind: str, which: Callable[[], Model]) -> None:
+    plain = build(which().effects, compiled=False)
+    assert run_in(plain, which(), RUNS[kind]()) == pytest.approx(run(which(), RUNS[kind]()), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_with_every_effect_off_the_whole_kernel_is_the_bare_one(kind: str) -> None:
+    whole_kernel = kernel_for(tuple(catalogue().values()))
+    assert np.array_equal(run_in(whole_kernel, bare(), RUNS[kind]()), run(bare(), RUNS[kind]()))
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_the_inputs_are_not_changed_and_a_run_repeats_exactly(kind: str) -> None:
+    experiment = RUNS[kind]()
+    before = experiment.inputs.copy()
+    first = run(whole(), experiment)
+    assert np.array_equal(run(whole(), experiment), first)
+    assert np.array_equal(experiment.inputs, before)
+
+
+def test_many_runs_at_once_are_the_runs_one_by_one_in_order() -> None:
+    jobs = [(model((), {"friction.coulomb": f}), RUNS["axis"]()) for f in np.linspace(5.0, 30.0, 20)]
+    for (one, experiment), out in zip(jobs, run_many(jobs), strict=True):
+        assert np.array_equal(run(one, experiment), out)
+
+
+def test_the_controller_in_the_loop_sees_the_sample_and_its_command_is_held() -> None:
+    experiment = bench("axis", TIME, {"u": 0.11})  # the reference stands where the command would
+    experiment.flags[at.LOOP] = 1.0
+    out = run_in(kernel_for(()), model(), experiment, cp=np.array([60.0, 0.4]))
+    assert out[:, at.U] == pytest.approx(np.clip(60.0 * (0.11 - out[:, at.X]), -0.4, 0.4))
+    held = bench("axis", TIME, {"u": out[:, at.U]})
+    assert np.array_equal(run(model(), held)[:, at.X], out[:, at.X])
+
+
+def test_a_users_effect_works_and_an_edit_of_its_file_is_noticed(tmp_path: Path) -> None:
+    file, results = tmp_path / "drag.py", []
+    for factor in (1.0, 2.25):  # of different length: Python itself tells edits within a second by it
+        file.write_text(DRAG.format(factor=factor))
+        effect = load_plugin(file)
+        which = Model(model().rig, (effect,), {"friction.coulomb": 0.0, "drag.gain": 10.0})
+        experiment = bench("friction", TIME, {"p1": 101_300.0, "p2": 101_300.0, "v": 0.2})
+        kernel = build((effect,), compiled=factor == 1.0)  # compiling takes its time
+        results.append(run_in(kernel, which, experiment)[:, at.V])
+        # m dv/dt = -c v^2 from v0: v = v0 / (1 + c v0 t / m)
+        exact = 0.2 / (1 + 10.0 * factor * 0.2 * TIME / 2.2)
+        assert np.abs(results[-1] - exact).max() < 1e-5
+    assert np.abs(results[0] - results[1]).max() > 0.01
+
+
+def test_kernels_are_kept_on_disk_and_one_text_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PNEUCLI_CACHE", str(tmp_path))
+    stribeck, lag = effects_of(["stribeck"]), effects_of(["valve-lag"])
+    for effects in (stribeck, lag, stribeck):
+        build(effects, compiled=False)
+    assert len(list((tmp_path / "kernels").glob("*.py"))) == 2
