@@ -1,0 +1,73 @@
+"""The stage ``compare`` on the example: the interface's answer and table, and the error near the noise floor."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.io.artifacts import read_table
+from pneucli.quantities import CHANNELS, LOCATORS
+from pneucli.stages import compare
+
+Demo = tuple[Path, dict[str, Any]]
+
+
+@pytest.fixture
+def answer(demo: Demo) -> dict[str, Any]:
+    return demo[1]["compare"]
+
+
+def test_the_answer_has_the_interfaces_keys(answer: dict[str, Any]) -> None:
+    json.dumps(answer, allow_nan=False)
+    assert answer["schema"] == "pneucli/compare/1"
+    assert answer["horizon_s"] == 0.5
+    assert answer["model"]["effects"] == ["stribeck"]
+    assert {c["channel"] for c in answer["channels"]} <= set(CHANNELS)
+    wanted = {"recording", "use", "channel", "unit", "rmsd", "percent", "relative_error_percent", "fit_percent"}
+    assert all(wanted | {"noise", "ratio_to_noise"} <= c.keys() for c in answer["channels"])
+    for region in answer["where"]:
+        assert {"recording", "channel", "unit", "share_of_error", "share_of_samples"} <= region.keys()
+        assert region["signal"] in LOCATORS
+        assert region["from"] < region["to"]
+        assert region["share_of_samples"] < region["share_of_error"] <= 1.0
+
+
+def test_every_recording_and_channel_is_there(answer: dict[str, Any]) -> None:
+    channels: dict[str, set[str]] = {}
+    for c in answer["channels"]:
+        channels.setdefault(c["recording"], set()).add(c["channel"])
+    assert channels["step_+5.0V"] == {"p1"}
+    assert channels["driven_1"] == {"x", "v", "a"}
+    assert channels["axis_1"] == {"p1", "p2", "x", "v", "a"}
+    assert len(channels) == 20
+
+
+def test_the_right_model_is_near_the_noise_floor(answer: dict[str, Any]) -> None:
+    """Single break-aways may miss by more: a piston at the brink is as the noise has it. The middle of all does not."""
+    ratios = [c["ratio_to_noise"] for c in answer["channels"] if c["ratio_to_noise"] is not None]
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
+    pressures = [c["ratio_to_noise"] for c in answer["channels"] if c["channel"] == "p1"]
+    assert max(pressures) < 1.2
+    assert 0.8 < answer["error"]["test"] < 1.3
+
+
+def test_residuals_add_up_to_the_answer(demo: Demo, answer: dict[str, Any]) -> None:
+    table = {k: np.asarray(v) for k, v in read_table(demo[0] / "compare" / "residuals.parquet").items()}
+    columns = {"recording", "use", "time", "channel", "unit", "measured", "model", "residual", "segment"}
+    assert columns <= table.keys()
+    for c in answer["channels"][::7]:
+        mine = (table["recording"] == c["recording"]) & (table["channel"] == c["channel"])
+        assert np.sqrt(np.mean(table["residual"][mine] ** 2)) == pytest.approx(c["rmsd"], rel=1e-9)
+        assert table["residual"][mine] == pytest.approx((table["measured"] - table["model"])[mine])
+        span = table["time"][mine][-1] - table["time"][mine][0]
+        assert np.unique(table["segment"][mine]).size == int(np.ceil(span / answer["horizon_s"]))
+
+
+def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
+    uses = [line.split()[1] for line in compare.describe(answer).splitlines()[1 : 1 + len(answer["channels"])]]
+    assert uses == sorted(uses)  # test, then train
+    assert "error over noise, test" in compare.describe(answer)

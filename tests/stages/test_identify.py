@@ -1,0 +1,86 @@
+"""The stage ``identify`` on the example: artifacts of the interface, and the rig's true parameters found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pneucli.io.artifacts import read_metadata, read_table
+from pneucli.stages import identify
+from tests.stages.conftest import DEMO
+
+Demo = tuple[Path, dict[str, Any]]
+TRUTH = json.loads((DEMO.parents[1] / "truth.json").read_text())["demo"]["parameters"]
+
+# interface, section 4
+COLUMNS = {
+    "valve_map": {"u", "p", "p_gradient", "p_gradient_ci_low", "p_gradient_ci_high"},
+    "valve_inverse": {"p_gradient", "p", "u", "reachable"},
+    "parameters": {"name", "value", "unit", "ci_low", "ci_high"},
+    "friction_models": {"model", "branch", "v", "force"},
+}
+
+
+def true_area(u: float) -> float:
+    span = (abs(u) - TRUTH["overlap"]) / (10 - TRUTH["overlap"])
+    return float(TRUTH["effective_area"] * span ** TRUTH["exponent"])
+
+
+def test_friction_is_the_rigs(demo: Demo) -> None:
+    found = demo[1]["identify"]["model"]["parameters"]
+    expected = {
+        "friction.coulomb": TRUTH["coulomb"],
+        "friction.viscous": TRUTH["viscous"],
+        "stribeck.static": TRUTH["static"],
+        "stribeck.velocity": TRUTH["stribeck_velocity"],
+    }
+    for name, value in expected.items():
+        assert found[name]["value"] == pytest.approx(value, rel=0.02), name
+
+
+def test_areas_of_the_valve_are_the_rigs(demo: Demo) -> None:
+    found = demo[1]["identify"]["model"]["parameters"]
+    for u in (-10, -5, -2, -1, 1, 2, 3.5, 5, 7.5, 10):
+        area = found[f"valve.effective_area({u:+.4g} V)"]
+        assert area["unit"] == "m^2"
+        assert area["value"] == pytest.approx(true_area(u), rel=0.01), u
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say(demo: Demo) -> None:
+    found = demo[1]["identify"]["model"]["parameters"]
+    areas = {float(n.split("(")[1].split(" ")[0]): p for n, p in found.items() if "effective_area" in n}
+    held = [p["ci95"][0] < true_area(u) < p["ci95"][1] for u, p in areas.items()]
+    assert np.mean(held) > 0.6  # 95 % of 14: fewer than 9 would be one case in a million
+
+
+def test_artifacts_are_those_of_the_interface(demo: Demo) -> None:
+    out = demo[0] / "identify"
+    for name, columns in COLUMNS.items():
+        assert columns <= set(pq.read_schema(out / f"{name}.parquet").names), name
+        assert read_metadata(out / f"{name}.parquet")["schema"] == f"pneucli/identify/{name}/1"
+    assert {p.stem for p in out.glob("tp_*.parquet")} == {"tp_weights", "tp_vertices"}
+    assert set(read_table(out / "friction_models.parquet")["model"]) == set("ABCDEF")
+    names = list(read_table(out / "parameters.parquet")["name"])
+    for iso in ("sonic_conductance", "critical_ratio", "subsonic_index"):
+        assert f"valve.{iso}(+10 V)" in names
+
+
+def test_the_map_is_the_balance_of_mass_of_the_vessel(demo: Demo) -> None:
+    """Choked: dp/dt = kappa sqrt(2 R T) A p_S 0.484 / V (thesis 2.42, 2.46)."""
+    table = {k: np.asarray(v) for k, v in read_table(demo[0] / "identify" / "valve_map.parquet").items()}
+    low = (table["u"] > 9.99) & (table["p"] < 2.5e5) & (table["p"] > 1.5e5)
+    expected = 1.4 * np.sqrt(2 * 287 * TRUTH["temperature"]) * true_area(10) * TRUTH["supply"] * 0.484 / 160e-6
+    assert table["p_gradient"][low] == pytest.approx(np.full(low.sum(), expected), rel=0.02)
+
+
+def test_the_answer_is_json_and_words(demo: Demo) -> None:
+    answer = demo[1]["identify"]
+    json.dumps(answer, allow_nan=False)
+    words = identify.describe(answer)
+    assert "friction.coulomb" in words
+    assert "stribeck" in words
