@@ -96,3 +96,26 @@ PARAMETERS = tuple(name for name in globals() if name.startswith("C_"))
 (L_NOISE_X, L_NOISE_P1, L_NOISE_P2, L_READ_X, L_READ_P1, L_READ_P2, L_U1, L_U2) = range(8)
 (L_LOAD, L_FLOW1, L_P1_REF, L_P2_REF, L_SHAPED, L_V, L_FORCE) = range(8, 15)
 L_STATES, L_ROW = len(STATE), 15
+
+UNITS = {
+    **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE"), "s"),
+    "C_U_MAX": "V",
+    "C_MASS": "kg",
+    **dict.fromkeys(("C_AREA_1", "C_AREA_2", "C_AREA_FILL", "C_AREA_VENT"), "m^2"),
+    **dict.fromkeys(("C_STROKE", "C_REACH"), "m"),
+    **dict.fromkeys(("C_DEAD_1", "C_DEAD_2"), "m^3"),
+    **dict.fromkeys(("C_AMBIENT", "C_SUPPLY", "C_P_LOW", "C_P_HIGH", "C_P_MEAN", "C_P_BAND"), "Pa"),
+    "C_GAMMA_R_T": "J/kg",
+    "C_K_GAS": "s/m",
+    **dict.fromkeys(("C_COULOMB", "C_STATIC", "C_LOAD_STEP"), "N"),
+    **dict.fromkeys(("C_STRIBECK", "C_V_FLOOR", "C_V_MAX"), "m/s"),
+    "C_VISCOUS": "N s/m",
+    "C_A_MAX": "m/s^2",
+    **dict.fromkeys(("C_KP", "C_P_KI"), "1/s^2"),
+    **dict.fromkeys(("C_KD", "C_P_KP", "C_OBS_V", "C_OBS_FLOW", "C_SECTOR_1", "C_SECTOR_2"), "1/s"),
+    "C_KI": "1/s^3",
+    "C_SECTOR_RATE": "N/(s m)",
+    **dict.fromkeys(("C_SECTOR_SLOW", "C_SECTOR_FAST"), "N/s"),
+    "C_OBS_LOAD": "N/m",
+    "C_FLOW_STEP": "Pa/s",
+}  # by parameter; those that are left out have none

@@ -1,0 +1,161 @@
+"""Regular form, matching condition and sliding surfaces of linear systems (thesis 5.1, 5.2, 7.1).
+
+``dx/dt = A x + B u + E d`` with m inputs. A disturbance that enters through the span of B is matched (Drazenovic):
+in sliding mode it does not act. The whole pneumatic axis has friction and load in the row of the velocity, where the
+valve does not act, hence the cascade of two subsystems, each of which does satisfy the condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_are
+from scipy.signal import place_poles
+
+from pneucli.errors import InputError
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class System:
+    """A linear system: states by name, A (n, n), B (n, m), E (n, k) with the disturbances' names, in SI."""
+
+    states: tuple[str, ...]
+    A: Array
+    B: Array
+    E: Array
+    disturbances: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RegularForm:
+    """``z = T x`` in which the inputs act on the last m states alone: A11 (n - m, n - m), A12, A21, A22, B2 (m, m)."""
+
+    T: Array
+    A11: Array
+    A12: Array
+    A21: Array
+    A22: Array
+    B2: Array
+
+
+@dataclass(frozen=True)
+class Surface:
+    """``s = S x`` with S (m, n), and the poles (1/s) with which the system slides on it."""
+
+    S: Array
+    poles: NDArray[np.complex128]
+
+
+def axis_systems(c: Mapping[str, float], x: float, p1: float, p2: float) -> dict[str, System]:
+    """Return the axis at rest at x, p1, p2, linear (2.47-2.52): ``whole``, ``mechanical`` and ``pneumatic``.
+
+    ``c`` holds a controller's values. Input of the whole and of the pneumatic system is the pressure gradient that the
+    valve makes (Pa/s), of the mechanical one the force (N). Disturbances: friction and load (N), other flows (Pa/s).
+    """
+    m, area_1, area_2, gamma = c["C_MASS"], c["C_AREA_1"], c["C_AREA_2"], c["C_GAMMA"]
+    volume_1 = c["C_DEAD_1"] + area_1 * x
+    volume_2 = c["C_DEAD_2"] + area_2 * (c["C_STROKE"] - x)
+    a32, a42 = gamma * p1 * area_1 / volume_1, gamma * p2 * area_2 / volume_2
+    a22 = c["C_VISCOUS"] / m
+    whole = np.array(
+        [[0, 1, 0, 0], [0, -a22, area_1 / m, -area_2 / m], [0, -a32, 0, 0], [0, a42, 0, 0]], dtype=np.float64
+    )
+    return {
+        "whole": System(
+            ("x", "v", "p1", "p2"),
+            whole,
+            np.array([[0.0], [0.0], [1.0], [0.0]]),
+            np.array([[0.0, 0.0], [1.0 / m, 0.0], [0.0, 1.0], [0.0, 0.0]]),
+            ("friction and load", "other flows"),
+        ),
+        "mechanical": System(
+            ("x", "v"),
+            whole[:2, :2],
+            np.array([[0.0], [1.0 / m]]),
+            np.array([[0.0], [1.0 / m]]),
+            ("friction and load",),
+        ),
+        "pneumatic": System(
+            ("p1",), np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), ("other flows and the motion",)
+        ),
+    }
+
+
+def unmatched(system: System) -> dict[str, list[str]]:
+    """Return the disturbances that break the matching condition, each with the states in which it acts beside B."""
+    projector = np.eye(len(system.states)) - system.B @ np.linalg.pinv(system.B)
+    found = {}
+    for name, column in zip(system.disturbances, system.E.T, strict=True):
+        rest = np.abs(projector @ column)
+        where = [state for state, r in zip(system.states, rest, strict=True) if r > ROUNDING * np.linalg.norm(column)]
+        if where:
+            found[name] = where
+    return found
+
+
+def require_matching(system: System, where: str) -> None:
+    """Raise InputError where a disturbance is not matched, saying which, where it acts, and the way out."""
+    broken = unmatched(system)
+    if broken:
+        words = "; ".join(
+            f"{name} acts on {' and '.join(states)}, where no input does" for name, states in broken.items()
+        )
+        raise InputError(
+            where, f"the matching condition does not hold: {words}", "disturbances in the span of the inputs",
+            "control it as a cascade of subsystems that each satisfy it (thesis 7.1)",
+        )  # fmt: skip
+
+
+def regular_form(A: Array, B: Array) -> RegularForm:
+    """Return the regular form, checked. Raises InputError where B has not full column rank."""
+    n, m = B.shape
+    if np.linalg.matrix_rank(B) < m:
+        raise InputError("the input matrix", f"rank below {m}", "inputs that act independently")
+    q, _ = np.linalg.qr(B, mode="complete")
+    T = np.vstack([q[:, m:].T, q[:, :m].T])
+    form = T @ A @ T.T
+    B_new = T @ B
+    assert np.allclose(B_new[: n - m], 0.0, atol=ROUNDING * np.abs(B).max())
+    k = n - m
+    return RegularForm(T, form[:k, :k], form[:k, k:], form[k:, :k], form[k:, k:], B_new[k:])
+
+
+def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> Surface:
+    """Return the surface on which the system slides with the given n - m poles (1/s).
+
+    Raises InputError where their number is wrong or the pair (A11, A12) cannot be placed.
+    """
+    form = regular_form(A, B)
+    if len(poles) != len(form.A11):
+        raise InputError("poles", f"{len(poles)}", f"{len(form.A11)}, the states less the inputs")
+    try:
+        gain = place_poles(form.A11, form.A12, np.asarray(poles)).gain_matrix
+    except ValueError as error:
+        raise InputError("poles", str(error), "poles that the inputs can reach") from error
+    return _surface(form, gain)
+
+
+def surface_by_lq(A: Array, B: Array, Q: Array) -> Surface:
+    """Return the surface that minimises the integral of ``x' Q x`` while sliding (Utkin and Young); Q > 0, (n, n)."""
+    form = regular_form(A, B)
+    k = len(form.A11)
+    if np.linalg.eigvalsh(Q).min() <= 0.0:
+        raise InputError("Q", "not positive definite", "a weight above 0 on every state")
+    W = form.T @ Q @ form.T.T
+    inverse = np.linalg.inv(W[k:, k:])
+    A_hat = form.A11 - form.A12 @ inverse @ W[k:, :k]
+    Q_hat = W[:k, :k] - W[:k, k:] @ inverse @ W[k:, :k]
+    P = solve_continuous_are(A_hat, form.A12, Q_hat, W[k:, k:])
+    return _surface(form, inverse @ (form.A12.T @ P + W[k:, :k]))
+
+
+def _surface(form: RegularForm, gain: Array) -> Surface:
+    S = np.hstack([gain, np.eye(len(form.B2))]) @ form.T
+    return Surface(S, np.linalg.eigvals(form.A11 - form.A12 @ gain).astype(np.complex128))
