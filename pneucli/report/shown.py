@@ -61,7 +61,7 @@ def short(value: float) -> str:
 
 def percent(share: float) -> str:
     """Return a share (0 to 1) in per cent."""
-    return f"{100 * share:.0f} %"
+    return f"{100 * share:.0f} %" if share >= 0.01 else f"{100 * share:.1g} %"
 
 
 def axis(name: str) -> str:

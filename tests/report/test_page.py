@@ -68,6 +68,7 @@ def test_the_verdict_says_error_and_missing_effect(page: str) -> None:
     verdicts = re.findall(r'<p class="verdict ?\w*">(.*?)</p>', page)
     # sqrt((1 + 9 + 1.21) / 3), the root mean square of the bench's three ratios
     assert verdicts[0].startswith("The model comes near the noise floor: its error on test recordings is 1.93")
+    assert verdicts[0].endswith("Worst: x in axis_1, 3.00 × noise.")
     assert verdicts[1].startswith("Missing from the model: piston-leak. The pressures creep")
     assert verdicts[2] == "Failed checks: compare.error.test."
 
@@ -78,6 +79,15 @@ def test_without_test_recordings_it_warns(material: Material) -> None:
     without_test = replace(material, answers=answers)
     assert any("no test recording" in warning for warning in warnings(without_test))
     assert "at the noise floor: its error on train recordings is 1.00" in verdicts(without_test)[0].text
+
+
+def test_a_mean_at_the_noise_floor_is_not_called_good_where_one_channel_is_far_off(material: Material) -> None:
+    answer = {**material.answers["compare"], "error": {"train": 1.0, "test": 1.0}}
+    hidden, *_ = verdicts(Material("bench", {"compare": answer}))
+    clean = [c for c in answer["channels"] if c["ratio_to_noise"] < 2]
+    good, *_ = verdicts(Material("bench", {"compare": {**answer, "channels": clean}}))
+    assert (hidden.tone, good.tone) == ("", "good")
+    assert "3.00" in hidden.text
 
 
 def test_names_cannot_break_out_of_the_page(page: str) -> None:

@@ -27,13 +27,13 @@
     const axis = { stroke: colour("faint"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid") } };
     return {
       width,
-      height: panel.unit === "× noise" ? 170 : 190,
-      cursor: { sync: { key: sync }, drag: { x: true, y: false }, points: { size: 6 } },
+      height: 150,
+      cursor: { y: false, sync: { key: sync }, drag: { x: true, y: false }, points: { size: 6 } },
       scales: { x: { time: false } },
       series: [{ label: "t in s", value: (plot, v) => shown(v) }, ...series(panel)],
       axes: [
         { ...axis, size: 34 },
-        { ...axis, size: 62, values: (plot, ticks) => ticks.map(shown) },
+        { ...axis, size: 62, space: 24, values: (plot, ticks) => ticks.map(shown) },
       ],
       hooks: { setScale: [(plot, scale) => scale === "x" && zoomed(plot)] },
     };

@@ -148,4 +148,14 @@ def verdict(answer: Mapping[str, Any]) -> Note | None:
     start = words.get(tone(error), "The model comes near the noise floor")
     other = errors.get("train") if use == "test" else None
     more = f" ({number(other, 3)} on training recordings)" if other is not None else ""
-    return Note(f"{start}: its error on {use} recordings is {number(error, 3)} × noise{more}.", tone(error))
+    sentence = f"{start}: its error on {use} recordings is {number(error, 3)} × noise{more}."
+    worst = _worst(answer["channels"])
+    return Note(sentence + worst, "" if worst and tone(error) == "good" else tone(error))
+
+
+def _worst(channels: Iterable[Mapping[str, Any]]) -> str:
+    """Return a sentence on the worst channel where it is far off, which a mean over all may hide."""
+    worst = max(channels, key=lambda c: c["ratio_to_noise"] or 0.0, default=None)
+    if worst is None or tone(worst["ratio_to_noise"]) != "bad":
+        return ""
+    return f" Worst: {worst['channel']} in {worst['recording']}, {number(worst['ratio_to_noise'], 3)} × noise."

@@ -17,13 +17,14 @@ SHAPES = 8
 
 
 def section(material: Material) -> Section | None:
-    """Return verdict, ladder, candidates and the residual's shape; absent where nothing was diagnosed."""
+    """Return ladder, candidates and the residual's shape; absent where nothing was diagnosed."""
     answer = material.answer("diagnose")
     if not answer:
         return None
-    parts: list[Part] = [note] if (note := verdict(answer)) else []
-    parts += _ladder(answer.get("ladder", []))
-    parts += _shapes(material.table("diagnose/shape"), answer.get("missing", []))
+    parts: list[Part] = [
+        *_ladder(answer.get("ladder", [])),
+        *_shapes(material.table("diagnose/shape"), answer.get("missing", [])),
+    ]
     parts += [
         grid
         for grid in (_candidates(answer.get("candidates", [])), _moved(answer.get("moved") or []))
@@ -52,22 +53,24 @@ def verdict(answer: Answer) -> Note | None:
 def _ladder(steps: Sequence[Answer]) -> list[Figure]:
     if len(steps) < 2:
         return []
-    caption = "The error falls, from left to right, as each effect is added to the model; 1 is the noise floor."
-    with drawing(caption, "effect added", "error, × noise") as one:
+    caption = "From top to bottom each effect is added to the model, and the error falls; 1 is the noise floor."
+    with drawing(caption, "error, × noise", "effect added", height=1.4 + 0.4 * len(steps)) as one:
         axes = one.axes
-        for use, colour in (("error_train", BLUE), ("error_test", ORANGE)):
-            known = [(i, step[use]) for i, step in enumerate(steps) if step.get(use) is not None]
-            if known:
-                axes.plot(*zip(*known, strict=True), "o-", color=colour, label=use.removeprefix("error_"))
-                for place, error in known:
-                    axes.annotate(number(error, 3), (place, error), (0, 6), textcoords="offset points", ha="center")
-        axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--")
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(ScalarFormatter())
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.set_xticks(range(len(steps)), [step["add"] or "model as given" for step in steps])
-        axes.margins(x=0.15, y=0.2)
-        axes.legend()
+        for use, colour, above in (("train", BLUE, 6), ("test", ORANGE, -13)):
+            known = [(step[f"error_{use}"], i) for i, step in enumerate(steps) if step.get(f"error_{use}") is not None]
+            axes.plot([error for error, _ in known], [i for _, i in known], "o-", color=colour, label=use)
+            for error, i in known:
+                axes.annotate(
+                    number(error, 3), (error, i), (0, above), textcoords="offset points", ha="center", color=colour
+                )
+        axes.axvline(1.0, color=GREY, linewidth=0.8, linestyle="--")
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(ScalarFormatter())
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_yticks(range(len(steps)), [step["add"] or "model as given" for step in steps])
+        axes.margins(x=0.12, y=0.25)
+        axes.invert_yaxis()
+        axes.legend(loc="lower right")
     return figures([one])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pneucli.report.decimate import envelope
 from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Panel, Part, Run, Section, Series, Zoom
+from pneucli.report.parts import LONG, Cell, Grid, Panel, Part, Run, Section, Series, Zoom
 from pneucli.report.shown import number, quantity, shown, shown_unit
 
 MOST = 800  # samples of a curve
@@ -33,7 +33,7 @@ def section(material: Material) -> Section | None:
     ]
     if rows:
         head = ("scenario", "channel", "range", "at the end", "RMSD from the recording", "fit")
-        parts.insert(0, Grid("What the model does in each scenario.", head, rows, folded=len(rows) > 12))
+        parts.insert(0, Grid("What the model does in each scenario.", head, rows, folded=len(rows) > LONG))
     lead = (
         "The model runs on its inputs alone and is never set back to the measurement; errors that the comparison "
         "above forgets at each restart add up here."

@@ -74,6 +74,8 @@ def _regions(regions: Sequence[Mapping[str, Any]], folded: bool) -> Grid:
 
 
 def _span(region: Mapping[str, Any]) -> str:
+    if region["signal"] == "direction":
+        return "toward +x" if region["from"] > 0 else "toward −x" if region["to"] < 0 else "at rest"
     low, high = (number(float(shown(float(region[end]), region["unit"])), 3) for end in ("from", "to"))
     return f"{low} – {high} {shown_unit(region['unit'])}".rstrip()
 
