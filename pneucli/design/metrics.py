@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import welch
 
 from pneucli.design import layout
 from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
-from pneucli.physics.gas import flow_function
+from pneucli.physics.gas import PSI_MAX
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
@@ -125,15 +126,17 @@ def _load_error(run: Run, ends: list[slice]) -> float:
     return _worst(abs(float(np.mean(off[e]))) / largest for e in ends)
 
 
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _reversals(u: Array, threshold: float) -> int:
     """Count reversals of u that are larger than a threshold (V)."""
-    count, extreme, direction = 0, float(u[0]), 0
+    count, extreme, direction = 0, u[0], 0.0
     for value in u:
-        if direction * (value - extreme) > 0 or direction == 0:
-            direction = direction or int(np.sign(value - extreme))
-            extreme = float(value)
+        if direction == 0.0:
+            direction = np.sign(value - extreme)
+        if direction * (value - extreme) > 0.0:
+            extreme = value
         elif abs(value - extreme) > threshold:
-            count, direction, extreme = count + 1, -direction, float(value)
+            count, direction, extreme = count + 1, -direction, value
     return count
 
 
@@ -149,12 +152,12 @@ def _chattering(u: Array, period: float) -> tuple[float, float]:
 def air_used(run: Run, model: Model) -> float:
     """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
     base = model.base()
-    k = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"]))
-    psi = np.vectorize(flow_function)
-    total = 0.0
+    k, b = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"])), base["valve.critical_ratio"]
+    table, total = model.valve.table(), 0.0
     for u, p in ((layout.L_U1, at.P1), (layout.L_U2, at.P2)):
         ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)
-        area = np.where(run.log[:, u] > 0.0, model.valve(run.log[:, u]), 0.0)
-        flow = area * run.scenario.supply * k * psi(ratio, base["valve.critical_ratio"])
-        total += float(np.sum(flow)) * float(run.time[1] - run.time[0])
+        psi = PSI_MAX * np.sqrt(1.0 - (np.maximum(ratio - b, 0.0) / (1.0 - b)) ** 2)  # 2.42
+        place = np.linspace(-model.valve.u_max, model.valve.u_max, table.size)
+        area = np.where(run.log[:, u] > 0.0, np.interp(run.log[:, u], place, table), 0.0)
+        total += float(np.sum(area * run.scenario.supply * k * psi)) * float(run.time[1] - run.time[0])
     return total

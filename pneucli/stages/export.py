@@ -1,0 +1,69 @@
+"""``export``: the designed controller and the identified maps for a PLC, a cRIO, MATLAB or a spreadsheet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pneucli.design.controller import Controller
+from pneucli.export import files
+from pneucli.io.artifacts import read_table
+from pneucli.pipeline.context import Context
+from pneucli.stages.design import bench_of, load_controller
+from pneucli.stages.study import Study, load_model
+
+TARGETS = ("c", "mat", "csv")
+TABLES = (
+    "identify/valve_map",
+    "identify/valve_inverse",
+    "identify/valve_areas",
+    "identify/parameters",
+    "identify/friction_models",
+    "identify/tp_vertices",
+    "identify/tp_weights",
+    "design/sector",
+    "design/gains",
+    "design/lmi",
+)
+
+
+def run(context: Context) -> dict[str, Any]:
+    """Write what was asked for (``options["to"]``, by default all); return the files' names."""
+    controller = load_controller(context.artifacts / "design")
+    wanted = context.options.get("to") or TARGETS
+    for i, target in enumerate(wanted):
+        context.progress(f"writing {target}", i / len(wanted))
+        if target == "c":
+            study = Study(context)
+            model = load_model(context.artifacts / "identify", study.rig, study.effects)
+            bench = bench_of(context.answers["design"])
+            files.write_c(context.out, controller, model, bench, context.config.name)
+        else:
+            _write_tables(context.out, target, controller, _tables(context.artifacts))
+    return {
+        "schema": "pneucli/export/1",
+        "pipeline": context.config.name,
+        "period_s": controller.period,
+        "files": sorted(path.name for path in context.out.iterdir()),
+    }
+
+
+def _tables(artifacts: Path) -> dict[str, files.Table]:
+    """Return the tables that earlier stages wrote, those that this rig has."""
+    return {
+        Path(n).name: read_table(artifacts / f"{n}.parquet") for n in TABLES if (artifacts / f"{n}.parquet").exists()
+    }
+
+
+def _write_tables(out: Path, target: str, controller: Controller, tables: dict[str, files.Table]) -> None:
+    tables = {**tables, "inverse_area": files.inverse_table(controller)}
+    if target == "mat":
+        files.write_mat(out / "pneucli_design.mat", controller, tables)
+        return
+    for name, table in {**tables, "controller": files.controller_table(controller)}.items():
+        files.write_csv(out / f"{name}.csv", table)
+
+
+def describe(answer: dict[str, Any]) -> str:
+    """Return the files as lines for a person."""
+    return "\n".join([f"one step every {answer['period_s']:g} s", *answer["files"]])
