@@ -91,7 +91,9 @@ def _residuals() -> Table:
             residual += 5 * noise * ((signals["x"] > 0.12) & (channel == "x"))  # a fault at one place of the stroke
             for column, text in zip(columns, (name, use, channel, UNIT[channel]), strict=True):
                 columns[column] += [text] * SAMPLES
-            values = (TIME, signals[channel], signals[channel] - residual, residual)
+            rare = (channel == "v") & (np.arange(SAMPLES) % 10 > 0)  # recorded ten times more rarely
+            measured, residual = (np.where(rare, np.nan, y) for y in (signals[channel], residual))
+            values = (TIME, measured, signals[channel], residual)
             for column, part in zip(numbers, values, strict=True):
                 numbers[column].append(part)
     return Table({**columns, **{n: np.concatenate(parts) for n, parts in numbers.items()}})

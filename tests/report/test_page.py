@@ -11,7 +11,7 @@ import pytest
 from pneucli.report import Material, to_html
 from pneucli.report.page import verdicts, warnings
 from pneucli.report.sections import SECTIONS
-from pneucli.report.sections.where import Cloud, _grid, _map
+from pneucli.report.sections.where import Cloud, _grid, _map, _span
 from tests.report.bench import without
 
 ANCHORS = {
@@ -134,6 +134,14 @@ def test_the_residual_map_shows_error_where_it_is_and_noise_elsewhere() -> None:
     # 200 000 samples in 24 x 24 cells: 347 a cell, so its rms is within 4 / sqrt(2 * 347) of 1, or of sqrt(1 + 36)
     assert np.nanmax(np.abs(rms[clean] - 1)) < 0.18
     assert np.nanmax(np.abs(rms[faulty] - np.sqrt(37))) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(0.9, 1.0, "toward +x"), (-1.0, -0.9, "toward −x"), (-0.1, 0.0, "at rest"), (-1.0, 0.1, "toward −x or at rest")],
+)
+def test_directions_are_said_in_words(low: float, high: float, words: str) -> None:
+    assert _span({"signal": "direction", "from": low, "to": high, "unit": "1"}) == words
 
 
 def test_cells_with_few_samples_stay_empty() -> None:

@@ -11,14 +11,17 @@
   // uPlot knows gaps as null only
   const values = (packed) => Array.from(floats(packed), (v) => (Number.isNaN(v) ? null : v));
 
+  // a signal that was recorded more rarely than the others has samples without neighbours: no line, but dots
+  const sparse = (numbers) => numbers.filter(Number.isNaN).length > numbers.length / 3;
+
   function series(panel) {
     let residuals = 0;
-    return panel.series.map(({ label, role }) => ({
+    return panel.series.map(({ label, role, values: packed }) => ({
       label,
       stroke: colour(role === "residual" ? `residual-${residuals++ % 5}` : role),
       width: role === "measured" ? 3.5 : 1.25,
       spanGaps: false,
-      points: { show: false },
+      points: { show: sparse(floats(packed)), size: 6 },
       value: (plot, v) => shown(v),
     }));
   }

@@ -21,6 +21,7 @@ CELLS = 24  # along each side of a map
 FULL = 5  # samples that a cell needs to be drawn
 MAPS = 6
 FIRST = 8  # stretches that stand open
+_DIRECTIONS = {-1: "toward −x", 0: "at rest", 1: "toward +x"}
 STATES = ("u", "p1", "p2", "x", "v")
 
 
@@ -75,7 +76,8 @@ def _regions(regions: Sequence[Mapping[str, Any]], folded: bool) -> Grid:
 
 def _span(region: Mapping[str, Any]) -> str:
     if region["signal"] == "direction":
-        return "toward +x" if region["from"] > 0 else "toward −x" if region["to"] < 0 else "at rest"
+        within = [name for sign, name in _DIRECTIONS.items() if region["from"] <= sign <= region["to"]]
+        return " or ".join(within)
     low, high = (number(float(shown(float(region[end]), region["unit"])), 3) for end in ("from", "to"))
     return f"{low} – {high} {shown_unit(region['unit'])}".rstrip()
 
