@@ -204,7 +204,7 @@ def smoothed_rates(kernel: Kernel) -> Callable[..., Array]:
     return rates
 
 
-def fastest(*rivals: Callable[[], object], runs: int = 30) -> list[float]:
+def fastest(*rivals: Callable[[], object], runs: int = 100) -> list[float]:
     """Shortest time of each in s, after one run to warm up; they take turns, so that all meet the same machine."""
     for rival in rivals:
         rival()
