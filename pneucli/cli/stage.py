@@ -24,7 +24,11 @@ class Target(StrEnum):
 
 def register(app: typer.Typer, stage: Stage) -> None:
     """Add the command of ``stage``."""
-    special: dict[str, Callable[..., None]] = {"diagnose": _diagnose, "export": _export}
+    special: dict[str, Callable[..., None]] = {
+        "diagnose": _diagnose,
+        "export": _export,
+        "simulate": _simulate,
+    }
     command = special.get(stage.name, _plain(stage.name))
     app.command(stage.name, help=f"{stage.title[0].upper()}{stage.title[1:]}.")(command)
 
@@ -60,6 +64,19 @@ def _diagnose(
     quiet: Quiet = False,
 ) -> None:
     bring_up("diagnose", pipeline, out, json, quiet, exclude=sorted(set(exclude or [])))
+
+
+def _simulate(
+    pipeline: File,
+    executor: Annotated[
+        str | None,
+        typer.Option("--executor", metavar="ADDRESS", help="Cluster for the Monte Carlo study: dask://host:port."),
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    bring_up("simulate", pipeline, out, json, quiet, **({"executor": executor} if executor else {}))
 
 
 def _export(

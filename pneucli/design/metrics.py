@@ -126,7 +126,7 @@ def _load_error(run: Run, ends: list[slice]) -> float:
     return _worst(abs(float(np.mean(off[e]))) / largest for e in ends)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _reversals(u: Array, threshold: float) -> int:
     """Count reversals of u that are larger than a threshold (V)."""
     count, extreme, direction = 0, u[0], 0.0

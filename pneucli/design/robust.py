@@ -20,12 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design.closed_loop import Bench, Scenario, run
+from pneucli.design.closed_loop import Bench, Scenario, controller_text, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import Metrics, measure
 from pneucli.errors import InputError, did_you_mean
 from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.build import source
 from pneucli.simulate.layout import BASE
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import workers
@@ -101,6 +103,7 @@ class Study:
         """Return a hash of all that decides the rows, so that rows of another study are not taken for this one's."""
         model = self.axes.model
         about = {
+            "program": source(tuple(catalogue().values()), control=controller_text()),
             "controller": self.controller.to_json(),
             "scenarios": [
                 [s.name, s.reference.tobytes().hex(), s.force.tobytes().hex(), str(s)] for s in self.scenarios
@@ -176,7 +179,7 @@ def executor_from(address: str | None) -> Iterator[Executor]:
         raise InputError(
             "--executor", "dask.distributed is not installed", "the extra cluster", "pip install 'pneucli[cluster]'"
         ) from error
-    with Client(address.replace("dask://", "tcp://", 1)) as client:
+    with Client(address.replace("dask://", "tcp://", 1)) as client:  # type: ignore[no-untyped-call]
         yield client.get_executor()
 
 

@@ -12,13 +12,18 @@ from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.open_loop import OpenLoopRun, default_runs, run_scenario
+from pneucli.stages import closed_loop
+from pneucli.stages.closed_loop import simulate_closed_loop
 from pneucli.stages.study import Study, load_model
 
-KINDS = ("open-loop",)
+KINDS = ("open-loop", "closed-loop", "monte-carlo")
 
 
 def run(context: Context) -> dict[str, Any]:
-    """Run every scenario of ``[[scenarios]]``, by default the free run of the recordings; return their metrics."""
+    """Run every scenario of ``[[scenarios]]``; return their metrics.
+
+    By default these are the free run of the recordings, and the closed loop where a controller was designed.
+    """
     study = Study(context)
     for i, scenario in enumerate(context.config.scenarios):
         kind = scenario.get("kind", "open-loop")
@@ -31,6 +36,7 @@ def run(context: Context) -> dict[str, Any]:
         "schema": "pneucli/simulate/1",
         "pipeline": context.config.name,
         "open_loop": [{"scenario": r.scenario, "channels": r.metrics()} for r in runs],
+        **simulate_closed_loop(study),
     }
 
 
@@ -41,7 +47,11 @@ def _open_loop(study: Study) -> list[OpenLoopRun]:
         return default_runs(model, study.experiments)
     by_name = {e.recording.name: e for e in study.experiments}
     where = f"{study.context.path}, key scenarios"
-    return [run_scenario(model, table, by_name, f"{where}.{i + 1}") for i, table in enumerate(stated)]
+    return [
+        run_scenario(model, table, by_name, f"{where}.{i + 1}")
+        for i, table in enumerate(stated)
+        if table.get("kind", "open-loop") == "open-loop"
+    ]
 
 
 def _write(study: Study, runs: Sequence[OpenLoopRun]) -> None:
@@ -71,4 +81,4 @@ def describe(answer: dict[str, Any]) -> str:
             rmsd = "–" if m["rmsd"] is None else f"{m['rmsd']:.4g}"
             head = f"{one['scenario']:20s} {m['channel']:8s} {m['from']:12.5g} {m['to']:12.5g}"
             lines.append(f"{head} {m['unit']:6s} {rmsd:>10s}")
-    return "\n".join(lines)
+    return "\n".join(lines + closed_loop.describe(answer))
