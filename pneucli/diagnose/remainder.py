@@ -13,11 +13,13 @@ from pneucli.compare.expected import deviations
 from pneucli.compare.where import locators
 from pneucli.identify.fit import block_numbers
 from pneucli.identify.views import Kind, View
+from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
 DRAWS = 3
+SEED = 11
 BINS = 12
 FEWEST_BLOCKS = 4  # in a bin, to know how its mean scatters
 
@@ -66,9 +68,26 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
 def expected_rms(model: Model, view: View) -> dict[str, float]:
     """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise."""
     if view.kind == "forces":
-        return dict.fromkeys(view.channels, 1.0)
+        return _expected_forces(model, view)
     drawn = deviations(model, view.experiment, DRAWS)
     return {c: max(float(np.sqrt(np.mean(drawn[c] ** 2))) / view.noise[c], 1.0) for c in view.channels}
+
+
+def _expected_forces(model: Model, view: View) -> dict[str, float]:
+    """The sensors' own noise, and what the noise of the smoothed motion does, such as at the edge of a stretch."""
+    e, rng = view.experiment, np.random.default_rng(SEED)
+    nominal = view.residual(model)
+    power = dict.fromkeys(view.channels, 1.0)
+    for _ in range(DRAWS):
+        inputs, again = e.inputs.copy(), e.read_again(e.draw_noise(rng))
+        inputs[:, at.IN_X] = again[:, at.IN_X]
+        moving = inputs[:, at.IN_V] != 0.0  # what is taken for a rest stays one
+        inputs[moving, at.IN_V] = again[moving, at.IN_V]
+        drawn = view.balance(model, inputs)
+        for c in view.channels:
+            seen = max(int(np.count_nonzero(nominal[c])), 1)
+            power[c] += float(np.sum(((drawn[c] - nominal[c]) / view.noise[c]) ** 2)) / (seen * DRAWS)
+    return {c: float(np.sqrt(p)) for c, p in power.items()}
 
 
 def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]]) -> Remainder:

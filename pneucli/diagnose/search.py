@@ -17,6 +17,7 @@ MOST_EFFECTS = 4
 REFITS = 6  # of the effects that the screen ranks highest
 PAIRS = 3
 WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
+HOPELESS = 0.01  # of what the best signature promises
 ALPHA = 0.05  # of naming any effect where none is, before it is held out
 MATERIAL = 0.002  # of the cost: less does not change what the user sees
 SWAPS = 3
@@ -80,8 +81,10 @@ def _forward(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tup
 
 def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial]:
     """Refit with the effects that the screen ranks highest, likeliest first."""
-    ranked = [(e, s) for e, s in bench.screen(state) if s.gain > WORTH and e.name not in without][:REFITS]
-    trials = [bench.added(state, effect, signature) for effect, signature in ranked]
+    screened = [(e, s) for e, s in bench.screen(state) if e.name not in without]
+    least = max(WORTH, HOPELESS * screened[0][1][0].gain) if screened else WORTH
+    likely = [(e, s) for e, s in screened if s[0].gain > least][:REFITS]
+    trials = [bench.added(state, effect, found) for effect, found in likely]
     return sorted(trials, key=lambda t: t.state.cost)
 
 
@@ -91,9 +94,7 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Tria
     return [
         t
         for t, p in zip(trials, adjusted, strict=True)
-        if p < ALPHA
-        and t.train.total > MATERIAL * float(before.train.sum())
-        and (t.test.certain or not bench.held_out)
+        if p < ALPHA and t.train.total > MATERIAL * float(before.train.sum()) and (t.test.certain or not bench.held_out)
     ]
 
 
@@ -156,14 +157,12 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> l
     return [*rungs, last] if waiting else rungs
 
 
-def _pairs(
-    bench: Bench, rungs: list[State], rounds: list[list[Trial]]
-) -> tuple[list[State], list[list[Trial]]]:
+def _pairs(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tuple[list[State], list[list[Trial]]]:
     """Try the pairs that promise most together, where single effects led nowhere."""
     base = rungs[0]
     ranked = bench.screen(base)[:8]
     promised = sorted(
-        ((_joint(base, a, b), i, j) for i, (_, a) in enumerate(ranked) for j, (_, b) in enumerate(ranked[:i])),
+        ((_joint(base, a[0], b[0]), i, j) for i, (_, a) in enumerate(ranked) for j, (_, b) in enumerate(ranked[:i])),
         reverse=True,
     )
     best = rungs

@@ -19,6 +19,9 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 
 
+Screened = tuple[Effect, list[Signature]]
+
+
 @dataclass(frozen=True)
 class Bench:
     """The data of a diagnosis: views to fit, views held out, and the effects that may be missing."""
@@ -47,21 +50,21 @@ class Bench:
         blocks = block_numbers(self.held_out) if self.held_out else np.zeros(0, dtype=np.int64)
         return State(found, block_costs(found.residual, found.blocks), test, block_costs(test, blocks))
 
-    def screen(self, state: State) -> list[tuple[Effect, Signature]]:
-        """Return effects with their best signature, by the fall of the cost that it promises."""
+    def screen(self, state: State) -> list[Screened]:
+        """Return effects with their signatures, by the fall of the cost that the best one promises."""
         ranked = []
         waiting = [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
         for i, effect in enumerate(waiting):
             self.progress(f"screening {effect.name}, {len(waiting) - i - 1} left")
             found = signatures(effect, state.fit, self.train)
             if found and found[0].gain > 0.0:
-                ranked.append((effect, found[0]))
-        return sorted(ranked, key=lambda pair: -pair[1].gain)
+                ranked.append((effect, found))
+        return sorted(ranked, key=lambda pair: -pair[1][0].gain)
 
-    def added(self, state: State, effect: Effect, signature: Signature | None = None) -> Trial:
+    def added(self, state: State, effect: Effect, ranked: Sequence[Signature] | None = None) -> Trial:
         """Refit with the effect and hold it against the data that the fit has not seen."""
         self.progress(f"fitting {effect.name}")
-        found = fit_added(state.fit, self.train, effect, linear_valve=self.linear_valve, signature=signature)
+        found = fit_added(state.fit, self.train, effect, linear_valve=self.linear_valve, ranked=ranked)
         return self.trial(state, self.state(found), effect)
 
     def without(self, state: State, effect: Effect) -> State:
@@ -72,7 +75,9 @@ class Bench:
         """Return what the step from one state to the other is worth."""
         train = gain(before.train, after.train)
         p_value = wald(after.fit, effect)
-        return Trial(effect, after, train, gain(before.test, after.test), train.p_value if np.isnan(p_value) else p_value)
+        return Trial(
+            effect, after, train, gain(before.test, after.test), train.p_value if np.isnan(p_value) else p_value
+        )
 
 
 @dataclass(frozen=True)

@@ -18,18 +18,22 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
+EDGED_STARTS = 4
+
 
 @dataclass(frozen=True)
 class Signature:
     """What switching an effect on at some values changes in the residuals (N,), in units of noise.
 
-    ``gain`` is the fall of the cost (squared) that a linear step along it promises, base parameters adjusting.
+    ``gain`` is the fall of the cost (squared) that a linear ``step`` along it promises, base parameters adjusting;
+    ``error`` is the step's standard error, from the scores of blocks.
     """
 
     values: dict[str, float]
     change: Array
     gain: float
     step: float
+    error: float
 
 
 def typical_values(parameter: Parameter, model: Model, views: Sequence[View]) -> list[float]:
@@ -59,31 +63,31 @@ def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model
 
 def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signature]:
     """Return the effect's signatures at its typical values, best first; only the views that feel it are run."""
-    problem = Problem(found.model, views, ())
-    nominal = problem.data(found.model)
-    basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else np.zeros((found.residual.size, 0))
-    target = found.residual - basis @ (basis.T @ found.residual)
     felt = [i for i, view in enumerate(views) if view.feels(effect)]
+    sizes = [view.experiment.time.size * len(view.channels) for view in views]
+    nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
     out = []
     for values in starts(effect, found.model, views) if felt else []:
         model = with_effect(found.model, effect, values)
         part = Problem(model, [views[i] for i in felt], ()).data(model)
-        parts = [np.zeros(n.size) for n in nominal]
+        parts = [np.zeros(n) for n in sizes]
         for i, residual in zip(felt, part, strict=True):
             parts[i] = residual - nominal[i]
-        out.append(_signature(values, np.concatenate(parts), basis, target, nested=effect.nested))
+        out.append(_signature(values, np.concatenate(parts), found, nested=effect.nested))
     return sorted(out, key=lambda s: -s.gain)
 
 
-def _signature(values: dict[str, float], change: Array, basis: Array, target: Array, *, nested: bool) -> Signature:
+def _signature(values: dict[str, float], change: Array, found: Fit, *, nested: bool) -> Signature:
+    basis, target = found.basis, found.unexplained
     new = change - basis @ (basis.T @ change)
-    if not nested:  # it cannot be switched on by degrees
-        return Signature(values, change, float(target @ target - (target + new) @ (target + new)), 1.0)
     power = float(new @ new)
     if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
-        return Signature(values, change, 0.0, 0.0)
+        return Signature(values, change, 0.0, 0.0, np.inf)
+    error = float(np.linalg.norm(np.bincount(found.blocks, weights=new * target))) / power
+    if not nested:  # it cannot be switched on by degrees
+        return Signature(values, change, float(target @ target - (target + new) @ (target + new)), 1.0, error)
     step = -float(new @ target) / power
-    return Signature(values, change, step * step * power, step)
+    return Signature(values, change, step * step * power, step, error)
 
 
 def scaled_start(effect: Effect, signature: Signature, model: Model, share: float = 1.0) -> dict[str, float]:
@@ -118,20 +122,24 @@ def fit_added(
     *,
     linear_valve: bool,
     rounds: int = 12,
-    signature: Signature | None = None,
+    ranked: Sequence[Signature] | None = None,
 ) -> Fit:
-    """Refit with one more effect, from its best signature."""
+    """Refit with one more effect, from its best signatures (``ranked``, where they are known already)."""
     model = found.model
-    ranked = [signature] if signature is not None else signatures(effect, found, views)
+    ranked = signatures(effect, found, views) if ranked is None else ranked
     if not ranked:
         return replace(found, model=replace(model, effects=(*model.effects, effect)))
-    refitted = found
-    for share in (1.0, 0.05):  # where the promised step leads astray, from nearly nothing
-        started = with_effect(model, effect, scaled_start(effect, ranked[0], model, share))
-        refitted = _from_coarse_to_fine(started, views, effect, linear_valve=linear_valve, rounds=rounds)
-        if refitted.cost <= found.cost:
-            break
-    return refitted
+
+    def refitted(signature: Signature, share: float) -> Fit:
+        started = with_effect(model, effect, scaled_start(effect, signature, model, share))
+        return _from_coarse_to_fine(started, views, effect, linear_valve=linear_valve, rounds=rounds)
+
+    if any(p.step for p in effect.parameters):  # an edge sees no further than its neighbourhood
+        return min((refitted(s, 1.0) for s in ranked[:EDGED_STARTS]), key=lambda f: f.cost)
+    first = refitted(ranked[0], 1.0)
+    if first.cost <= found.cost:
+        return first
+    return refitted(ranked[0], 0.05)  # the promised step led astray: from nearly nothing
 
 
 def _from_coarse_to_fine(

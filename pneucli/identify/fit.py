@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from threading import Lock
 
 import numpy as np
@@ -59,6 +60,16 @@ class Fit:
     blocks: NDArray[np.int64]
     covariance: Array
     cost: float
+
+    @cached_property
+    def basis(self) -> Array:
+        """Orthonormal columns (N, k) that span what the free parameters can do to the residual."""
+        return np.asarray(np.linalg.qr(self.jacobian)[0])
+
+    @cached_property
+    def unexplained(self) -> Array:
+        """The residual without what the free parameters could still take up, shape (N,)."""
+        return np.asarray(self.residual - self.basis @ (self.basis.T @ self.residual))
 
     def __getitem__(self, name: str) -> Estimate:
         return next(e for e in self.estimates if e.name == name)

@@ -37,7 +37,6 @@ MECHANICAL = {"dry_rise", "slowing", "dry_factor", "static_factor", "viscous_fac
 SENSING = {"read_p1", "read_p2", "unread_p1", "unread_p2", "sensor_lag", "sensor_delay"}
 RESTED = 20  # samples of rest, and of motion, that make a break-away
 SMEARED = 5  # samples around a change of the direction of motion
-A_STILL = 3.0  # standard deviations of the acceleration, below which it does not tell speeding from slowing
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class View:
         """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured."""
         e = self.experiment
         if self.kind == "forces":
-            return self._balance(model)
+            return self.balance(model, e.inputs)
         modelled = simulate(model, e) if self.kind == "chambers" else outputs(model, e)
         return {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
 
@@ -116,21 +115,23 @@ class View:
         v = e.inputs[:, at.IN_V]
         return a, breakaways(v), np.column_stack(rough), unsure(v)
 
-    def _balance(self, model: Model) -> dict[str, Array]:
-        """Return the force left over, and the accelerometer's reading where the piston rests."""
+    def balance(self, model: Model, inputs: Array) -> dict[str, Array]:
+        """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests.
+
+        ``inputs`` (n, 10) are the experiment's own, or with other readings of the motion.
+        """
         e, kernel = self.experiment, kernel_for(model.effects)
         a, leaving, rough, doubtful = self._motion
-        still = A_STILL * e.noise["a"].rms if "a" in e.noise else 0.05 * float(np.max(np.abs(a)))
         out = np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
-            e.inputs.copy(),
+            inputs.copy(),
             a,
             rough[:, 0].copy(),
             rough[:, 1].copy(),
             leaving,
             doubtful,
-            still,
+            self.noise["force"],
             base_vector(model, e),
             kernel.vector(model.effect_values()),
             kernel.switches(e.active(model.effects)),

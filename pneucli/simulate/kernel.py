@@ -550,13 +550,14 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, base_values, th_values, on_values, out):
+def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, sigma, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, noise_p1 and
     noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0,
     unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a force that is more than
-    the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
+    the model can hold counts, of the smoothed pressures, so that noise does not pass for it. Between the branches of
+    friction nothing is known but that: what noise leaves, sigma in N, stands there, so that it is no gain.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
@@ -575,9 +576,11 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, b
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)
+        # what drives the piston tells the branch: beyond both it speeds up or slows, between them it goes on (Filippov)
+        drive = direction * push - c * abs(v)
+        branch = min(max(drive, falling), rising)
         if stiffness > 0.0:
-            level = falling if (a[k] - bias) * direction < 0.0 else rising
-            z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, level, stiffness, th, on)
+            z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, branch, stiffness, th, on)
             out[k] = friction - held - c * v
             continue
         if v == 0.0:
@@ -587,10 +590,9 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, a_still, b
             out[k] = direction * (over if leaving[k] == direction else max(over, 0.0))
             continue
         rest = 0.0
-        along = direction * friction - c * abs(v)
-        speeding = (a[k] - bias) * direction
-        low = rising if speeding > a_still else falling  # between the branches the noise, or nature, may be on both
-        high = falling if speeding < -a_still else rising
-        out[k] = direction * (min(along - low, 0.0) + max(along - high, 0.0))
+        if falling < drive < rising:
+            out[k] = sigma if k % 2 == 0 else -sigma
+        else:
+            out[k] = direction * (direction * friction - c * abs(v) - branch)
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain

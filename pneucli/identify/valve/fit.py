@@ -132,6 +132,8 @@ class Round:
                 tried_start = start - start_gradient - cross.T @ (tried - theta)
                 ahead = simulate(self.law, tried, tried_start, self.data)
                 gain = cost - self.cost(tried, ahead)
+                if gain <= 0.0 and -step @ (2 * gradient + hessian @ step) < ENOUGH:
+                    break  # not even the model of the cost promises more
                 damping *= 0.2 if gain > 0.0 else 10.0
             if gain > 0.0:
                 theta, start, simulated, cost = tried, tried_start, ahead, cost - gain
