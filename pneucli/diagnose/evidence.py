@@ -26,7 +26,7 @@ SEED = 7
 
 def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
     """Return the sum of squares of each block."""
-    return np.bincount(blocks, weights=residual**2)
+    return np.bincount(blocks, weights=residual**2).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def _freedom(found: Fit, contrast: Array) -> float:
     """Return the number of blocks from which the contrast's variance is known."""
     bread = np.linalg.pinv(found.jacobian.T @ found.jacobian, hermitian=True)
     influence = found.jacobian @ (bread @ contrast.T) * found.residual[:, None]
-    parts = [np.bincount(found.blocks, weights=column) for column in influence.T]
+    parts = [np.bincount(found.blocks, weights=column).astype(np.float64) for column in influence.T]
     return min(effective_number(part) for part in parts)
 
 

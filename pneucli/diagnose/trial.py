@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
-from pneucli.identify.effects import Signature, fit_added, fit_without, signatures, starts
+from pneucli.identify.effects import Signature, fit_added, fit_without, signatures
 from pneucli.identify.fit import Fit, Problem, block_numbers
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
@@ -51,15 +51,20 @@ class Bench:
         return State(found, block_costs(found.residual, found.blocks), test, block_costs(test, blocks))
 
     def screen(self, state: State) -> list[Screened]:
-        """Return effects with their signatures, by the fall of the cost that the best one promises."""
-        ranked = []
-        waiting = [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
-        for i, effect in enumerate(waiting):
-            self.progress(f"screening {effect.name}, {len(waiting) - i - 1} left")
-            found = signatures(effect, state.fit, self.train)
-            if found and found[0].gain > 0.0:
-                ranked.append((effect, found))
+        """Return the effects that the state lacks with their signatures, by what the best one promises."""
+        lacking = [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
+        ranked = [(e, found) for e, found in self.screened(state, lacking) if found[0].gain > 0.0]
         return sorted(ranked, key=lambda pair: -pair[1][0].gain)
+
+    def screened(self, state: State, effects: Sequence[Effect]) -> list[Screened]:
+        """Return the signatures of effects at a state, best first; those without any are left out."""
+        out = []
+        for i, effect in enumerate(effects):
+            self.progress(f"screening {effect.name}, {len(effects) - i - 1} left")
+            found = signatures(effect, state.fit, self.train)
+            if found:
+                out.append((effect, found))
+        return out
 
     def added(self, state: State, effect: Effect, ranked: Sequence[Signature] | None = None) -> Trial:
         """Refit with the effect and hold it against the data that the fit has not seen."""
@@ -98,6 +103,11 @@ class State:
     def names(self) -> list[str]:
         """The effects that the model has."""
         return [e.name for e in self.fit.model.effects]
+
+    @property
+    def samples(self) -> int:
+        """How many residuals there are, trained and held out, zeros of what does not count left out."""
+        return int(np.count_nonzero(self.fit.residual) + np.count_nonzero(self.test_residual))
 
     @property
     def costs(self) -> Array:

@@ -19,7 +19,6 @@ from scipy.stats import norm
 from pneucli.identify.least_squares import minimise
 from pneucli.identify.parameters import STEP, Free, with_parameters
 from pneucli.identify.views import View
-from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import workers
 from pneucli.simulate.valve_area import ValveArea

@@ -74,9 +74,11 @@ def with_parameters(model: Model, values: dict[str, float]) -> Model:
     areas = [values.get(area_name(c), a) for c, a in zip(valve.commands, valve.areas, strict=True)]
     if GAIN in values:
         areas = [values[GAIN] * abs(c) for c in valve.commands]
-    overlaps = {field: values[name] for name, field in OVERLAPS.items() if name in values}
+    fill, vent = (values.get(name, getattr(valve, field)) for name, field in OVERLAPS.items())
     rest = {n: v for n, v in values.items() if n not in OVERLAPS and n != GAIN and not n.startswith(AREA)}
-    return replace(model.with_values(rest), valve=replace(valve, areas=tuple(areas), **overlaps))
+    return replace(
+        model.with_values(rest), valve=replace(valve, areas=tuple(areas), overlap_fill=fill, overlap_vent=vent)
+    )
 
 
 def base_parameters(model: Model, experiments: Sequence[Experiment], *, linear_valve: bool) -> list[Free]:

@@ -62,8 +62,9 @@ _ALL = (
     Stage(
         "diagnose",
         "which physical effect is missing",
-        parents=("compare",),
-        tables=("pipeline",),
+        parents=("ingest",),  # it fits by itself: who only asks what is missing need not wait for maps and tables
+        tables=("pipeline", "model", "compare"),
+        files=("model", "plugins"),
     ),
     Stage(
         "design",

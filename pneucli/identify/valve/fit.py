@@ -10,13 +10,15 @@ from scipy.linalg import solve_toeplitz
 
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.stretches import Stretches
+from pneucli.noise import NoiseModel
+from pneucli.simulate.smooth import autocovariance
 
 Array = NDArray[np.float64]
 
-ROUNDS, STEPS = 9, 6  # of prior widths and whitening, and of Levenberg-Marquardt in each
+ROUNDS, STEPS = 9, 6  # of prior widths, and of Levenberg-Marquardt in each
 ENOUGH = 0.05  # gain of a step, in units of chi-square, at which a round ends
 SETTLED = 0.2  # change of the prior widths, as a logarithm, at which the rounds end
-ORDER = 8  # of the residuals' autoregression: colour, and most of a mains line
+ORDER = 8  # of the noise's autoregression: colour, and most of a mains line
 SUBSTEP = 2e-3  # s, below the time constant of the last approach to equilibrium
 FIRST = {"shared": 0.05, "own": 0.005, "leak": 0.005}  # prior standard deviations to start from: base law first
 WIDEST = {"shared": 0.5, "own": 0.3, "leak": 0.2}
@@ -71,16 +73,20 @@ def sensitivities(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[Array
     return out, np.concatenate([np.ones((1, p.shape[1])), np.cumprod(decay, axis=0)])
 
 
-def autoregression(residual: Array, valid: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Return the whitening filter (1, -phi_1, ...) of residuals ``(N, L)`` and the innovations' standard deviation."""
+def whitener(covariance: Array) -> tuple[Array, float]:
+    """Return the filter (1, -phi_1, ...) that whitens noise of these autocovariances, and its innovations' deviation."""
+    covariance = covariance * np.where(np.arange(covariance.size) == 0, 1 + 1e-6, 1.0)
+    phi = solve_toeplitz(covariance[:-1], covariance[1:]) if covariance.size > 1 else np.zeros(0)
+    return np.append(1.0, -phi), float(np.sqrt(max(covariance[0] - phi @ covariance[1:], 1e-300)))
+
+
+def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
+    """Return the autocovariances of residuals ``(N, L)`` at lags from 0, as far as the samples allow."""
     order = min(ORDER, max(0, int(valid.sum(axis=0).max()) // 20))
     e = np.where(valid, residual, 0.0)
     covariance = np.array([np.sum(e[k:] * e[: e.shape[0] - k]) for k in range(order + 1)])
     pairs = np.array([np.sum(valid[k:] & valid[: e.shape[0] - k]) for k in range(order + 1)])
-    covariance = covariance / pairs
-    covariance[0] *= 1 + 1e-6
-    phi = solve_toeplitz(covariance[:-1], covariance[1:]) if order else np.zeros(0)
-    return np.append(1.0, -phi), float(np.sqrt(max(covariance[0] - phi @ covariance[1:], 1e-300)))
+    return np.asarray(covariance / pairs)
 
 
 @dataclass(frozen=True)
@@ -143,16 +149,18 @@ class Round:
         return theta, start, simulated, hessian
 
 
-def fit_law(law: Law, data: Stretches, guess: Array) -> Fit:
+def fit_law(law: Law, data: Stretches, guess: Array, sensor: NoiseModel) -> Fit:
     """Fit ``law`` to ``data`` from ``guess`` and return the maximum of the posterior.
 
-    Every round refits, whitens the residuals by an autoregression of their own (so that coloured noise does not feign
-    precision), and sets each group of corrections to the prior width that the data support: MacKay's evidence update,
-    Neural Computation 4 (1992) 415. Corrections that the data do not ask for shrink to nothing, and what no data
-    determine falls back on the base law with the width that the rest of the map shows.
+    Residuals are weighted as the noise of the pressure's ``sensor``; the covariance is that of the residuals as they
+    are, so that coloured ones do not feign precision. (Weights from the residuals themselves would let the curves
+    drift from the data: what a law cannot follow looks like noise that is slow.) Each round refits and sets each group
+    of corrections to the prior width that the data support: MacKay's evidence update, Neural Computation 4 (1992) 415.
+    Corrections that the data do not ask for shrink to nothing, and what no data determine falls back on the base law
+    with the width that the rest of the map shows.
     """
     groups, widths = law.groups(), dict(FIRST)
-    whitening, noise = np.ones(1), _differences(data)
+    whitening, noise = whitener(autocovariance(sensor, ORDER + 1))
     theta, start = guess, np.nan_to_num(data.p[0], nan=float(np.nanmedian(data.p)))
     bounds = _bounds(law)
     for _ in range(ROUNDS):
@@ -160,21 +168,17 @@ def fit_law(law: Law, data: Stretches, guess: Array) -> Fit:
         for name, members in groups.items():
             prior[members] = 1 / widths[name]
         theta, start, simulated, hessian = Round(law, data, whitening, noise, prior).solve(theta, start, bounds)
-        covariance = np.asarray(np.linalg.inv(hessian), dtype=np.float64)
+        variance = np.diag(np.linalg.inv(hessian))
         before = dict(widths)
         for name, members in groups.items():
-            determined = members.size - np.sum(np.diag(covariance)[members]) / widths[name] ** 2
+            determined = members.size - np.sum(variance[members]) / widths[name] ** 2
             supported = float(np.sqrt(np.sum(theta[members] ** 2) / max(determined, 1e-2)))
             widths[name] = float(np.clip(supported, NARROWEST[name], WIDEST[name]))
-        whitening, noise = autoregression(simulated - data.p, data.valid)
         if all(abs(np.log(widths[name] / before[name])) < SETTLED for name in widths):
             break
-    return Fit(theta, covariance, simulated, whitening, noise, widths)
-
-
-def _differences(data: Stretches) -> float:
-    second = np.diff(data.p, 2, axis=0)[data.valid[2:]]
-    return max(float(np.sqrt(np.mean(second**2) / 6)), 1e-6)
+    whitening, noise = whitener(autocovariances(simulated - data.p, data.valid))
+    hessian = Round(law, data, whitening, noise, prior).normal_equations(theta, simulated)[1]
+    return Fit(theta, np.asarray(np.linalg.inv(hessian)), simulated, whitening, noise, widths)
 
 
 def _bounds(law: Law) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from pneucli.identify.valve.maps import (
     inverse_map,
 )
 from pneucli.identify.valve.stretches import Stretches, cut
+from pneucli.noise import estimate, pool
 from pneucli.recording import Recording, Rig
 
 Array = NDArray[np.float64]
@@ -126,7 +127,8 @@ def identify_valve(recordings: Sequence[Recording], rig: Rig) -> ValveIdentifica
         raise InputError("recordings", "no valve test to train on", 'experiment = "valve", use = "train"')
     data = cut(train, rig.supply_pressure)
     law, guess = _start(data, rig)
-    fit = fit_law(law, data, guess)
+    sensor = pool([r.noise.get("p1") or estimate(r.time, r["p1"]) for r in train])
+    fit = fit_law(law, data, guess, sensor)
     top = {d.sign: float(d.nodes[-1]) for d in law.directions}
     u = np.linspace(-top.get(-1, 0.0), top.get(1, 0.0), GRID)
     p = np.linspace(rig.ambient_pressure, law.supply, GRID)

@@ -1,0 +1,58 @@
+"""How large an effect would have had to be to be seen: absent is not the same as invisible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneucli.diagnose.trial import Bench, State
+from pneucli.identify.effects import Signature
+from pneucli.identify.parameters import value_of
+from pneucli.physics.declaration import Effect, Parameter
+
+SEEN = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the whole catalogue
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The size of one effect's leading parameter from which it would have shown, in the parameter's unit.
+
+    ``size`` is inf where no plausible size would have shown.
+    """
+
+    effect: Effect
+    parameter: Parameter
+    size: float
+    plausible: bool
+
+    @property
+    def would_show(self) -> str:
+        """A sentence for a person."""
+        title, unit = self.effect.title, self.parameter.unit
+        name = f"{self.parameter.title or self.parameter.name}"
+        if not self.plausible:
+            return f"{title}: these recordings cannot tell; no plausible size of it would have shown"
+        return f"{title}: a {name} that differs by {self.size:.2g} {unit} from none would have shown"
+
+
+def detectable(bench: Bench, state: State) -> list[Detectable]:
+    """Return, for every effect that the model lacks, the size that would have been seen."""
+    lacking = [e for e in bench.effects.values() if e.name not in state.names and bench.can_show(e)]
+    ranked = {e.name: found for e, found in bench.screened(state, lacking)}
+    return [_size(effect, ranked.get(effect.name, []), state) for effect in lacking]
+
+
+def _size(effect: Effect, found: list[Signature], state: State) -> Detectable:
+    """The typical value nearest to none, moved in proportion to what its signature would show."""
+    leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
+    name = f"{effect.name}.{leading.name}"
+    seen = [s for s in found if np.isfinite(s.error) and s.error > 0.0]
+    if not seen:
+        return Detectable(effect, leading, np.inf, plausible=False)
+    best = min(seen, key=lambda s: s.error)
+    if leading.null is None:
+        return Detectable(effect, leading, best.values[name], plausible=SEEN * best.error < 1.0)
+    null = value_of(state.model, leading.null) if isinstance(leading.null, str) else leading.null
+    typical = abs(best.values[name] - null)
+    return Detectable(effect, leading, SEEN * best.error * typical, plausible=SEEN * best.error < 3.0)

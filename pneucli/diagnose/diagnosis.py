@@ -1,0 +1,91 @@
+"""The diagnosis as a whole: verdict, effects, sets that the data cannot split, and what to measure next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pneucli.diagnose.detectable import Detectable, detectable
+from pneucli.diagnose.remainder import too_much
+from pneucli.diagnose.search import Search, as_good, search
+from pneucli.diagnose.trial import Bench, State
+from pneucli.diagnose.unknown import Unknown, describe
+from pneucli.identify.fit import Estimate, Fit
+from pneucli.physics.declaration import Effect
+
+Verdict = Literal["adequate", "missing-effect", "unexplained"]
+
+EXPLAINS = 0.3  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
+MOVED = 0.2  # of a base parameter's value, beyond its interval
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A base parameter that the found effects moved; not plausible where it left its bounds."""
+
+    parameter: str
+    before: float
+    after: float
+    unit: str
+    plausible: bool
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the recordings say, and what they cannot say.
+
+    ``missing`` in the order to add them; ``equals`` names for each what explains these recordings equally well.
+    """
+
+    verdict: Verdict
+    missing: tuple[str, ...]
+    equals: Mapping[str, tuple[str, ...]]
+    found: Search
+    moved: tuple[Moved, ...]
+    detectable: tuple[Detectable, ...]
+    unknown: Unknown | None
+
+
+def diagnose(bench: Bench, base: Fit) -> Diagnosis:
+    """Find which effects are missing in a fitted model."""
+    start = bench.state(base)
+    found = search(bench, start)
+    left = too_much(found.train, found.test)
+    missing = [n for i, n in enumerate(found.added) if not left or explains(found.rungs[i], found.rungs[i + 1])]
+    equals = {n: tuple(t.effect.name for t in found.rivals.get(n, ()) if as_good(t.state, found.last)) for n in missing}
+    verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
+    unknown = describe(found.last.model, [*bench.train, *bench.held_out], left[0]) if left else None
+    moved = tuple(_moved(start.fit, found.last.fit))
+    return Diagnosis(verdict, tuple(missing), equals, found, moved, tuple(detectable(bench, found.last)), unknown)
+
+
+def explains(before: State, after: State) -> bool:
+    """Whether the step takes away much of what exceeds noise, on fitted and on held-out recordings."""
+    excess = float(before.costs.sum()) - before.samples
+    return float(before.costs.sum() - after.costs.sum()) > EXPLAINS * max(excess, 0.0)
+
+
+def _moved(before: Fit, after: Fit) -> list[Moved]:
+    now = {e.name: e for e in after.estimates}
+    return [
+        Moved(e.name, e.value, now[e.name].value, e.unit, not now[e.name].at_bound)
+        for e in before.estimates
+        if e.name in now and _far(e, now[e.name])
+    ]
+
+
+def _far(before: Estimate, after: Estimate) -> bool:
+    apart = abs(after.value - before.value)
+    return after.at_bound or bool(
+        apart > MOVED * abs(before.value) and apart > 2.0 * np.hypot(before.error, after.error)
+    )
+
+
+def separation(one: Effect, other: Effect) -> str:
+    """Return what recording tells two effects apart, as their declarations say."""
+    return f"To tell {one.name} from {other.name}: {one.separate}" + (
+        f" {other.separate}" if other.separate != one.separate else ""
+    )

@@ -1,0 +1,243 @@
+"""``diagnose``: which physical effect is missing, how sure that is, what else it could be, and what to measure next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pneucli.diagnose.diagnosis import Diagnosis, diagnose, separation
+from pneucli.diagnose.errors import Errors
+from pneucli.diagnose.search import supported
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.errors import InputError, did_you_mean
+from pneucli.identify.effects import fit_model
+from pneucli.identify.start import first_guess
+from pneucli.identify.views import View
+from pneucli.pipeline.context import Context
+from pneucli.stages.diagnose_tables import write_diagnosis
+from pneucli.stages.identify import parameter_answer
+from pneucli.stages.study import Study
+
+HELD_OUT = 3  # without test recordings, every third of a kind is held out
+
+
+def run(context: Context) -> dict[str, Any]:
+    """Diagnose the model with the effects of the pipeline file; return the answer that ``--json`` prints.
+
+    Raises InputError where no recording can be fitted, or ``--exclude`` names what is no effect.
+    """
+    study = Study(context)
+    bench, warnings = _bench(study)
+    if not bench.train:
+        raise InputError(
+            f"{context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
+        )
+    context.progress("fitting the model as it is", 0.2)
+    fitted = [view.experiment for view in bench.train]
+    guess = first_guess(fitted, study.rig, linear_valve=study.linear_valve)
+    base = fit_model(guess, bench.train, study.effects, linear_valve=study.linear_valve)
+    found = diagnose(bench, base)
+    context.progress("the error that the user sees", 0.9)
+    errors = Errors.seen_by(found.found.last.model, study.experiments)
+    answer = _answer(study, bench, found, errors)
+    answer["warnings"] = warnings
+    write_diagnosis(study, bench, found, answer)
+    return answer
+
+
+def _bench(study: Study) -> tuple[Bench, list[str]]:
+    train, test, warnings = study.views("train"), study.views("test"), []
+    if not test and len(train) >= HELD_OUT:
+        train, test = _without_every_third(train)
+        names = ", ".join(sorted({v.experiment.recording.name for v in test}))
+        warnings.append(f'no recording has use = "test": {names} held out from the fits instead')
+    elif not test:
+        warnings.append("no recording to hold out: what is found rests on the fitted recordings alone")
+    excluded = study.context.options.get("exclude", [])
+    for name in excluded:
+        if name not in study.known_effects:
+            mend = did_you_mean(name, study.known_effects)
+            raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
+    effects = {n: e for n, e in study.known_effects.items() if n not in excluded}
+    steps = iter(range(1, 10_000))
+
+    def progress(text: str) -> None:
+        n = next(steps)
+        study.context.progress(text, 0.25 + 0.65 * n / (n + 40.0))  # how many steps there are, the data decide
+
+    return Bench(train, test, effects, study.linear_valve, progress), warnings
+
+
+def _without_every_third(views: list[View]) -> tuple[list[View], list[View]]:
+    names = list(dict.fromkeys(v.experiment.recording.name for v in views))
+    held = set(names[HELD_OUT - 1 :: HELD_OUT])
+    return (
+        [v for v in views if v.experiment.recording.name not in held],
+        [v for v in views if v.experiment.recording.name in held],
+    )
+
+
+def _answer(study: Study, bench: Bench, found: Diagnosis, errors: Errors) -> dict[str, Any]:
+    rungs = [errors.of(state.model) for state in found.found.rungs]
+    ladder = [
+        {"add": add, "error_train": e["train"], "error_test": e["test"]}
+        for add, e in zip([None, *found.found.added], rungs, strict=True)
+    ]
+    candidates = [_named(found, i, rungs) for i in range(len(found.found.added))]
+    candidates += _others(bench, found, errors, rungs[0])
+    pairs = [(n, other) for n in found.missing for other in found.equals[n]]
+    following = " ".join(separation(bench.effects[a], bench.effects[b]) for a, b in pairs[:2])
+    return {
+        "schema": "pneucli/diagnose/1",
+        "pipeline": study.context.config.name,
+        "verdict": found.verdict,
+        "missing": list(found.missing),
+        "ladder": ladder,
+        "candidates": candidates,
+        "unexplained_share": _left(rungs[0], rungs[-1]),
+        "next_experiment": following or _next(found),
+        "sentence": sentence(found, rungs),
+        "detectable": [
+            {
+                "effect": d.effect.name,
+                "parameter": d.parameter.name,
+                "size": d.size if d.plausible else None,
+                "unit": d.parameter.unit,
+                "would_show": d.would_show,
+            }
+            for d in found.detectable
+        ],
+        "moved": [
+            {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
+            for m in found.moved
+        ],
+        "unexplained": None
+        if found.unknown is None
+        else {
+            "subsystem": found.unknown.subsystem,
+            "channel": found.unknown.channel,
+            "times_noise": found.unknown.ratio,
+            "variable": found.unknown.variable,
+            "character": found.unknown.character,
+            "law": found.unknown.law,
+        },
+    }
+
+
+def _error(errors: dict[str, float | None]) -> float | None:
+    return errors["train"] if errors["test"] is None else errors["test"]
+
+
+def _parameters(state: State, effect: str) -> dict[str, Any]:
+    mine = [e for e in state.fit.estimates if e.name.startswith(f"{effect}.")]
+    return {name.partition(".")[2]: value for name, value in parameter_answer(mine).items()}
+
+
+def _named(found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> dict[str, Any]:
+    name = found.found.added[i]
+    before, after = _error(rungs[i]), _error(rungs[i + 1])
+    effect = next(e for e in found.found.last.model.effects if e.name == name)
+    equals = list(found.equals.get(name, ()))
+    why = f"{effect.title} takes the error from {_number(before)} to {_number(after)} times the noise on recordings "
+    why += "that were not fitted." if found.found.rungs[0].test.size else "that were fitted; none was held out."
+    if name not in found.missing:
+        why += " It leaves too much of the error to be more than a stand-in for something unknown."
+    return {
+        "effect": name,
+        "error_before": before,
+        "error_after": after,
+        "parameters": _parameters(found.found.last, name),
+        "indistinguishable_from": equals,
+        "supported": True,
+        "why": f"{why} {effect.looks_like}",
+    }
+
+
+def _others(bench: Bench, found: Diagnosis, errors: Errors, before: dict[str, float | None]) -> list[dict[str, Any]]:
+    trials = [
+        t for t in (found.found.rounds[0] if found.found.rounds else ()) if t.effect.name not in found.found.added
+    ]
+    start = found.found.rungs[0]
+    able = {t.effect.name for t in supported(bench, start, trials)}
+    return [
+        {
+            "effect": t.effect.name,
+            "error_before": _error(before),
+            "error_after": _error(errors.of(t.state.model)),
+            "parameters": _parameters(t.state, t.effect.name),
+            "indistinguishable_from": [],
+            "supported": t.effect.name in able,
+            "why": _why_not(t, found, supported=t.effect.name in able),
+        }
+        for t in trials
+    ]
+
+
+def _why_not(trial: Trial, found: Diagnosis, *, supported: bool) -> str:
+    title = trial.effect.title
+    if any(trial.effect.name in equals for equals in found.equals.values()):
+        return f"{title} explains these recordings as well; they cannot tell."
+    if supported and found.missing:
+        return f"{title} helps alone, but beside {' and '.join(found.missing)} it is not needed."
+    if supported:
+        return f"{title} helps, but less than what was taken instead."
+    if trial.test.total <= 0.0 or not trial.test.certain:
+        return f"{title} helps where it was fitted, but not for certain on recordings that were not fitted."
+    return f"{title} changes no more than chance would."
+
+
+def _left(first: dict[str, float | None], last: dict[str, float | None]) -> float | None:
+    """The share of the squared error beyond noise that remains."""
+    before, after = _error(first), _error(last)
+    if before is None or after is None:
+        return None
+    if before <= 1.0:
+        return 0.0
+    return min(max((after**2 - 1.0) / (before**2 - 1.0), 0.0), 1.0)
+
+
+def _next(found: Diagnosis) -> str | None:
+    if found.unknown is not None:
+        where = found.unknown.variable or "each signal"
+        return (
+            f"What remains stands in {found.unknown.channel} ({found.unknown.subsystem}). Repeat a recording unchanged, "
+            f"then one with a different range or order of {where}: what comes back over it belongs to the rig."
+        )
+    blind = [d for d in found.detectable if not d.plausible]
+    if found.verdict == "adequate" and blind:
+        return f"These recordings could not have shown {blind[0].effect.name}: {blind[0].effect.separate}"
+    return None
+
+
+def sentence(found: Diagnosis, rungs: list[dict[str, float | None]]) -> str:
+    """Return the verdict as an engineer would say it."""
+    before, after = _number(_error(rungs[0])), _number(_error(rungs[-1]))
+    titles = {e.name: e.title.lower() for e in found.found.last.model.effects}
+    named = " and ".join(f"{titles[n]} ({n})" for n in found.missing)
+    if found.verdict == "adequate":
+        return f"Nothing in the residual is more than noise and known uncertainty (error {after} times the noise)."
+    if found.verdict == "missing-effect":
+        text = f"The model lacks {named}: with it the error falls from {before} to {after} times the noise."
+        equals = sorted({e for n in found.missing for e in found.equals[n]})
+        return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
+    assert found.unknown is not None
+    text = f"{found.unknown.character.capitalize()}, something remains that no effect of the catalogue accounts for: "
+    text += f"{found.unknown.channel} errs by {found.unknown.ratio:.2g} times its noise ({found.unknown.subsystem})."
+    return text + (f" {named.capitalize()} is there beside it." if named else "")
+
+
+def _number(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.3g}"
+
+
+def describe(answer: dict[str, Any]) -> str:
+    """Return the diagnosis as lines for a person."""
+    lines = [f"{answer['verdict']}: {answer['sentence']}", ""]
+    for step in answer["ladder"]:
+        errors = f"train {_number(step['error_train'])}, test {_number(step['error_test'])}"
+        lines.append(f"  {step['add'] or 'model as it is':24s} error {errors}")
+    for c in answer["candidates"]:
+        values = ", ".join(f"{n} {p['value']:.4g} {p['unit']}" for n, p in c["parameters"].items())
+        lines += [f"{'*' if c['effect'] in answer['missing'] else ' '} {c['effect']} ({values})", f"    {c['why']}"]
+    if answer["next_experiment"]:
+        lines += ["", f"next: {answer['next_experiment']}"]
+    return "\n".join(lines + [f"warning: {w}" for w in answer["warnings"]])
