@@ -23,7 +23,8 @@ from __future__ import annotations
     S_A_SHAPED,
     S_REST,  # s since the reference came to rest
     S_HOLD,  # 1 while the piston is left where it sticks
-    S_ANCHOR,  # m: where the piston stuck
+    S_ANCHOR,  # m: where the piston lately was, and samples since it began to stir from there
+    S_STIRS,
     S_BREAK,  # N beyond the load that last set it free, and that is applied to do so
     S_STICK,
     S_BRAKE,  # s for which a freed piston is still stopped
@@ -33,7 +34,7 @@ from __future__ import annotations
     S_P2_REF,
     S_INTEGRAL1,  # Pa/s
     S_INTEGRAL2,
-) = range(30)
+) = range(31)
 
 (
     C_PERIOD,  # s

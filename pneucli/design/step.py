@@ -29,10 +29,10 @@ def usable(reading, low, high):
     return math.isfinite(reading) and reading >= low and reading <= high
 
 
-def dry_friction(speed, c):
-    """Return dry friction in N at a speed (thesis 3.6)."""
+def dry_friction(speed, s, c):
+    """Return dry friction in N at a speed (thesis 3.6), with the breakaway force that was last seen."""
     r = speed / c[C_STRIBECK]
-    return c[C_COULOMB] + (c[C_STATIC] - c[C_COULOMB]) / (1.0 + r * r)
+    return c[C_COULOMB] + max(s[S_BREAK] - c[C_COULOMB], 0.0) / (1.0 + r * r)
 
 
 def per_area(filling, p, volume, c):
@@ -144,14 +144,16 @@ def observe_motion(x, s, c):
     """Observe motion and load: the piston with set-valued friction, driven by what it leaves over (5.18-5.21).
 
     What is left over enters as the switching term, at most C_LOAD_STEP a sample around the filtered equivalent value
-    of the last one; while the piston sticks and the model says so, nothing is left over.
+    of the last one. While the piston is not seen to stir, friction is whatever holds it, and nothing is left over.
     """
     h = c[C_PERIOD]
+    s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(h / c[C_LINGER], 1.0)
+    s[S_STIRS] = s[S_STIRS] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_REACH] else 0.0
     force = pressure_force(s, c) + s[S_LOAD]
     free = s[S_V] + h * (force - c[C_VISCOUS] * s[S_V]) / c[C_MASS]
-    brake = h * dry_friction(math.fabs(s[S_V]), c) / c[C_MASS]
+    brake = h * dry_friction(math.fabs(s[S_V]), s, c) / c[C_MASS]
     v = free - clamp(free, -brake, brake)
-    if v * s[S_V] < 0.0:
+    if v * s[S_V] < 0.0 or s[S_STIRS] < 0.5:
         v = 0.0
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
@@ -159,7 +161,8 @@ def observe_motion(x, s, c):
         off = x - s[S_X]
         s[S_X] += c[C_OBS_X] * off
         s[S_V] += c[C_OBS_V] * off
-        s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP], c[C_LOAD_STEP])
+        if s[S_STIRS] > 0.5:
+            s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP], c[C_LOAD_STEP])
 
 
 def switching(error, rate, c):
@@ -177,10 +180,9 @@ def loosen(error, s, c):
     reference, the force is taken away and friction stops it.
     """
     h = c[C_PERIOD]
-    s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(h / c[C_LINGER], 1.0)
-    stirs = math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_REACH]
-    if stirs and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
-        s[S_BREAK] += 0.5 * (math.fabs(pressure_force(s, c) + s[S_LOAD]) - s[S_BREAK])
+    if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
+        if s[S_STIRS] == 1.0:
+            s[S_BREAK] = clamp(math.fabs(pressure_force(s, c) + s[S_LOAD]), 0.5 * c[C_STATIC], 2.0 * c[C_STATIC])
         if math.fabs(error) < 2.0 * c[C_REACH] or error * s[S_STICK] < 0.0:
             s[S_STICK] = 0.0
             s[S_BRAKE] = c[C_LINGER]
@@ -221,7 +223,7 @@ def position_law(x_ref, s, c):
         loosen(error, s, c)
     else:
         s[S_STICK] = 0.0
-    ahead = dry_friction(math.fabs(s[S_V_SHAPED]), c) * clamp(s[S_V_SHAPED] / c[C_V_FLOOR], -1.0, 1.0)
+    ahead = dry_friction(math.fabs(s[S_V_SHAPED]), s, c) * clamp(s[S_V_SHAPED] / c[C_V_FLOOR], -1.0, 1.0)
     return force + ahead + s[S_STICK] - s[S_LOAD]
 
 
