@@ -73,3 +73,9 @@ class Rig:
     def has_cylinder(self) -> bool:
         """Whether the pipeline describes a cylinder at all."""
         return self.piston_area_1 is not None
+
+    @property
+    def areas(self) -> tuple[float, float]:
+        """Areas in m^2 on which p1 and p2 act: 0 where there is no piston, equal where only one is given."""
+        area_1 = self.piston_area_1 or 0.0
+        return area_1, area_1 if self.piston_area_2 is None else self.piston_area_2

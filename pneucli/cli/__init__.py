@@ -5,9 +5,13 @@ Nothing heavy is imported before a command's body runs, so that ``--help`` answe
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import traceback
+
+# before numpy is loaded: on small matrices BLAS threads only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from pneucli.cli.commands import build
 from pneucli.errors import InputError

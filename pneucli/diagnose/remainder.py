@@ -14,6 +14,7 @@ from pneucli.compare.where import locators
 from pneucli.identify.fit import block_numbers
 from pneucli.identify.views import Kind, View
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import smooth
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -79,10 +80,10 @@ def _expected_forces(model: Model, view: View) -> dict[str, float]:
     nominal = view.residual(model)
     power = dict.fromkeys(view.channels, 1.0)
     for _ in range(DRAWS):
-        inputs, again = e.inputs.copy(), e.read_again(e.draw_noise(rng))
-        inputs[:, at.IN_X] = again[:, at.IN_X]
-        moving = inputs[:, at.IN_V] != 0.0  # what is taken for a rest stays one
-        inputs[moving, at.IN_V] = again[moving, at.IN_V]
+        noise = {n: drawn for n, drawn in e.draw_noise(rng).items() if n in ("x", "a")}
+        shift, inputs = smooth(noise, e.smoothers, e.fusion, e.time), e.inputs.copy()
+        shift[inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0  # what is taken for a rest stays one
+        inputs[:, [at.IN_X, at.IN_V]] += shift[:, [at.IN_X, at.IN_V]]
         drawn = view.balance(model, inputs)
         for c in view.channels:
             seen = max(int(np.count_nonzero(nominal[c])), 1)

@@ -100,7 +100,7 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Tria
 
 def leading(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:
     """Return the supported trial that leaves least, the simplest of those that leave as little."""
-    able = supported(bench, before, trials)
+    able = [t for t in supported(bench, before, trials) if not bench.raises_error(before, t.state)]
     if not able:
         return None
     best = min(able, key=lambda t: t.state.cost)

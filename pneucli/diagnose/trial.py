@@ -19,18 +19,23 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 
 
+RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts
 Screened = tuple[Effect, list[Signature]]
 
 
 @dataclass(frozen=True)
 class Bench:
-    """The data of a diagnosis: views to fit, views held out, and the effects that may be missing."""
+    """The data of a diagnosis: views to fit, views held out, and the effects that may be missing.
+
+    ``errors`` is the error that the user sees, of a model, by use: an effect that raises it is not added.
+    """
 
     train: Sequence[View]
     held_out: Sequence[View]
     effects: Mapping[str, Effect]
     linear_valve: bool
     progress: Callable[[str], None] = field(default=lambda _: None)
+    errors: Callable[[Model], Mapping[str, float | None]] | None = None
 
     @cached_property
     def hypotheses(self) -> int:
@@ -75,6 +80,14 @@ class Bench:
     def without(self, state: State, effect: Effect) -> State:
         """Refit without one of the effects."""
         return self.state(fit_without(state.fit, self.train, effect, linear_valve=self.linear_valve))
+
+    def raises_error(self, before: State, after: State) -> bool:
+        """Whether the simulation that the user sees errs more, on fitted and on held-out recordings."""
+        if self.errors is None:
+            return False
+        old, new = self.errors(before.model), self.errors(after.model)
+        known = [(a, b) for a, b in zip(old.values(), new.values(), strict=True) if a is not None and b is not None]
+        return bool(known) and all(b > RISE * a for a, b in known)
 
     def trial(self, before: State, after: State, effect: Effect) -> Trial:
         """Return what the step from one state to the other is worth."""

@@ -23,6 +23,7 @@ from pneucli.simulate.experiment import U_MAX, Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import base_vector, kernel_for, simulate
+from pneucli.simulate.smooth import local_fits
 from pneucli.simulate.valve_area import POINTS
 
 Array = NDArray[np.float64]
@@ -85,9 +86,7 @@ class View:
         """The standard deviation of each channel that the sensors alone would give."""
         e = self.experiment
         if self.kind == "forces":
-            area_1 = e.rig.piston_area_1 or 0.0
-            area_2 = area_1 if e.rig.piston_area_2 is None else e.rig.piston_area_2
-            share = {"p1": area_1, "p2": area_2, "a": e.rig.moving_mass or 1.0, "force": 1.0}
+            share = {"p1": e.rig.areas[0], "p2": e.rig.areas[1], "a": e.rig.moving_mass or 1.0, "force": 1.0}
             parts = [share[n] * e.noise[n].rms for n in share if n in e.noise]
             force = max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)
             return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
@@ -106,14 +105,19 @@ class View:
 
     @cached_property
     def _motion(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Measured acceleration (n,), directions in which rests end (n,), raw minus smoothed pressures (n, 2), and where
-        the direction of motion is not known (n,).
+        """Smoothed acceleration (n,), the force (n,) that noise beside what is smoothed feigns, directions in which
+        rests end (n,), and where the direction of motion is not known (n,).
         """
         e = self.experiment
-        a = e.raw["a"] if "a" in e.raw else np.gradient(e.inputs[:, at.IN_V], e.time)
-        rough = [e.raw[n] - e.inputs[:, c] if n in e.raw else np.zeros(e.time.size) for n, c in PRESSURE_COLUMNS]
-        v = e.inputs[:, at.IN_V]
-        return a, breakaways(v), np.column_stack(rough), unsure(v)
+        areas, mass = e.rig.areas, e.rig.moving_mass or 1.0
+        v, rough = e.inputs[:, at.IN_V], np.zeros(e.time.size)
+        for name, column, share in (("p1", at.IN_P1, areas[0]), ("p2", at.IN_P2, -areas[1])):
+            if name in e.raw:
+                rough += share * (e.raw[name] - e.inputs[:, column])
+        if "a" not in e.raw:
+            return np.gradient(v, e.time), rough, breakaways(v), unsure(v)
+        a = local_fits(e.raw["a"], e.noise["a"], e.recording.period)(e.raw["a"])
+        return a, rough - mass * (e.raw["a"] - a), breakaways(v), unsure(v)
 
     def balance(self, model: Model, inputs: Array) -> dict[str, Array]:
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests.
@@ -121,14 +125,13 @@ class View:
         ``inputs`` (n, 10) are the experiment's own, or with other readings of the motion.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
-        a, leaving, rough, doubtful = self._motion
+        a, rough, leaving, doubtful = self._motion
         out = np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
             inputs.copy(),
             a,
-            rough[:, 0].copy(),
-            rough[:, 1].copy(),
+            rough,
             leaving,
             doubtful,
             self.noise["force"],
@@ -140,10 +143,7 @@ class View:
         if "a" not in self.channels:
             return {"force": out}
         resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
-        return {"force": out, "a": np.where(resting, a - resting_reading(model, e), 0.0)}
-
-
-PRESSURE_COLUMNS = (("p1", at.IN_P1), ("p2", at.IN_P2))
+        return {"force": out, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
 
 
 def resting_reading(model: Model, experiment: Experiment) -> float:

@@ -550,11 +550,11 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, sigma, base_values, th_values, on_values, out):
+def run_balance(time, inputs, a, rough, leaving, unsure, sigma, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
-    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, noise_p1 and
-    noise_p2 raw minus smoothed pressures, leaving (n,) the direction in which a rest ends at this sample, else 0,
+    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed
+    reading, rough (n,) the force in N that the noise taken out of both would feign, leaving (n,) the direction in which a rest ends at this sample, else 0,
     unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a force that is more than
     the model can hold counts, of the smoothed pressures, so that noise does not pass for it. Between the branches of
     friction nothing is known but that: what noise leaves, sigma in N, stands there, so that it is no gain.
@@ -562,17 +562,18 @@ def run_balance(time, inputs, a, noise_p1, noise_p2, leaving, unsure, sigma, bas
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
     area_1, area_2, p_amb = base[AREA_1], base[AREA_2], base[AMBIENT]
-    # the residual counts in the readings' units: a sensor that reads twice the pressure also shows twice its noise
+    # the residual counts in the readings' units, and noise keeps its size: else a gain or a mass could make it less
     gain = 1e-5 * (read_p1(p_amb + 1e5, p_amb, th, on) - read_p1(p_amb, p_amb, th, on))
     bias = read_a(0.0, th, on)
     true_pressures(time, inputs, base, th, on)
+    late, read = sensor_delay(th, on), 0
     for k in range(time.size):
         x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
         h = time[k] - time[max(k - 1, 0)]
+        while read < time.size - 1 and time[read] < time[k] + late - 0.5 * h:
+            read += 1  # the sample at which the sensor read what was there at k
         push = area_1 * (p1 - p_amb) - area_2 * (p2 - p_amb) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
-        friction = push - m * (a[k] - bias)
-        if v != 0.0:
-            friction += (area_1 * noise_p1[k] - area_2 * noise_p2[k]) / gain
+        friction = push - m * (a[k] - bias) + (rough[read] / gain if v != 0.0 else 0.0)
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, separation
@@ -35,7 +36,8 @@ def run(context: Context) -> dict[str, Any]:
     fitted = [view.experiment for view in bench.train]
     guess = first_guess(fitted, study.rig, linear_valve=study.linear_valve)
     base = fit_model(guess, bench.train, study.effects, linear_valve=study.linear_valve)
-    found = diagnose(bench, base)
+    errors = Errors.seen_by(base.model, study.experiments)
+    found = diagnose(replace(bench, errors=errors.of), base)
     context.progress("the error that the user sees", 0.9)
     errors = Errors.seen_by(found.found.last.model, study.experiments)
     answer = _answer(study, bench, found, errors)

@@ -74,7 +74,7 @@ def sensitivities(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[Array
 
 
 def whitener(covariance: Array) -> tuple[Array, float]:
-    """Return the filter (1, -phi_1, ...) that whitens noise of these autocovariances, and its innovations' deviation."""
+    """Return the filter (1, -phi_1, ...) that whitens noise of these autocovariances, and its innovations' rms."""
     covariance = covariance * np.where(np.arange(covariance.size) == 0, 1 + 1e-6, 1.0)
     phi = solve_toeplitz(covariance[:-1], covariance[1:]) if covariance.size > 1 else np.zeros(0)
     return np.append(1.0, -phi), float(np.sqrt(max(covariance[0] - phi @ covariance[1:], 1e-300)))
