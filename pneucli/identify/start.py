@@ -121,7 +121,8 @@ def _side(
 ) -> tuple[list[float], list[float], float]:
     """Return knots (V), areas (m^2) and overlap (V) of one direction."""
     mine = sign * command > 0
-    levels, held = np.unique(np.round(command[mine], 3), return_counts=True)
+    levels, times = np.unique(np.round(command[mine], 3), return_counts=True)
+    held = times.astype(np.float64)
     if levels.size > 40:  # commands of a closed loop: no level was held
         levels, held = sign * np.array([0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]), np.ones(7)
     elif np.sum(held >= enough) >= FEWEST_KNOTS:

@@ -127,7 +127,7 @@ class Experiment:
         return _draw(self.noise, self.time, rng)
 
     def read_again(self, noise: Mapping[str, Array]) -> Array:
-        """Return the inputs (n, 10) that other readings of the same run would give: smoothed ones, with noise, smoothed.
+        """Return the inputs (n, 10) that other readings of the same run would give: smoothed, with noise, smoothed.
 
         Windows are chosen anew, since their choice follows the noise; the motion's least squares is linear.
         """

@@ -201,8 +201,9 @@ def _next(found: Diagnosis) -> str | None:
     if found.unknown is not None:
         where = found.unknown.variable or "each signal"
         return (
-            f"What remains stands in {found.unknown.channel} ({found.unknown.subsystem}). Repeat a recording unchanged, "
-            f"then one with a different range or order of {where}: what comes back over it belongs to the rig."
+            f"What remains stands in {found.unknown.channel} ({found.unknown.subsystem}). Repeat a recording "
+            f"unchanged, then one with a different range or order of {where}: "
+            "what comes back over it belongs to the rig."
         )
     blind = [d for d in found.detectable if not d.plausible]
     if found.verdict == "adequate" and blind:

@@ -26,8 +26,10 @@ def write_diagnosis(study: Study, bench: Bench, found: Diagnosis, answer: dict[s
     """Write ``candidates``, ``ladder`` and ``shape`` into the stage's folder."""
     inputs = ("ingest/signals.parquet",)
     candidates = [
-        (c["effect"], c["error_before"], c["error_after"], name, p["value"], p["unit"], *p["ci95"])
-        + (c["supported"], c["effect"] in answer["missing"], ", ".join(c["indistinguishable_from"]), c["why"])
+        (
+            *(c["effect"], c["error_before"], c["error_after"], name, p["value"], p["unit"], *p["ci95"]),
+            *(c["supported"], c["effect"] in answer["missing"], ", ".join(c["indistinguishable_from"]), c["why"]),
+        )
         for c in answer["candidates"]
         for name, p in c["parameters"].items()
     ]

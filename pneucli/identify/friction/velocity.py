@@ -95,7 +95,8 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
     """Return where an accelerometer says that the piston rests, shape (n,).
 
     Quiet stretches, but not those of steady sliding: the velocity gathered since the last rest must be zero within
-    what the sensor's noise, the uncertainty of its bias and the sampling of jumps add up to. The first quiet stretch is a rest.
+    what the sensor's noise, the uncertainty of its bias and the sampling of jumps add up to. The first quiet stretch
+    is a rest.
     """
     level = np.median(a[_quiet(a - np.median(a), noise)]) if a.size else 0.0
     quiet = _quiet(a - level, noise)
