@@ -34,7 +34,7 @@ def charge_and_discharge(level: float, seed: int) -> Recording:
 
 
 def test_curves_are_followed_though_heat_is_exchanged() -> None:
-    """Heat makes the gradient depend on what went before; a little more than the noise stays, not a drift of kilopascal."""
+    """Heat makes the gradient depend on what went before; little more than noise stays, not a drift of kilopascal."""
     found = identify_valve([charge_and_discharge(u, k) for k, u in enumerate((0.6, 1.2, 2.5, 6.0, 8.0, 10.0))], RIG)
     assert NOISE.rms < found.noise_rms < 2 * NOISE.rms
     assert max(found.residual_rms.values()) < 3 * NOISE.rms
