@@ -553,11 +553,12 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
 def run_balance(time, inputs, a, rough, leaving, unsure, sigma, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
-    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed
-    reading, rough (n,) the force in N that the noise taken out of both would feign, leaving (n,) the direction in
-    which a rest ends at this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a force that is more than
-    the model can hold counts, of the smoothed pressures, so that noise does not pass for it. Between the branches of
-    friction nothing is known but that: what noise leaves, sigma in N, stands there, so that it is no gain.
+    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed reading, rough (n,)
+    the force in N that the noise taken out of both would feign, leaving (n,) the direction in which a rest ends at
+    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
+    force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
+    Between the branches of friction nothing is known but that: what noise leaves, sigma in N, stands there, so that
+    it is no gain.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0

@@ -1,0 +1,48 @@
+"""What is left over: noise has no shape, a shape is found over its own variable."""
+
+import numpy as np
+
+from pneucli.diagnose.remainder import shape
+from pneucli.diagnose.unknown import _law
+
+RNG = np.random.default_rng(3)
+N = 8000
+BLOCKS = np.arange(N) // 100
+
+
+def coloured(n=N, pole=0.9):
+    noise = RNG.normal(size=n)
+    for k in range(1, n):
+        noise[k] += pole * noise[k - 1]
+    return noise * np.sqrt(1 - pole**2)
+
+
+def test_white_noise_has_no_shape():
+    shares = [shape("x", RNG.uniform(size=N), RNG.normal(size=N), BLOCKS).share for _ in range(20)]
+    assert max(shares) < 0.01
+
+
+def test_coloured_noise_has_no_shape():
+    """AR(1) with pole 0.9 over a slow variable: its blocks scatter more, and the means' errors with them."""
+    x = np.sin(np.arange(N) / 300.0)
+    found = [shape("x", x, coloured(), BLOCKS) for _ in range(20)]
+    assert np.mean([f.share for f in found]) < 0.03
+    assert np.mean([f.p_value < 0.001 for f in found]) <= 0.1
+
+
+def test_a_square_law_is_found_over_its_variable():
+    v = np.sin(np.arange(N) / 250.0)
+    found = shape("v", v, RNG.normal(size=N) + 2.0 * v * np.abs(v), BLOCKS)
+    assert found.share > 0.4
+    assert found.p_value < 1e-6
+    assert _law(found) == "growing with its square, sign kept"
+
+
+def test_a_constant_variable_has_no_shape():
+    assert shape("u", np.ones(N), RNG.normal(size=N), BLOCKS) is None
+
+
+def test_what_does_not_count_is_left_out():
+    x = np.linspace(0.0, 1.0, N)
+    residual = np.where(x < 0.5, 0.0, RNG.normal(size=N))
+    assert shape("x", x, residual, BLOCKS).centres.min() > 0.5
