@@ -220,7 +220,7 @@ def standstill(corners: Corners, values: Mapping[str, float], wanted: Requiremen
         "C_SECTOR_2": steep,
         "C_SECTOR_RATE": 0.15 * static / reach,
         "C_SECTOR_SLOW": 0.7 * static,
-        "C_SECTOR_FAST": 18.0 * static,
+        "C_SECTOR_FAST": 27.0 * static,
         "C_P_BAND": 0.1 * static / values["C_AREA_1"],
         "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
     }

@@ -1,0 +1,185 @@
+"""The designed controller on the identified axis: ``python -m benchmarks.closed_loop DIR [RUNS]``. Writes nothing.
+
+DIR holds the artifacts of ``pneucli design pipelines/demo.toml --out DIR``; RUNS is the size of the Monte Carlo study
+(default 1000). Prints figures beside the limits that the project has set itself; exit code 1 where one is not held.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import json
+import re
+import sys
+import tempfile
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli import config
+from pneucli.design import closed_loop, layout, robust
+from pneucli.design.closed_loop import Bench, Run, Scenario, run
+from pneucli.design.controller import Controller
+from pneucli.design.metrics import measure
+from pneucli.design.scenarios import start_at
+from pneucli.physics.effects import catalogue, select
+from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.model import Model
+from pneucli.stages.design import bench_of, load_controller
+from pneucli.stages.study import load_model
+
+PIPELINE = Path(__file__).parents[1] / "pipelines/demo.toml"
+RELAY = '''def position_law(x_ref, s, c):
+    """Return a plain relay (5.6) on the sector's middle line, of 1.5 breakaway forces."""
+    s[S_HOLD] = 0.0
+    line = s[S_V_SHAPED] - s[S_V] + 0.5 * (c[C_SECTOR_1] + c[C_SECTOR_2]) * (s[S_X_SHAPED] - s[S_X])
+    return 1.5 * c[C_STATIC] * sign(line)
+
+
+'''
+TIME = 1e-3 * np.arange(5000)
+STEPS = np.where(TIME < 0.5, 0.1, np.where(TIME < 2.75, 0.13, 0.07))
+REST = np.full(TIME.size, 0.1)
+SINE = 0.1 + 0.03 * np.sin(2 * np.pi * 0.5 * np.maximum(TIME - 0.5, 0.0))
+LOAD = -50.0 * ((TIME >= 1.0) & (TIME < 3.0))
+
+
+def main() -> int:
+    folder = Path(sys.argv[1])
+    runs = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
+    settings = config.load(PIPELINE)
+    model = load_model(folder / "identify", settings.to_rig(), select(settings.model.effects, catalogue()))
+    controller = load_controller(folder / "design")
+    answer = json.loads((folder / "design" / "stage.json").read_text())["answer"]
+    bench = bench_of(answer)
+    held = figures(model, controller, bench)
+    print("\nLMI, decay rate by weight type:")
+    for t in answer["lmi"]["types"]:
+        print(f"  {t['weight_type']:6s} {t['rate']} 1/s, {t['status']}, verified {t['verified']}")
+    effects_table(model, controller, bench)
+    held &= monte_carlo(model, controller, bench, runs)
+    return int(not held)
+
+
+def scene(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0) -> Scenario:
+    n = reference.size
+    supply = np.full(n, c.values["C_SUPPLY"])
+    start = start_at(c.values, float(reference[0]))
+    return Scenario("benchmark", reference, np.broadcast_to(force, n).astype(float), supply, start)
+
+
+def figures(model: Model, controller: Controller, bench: Bench) -> bool:
+    """Print what issue 4 asks of the identified axis, the worst of five seeds; return whether all of it holds."""
+    alone = controller.with_values(C_COMPENSATION=0.0)
+
+    def worst(name: str, reference: np.ndarray, force: np.ndarray | float = 0.0, c: Controller = controller) -> float:
+        return max(
+            getattr(measure(run(model, c, scene(c, reference, force), bench, s), model, c), name) for s in range(5)
+        )
+
+    sine, sine_alone = worst("tracking_rms_um", SINE), worst("tracking_rms_um", SINE, c=alone)
+    chatter, relay = chattering(model, controller, bench)
+    rows = [
+        ("error at rest after steps, um", worst("steady_um", STEPS), 10.0),
+        ("movement at rest (limit cycle), um", worst("cycle_um", STEPS), 10.0),
+        ("sine 0.5 Hz, 30 mm, rms with / without compensation", sine / sine_alone, 0.2),
+        ("load of 50 N rejected to 50 um after, s", worst("recovery_s", REST, LOAD), 0.5),
+        ("its estimate off by, of the load", worst("load_error", REST, LOAD), 0.1),
+        ("mean change of u a sample, at rest, over plain relay's", chatter / relay, 0.1),
+    ]
+    print(f"sine: {sine:.0f} um with, {sine_alone:.0f} um without; chattering {chatter:.3g} V, relay {relay:.3g} V")
+    for name, value, limit in rows:
+        print(f"{name:55s} {value:9.3g}  (limit {limit:g}) {'ok' if value <= limit else 'FAILED'}")
+    return all(value <= limit for _, value, limit in rows)
+
+
+def chattering(model: Model, controller: Controller, bench: Bench) -> tuple[float, float]:
+    """Return the mean change of u from sample to sample over the last second at rest: controller, plain relay."""
+
+    def change(result: Run) -> float:
+        return float(np.mean(np.abs(np.diff(result.log[-1000:, layout.L_U1]))))
+
+    ours = run(model, controller, scene(controller, STEPS), bench)
+    text = re.sub(r"def position_law\(.*?(?=^def )", RELAY, closed_loop.controller_text(), flags=re.M | re.S)
+    kernel = build(model.effects, control=text)
+    return change(ours), change(with_kernel(kernel, model, controller, scene(controller, STEPS), bench))
+
+
+def with_kernel(kernel: Kernel, model: Model, controller: Controller, scenario: Scenario, bench: Bench) -> Run:
+    """Run with another kernel in place of the loop's own."""
+    own = closed_loop.loop_kernel
+    closed_loop.loop_kernel = lambda effects: kernel  # type: ignore[assignment]
+    try:
+        return run(model, controller, scenario, bench)
+    finally:
+        closed_loop.loop_kernel = own
+
+
+def effects_table(model: Model, controller: Controller, bench: Bench) -> None:
+    """Print what the controller makes of an axis with one more effect, at its smallest and largest typical size."""
+    print("\nController designed without the effect; each figure at the effect's first / last typical size:")
+    heads = ("steady um", "cycle um", "sine um", "recovery s", "estimate")
+    print(f"{'effect':22s} " + " ".join(f"{head:>15s}" for head in heads))
+    base = model.base()
+    active = {e.name for e in model.effects}
+    for effect in catalogue().values():
+        if effect.name in active:
+            continue
+        both = []
+        for end in (0, -1):
+            sizes = {
+                f"{effect.name}.{p.name}": p.typical[end] * (base["rig.stroke"] if p.of == "x" else base.get(p.of, 1.0))
+                for p in effect.parameters
+            }
+            axis = replace(model, effects=(*model.effects, effect)).with_values(sizes)
+            both.append(all_figures(axis, controller, bench))
+        print(f"{effect.name:22s} " + " ".join(f"{a:>7.3g}/{b:<7.3g}" for a, b in zip(*both, strict=True)))
+
+
+def all_figures(model: Model, c: Controller, bench: Bench) -> list[float]:
+    def of(reference: np.ndarray, force: np.ndarray | float = 0.0) -> dict[str, float]:
+        return asdict(measure(run(model, c, scene(c, reference, force), bench), model, c))
+
+    steps, sine, load = of(STEPS), of(SINE), of(REST, LOAD)
+    return [
+        steps["steady_um"],
+        steps["cycle_um"],
+        sine["tracking_rms_um"],
+        load["recovery_s"],
+        load["load_error"],
+    ]
+
+
+def monte_carlo(model: Model, controller: Controller, bench: Bench, runs: int) -> bool:
+    """Time a study against single simulations and print its success rates; whether it takes minutes at most."""
+    active = {e.name for e in model.effects}
+    effects = tuple(e for e in catalogue().values() if e.name not in active)
+    axes = robust.Axes(model, {}, robust.TOLERANCES, effects)
+    scenarios = (scene(controller, STEPS),)
+    study = robust.Study(axes, controller, scenarios, bench, runs, 0, robust.CHECKS)
+    robust.run_one(study, 1)  # compiles
+    with tempfile.TemporaryDirectory() as place, robust.executor_from(None) as threads:
+        start = time.perf_counter()
+        rows: list[dict[str, Any]] = robust.run_study(study, threads, Path(place))
+        took = time.perf_counter() - start
+    few = max(runs // 10, 1)
+    start = time.perf_counter()
+    for k in range(few):
+        robust.run_one(study, k)
+    single = (time.perf_counter() - start) * runs / few
+    print(
+        f"\n{runs} runs of 5 s at 1 kHz: {took:.1f} s; one after the other {single:.1f} s (ratio {took / single:.2f})"
+    )
+    for rate in robust.success_rates(rows, robust.CHECKS):
+        if rate.effect in ("all", ""):
+            print(f"  {rate.check} <= {rate.limit:g}, {rate.effect or 'no effect'}: {rate.held} of {rate.runs}")
+    return took <= 120.0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""The stages ``design``, ``simulate`` (closed loop) and ``export`` on the example, after its identification."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pneucli.config import load
+from pneucli.errors import InputError
+from pneucli.io.artifacts import read_metadata, read_table
+from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.stages import closed_loop, design, export
+from pneucli.stages.study import Study
+from tests.stages.conftest import DEMO
+
+Demo = tuple[Path, dict[str, Any]]
+
+
+def context_of(demo: Demo, stage: str, path: Path = DEMO, **more: Any) -> Context:
+    folder = demo[0] / stage
+    folder.mkdir(exist_ok=True)
+    return Context(path, load(path), folder, demo[0], answers=demo[1], **more)
+
+
+@pytest.fixture(scope="module")
+def designed(demo: Demo) -> Demo:
+    answer = design.run(context_of(demo, "design"))
+    return demo[0], demo[1] | {"design": answer}
+
+
+def edited(tmp_path: Path, more: str) -> Path:
+    """The example with another end; raw files are found where they are."""
+    text = DEMO.read_text(encoding="utf-8").replace('file = "', f'file = "{DEMO.parent}/')
+    (tmp_path / "pipeline.toml").write_text(text + more, encoding="utf-8")
+    return tmp_path / "pipeline.toml"
+
+
+def test_the_design_says_what_it_chose_and_what_does_not_hold(designed: Demo) -> None:
+    answer = designed[1]["design"]
+    json.dumps(answer, allow_nan=False)
+    assert answer["matching"]["whole"]["broken_by"] == {"friction and load": ["v"]}
+    assert answer["matching"]["mechanical"]["holds"]
+    assert answer["sector"]["resolved"]["steepness"] <= 0.2 < answer["sector"]["vertices"]["steepness"]
+    assert any("too steep" in w for w in answer["warnings"])
+    assert "decay rate" in design.describe(answer)
+
+
+def test_every_rate_that_is_told_is_verified(designed: Demo) -> None:
+    lmi = designed[1]["design"]["lmi"]
+    told = [t for t in lmi["types"] if t["rate"] is not None]
+    assert told
+    assert all(t["verified"] and t["status"] == "optimal" for t in told)
+    assert lmi["best"] == max(told, key=lambda t: t["rate"])["weight_type"]
+
+
+def test_the_sensors_and_the_sealed_pressure_come_from_the_recordings(designed: Demo) -> None:
+    """The example's sensors: 400 Pa, counts of 1 um; its chamber 2 is closed at 3 bar with the piston in the middle."""
+    wanted = designed[1]["design"]["requirements"]
+    assert wanted["noise_p"] == pytest.approx(400.0, rel=0.05)
+    assert wanted["quantum_x"] == pytest.approx(1e-6)
+    assert design.load_controller(designed[0] / "design").values["C_P_MEAN"] == pytest.approx(3e5, rel=0.01)
+
+
+def test_the_artifacts_carry_units_and_provenance(designed: Demo) -> None:
+    about = read_metadata(designed[0] / "design" / "sector.parquet")
+    assert about["schema"] == "pneucli/design/sector/1"
+    assert about["units"]["lambda_1"] == "1/s"
+    assert "identify/model.parquet" in about["inputs"]
+    gains = read_table(designed[0] / "design" / "gains.parquet")
+    assert dict(zip(gains["name"], gains["unit"], strict=True))["C_KP"] == "1/s^2"
+
+
+def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(designed: Demo, tmp_path: Path) -> None:
+    """10 um at rest, five times less tracking error, 50 N rejected in 0.5 s and known to 10 %: the project's aims."""
+    more = '\n[[scenarios]]\nkind = "closed-loop"\nname = "{0}"\nreference = "{1}"\n'
+    path = edited(
+        tmp_path,
+        more.format("steps", "steps") + 'duration = "8 s"\n' + more.format("sine", "sine")
+        + more.format("load", "hold") + 'load = "-50 N"\nload_to = "3.5 s"\n'
+        + '\n[[scenarios]]\nkind = "monte-carlo"\nruns = 4\n',
+    )  # fmt: skip
+    answer = closed_loop.simulate_closed_loop(Study(context_of(designed, "simulate", path)))
+    json.dumps(answer, allow_nan=False)
+    loop, alone = answer["closed_loop"], answer["pid_alone"]
+    assert loop["steps"]["steady_um"] <= 10.0
+    assert 5.0 * loop["sine"]["tracking_rms_um"] <= alone["sine"]["tracking_rms_um"]
+    assert loop["load"]["recovery_s"] <= 0.5
+    assert loop["load"]["load_error"] <= 0.1
+    assert answer["robust"]["runs"] == 4
+    signals = read_table(designed[0] / "simulate" / "closed_loop.parquet")
+    assert set(signals["controller"]) == {"compensated", "pid_alone"}
+    assert "Monte Carlo, steady_um" in "\n".join(closed_loop.describe(answer))
+
+
+def test_the_export_writes_what_is_asked_for(designed: Demo) -> None:
+    answer = export.run(context_of(designed, "export", options={"to": ["c", "csv"]}))
+    assert {"pneucli_controller.h", "pneucli_controller.c", "pneucli_replay.csv", "valve_map.csv"} <= {*answer["files"]}
+    assert not [name for name in answer["files"] if name.endswith(".mat")]
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        ('\n[design]\ntolerence = "5 um"\n', "tolerance"),
+        ('\n[design]\ntolerance = "5 bar"\n', "tolerance"),
+        ("\n[design]\nsector_ratio = 0.5\n", "above 1"),
+        ('\n[design]\nchamber_2 = "open"\n', "closed"),
+    ],
+)
+def test_requirements_that_cannot_be_read_say_how_to_mend_them(
+    designed: Demo, tmp_path: Path, more: str, word: str
+) -> None:
+    with pytest.raises(InputError, match=word):
+        design.run(context_of(designed, "refused", edited(tmp_path, more)))
+
+
+def test_without_an_axis_there_is_nothing_to_design(designed: Demo, tmp_path: Path) -> None:
+    text = edited(tmp_path, "").read_text(encoding="utf-8")
+    head, *tables = text.split("[[recordings]]")
+    kept = [t for t in tables if 'experiment = "valve"' in t]
+    (tmp_path / "valve.toml").write_text("[[recordings]]".join([head, *kept]), encoding="utf-8")
+    out = tmp_path / "out"
+    (out / "ingest").mkdir(parents=True)
+    from pneucli.stages import ingest
+
+    config = load(tmp_path / "valve.toml")
+    ingest.run(Context(tmp_path / "valve.toml", config, out / "ingest", out))
+    with pytest.raises(NotApplicable):
+        design.run(Context(tmp_path / "valve.toml", config, out / "design", out))
