@@ -16,6 +16,7 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import SEALED
 
 TOLERANCE = 0.15
+SECONDS = "seconds.json"
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,7 @@ def grade(directory: Path, answers: Path) -> dict[str, Any]:
             "parameters within 15 %": _proportion(sum(right), len(right)),
         },
         "error_after": {"median": float(np.median(errors)), "largest": max(errors)} if errors else None,
+        "seconds": _seconds(answers / SECONDS),
         "confusion": _confusion(graded),
     }
 
@@ -127,6 +129,12 @@ def to_markdown(result: dict[str, Any]) -> str:
         lines += [
             "",
             f"Error after, over the noise floor: {errors['median']:.2f} (median), {errors['largest']:.2f} (largest)",
+        ]
+    if result["seconds"]:
+        taken = result["seconds"]
+        lines += [
+            "",
+            f"Seconds a case: {taken['median']:.0f} (median), {taken['slowest']:.0f} ({taken['case']}, slowest)",
         ]
     lines += ["", "| hidden | answered | cases |", "| --- | --- | ---: |"]
     lines += [f"| {row['hidden']} | {row['answered']} | {row['cases']} |" for row in result["confusion"]]
@@ -153,6 +161,15 @@ def _answer(path: Path) -> dict[str, Any]:
     if not isinstance(answer, dict) or not {"verdict", "missing"} <= set(answer):
         raise InputError(str(path), "no verdict or no missing in it", "what pneucli diagnose --json prints")
     return answer
+
+
+def _seconds(path: Path) -> dict[str, Any] | None:
+    """Return the median and the slowest of the seconds by case, None where nobody noted them."""
+    seconds: dict[str, float] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    if not seconds:
+        return None
+    slowest = max(seconds, key=seconds.__getitem__)
+    return {"median": float(np.median(list(seconds.values()))), "slowest": seconds[slowest], "case": slowest}
 
 
 def _share(cases: Sequence[Graded], is_right: Callable[[Graded], bool]) -> dict[str, Any]:

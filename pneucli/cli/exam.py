@@ -1,0 +1,52 @@
+"""``exam``: sealed cases with hidden effects, answers to them by this program, and their grades."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneucli.cli import console
+from pneucli.cli.options import Json, Quiet
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("exam", help="Sealed cases with hidden effects, answers to them, and the grading of answers.")(_exam)
+
+
+def _exam(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the exam.", show_default=False)],
+    cases: Annotated[int, typer.Option("--cases", min=0, help="Cases with something hidden (60).")] = 60,
+    nulls: Annotated[int, typer.Option("--nulls", min=0, help="Cases with nothing hidden (20).")] = 20,
+    size: Annotated[float, typer.Option("--size", min=0.0, help="Of what is hidden, over the usual (1).")] = 1.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Another seed gives another exam (1).")] = 1,
+    answer: Annotated[bool, typer.Option("--answer", help="Diagnose every case that has no answer yet.")] = False,
+    grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    from pneucli.stages import exam
+
+    if answer:
+        with console.progress(quiet) as progress:
+            result = exam.answer(directory, progress)
+        words = _answered(result)
+    if grade:
+        result = exam.grade(directory)
+        words = exam.to_markdown(result).rstrip()
+    if not (answer or grade):
+        result = exam.write(directory, cases, nulls, size, seed)
+        words = (
+            f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
+        )
+    if json:
+        console.answer(result)
+    else:
+        print(words)
+
+
+def _answered(result: dict[str, Any]) -> str:
+    failed = [f"{case} failed: {error}" for case, error in result["failed"].items()]
+    return "\n".join([*failed, f"{len(result['answered'])} cases answered, {len(failed)} failed"])
