@@ -19,7 +19,7 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-DRAWS = 3
+DRAWS = 1  # of each view; many views and restarts are pooled
 SEED = 11
 BINS = 12
 FEWEST_BLOCKS = 4  # in a bin, to know how its mean scatters

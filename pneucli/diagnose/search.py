@@ -18,8 +18,10 @@ REFITS = 6  # of the effects that the screen ranks highest
 PAIRS = 3
 WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
 HOPELESS = 0.01  # of what the best signature promises
-ALPHA = 0.05  # of naming any effect where none is, before it is held out
-MATERIAL = 0.002  # of the cost: less does not change what the user sees
+ALPHA = 0.02  # of naming any effect where none is, before it is held out
+MATERIAL = 0.004  # of the cost: less does not change what the user sees
+RESOLUTION = 0.3  # of a sampling period: a time shorter than this may be the clock's, or the model's own step
+CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
 
 
@@ -55,12 +57,14 @@ class Search:
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
     rungs, rounds = _forward(bench, [base], [])
-    train, test = remains(bench, rungs[-1])
-    if too_much(train, test) and len(rungs) <= 2:
+    left = remains(bench, rungs[-1]) if len(rungs) <= 2 else None
+    if left is not None and too_much(*left):
         rungs, rounds = _pairs(bench, rungs, rounds)
+    reached = rungs[-1]
     rungs, rivals = _revise(bench, rungs, rounds)
-    train, test = remains(bench, rungs[-1])
-    return Search(tuple(rungs), tuple(map(tuple, rounds)), rivals, tuple(train), tuple(test))
+    if left is None or rungs[-1] is not reached or len(rungs) > 2:
+        left = remains(bench, rungs[-1])
+    return Search(tuple(rungs), tuple(map(tuple, rounds)), rivals, tuple(left[0]), tuple(left[1]))
 
 
 def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder]]:
@@ -85,7 +89,10 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial
     least = max(WORTH, HOPELESS * screened[0][1][0].gain) if screened else WORTH
     likely = [(e, s) for e, s in screened if s[0].gain > least][:REFITS]
     trials = [bench.added(state, effect, found) for effect, found in likely]
-    return sorted(trials, key=lambda t: t.state.cost)
+    least = min((t.state.cost for t in trials), default=0.0)
+    promising = [t.state.cost < CLOSE * least and t.train.total > MATERIAL * float(state.train.sum()) for t in trials]
+    ended = [bench.polished(state, t) if more else t for t, more in zip(trials, promising, strict=True)]
+    return sorted(ended, key=lambda t: t.state.cost)
 
 
 def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Trial]:
@@ -94,8 +101,22 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Tria
     return [
         t
         for t, p in zip(trials, adjusted, strict=True)
-        if p < ALPHA and t.train.total > MATERIAL * float(before.train.sum()) and (t.test.certain or not bench.held_out)
+        if p < ALPHA
+        and t.train.total > MATERIAL * float(before.train.sum())
+        and (t.test.certain or not bench.held_out)
+        and not _too_short(bench, t)
     ]
+
+
+def _too_short(bench: Bench, trial: Trial) -> bool:
+    """Whether the effect is but a time that the sampling cannot tell from none."""
+    period = max(view.experiment.recording.period for view in bench.train)
+    times = [
+        trial.state.model.values[f"{trial.effect.name}.{p.name}"]
+        for p in trial.effect.parameters
+        if p.unit == "s" and p.null == 0.0
+    ]
+    return len(times) == len(trial.effect.parameters) and all(abs(t) < RESOLUTION * period for t in times)
 
 
 def leading(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:

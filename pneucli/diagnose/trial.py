@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
-from pneucli.identify.effects import Signature, fit_added, fit_without, signatures
+from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit, Problem, block_numbers
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
@@ -19,6 +19,7 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 
 
+ROUNDS = 5  # of a first fit, which only ranks
 RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts
 Screened = tuple[Effect, list[Signature]]
 
@@ -74,8 +75,13 @@ class Bench:
     def added(self, state: State, effect: Effect, ranked: Sequence[Signature] | None = None) -> Trial:
         """Refit with the effect and hold it against the data that the fit has not seen."""
         self.progress(f"fitting {effect.name}")
-        found = fit_added(state.fit, self.train, effect, linear_valve=self.linear_valve, ranked=ranked)
+        found = fit_added(state.fit, self.train, effect, linear_valve=self.linear_valve, rounds=ROUNDS, ranked=ranked)
         return self.trial(state, self.state(found), effect)
+
+    def polished(self, before: State, trial: Trial) -> Trial:
+        """Fit a trial to the end."""
+        found = refit(trial.state.fit, self.train, linear_valve=self.linear_valve)
+        return self.trial(before, self.state(found), trial.effect)
 
     def without(self, state: State, effect: Effect) -> State:
         """Refit without one of the effects."""

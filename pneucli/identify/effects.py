@@ -78,8 +78,7 @@ def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signat
 
 
 def _signature(values: dict[str, float], change: Array, found: Fit, *, nested: bool) -> Signature:
-    basis, target = found.basis, found.unexplained
-    new = change - basis @ (basis.T @ change)
+    target, new = found.unexplained, found.beyond(change)
     power = float(new @ new)
     if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
         return Signature(values, change, 0.0, 0.0, np.inf)
@@ -161,6 +160,12 @@ def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) 
         if any(view.feels(effect) for view in views):
             free += effect_parameters(effect, model)
     return free
+
+
+def refit(found: Fit, views: Sequence[View], *, linear_valve: bool, rounds: int = 12) -> Fit:
+    """Fit on from where a fit ended."""
+    model = found.model
+    return fit(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
 
 
 def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, linear_valve: bool, rounds: int = 12) -> Fit:

@@ -61,14 +61,17 @@ class Fit:
     cost: float
 
     @cached_property
-    def basis(self) -> Array:
-        """Orthonormal columns (N, k) that span what the free parameters can do to the residual."""
-        return np.asarray(np.linalg.qr(self.jacobian)[0])
+    def _bread(self) -> Array:
+        return np.asarray(np.linalg.pinv(self.jacobian.T @ self.jacobian, hermitian=True))
+
+    def beyond(self, change: Array) -> Array:
+        """Return what the free parameters cannot do of a change of the residual, shape (N,)."""
+        return np.asarray(change - self.jacobian @ (self._bread @ (self.jacobian.T @ change)))
 
     @cached_property
     def unexplained(self) -> Array:
         """The residual without what the free parameters could still take up, shape (N,)."""
-        return np.asarray(self.residual - self.basis @ (self.basis.T @ self.residual))
+        return self.beyond(self.residual)
 
     def __getitem__(self, name: str) -> Estimate:
         return next(e for e in self.estimates if e.name == name)
