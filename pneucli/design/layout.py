@@ -27,6 +27,8 @@ from __future__ import annotations
     S_STIRS,
     S_BREAK,  # N beyond the load that last set it free, and that is applied to do so
     S_STICK,
+    S_SIDE,  # sign of the error; share of the pace that is left after going too far (above 1: all)
+    S_EAGER,
     S_BRAKE,  # s for which a freed piston is still stopped
     S_FORCE,  # N asked of the pressures, and what of it is integrated
     S_INTEGRAL,
@@ -34,7 +36,7 @@ from __future__ import annotations
     S_P2_REF,
     S_INTEGRAL1,  # Pa/s
     S_INTEGRAL2,
-) = range(31)
+) = range(33)
 
 (
     C_PERIOD,  # s

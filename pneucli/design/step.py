@@ -177,9 +177,13 @@ def loosen(error, s, c):
     """Set the force in N beyond the load that shall free the piston where it sticks off the reference.
 
     Up to a little below what it took last it rises fast, then slowly; as soon as the piston stirs near the
-    reference, the force is taken away and friction stops it.
+    reference, the force is taken away and friction stops it. From the third time on that it lands on the other side,
+    all goes at half the pace each time, so that what is not modelled does not keep up a limit cycle.
     """
     h = c[C_PERIOD]
+    if error * s[S_SIDE] < 0.0:
+        s[S_EAGER] = max(0.5 * s[S_EAGER], 0.03)
+    s[S_SIDE] = sign(error)
     if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
         if s[S_STIRS] == 1.0:
             s[S_BREAK] = clamp(math.fabs(pressure_force(s, c) + s[S_LOAD]), 0.5 * c[C_STATIC], 2.0 * c[C_STATIC])
@@ -190,9 +194,10 @@ def loosen(error, s, c):
     s[S_BRAKE] -= h
     if s[S_BRAKE] <= 0.0:
         side = switching(error, -s[S_V], c)
-        pace = clamp(c[C_SECTOR_RATE] * math.fabs(error), c[C_SECTOR_SLOW], c[C_SECTOR_FAST])
-        if (pressure_force(s, c) + s[S_LOAD]) * sign(error) < max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
-            pace = c[C_SECTOR_FAST]
+        pace = c[C_SECTOR_FAST]
+        if (pressure_force(s, c) + s[S_LOAD]) * sign(error) >= max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
+            pace = min(c[C_SECTOR_RATE] * math.fabs(error), c[C_SECTOR_FAST])
+        pace = max(pace * min(s[S_EAGER], 1.0), c[C_SECTOR_SLOW])
         s[S_STICK] = clamp(s[S_STICK] + h * pace * side, -3.0 * c[C_STATIC], 3.0 * c[C_STATIC])
 
 
@@ -202,6 +207,7 @@ def hold(x_ref, s, c):
     off = math.fabs(x_ref - s[S_X])
     if s[S_HOLD] < 0.5 and resting and off < c[C_REACH]:
         s[S_HOLD] = 1.0
+        s[S_EAGER] = 4.0
         s[S_FORCE] = 0.5 * (pressure_force(s, c) - s[S_LOAD])
         s[S_STICK] = 0.0
     elif not resting or off > 2.0 * c[C_REACH]:
@@ -223,6 +229,7 @@ def position_law(x_ref, s, c):
         loosen(error, s, c)
     else:
         s[S_STICK] = 0.0
+        s[S_EAGER] = 4.0
     ahead = dry_friction(math.fabs(s[S_V_SHAPED]), s, c) * clamp(s[S_V_SHAPED] / c[C_V_FLOOR], -1.0, 1.0)
     return force + ahead + s[S_STICK] - s[S_LOAD]
 
