@@ -34,7 +34,7 @@ layers:
 	@$(BIN)/lint-imports --no-logo
 
 docs: $(VENV)/.installed-dev
-	@$(BIN)/python -m pneucli.cli.docs > docs/cli.md
+	@$(BIN)/python -m pneucli.cli.docs docs
 
 # A stamp per set of dependencies; a changed pyproject.toml installs anew.
 $(VENV)/.installed-%: pyproject.toml

@@ -1,7 +1,8 @@
-"""``effects``: the catalogue."""
+"""``effects``: the catalogue, as a list or one effect's story; the same texts make the pages ``docs/effects/*.md``."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,6 +12,22 @@ from pneucli.cli.options import Json
 
 if TYPE_CHECKING:
     from pneucli.physics.declaration import Effect, Parameter
+
+HEAD = """# The catalogue of effects
+
+What the base model may lack. Each page says what the effect does to a residual, what is easily taken for it and which
+experiment tells them apart. Made by `make docs` from the declarations in `pneucli/physics/effects`, as is
+`pneucli effects EFFECT`; a test holds the texts to them.
+
+| effect | what it is | part | parameters | shows over | easily taken for |
+| --- | --- | --- | --- | --- | --- |
+"""
+TAIL = """
+An effect of your own is the same declaration in a Python file that the pipeline file names (`[model] plugins`).
+"""
+PICTURED = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
+without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
+COLUMNS = ("parameter", "unit", "what", "absent at", "bounds", "typical")
 
 
 def register(app: typer.Typer) -> None:
@@ -33,25 +50,67 @@ def _effects(
             parameters = ", ".join(f"{p.name} ({p.unit})" for p in one.parameters)
             print(f"{one.name:20} {one.part:13} {parameters}")
     else:
-        print(_page(chosen[0]))
+        print(_text(chosen[0]))
 
 
-def _page(effect: Effect) -> str:
-    lines = [f"{effect.name}: {effect.title}", f"part: {effect.part}", ""]
-    lines += [f"  {p.name} in {p.unit}, {_range(p)}{p.title and ': ' + p.title}" for p in effect.parameters]
-    lines += ["", effect.equation, "", f"in a residual: {effect.looks_like}"]
-    if effect.twins:
-        lines.append(f"easily taken for: {', '.join(effect.twins)}; what tells them apart: {effect.separate}")
-    return "\n".join([*lines, f"source: {effect.source}"])
+def page(effect: Effect) -> str:
+    """Return the effect's page in Markdown; its picture lies beside it."""
+    lines = [f"# {effect.title}", "", f"`{effect.name}`, part: {effect.part}", "", effect.equation, ""]
+    lines += [f"| {' | '.join(COLUMNS)} |", "| --- " * len(COLUMNS) + "|"]
+    lines += [f"| {' | '.join(_row(p))} |" for p in effect.parameters]
+    lines += ["", f"![What it looks like]({effect.name}.svg)", "", PICTURED]
+    for heading, words in _story(effect, [f"[{twin}]({twin}.md)" for twin in effect.twins]):
+        lines += ["", f"## {heading}", "", words]
+    return "\n".join([*lines, "", "[All effects](../effects.md)", ""])
 
 
-def _range(parameter: Parameter) -> str:
-    null = "" if parameter.null is None else f", absent at {parameter.null}"
-    return f"{parameter.lower:g} to {parameter.upper:g}{null}"
+def index(effects: Iterable[Effect]) -> str:
+    """Return the page of all effects in Markdown."""
+    rows = [
+        f"| [{e.name}](effects/{e.name}.md) | {e.title} | {e.part} | "
+        f"{', '.join(f'{p.name} ({p.unit})' for p in e.parameters)} | {e.shows_over} | {', '.join(e.twins)} |"
+        for e in effects
+    ]
+    return HEAD + "\n".join(rows) + "\n" + TAIL
+
+
+def _row(parameter: Parameter) -> tuple[str, ...]:
+    p = parameter
+    absent = "-" if p.null is None else f"{p.null:g}" if isinstance(p.null, float) else p.null
+    of = {"": "", "x": " of the range of x"}.get(p.of, f" x {p.of}")
+    typical = ", ".join(f"{value:g}" for value in p.typical) + of
+    return (p.name, p.unit, p.title, absent, f"{p.lower:g} to {p.upper:g}", typical)
+
+
+def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
+    """Return headings and paragraphs; ``twins`` are the names, as they are to be shown."""
+    from pneucli.physics.declaration import PORTS
+
+    ports = "; ".join(f"{port} ({PORTS[port].meaning})" for port in effect.ports)
+    story = [
+        ("In a residual", f"{effect.looks_like} Seen best over: {effect.shows_over}."),
+        ("Easily taken for", ", ".join(twins) or "nothing else in the catalogue"),
+        ("What tells them apart" if effect.twins else "How to make sure", effect.separate),
+        ("Where it enters the model", f"{ports}."),
+        ("Source", effect.source),
+    ]
+    if not effect.nested:
+        story.insert(0, ("Not nested", "No value of its parameters gives the model without it; it is there or not."))
+    return story
+
+
+def _text(effect: Effect) -> str:
+    rows = [COLUMNS, *(_row(p) for p in effect.parameters)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
+    table = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    story = [f"{heading}: {words}" for heading, words in _story(effect, effect.twins)]
+    return "\n".join(
+        [f"{effect.name}: {effect.title} (part: {effect.part})", "", effect.equation, "", *table, "", *story]
+    )
 
 
 def _content(effect: Effect) -> dict[str, Any]:
-    keys = ("name", "title", "part", "equation", "looks_like", "source")
+    keys = ("name", "title", "part", "equation", "looks_like", "shows_over", "separate", "source")
     parameters = [
         {"name": p.name, "unit": p.unit, "null": p.null, "lower": p.lower, "upper": p.upper, "title": p.title}
         for p in effect.parameters
