@@ -6,6 +6,8 @@ recording is simulated with it; the smoothing being linear, the draws need no tr
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,7 @@ from pneucli.simulate.outputs import outputs
 Array = NDArray[np.float64]
 DRAWS = 6
 SEED = 20151
+MOTION = ("x", "v", "a")
 
 
 def deviations(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, Array]:
@@ -49,3 +52,27 @@ def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed:
     return {
         c: max(r, 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms) for c, r in rms.items()
     }
+
+
+def expected_of_all(
+    model: Model, experiments: Sequence[Experiment], progress: Callable[[int], None] = lambda _: None
+) -> list[dict[str, float]]:
+    """Return :func:`expected_rms` of each experiment, that of a simulated motion pooled over those of its kind.
+
+    Whether a break-away falls before or after a restart decides most of the deviation of a motion, and the few draws
+    of one recording may hold none: together they hold enough.
+    """
+    own = []
+    for i, experiment in enumerate(experiments):
+        progress(i)
+        own.append(expected_rms(model, experiment))
+    kinds = [(e.recording.experiment, e.recording.imposed) for e in experiments]
+    out = []
+    for kind, mine in zip(kinds, own, strict=True):
+        like = [n for k, n in zip(kinds, own, strict=True) if k == kind]
+        out.append({c: _pooled([n[c] for n in like if c in n]) if c in MOTION else r for c, r in mine.items()})
+    return out
+
+
+def _pooled(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pneucli.compare import compare, overall_error
-from pneucli.compare.expected import expected_rms
+from pneucli.compare.expected import expected_of_all
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 
@@ -21,7 +21,7 @@ class Errors:
     @classmethod
     def seen_by(cls, model: Model, experiments: Sequence[Experiment]) -> Errors:
         """Return errors in units of what ``model`` would show were it correct."""
-        return cls(experiments, [expected_rms(model, e) for e in experiments])
+        return cls(experiments, expected_of_all(model, experiments))
 
     def of(self, model: Model) -> dict[str, float | None]:
         """Return the model's errors {"train": ..., "test": ...}; None where no recording has that use."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_regions, overall_error
+from pneucli.compare.expected import expected_of_all
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
@@ -20,10 +21,13 @@ def run(context: Context) -> dict[str, Any]:
     """Compare the identified model with every recording; return the answer that ``--json`` prints."""
     study = Study(context)
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
-    comparisons = []
-    for i, experiment in enumerate(study.experiments):
-        context.progress(f"comparing {experiment.recording.name}", 0.2 + 0.7 * i / len(study.experiments))
-        comparisons.append(compare(model, experiment))
+    experiments = study.experiments
+
+    def progress(i: int) -> None:
+        context.progress(f"comparing {experiments[i].recording.name}", 0.2 + 0.7 * i / len(experiments))
+
+    noise = expected_of_all(model, experiments, progress)
+    comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
     _write_residuals(study, comparisons)
     results = [r for c in comparisons for r in c.results]
     regions = find_regions(comparisons)
