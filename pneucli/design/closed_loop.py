@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design import layout, loop, step
+from pneucli.design import layout, loop, plant, step
 from pneucli.design.controller import Controller
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
@@ -70,7 +70,7 @@ def loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
 def controller_text() -> str:
     """Return the controller as text for the kernel: its constants and functions."""
     constants = [f"{n} = {v}" for n, v in vars(layout).items() if n[:2] in ("S_", "C_", "L_")]
-    sources = [inspect.getsource(module) for module in (step, loop)]
+    sources = [inspect.getsource(module) for module in (plant, step, loop)]
     functions = [text[re.search(r"^def ", text, flags=re.MULTILINE).start() :] for text in sources]  # type: ignore[union-attr]
     return "\n\n\n".join(["\n".join(constants), *functions])
 

@@ -1,7 +1,7 @@
 """The controller's place in the simulation kernel: what it reads, what it logs, when its command takes effect.
 
 The text of this function takes the place of ``control`` in :mod:`pneucli.simulate.kernel`, that of
-:mod:`pneucli.design.step` goes before it.
+:mod:`pneucli.design.plant` and :mod:`pneucli.design.step` goes before it.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN

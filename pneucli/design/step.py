@@ -11,64 +11,7 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.physics.gas import flow_function
-
-
-def clamp(value, low, high):
-    """Return value within low and high."""
-    return low if value < low else high if value > high else value
-
-
-def sign(value):
-    """Return -1, 0 or 1."""
-    return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0
-
-
-def usable(reading, low, high):
-    """Whether a reading can be one: finite and within low and high."""
-    return math.isfinite(reading) and reading >= low and reading <= high
-
-
-def dry_friction(speed, s, c):
-    """Return dry friction in N at a speed (thesis 3.6), with the breakaway force that was last seen."""
-    r = speed / c[C_STRIBECK]
-    return c[C_COULOMB] + max(s[S_BREAK] - c[C_COULOMB], 0.0) / (1.0 + r * r)
-
-
-def per_area(filling, p, volume, c):
-    """Return dp/dt in Pa/s that 1 m^2 of open valve makes in a chamber (2.46): to be filled, or vented."""
-    scale = c[C_GAMMA_R_T] * c[C_K_GAS] / volume
-    if filling:
-        return scale * c[C_SUPPLY] * flow_function(p / c[C_SUPPLY], c[C_CRITICAL])
-    return scale * p * flow_function(c[C_AMBIENT] / p, c[C_CRITICAL])
-
-
-def opening(area, most, table: int, c):
-    """Return the command in V for an effective area, from the inverse table that begins at ``table``."""
-    nodes: int = int(c[C_NODES])
-    place = math.sqrt(area / most) * (nodes - 1)
-    i: int = min(int(place), nodes - 2)
-    return c[table + i] + (place - i) * (c[table + i + 1] - c[table + i])
-
-
-def valve_command(gradient, p, volume, c):
-    """Return the command in V that makes dp/dt in Pa/s at p: the inverse of the valve's map, clipped at its ends."""
-    nodes: int = int(c[C_NODES])
-    if gradient == 0.0:
-        return 0.5 * (c[C_TABLE] + c[C_TABLE + nodes])
-    filling = gradient > 0.0
-    most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
-    begin: int = C_TABLE if filling else C_TABLE + nodes
-    slope = per_area(filling, p, volume, c)
-    reachable = slope * most > math.fabs(gradient)
-    return opening(math.fabs(gradient) / slope if reachable else most, most, begin, c)
-
-
-def reached(gradient, p, volume, c):
-    """Return dp/dt in Pa/s that the valve makes where ``gradient`` is asked for: what it cannot reach is cut."""
-    if gradient > 0.0:
-        return min(gradient, c[C_AREA_FILL] * per_area(True, p, volume, c))
-    return max(gradient, -c[C_AREA_VENT] * per_area(False, p, volume, c))
+from pneucli.design.plant import clamp, dry_friction, reached, sign, usable, valve_command
 
 
 def start(x_ref, x, p1, p2, s, c):

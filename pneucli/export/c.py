@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from types import FunctionType
 
 from pneucli import __version__
-from pneucli.design import layout, step
+from pneucli.design import layout, plant, step
 from pneucli.design.controller import Controller
 from pneucli.export.translate import c_functions, callees_first
-from pneucli.physics.gas import flow_function
 
 NAME = "pneucli_controller"
 REPLAY = "pneucli_replay.c"
@@ -27,7 +27,7 @@ def header(controller: Controller, pipeline: str) -> str:
 
 def source(controller: Controller, pipeline: str) -> str:
     """Return ``pneucli_controller.c``; every equation in it is translated from :mod:`pneucli.design.step`."""
-    known = [getattr(step, name) for name in dir(step) if getattr(step, name).__class__.__name__ == "function"]
+    known = [f for module in (plant, step) for f in vars(module).values() if isinstance(f, FunctionType)]
     numbers = [f"    {controller.values[n]!r}, /* {n} */" for n in layout.PARAMETERS if n != "C_TABLE"]
     for title, table in (("fill", controller.fill), ("vent", controller.vent)):
         numbers += [f"    /* {title}: V at (i / {len(table) - 1})^2 of the largest area */"]
@@ -39,7 +39,7 @@ def source(controller: Controller, pipeline: str) -> str:
         .replace("@STATE@", ", ".join(layout.STATE))
         .replace("@PARAMETERS@", ", ".join(layout.PARAMETERS))
         .replace("@NUMBERS@", "\n".join(numbers))
-        .replace("@FUNCTIONS@", c_functions(callees_first(step.step, [*known, flow_function])))
+        .replace("@FUNCTIONS@", c_functions(callees_first(step.step, known)))
     )
 
 

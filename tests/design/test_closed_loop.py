@@ -11,9 +11,9 @@ from pneucli.design import layout
 from pneucli.design.closed_loop import Bench, loop_kernel, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import measure
+from pneucli.design.plant import valve_command
 from pneucli.design.requirements import Requirements
 from pneucli.design.scenarios import scenarios_from
-from pneucli.design.step import valve_command
 from pneucli.errors import InputError
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
