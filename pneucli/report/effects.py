@@ -72,9 +72,8 @@ def benches() -> Iterator[Experiment]:
     """
     flat = np.ones_like(TIME)
     levels = np.array([6.0, 0.0, -6.0, 0.0, 2.0, -2.0, 3.0, -3.0])
-    u = np.where(
-        TIME < 0.1, 0.0, levels[(np.maximum(TIME - 0.1, 0.0) / HORIZON).astype(int)]
-    )  # steps between the restarts
+    held = np.maximum(TIME - 0.1, 0.0) / HORIZON  # steps fall between the restarts
+    u = np.where(TIME < 0.1, 0.0, levels[held.astype(int)])
     yield _bench("valve", {"u": u, "p1": 101_325.0 * flat}, VESSEL)
     push = 6.0 * np.sin(2 * np.pi * 0.9 * TIME)
     given = _bench("axis", {"u": push, "p1": 3e5 * flat, "p2": 2e5 * flat, **_motion(0.05)})
@@ -88,10 +87,10 @@ def benches() -> Iterator[Experiment]:
 
 
 def _motion(amplitude: float) -> dict[str, Array]:
-    """Return x, v and a of two cycles about the middle of the stroke, the second one smaller."""
-    x = 0.1 - amplitude * np.cos(2 * np.pi * 0.5 * TIME) * np.where(TIME < 2.5, 1.0, 0.7)
-    v = np.gradient(x, TIME)
-    return {"x": x, "v": v, "a": np.gradient(v, TIME)}
+    """Return x, v and a of two cycles of 2 s about the middle of the stroke; SI."""
+    omega = np.pi
+    x = -amplitude * np.cos(omega * TIME)
+    return {"x": 0.1 + x, "v": amplitude * omega * np.sin(omega * TIME), "a": -(omega**2) * x}
 
 
 def _bench(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experiment:
@@ -138,7 +137,7 @@ def _draw(effect: Effect, seen: Experiment, channel: str, base: Array) -> str:
         left.plot(TIME[some], true[some], color=GREY, lw=2.2, label="with it")
         left.plot(TIME[some], base[some], color=ORANGE, lw=1.0, label="model without it")
         left.set(xlabel="time in s", ylabel=f"{q.title} in {q.display_unit}")
-        left.legend(loc="best", fontsize=7.5)
+        left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=7.5)
         over = effect.shows_over
         right.plot(_located(seen, over)[some], (true - base)[some], ".", color=BLUE, ms=2.5)
         right.axhline(0.0, color=GREY, lw=0.6)
