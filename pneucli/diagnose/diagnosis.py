@@ -18,7 +18,8 @@ from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained"]
 
-EXPLAINS = 0.3  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
+EXPLAINS = 0.4  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
+EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 
 
@@ -54,7 +55,9 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     start = bench.state(base)
     found = search(bench, start)
     left = too_much(found.train, found.test)
-    missing = [n for i, n in enumerate(found.added) if not left or explains(found.rungs[i], found.rungs[i + 1])]
+    least = EXPLAINS if bench.held_out else EXPLAINS_ALONE
+    steps = zip(found.added, found.rungs, found.rungs[1:], strict=False)
+    missing = [n for n, before, after in steps if not left or explained(before, after) > least]
     equals = {n: tuple(t.effect.name for t in found.rivals.get(n, ()) if as_good(t.state, found.last)) for n in missing}
     verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
     unknown = describe(found.last.model, [*bench.train, *bench.held_out], left[0]) if left else None
@@ -62,10 +65,9 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     return Diagnosis(verdict, tuple(missing), equals, found, moved, tuple(detectable(bench, found.last)), unknown)
 
 
-def explains(before: State, after: State) -> bool:
-    """Whether the step takes away much of what exceeds noise, on fitted and on held-out recordings."""
-    excess = float(before.costs.sum()) - before.samples
-    return float(before.costs.sum() - after.costs.sum()) > EXPLAINS * max(excess, 0.0)
+def explained(before: State, after: State) -> float:
+    """Return the share of what exceeds noise that a step takes away, on fitted and on held-out recordings."""
+    return (before.cost - after.cost) / max(before.cost - before.samples, 1e-9)
 
 
 def _moved(before: Fit, after: Fit) -> list[Moved]:

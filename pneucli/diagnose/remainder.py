@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from pneucli.compare.expected import deviations
 from pneucli.compare.where import locators
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 DRAWS = 1  # of each view; many views and restarts are pooled
 SEED = 11
 BINS = 12
+WORST = 0.005  # share of the samples
 FEWEST_BLOCKS = 4  # in a bin, to know how its mean scatters
 
 
@@ -45,12 +46,14 @@ class Shape:
 class Remainder:
     """One channel seen through one kind of view, over all recordings of a use.
 
-    ``ratio`` is its rms over what a correct model would show.
+    ``ratio`` is its rms over what a correct model would show, ``bulk`` the same without the worst samples: those at
+    the edge of a stretch or at a stop, which no sampling resolves.
     """
 
     kind: Kind
     channel: str
     ratio: float
+    bulk: float
     shapes: tuple[Shape, ...]
 
 
@@ -92,8 +95,7 @@ def _expected_forces(model: Model, view: View) -> dict[str, float]:
 
 
 def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]]) -> Remainder:
-    power = sum(float(np.sum((r / e) ** 2)) for _, r, e in members)
-    count = sum(int(np.count_nonzero(r)) for _, r, _ in members)
+    relative = np.concatenate([(r / e)[r != 0.0] for _, r, e in members])
     blocks = block_numbers([_one_channel(view) for view, _, _ in members])
     residual = np.concatenate([r for _, r, _ in members])
     variables = [locators(view.experiment) for view, _, _ in members]
@@ -104,7 +106,16 @@ def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]
             found = shape(name, values, residual, blocks)
             if found is not None:
                 shapes.append(found)
-    return Remainder(kind, channel, float(np.sqrt(power / count)), tuple(sorted(shapes, key=lambda s: -s.share)))
+    ranked = tuple(sorted(shapes, key=lambda s: -s.share))
+    return Remainder(kind, channel, float(np.sqrt(np.mean(relative**2))), bulk_rms(relative), ranked)
+
+
+def bulk_rms(values: Array) -> float:
+    """Return the rms (over that of a normal distribution cut alike) without the WORST share of the values."""
+    cut = float(norm.ppf(1.0 - WORST / 2.0))
+    kept = np.sort(values**2)[: max(int(values.size * (1.0 - WORST)), 1)]
+    normal = 1.0 - 2.0 * cut * float(norm.pdf(cut)) / (1.0 - WORST)  # variance of a normal cut at +-cut
+    return float(np.sqrt(np.mean(kept) / normal))
 
 
 def _one_channel(view: View) -> View:
@@ -148,15 +159,20 @@ def _bins(values: Array) -> NDArray[np.int64]:
 
 TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exams: docs/diagnosis.md
 TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
+WHOLE = 2.0  # times these limits for the rms with the worst samples
 SHAPED = 0.2  # share of the squared residual that a shape may hold
 FAINT = 1.06  # a ratio below which a shape is too small to matter
 
 
 def too_much(train: Sequence[Remainder], test: Sequence[Remainder]) -> list[Remainder]:
     """Return the remainders that are more than noise and known uncertainty, worst first."""
-    rest = [r for r in train if r.ratio > TRAIN_LIMIT or (r.ratio > FAINT and _shaped(r))]
-    rest += [r for r in test if r.ratio > TEST_LIMIT]
+    rest = [r for r in train if _large(r, TRAIN_LIMIT) or (r.bulk > FAINT and _shaped(r))]
+    rest += [r for r in test if _large(r, TEST_LIMIT)]
     return sorted(rest, key=lambda r: -r.ratio)
+
+
+def _large(r: Remainder, limit: float) -> bool:
+    return r.bulk > limit or r.ratio > WHOLE * limit
 
 
 def _shaped(r: Remainder) -> bool:

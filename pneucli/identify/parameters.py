@@ -44,7 +44,7 @@ class Free:
 
     def outward(self, z: float) -> float:
         """Return the value at a coordinate of the fit."""
-        return float(np.exp(z)) if self.logarithmic else z * self.scale
+        return float(np.exp(min(z, 700.0))) if self.logarithmic else z * self.scale
 
     def slope(self, value: float) -> float:
         """Return d value / d coordinate."""
