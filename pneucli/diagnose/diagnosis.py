@@ -18,7 +18,7 @@ from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained"]
 
-EXPLAINS = 0.4  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
+EXPLAINS = 0.5  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
 EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 

@@ -11,6 +11,7 @@ from pneucli.diagnose.evidence import gain, holm
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.effects import Signature
+from pneucli.identify.parameters import value_of
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
@@ -105,7 +106,19 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Tria
         and t.train.total > MATERIAL * float(before.train.sum())
         and (t.test.certain or not bench.held_out)
         and not _too_short(bench, t)
+        and not _out_of_bounds(t)
     ]
+
+
+def _out_of_bounds(trial: Trial) -> bool:
+    """Whether a parameter stands at the bound of what is plausible, other than its null."""
+    nulls = {f"{trial.effect.name}.{p.name}": p.null for p in trial.effect.parameters}
+    model = trial.state.model
+    return any(
+        e.at_bound and e.value != (value_of(model, null) if isinstance(null, str) else null)
+        for e in trial.state.fit.estimates
+        if (null := nulls.get(e.name)) is not None
+    )
 
 
 def _too_short(bench: Bench, trial: Trial) -> bool:

@@ -134,7 +134,7 @@ class View:
             rough,
             leaving,
             doubtful,
-            self.noise["force"],
+            max(self.noise["force"] ** 2 - float(np.mean(rough**2)), 0.0) ** 0.5,
             base_vector(model, e),
             kernel.vector(model.effect_values()),
             kernel.switches(e.active(model.effects)),

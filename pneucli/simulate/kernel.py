@@ -550,15 +550,15 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, sigma, base_values, th_values, on_values, out):
+def run_balance(time, inputs, a, rough, leaving, unsure, quiet, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed reading, rough (n,)
     the force in N that the noise taken out of both would feign, leaving (n,) the direction in which a rest ends at
     this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
     force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
-    Between the branches of friction nothing is known but that: what noise leaves, sigma in N, stands there, so that
-    it is no gain.
+    Between the branches of friction the drive itself is the friction, smoothing noise and all: quiet, that noise in N,
+    is put back, so that taking it out is no gain.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
@@ -592,9 +592,9 @@ def run_balance(time, inputs, a, rough, leaving, unsure, sigma, base_values, th_
             out[k] = direction * (over if leaving[k] == direction else max(over, 0.0))
             continue
         rest = 0.0
-        if falling < drive < rising:
-            out[k] = sigma if k % 2 == 0 else -sigma
-        else:
-            out[k] = direction * (direction * friction - c * abs(v) - branch)
+        left = direction * friction - c * abs(v) - branch
+        if falling < drive < rising:  # then the velocity must not change
+            left = math.copysign(math.sqrt(left * left + quiet * quiet), left)
+        out[k] = direction * left
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain

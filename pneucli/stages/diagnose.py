@@ -7,7 +7,7 @@ from typing import Any
 
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, separation
 from pneucli.diagnose.errors import Errors
-from pneucli.diagnose.search import supported
+from pneucli.diagnose.search import WORTH, supported
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.effects import fit_model
@@ -18,7 +18,7 @@ from pneucli.stages.diagnose_tables import write_diagnosis
 from pneucli.stages.identify import parameter_answer
 from pneucli.stages.study import Study
 
-HELD_OUT = 3  # without test recordings, every third of a kind is held out
+HELD_OUT = 3  # without test recordings, every third is held out
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -39,8 +39,7 @@ def run(context: Context) -> dict[str, Any]:
     errors = Errors.seen_by(base.model, study.experiments)
     found = diagnose(replace(bench, errors=errors.of), base)
     context.progress("the error that the user sees", 0.9)
-    errors = Errors.seen_by(found.found.last.model, study.experiments)
-    answer = _answer(study, bench, found, errors)
+    answer = _answer(study, bench, found)
     answer["warnings"] = warnings
     write_diagnosis(study, bench, found, answer)
     return answer
@@ -78,14 +77,15 @@ def _without_every_third(views: list[View]) -> tuple[list[View], list[View]]:
     )
 
 
-def _answer(study: Study, bench: Bench, found: Diagnosis, errors: Errors) -> dict[str, Any]:
-    rungs = [errors.of(state.model) for state in found.found.rungs]
+def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
+    seen = [Errors.seen_by(state.model, study.experiments) for state in found.found.rungs]
+    rungs = [errors.of(state.model) for errors, state in zip(seen, found.found.rungs, strict=True)]
     ladder = [
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
         for add, e in zip([None, *found.found.added], rungs, strict=True)
     ]
     candidates = [_named(found, i, rungs) for i in range(len(found.found.added))]
-    candidates += _others(bench, found, errors, rungs[0])
+    candidates += _others(bench, found, seen[0], rungs[0])
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
     following = " ".join(separation(bench.effects[a], bench.effects[b]) for a, b in pairs[:2])
     return {
@@ -182,7 +182,9 @@ def _why_not(trial: Trial, found: Diagnosis, *, supported: bool) -> str:
         return f"{title} helps alone, but beside {' and '.join(found.missing)} it is not needed."
     if supported:
         return f"{title} helps, but less than what was taken instead."
-    if trial.test.total <= 0.0 or not trial.test.certain:
+    if trial.train.total < WORTH:
+        return f"{title} does not lower the error at all."
+    if trial.state.test.size and not trial.test.certain:
         return f"{title} helps where it was fitted, but not for certain on recordings that were not fitted."
     return f"{title} changes no more than chance would."
 
