@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.fit import Fit, Problem, fit
+from pneucli.identify.fit import Fit, Problem, fit, joined
 from pneucli.identify.parameters import STEP, Free, base_parameters, effect_parameters, value_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect, Parameter
@@ -129,9 +129,14 @@ def fit_added(
     if not ranked:
         return replace(found, model=replace(model, effects=(*model.effects, effect)))
 
+    chosen, names = _touched(found, views, effect)
+    felt = [view for view, mine in zip(views, chosen, strict=True) if mine]
+
     def refitted(signature: Signature, share: float) -> Fit:
         started = with_effect(model, effect, scaled_start(effect, signature, model, share))
-        return _from_coarse_to_fine(started, views, effect, linear_valve=linear_valve, rounds=rounds)
+        free = free_parameters(started, views, linear_valve=linear_valve)
+        free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
+        return joined(found, _from_coarse_to_fine(started, felt, free, rounds=rounds), views, chosen)
 
     if any(p.step for p in effect.parameters):  # an edge sees no further than its neighbourhood
         return min((refitted(s, 1.0) for s in ranked[:EDGED_STARTS]), key=lambda f: f.cost)
@@ -141,16 +146,28 @@ def fit_added(
     return refitted(ranked[0], 0.05)  # the promised step led astray: from nearly nothing
 
 
-def _from_coarse_to_fine(
-    model: Model, views: Sequence[View], effect: Effect, *, linear_valve: bool, rounds: int
-) -> Fit:
-    """Fit; where the effect has edges, in which it is not smooth, with ever smaller differences."""
-    edged = any(p.step for p in effect.parameters)
+def _touched(found: Fit, views: Sequence[View], effect: Effect) -> tuple[NDArray[np.bool_], set[str]]:
+    """Return which views a fit with the effect can change (views,), and the names of the parameters they share."""
+    sizes = [view.experiment.time.size * len(view.channels) for view in views]
+    parts = np.split(found.jacobian, np.cumsum(sizes)[:-1])
+    reach = np.array([part.any(axis=0) for part in parts]).T  # (parameters, views)
+    chosen = np.array([view.feels(effect) for view in views])
+    while True:
+        sharing: NDArray[np.bool_] = np.any(reach[:, chosen], axis=1)
+        wider = chosen | reach[sharing].any(axis=0)
+        if np.array_equal(wider, chosen):
+            return chosen, {f.name for f, mine in zip(found.free, sharing, strict=True) if mine}
+        chosen = wider
+
+
+def _from_coarse_to_fine(model: Model, views: Sequence[View], free: Sequence[Free], *, rounds: int) -> Fit:
+    """Fit; where there are edges, in which a residual is not smooth, with ever smaller differences."""
+    edged = any(f.step > STEP for f in free)
     for coarse in (12.0, 4.0) if edged else ():
-        free = free_parameters(model, views, linear_valve=linear_valve)
-        free = [replace(f, step=coarse * f.step) if f.step > STEP else f for f in free]
-        model = fit(model, views, free, rounds=rounds).model
-    return fit(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
+        wide = [replace(f, step=coarse * f.step) if f.step > STEP else f for f in free]
+        model = fit(model, views, wide, rounds=rounds).model
+        free = [replace(f, start=value_of(model, f.name)) for f in free]
+    return fit(model, views, free, rounds=rounds)
 
 
 def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) -> list[Free]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pneucli.identify.least_squares import minimise
-from pneucli.identify.parameters import STEP, Free, with_parameters
+from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import workers
@@ -110,8 +110,8 @@ class Problem:
         base = self.model_at(z)
         nominal = self.data(base)
         offsets = np.concatenate([[0], np.cumsum([part.size for part in nominal])])
-        known, adding = self.prior(z), Lock()
-        out = np.zeros((offsets[-1] + known.size, z.size))
+        adding = Lock()
+        out = np.vstack([np.zeros((offsets[-1], z.size)), self.prior_jacobian(z)])
         jobs = []
         for j in range(z.size):
             for step in self._steps(z, j):
@@ -119,7 +119,6 @@ class Problem:
                 moved[j] += step
                 model = self.model_at(moved)
                 jobs += [(i, j, step, model) for i, view in enumerate(self.views) if differ(base, model, view)]
-                out[offsets[-1] :, j] += (self.prior(moved) - known) / step / len(self._steps(z, j))
 
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
@@ -129,6 +128,12 @@ class Problem:
 
         _parallel(column, jobs)
         return out
+
+    def prior_jacobian(self, z: Array) -> Array:
+        """Return the derivatives (p, k) of what is known beforehand."""
+        known = self.prior(z)
+        columns = [(self.prior(z + STEP * row) - known) / STEP for row in np.eye(z.size)]
+        return np.array(columns).reshape(z.size, known.size).T
 
     def _steps(self, z: Array, j: int) -> tuple[float, ...]:
         """Return the differences for one coordinate: to both sides of an edge, since only one side may tell."""
@@ -222,6 +227,29 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
         estimates.append(Estimate(f.name, f.unit, value, error * f.slope(value), (low, high), at_bound))
     cost = float(residual @ residual)
     return Fit(model, tuple(problem.free), tuple(estimates), residual[:n], jacobian[:n], blocks, covariance, cost)
+
+
+def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool_]) -> Fit:
+    """Return a fit of all views from one of the ``chosen`` views, the others being left as ``found`` has them.
+
+    Right where no parameter of the part reaches another view, and none of another view the part.
+    """
+    new = {f.name: f for f in part.free}
+    free = [new.pop(f.name, f) for f in found.free] + list(new.values())
+    rows = np.repeat(chosen, [v.experiment.time.size * len(v.channels) for v in views])
+    residual, jacobian = found.residual.copy(), np.zeros((found.residual.size, len(free)))
+    residual[rows] = part.residual
+    mine, theirs = [f.name for f in part.free], [f.name for f in found.free]
+    for j, f in enumerate(free):
+        if f.name in mine:
+            jacobian[rows, j] = part.jacobian[:, mine.index(f.name)]
+        else:
+            jacobian[:, j] = found.jacobian[:, theirs.index(f.name)]
+    problem = Problem(part.model, views, free)
+    z = np.array([f.inward(value_of(part.model, f.name)) for f in free])
+    return _summary(
+        problem, z, np.concatenate([residual, problem.prior(z)]), np.vstack([jacobian, problem.prior_jacobian(z)])
+    )
 
 
 def roughness(valve: ValveArea) -> Array:
