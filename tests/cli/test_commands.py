@@ -114,10 +114,12 @@ def test_status_says_what_is_stale_and_why_and_runs_nothing(pneucli: Command, be
     assert "ingest    stale: never done" in pneucli("status", bench).out
     assert not (bench.parent / "artifacts").exists()
     pneucli("compare", bench)
+    pneucli("diagnose", bench)
     bench.write_text(PIPELINE + '\n[compare]\nhorizon = "1 s"\n')
-    lines = pneucli("status", bench).out.splitlines()
-    assert "identify  up to date" in lines
-    assert "compare   stale: new [compare]" in lines
+    lines = dict(line.split(maxsplit=1) for line in pneucli("status", bench).out.splitlines())
+    assert lines["ingest"] == "up to date"
+    assert lines["identify"] == lines["diagnose"] == "stale: new [compare]"
+    assert lines["compare"] == "stale: new [compare], identify is stale"
 
 
 def test_add_and_remove_change_the_file_keep_its_words_and_show_both_errors(pneucli: Command, bench: Path) -> None:
