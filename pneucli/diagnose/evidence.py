@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 from scipy.stats import t as student
+from statsmodels.stats.multitest import multipletests
 
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import value_of
@@ -109,9 +110,5 @@ def _freedom(found: Fit, contrast: Array) -> float:
 
 def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
     """Return p values adjusted after Holm for a family of ``hypotheses``, of which these are the smallest."""
-    order = np.argsort(p_values, kind="stable")
-    out, worst = [1.0] * len(p_values), 0.0
-    for rank, index in enumerate(order):
-        worst = max(worst, min(1.0, (hypotheses - rank) * p_values[index]))
-        out[index] = worst
-    return out
+    family = [*p_values, *[1.0] * (hypotheses - len(p_values))]
+    return [float(p) for p in multipletests(family, method="holm")[1][: len(p_values)]] if family else []
