@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.report import Check, Material, Table
+from tests.report import controlled
 
 RNG = np.random.default_rng(1)
 SAMPLES = 4000
@@ -220,13 +221,15 @@ def whole() -> Material:
             "identify": {"model": {"effects": ["stribeck"], "parameters": parameters}, "warnings": []},
             "compare": _compare({"p1": 1.0, "x": 3.0, "v": 1.1}),
             "diagnose": _diagnosis(),
-            "simulate": {"open_loop": [{"scenario": "steps", "channels": [metrics]}]},
+            "design": controlled.design(),
+            "simulate": {"open_loop": [{"scenario": "steps", "channels": [metrics]}], **controlled.simulated()},
         },
         tables={
             "ingest/signals": Table({"recording": named, "time": np.tile(TIME, 2), **signals}),
             "compare/residuals": _residuals(),
             "diagnose/shape": _shape(),
             "simulate/open_loop": _open_loop(),
+            **controlled.tables(),
             **_valve(),
             **_friction(),
         },

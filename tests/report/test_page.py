@@ -10,7 +10,9 @@ import pytest
 
 from pneucli.report import Material, to_html
 from pneucli.report.page import verdicts, warnings
+from pneucli.report.parts import Cell, Grid
 from pneucli.report.sections import SECTIONS
+from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.where import Cloud, _grid, _map, _span
 from tests.report.bench import without
 
@@ -25,6 +27,8 @@ ANCHORS = {
     "tensor": "identify",
     "parameters": "identify",
     "open-loop": "simulate",
+    "closed-loop": "design",
+    "robustness": "simulate",
 }
 
 
@@ -36,7 +40,7 @@ def test_every_artifact_has_its_section(page: str) -> None:
     assert anchors(page) == list(ANCHORS)
 
 
-@pytest.mark.parametrize("stage", ["diagnose", "compare", "ingest", "identify", "simulate"])
+@pytest.mark.parametrize("stage", ["diagnose", "compare", "ingest", "identify", "design", "simulate"])
 def test_a_section_is_absent_where_its_stage_never_ran(material: Material, stage: str) -> None:
     makers = dict(zip(ANCHORS, SECTIONS, strict=True))
     for anchor, made_by in ANCHORS.items():
@@ -45,7 +49,7 @@ def test_a_section_is_absent_where_its_stage_never_ran(material: Material, stage
 
 
 def test_a_report_comes_out_of_ingest_and_identify_alone(material: Material) -> None:
-    page = to_html(replace(without(material, "compare", "diagnose", "simulate"), checks=[]))
+    page = to_html(replace(without(material, "compare", "diagnose", "design", "simulate"), checks=[]))
     assert anchors(page) == ["measured", "valve", "friction", "tensor", "parameters"]
 
 
@@ -150,3 +154,16 @@ def test_cells_with_few_samples_stay_empty() -> None:
     _, _, rms, _ = _grid(Cloud("axis", "x", np.append(ones, 1e3), {"u": u, "x": x}), "u", "x")
     assert np.isfinite(rms).sum() == 1
     assert np.nanmax(rms) == 1.0
+
+
+def test_only_what_is_missing_is_marked_among_the_candidates(material: Material) -> None:
+    first = material.answers["diagnose"]["candidates"][0]
+    helped = {**first, "effect": "valve-leak", "why": "It helps alone, but beside piston-leak it is not needed."}
+    answer = {**material.answers["diagnose"], "candidates": [first, helped]}
+    section = diagnosis(Material("bench", {"diagnose": answer}))
+    assert section is not None
+    grid = next(part for part in section.parts if isinstance(part, Grid))
+    assert [(row[1].text, row[1].tone) for row in grid.rows if isinstance(row[1], Cell)] == [
+        ("yes", "good"),
+        ("yes", ""),
+    ]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pneucli.report.parts import SectionMaker
 from pneucli.report.sections.checks import section as checks
+from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.comparison import section as comparison
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.friction import section as friction
 from pneucli.report.sections.measured import section as measured
 from pneucli.report.sections.open_loop import section as open_loop
 from pneucli.report.sections.parameters import section as parameters
+from pneucli.report.sections.robustness import section as robustness
 from pneucli.report.sections.tensor import section as tensor
 from pneucli.report.sections.valve import section as valve
 from pneucli.report.sections.where import section as where
@@ -25,4 +27,6 @@ SECTIONS: tuple[SectionMaker, ...] = (
     tensor,
     parameters,
     open_loop,
+    closed_loop,
+    robustness,
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pneucli.report.material import Check, Material
 from pneucli.report.parts import Cell, Grid, Section
 from pneucli.report.shown import number
@@ -13,12 +15,12 @@ def section(material: Material) -> Section | None:
         return None
     failed = sum(bool(check.failure) for check in material.checks)
     lead = f"{failed} of {len(material.checks)} checks failed." if failed else "Every check passed."
-    grid = Grid(
-        "The limits of [checks] in the pipeline file.",
-        ("check", "wanted", "found", ""),
-        [_row(c) for c in material.checks],
-    )
-    return Section("checks", "Checks", lead, (grid,))
+    return Section("checks", "Checks", lead, (grid(material.checks, "The limits of [checks] in the pipeline file."),))
+
+
+def grid(checks: Sequence[Check], caption: str) -> Grid:
+    """Return a table of checks: what was wanted, what was found, and whether it passed."""
+    return Grid(caption, ("check", "wanted", "found", ""), [_row(check) for check in checks])
 
 
 def _row(check: Check) -> list[Cell]:

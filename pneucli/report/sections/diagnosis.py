@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
-from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
+from pneucli.report.figure import BLUE, GREY, INK, ORANGE, Drawing, drawing, figures
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Figure, Grid, Note, Part, Section
 from pneucli.report.shown import axis, number, percent, quantity, shown, shown_unit, signal_unit
@@ -27,7 +27,10 @@ def section(material: Material) -> Section | None:
     ]
     parts += [
         grid
-        for grid in (_candidates(answer.get("candidates", [])), _moved(answer.get("moved") or []))
+        for grid in (
+            _candidates(answer.get("candidates", []), answer.get("missing", [])),
+            _moved(answer.get("moved") or []),
+        )
         if grid is not None
     ]
     parts += _remarks(answer)
@@ -83,25 +86,26 @@ def _shapes(shape: Table, missing: Sequence[str]) -> list[Figure]:
 def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Table) -> Drawing:
     unit = rows.text("unit")
     caption = (
-        f"{effect}: the residual of {channel} in {recording}, before and after adding it, and what it would leave."
+        f"{effect}: the residual of {channel} in {recording} before and after adding it; dashed, what the effect takes "
+        "away. The closer the dashed curve lies to the one before, the more it explains."
     )
     with drawing(caption, axis(variable), f"residual of {channel} in {shown_unit(unit)}") as one:
         x = shown(rows["value"], signal_unit(variable))
-        styles = (("residual_before", "before", ORANGE, "-"), ("residual_after", "after", BLUE, "-"))
-        for column, label, colour, line in (*styles, ("expected", "expected of it", GREY, "--")):
-            if column in rows:
-                one.axes.plot(x, shown(rows[column], unit), line, color=colour, label=label)
-        one.axes.legend()
+        curves = {name: shown(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
+        one.axes.plot(x, curves["residual_before"], color=ORANGE, alpha=0.5, linewidth=3.5, label="before")
+        one.axes.plot(x, curves["residual_after"], color=BLUE, label="after")
+        one.axes.plot(x, curves["expected"], "--", color=INK, linewidth=1.0, label="taken away")
+        one.canvas.legend(loc="outside upper right", ncols=3)
     return one
 
 
-def _candidates(candidates: Sequence[Answer]) -> Grid | None:
+def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | None:
     if not candidates:
         return None
     rows = [
         [
             Cell(c["effect"], numeric=False),
-            Cell("yes" if c.get("supported") else "no", tone="good" if c.get("supported") else "", numeric=False),
+            Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
             Cell(number(c.get("error_before"), 3)),
             Cell(number(c.get("error_after"), 3)),
             Cell(_parameters(c.get("parameters", {})), numeric=False),
@@ -116,8 +120,7 @@ def _candidates(candidates: Sequence[Answer]) -> Grid | None:
 
 def _parameters(parameters: Mapping[str, Answer]) -> str:
     return "; ".join(
-        f"{name} {quantity(p['value'], p['unit'], 3)} ({quantity(p['ci95'][0], p['unit'], 3)} – "
-        f"{quantity(p['ci95'][1], p['unit'], 3)})"
+        f"{name} {quantity(p['value'], p['unit'], 3)} ({' – '.join(number(shown(c, p['unit']), 3) for c in p['ci95'])})"
         for name, p in parameters.items()
     )
 
@@ -139,7 +142,7 @@ def _moved(moved: Sequence[Answer]) -> Grid | None:
 
 def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
-    if (share := answer.get("unexplained_share")) is not None:
+    if share := answer.get("unexplained_share"):
         parts.append(Note(f"{percent(share)} of the error beyond noise stays unexplained."))
     if rest := answer.get("unexplained"):
         words = ", ".join(f"{key}: {value}" for key, value in rest.items() if value)

@@ -1,0 +1,202 @@
+"""The closed loop: how the controller was designed, and what it reaches on the identified model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import NullLocator, ScalarFormatter
+from numpy.typing import NDArray
+
+from pneucli.report.decimate import envelope
+from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
+from pneucli.report.material import Material, Table
+from pneucli.report.parts import Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
+from pneucli.report.sections.checks import grid as checks_grid
+from pneucli.report.shown import number, quantity, shown
+
+Answer = Mapping[str, Any]
+MOST = 800  # samples of a curve
+UM = 1e6
+LINEAR = 10.0  # um; errors below are drawn to scale, larger ones by their powers of ten
+WITH, ALONE = "with compensation", "PIDs alone"
+FIGURES = {  # of pneucli.design.metrics.Metrics, as people read them
+    "steady_um": "error at rest, µm",
+    "cycle_um": "movement at rest, µm",
+    "tracking_rms_um": "error on the way, rms, µm",
+    "tracking_max_um": "error on the way, largest, µm",
+    "overshoot_um": "overshoot, µm",
+    "rise_s": "rise from 10 to 90 %, s",
+    "settling_s": "within 50 µm after, s",
+    "recovery_s": "load rejected to 50 µm after, s",
+    "peak_um": "largest error after a change of load, µm",
+    "load_error": "load's estimate off by, share",
+    "switching_hz": "reversals of the command, 1/s",
+    "fast_share": "command above 50 Hz, share",
+    "fast_v": "command above 50 Hz, rms, V",
+    "air_kg": "air drawn, kg",
+}
+# a figure without bound is null, as is one that the scenario does not show; these are there where it does
+BESIDE = {"rise_s": "overshoot_um", "settling_s": "overshoot_um", "recovery_s": "peak_um"}
+
+
+def section(material: Material) -> Section | None:
+    """Return design and closed-loop scenarios; absent where no controller was designed."""
+    design, answer = material.answer("design"), material.answer("simulate")
+    if not design:
+        return None
+    parts: list[Part] = [Note(f"Warning of the design: {warning}", "bad") for warning in design.get("warnings", [])]
+    if own := [check for check in material.checks if check.path.split(".")[0] in ("design", "simulate")]:
+        parts.append(checks_grid(own, "The checks of the pipeline file on design and simulation."))
+    tolerance = _tolerance(material.table("design/gains"))
+    parts.append(_design(design, tolerance))
+    if "closed_loop" in answer:
+        parts.append(_figures(answer["closed_loop"], answer["pid_alone"]))
+    parts += _scenarios(material.table("simulate/closed_loop"), tolerance)
+    lead = (
+        "The designed controller moves the identified model, whose sensors add the noise and the counts that were "
+        "found. Against it stand its PIDs alone, without the estimates and the known friction ahead."
+    )
+    return Section("closed-loop", "Closed loop", lead, parts)
+
+
+def _tolerance(gains: Table) -> float:
+    """Return the error at rest in m that is good enough: twice the reach within which the piston is left alone."""
+    return 2.0 * float(gains.where(name="C_REACH")["value"][0])
+
+
+def _design(answer: Answer, tolerance: float) -> Grid:
+    period = answer["requirements"]["period"]
+    rows = [("sample time", f"{number(1e3 * period, 3)} ms"), ("tolerance at rest", _um(tolerance))]
+    rows += [
+        (f"corner: {name.replace('_', ' ')}", f"{number(c['value'], 3)} rad/s") for name, c in answer["corners"].items()
+    ]
+    rows += [
+        (
+            f"sliding sector, {name}",
+            f"λ {number(s['lambda_1'], 3)} and {number(s['lambda_2'], 3)} 1/s; λ₂T = {number(s['steepness'], 3)}",
+        )
+        for name, s in answer["sector"].items()
+    ]
+    rows += [(f"matching condition, {name}", _matching(m)) for name, m in answer["matching"].items()]
+    rows += [(f"PDC, weights {t['weight_type']}", _decay(t)) for t in answer["lmi"]["types"]]
+    cells = [[Cell(name, numeric=False), Cell(value, numeric=False)] for name, value in rows]
+    return Grid("How it was designed", ("what", "found"), cells, folded=True)
+
+
+def _matching(found: Answer) -> str:
+    broken = "; ".join(f"{name} acts on {', '.join(states)}" for name, states in found["broken_by"].items())
+    return "holds" if found["holds"] else f"does not hold: {broken}"
+
+
+def _decay(found: Answer) -> str:
+    if found["rate"] is None:
+        return f"none: {found['status']}"
+    return f"decay rate {quantity(found['rate'], '1/s', 3)}, {'verified' if found['verified'] else 'not verified'}"
+
+
+def _figures(compensated: Answer, alone: Answer) -> Grid:
+    names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
+    rows = [
+        [Cell(FIGURES.get(n, n), numeric=False), *(Cell(_both(f, alone[s], n)) for s, f in compensated.items())]
+        for n in names
+    ]
+    caption = f"What is reached in each scenario: {WITH} / {ALONE}; ∞ where it is not reached while things rest."
+    return Grid(caption, ("figure", *compensated), rows)
+
+
+def _shows(found: Answer, name: str) -> bool:
+    """Return whether a run shows a figure, be it without bound."""
+    return found[name] is not None or found.get(BESIDE.get(name, "")) is not None
+
+
+def _both(compensated: Answer, alone: Answer, name: str) -> str:
+    texts = [bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, alone)]
+    return "–" if texts == ["–", "–"] else " / ".join(texts)
+
+
+def bounded(value: float | None) -> str:
+    """Return a figure as text, infinity where it is without bound."""
+    return "∞" if value is None or math.isinf(value) else number(value, 3)
+
+
+def _um(metres: float) -> str:
+    return f"{number(UM * metres, 3)} µm"
+
+
+def _scenarios(table: Table, tolerance: float) -> list[Part]:
+    """Return the errors of all scenarios, the loads and their estimates, and all signals to be zoomed."""
+    pairs = {
+        str(name): (rows.where(controller="compensated"), rows.where(controller="pid_alone"))
+        for (name,), rows in table.groups("scenario")
+    }
+    if not pairs:
+        return []
+    drawings = [_error(name, *pair, tolerance) for name, pair in pairs.items()]
+    drawings += [_load(name, rows) for name, (rows, _) in pairs.items() if np.any(rows["load"] != 0.0)]
+    caption = (
+        "Drag over a stretch to zoom in, down to the micrometres at rest; double-click to see all again. "
+        "The estimate of the load and the pressure are those with compensation."
+    )
+    runs = [Run(name, _panels(*pair)) for name, pair in pairs.items()]
+    return [*figures(drawings), Zoom("closed-loop", caption, runs)]
+
+
+def _deviation(rows: Table) -> NDArray[Any]:
+    """Return reference minus position in um."""
+    return np.asarray(UM * (rows["x_ref"] - rows["x"]))
+
+
+def _error(name: str, compensated: Table, alone: Table, tolerance: float) -> Drawing:
+    caption = f"{name}: error of the position; to scale up to {number(LINEAR, 2)} µm, shaded: ± {_um(tolerance)}."
+    with drawing(caption, "time in s", "reference − position in µm") as one:
+        axes = one.axes
+        axes.axhspan(-UM * tolerance, UM * tolerance, color=GREY, alpha=0.25, linewidth=0)
+        for rows, label, colour in ((alone, ALONE, BLUE), (compensated, WITH, ORANGE)):
+            error = _deviation(rows)
+            kept = envelope([error], MOST)
+            axes.plot(rows["time"][kept], error[kept], color=colour, label=label, linewidth=1.0)
+        axes.set_yscale("symlog", linthresh=LINEAR, linscale=1.0)
+        axes.yaxis.set_major_formatter(ScalarFormatter())
+        axes.yaxis.set_minor_locator(NullLocator())
+        one.canvas.legend(loc="outside upper right", ncols=2)
+    return one
+
+
+def _load(name: str, rows: Table) -> Drawing:
+    caption = f"{name}: the load on the piston and what the controller takes it for, from position and pressures alone."
+    with drawing(caption, "time in s", "load in N") as one:
+        kept = envelope([rows["load"], rows["load_estimate"]], MOST)
+        one.axes.plot(rows["time"][kept], rows["load"][kept], color=GREY, linewidth=2.5, label="load")
+        one.axes.plot(rows["time"][kept], rows["load_estimate"][kept], color=ORANGE, label="estimate")
+        one.canvas.legend(loc="outside upper right", ncols=2)
+    return one
+
+
+def _panels(compensated: Table, alone: Table) -> list[Panel]:
+    both = {ALONE: alone, WITH: compensated}  # what is judged lies on top
+    mm = {label: shown(rows["x"], "m") for label, rows in both.items()}
+    bar = {name: shown(compensated[column], "Pa") for name, column in (("reference", "p1_ref"), (WITH, "p1"))}
+    panels = [
+        ("position", "mm", {"reference": shown(compensated["x_ref"], "m"), **mm}),
+        ("reference − position", "µm", {label: _deviation(rows) for label, rows in both.items()}),
+        ("valve command", "V", {label: rows["u"] for label, rows in both.items()}),
+        ("command of the second valve", "V", {label: rows["u2"] for label, rows in both.items()}),
+        ("pressure of chamber 1", "bar", bar),
+        ("load", "N", {"reference": compensated["load"], "estimate": compensated["load_estimate"]}),
+    ]
+    return [_panel(title, unit, compensated["time"], c) for title, unit, c in panels if _moves(title, c.values())]
+
+
+def _moves(title: str, curves: Iterable[NDArray[Any]]) -> bool:
+    """Return whether a panel has something to show: the second valve is absent on most rigs."""
+    return "second" not in title or any(np.any(curve != 0.0) for curve in curves)
+
+
+def _panel(title: str, unit: str, time: NDArray[Any], curves: Mapping[str, NDArray[Any]]) -> Panel:
+    roles = {"reference": "measured", ALONE: "input"}
+    kept = envelope(list(curves.values()), MOST)
+    drawn = [Series(label, roles.get(label, "model"), values[kept]) for label, values in curves.items()]
+    return Panel(title, unit, time[kept], drawn)

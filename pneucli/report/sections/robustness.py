@@ -1,0 +1,77 @@
+"""Robustness: on axes that differ from the model, which checks still hold, and what each effect leaves of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pneucli.report.material import Material, Table
+from pneucli.report.parts import Cell, Grid, Note, Part, Section
+from pneucli.report.sections.closed_loop import FIGURES, bounded
+from pneucli.report.shown import short
+
+Answer = Mapping[str, Any]
+LEFT = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")  # what an effect may leave of the error
+BASE = {"all": "all runs", "": "none"}  # rows that belong to no effect
+
+
+def section(material: Material) -> Section | None:
+    """Return the Monte Carlo study by effect; absent where none was run."""
+    answer = material.answer("simulate").get("robust")
+    if not answer:
+        return None
+    rates = {(r["effect"], r["check"]): r for r in answer["by_effect"]}
+    checks = answer["checks"]
+    effects = sorted({effect for effect, _ in rates}, key=lambda e: (e != "all", e != "", _share(rates, e, checks), e))
+    lead = (
+        f"The same controller on {answer['runs']} axes that differ from the model: parameters drawn from their "
+        "intervals, the rig's values from tolerances, and one effect in turn that the controller does not know, at a "
+        f"plausible size (seed {answer['seed']})."
+    )
+    told = [e for e in effects if e in BASE or _share(rates, e, checks) < 1.0]
+    parts: list[Part] = [_rates(rates, checks, told)]
+    if harmless := [e for e in effects if e not in told]:
+        parts.append(Note(f"Every check held with {', '.join(harmless)}.", "good"))
+    return Section("robustness", "Robustness", lead, [*parts, *_left(material.table("simulate/robust"), effects)])
+
+
+def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer], effects: Sequence[str]) -> Grid:
+    head = ("effect", *(f"{FIGURES.get(c, c)} ≤ {short(v['limit'])}" for c, v in checks.items()))
+    rows = [[_effect(e), *(_held(rates.get((e, c))) for c in checks)] for e in effects]
+    caption = (
+        "In how many runs each check held, every scenario counted; and the worst found. The most harmful effects first."
+    )
+    return Grid(caption, head, rows)
+
+
+def _share(rates: Mapping[tuple[str, str], Answer], effect: str, checks: Iterable[str]) -> float:
+    mine = [rates[effect, check] for check in checks if (effect, check) in rates]
+    return float(sum(r["held"] for r in mine) / sum(r["runs"] for r in mine))
+
+
+def _effect(name: str) -> Cell:
+    return Cell(BASE.get(name, name), numeric=False)
+
+
+def _held(rate: Answer | None) -> Cell:
+    if rate is None:
+        return Cell("–")
+    held, runs = int(rate["held"]), int(rate["runs"])
+    return Cell(f"{held} of {runs}; {bounded(rate['worst'])}", tone="" if held == runs else "bad")
+
+
+def _left(runs: Table, effects: Sequence[str]) -> list[Grid]:
+    """Return the median figures of each effect's runs, which tell what of the error the effect leaves."""
+    if not len(runs):
+        return []
+    names = [name for name in LEFT if name in runs]
+    rows = [[_effect(e), *(_median(runs if e == "all" else runs.where(effect=e), n) for n in names)] for e in effects]
+    caption = "What each effect leaves of the error, the median of its runs; “none” is what stays without any"
+    return [Grid(caption, ("effect", *(FIGURES[n] for n in names)), rows, folded=True)]
+
+
+def _median(runs: Table, name: str) -> Cell:
+    values = runs[name][~np.isnan(runs[name])]
+    return Cell(bounded(float(np.median(values))) if values.size else "–")

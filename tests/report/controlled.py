@@ -1,0 +1,102 @@
+"""Design, closed loop and Monte Carlo study by hand, in the layout of the artifacts; all numbers invented."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pneucli.design.metrics import Metrics
+from pneucli.report import Table
+
+PERIOD = 1e-3
+TIME = PERIOD * np.arange(3000)
+REACH = 5e-6
+SCENARIOS = ("steps", "load")
+SHOWN = {"steady_um": 4.0, "overshoot_um": 80.0, "rise_s": 0.5, "settling_s": 0.75, "air_kg": 7e-4}
+UNDER_LOAD = {"steady_um": 5.0, "recovery_s": 0.25, "peak_um": 5900.0, "load_error": 0.01, "air_kg": 3e-4}
+STUDY = {  # effect: errors at rest in um of its runs; the last one's load is never rejected
+    "": (3.0, 4.0),
+    "piston-leak": (4.0, 5.0),
+    "presliding": (8.0, 120.0),
+}
+LIMITS = {"steady_um": 10.0, "recovery_s": 0.5}
+
+
+def design() -> dict[str, Any]:
+    """The answer of the stage ``design``."""
+    sector = {"lambda_1": 7705.0, "lambda_2": 15411.0, "steepness": 15.4}
+    return {
+        "requirements": {"period": PERIOD, "tolerance": None},
+        "corners": {"motion_observer": {"value": 300.0, "unit": "1/s"}},
+        "sector": {"vertices": sector},
+        "matching": {
+            "whole": {"holds": False, "broken_by": {"friction and load": ["v"]}},
+            "mechanical": {"holds": True, "broken_by": {}},
+        },
+        "lmi": {
+            "best": "CNO",
+            "types": [
+                {"weight_type": "CNO", "rate": 0.84, "unit": "1/s", "status": "optimal", "verified": True},
+                {"weight_type": "NO", "rate": None, "unit": "1/s", "status": "infeasible", "verified": False},
+            ],
+        },
+        "warnings": ["the sector is too steep for the sample time"],
+    }
+
+
+def simulated() -> dict[str, Any]:
+    """The closed loop's part of the answer of the stage ``simulate``."""
+    empty = dict.fromkeys(Metrics.__annotations__)
+    alone = {"steps": {**SHOWN, "steady_um": 117.0, "settling_s": None}, "load": {**UNDER_LOAD, "recovery_s": None}}
+    return {
+        "closed_loop": {"steps": {**empty, **SHOWN}, "load": {**empty, **UNDER_LOAD}},
+        "pid_alone": {name: {**empty, **figures} for name, figures in alone.items()},
+        "robust": _robust(),
+    }
+
+
+def _robust() -> dict[str, Any]:
+    recovery = {effect: np.inf if effect == "presliding" else 0.3 for effect in STUDY}
+    rates = []
+    for check, limit in LIMITS.items():
+        found = {e: v if check == "steady_um" else (recovery[e],) for e, v in STUDY.items()}
+        for effect, values in {"all": sum(found.values(), ()), **found}.items():
+            worst = max(values)
+            rates.append(
+                {"check": check, "limit": limit, "effect": effect, "held": sum(v <= limit for v in values),
+                 "runs": len(values), "worst": worst if np.isfinite(worst) else None, "worst_run": 1}
+            )  # fmt: skip
+    checks = {r["check"]: r for r in rates if r["effect"] == "all"}
+    return {"runs": 3, "seed": 7, "checks": checks, "by_effect": rates}
+
+
+def tables() -> dict[str, Table]:
+    """The tables of both stages."""
+    effects = [effect for effect, values in STUDY.items() for _ in values]
+    recovery = np.array([np.inf if effect == "presliding" else 0.3 for effect in effects])
+    return {
+        "design/gains": Table({"name": ["C_MASS", "C_REACH"], "value": [2.2, REACH], "unit": ["kg", "m"]}),
+        "simulate/closed_loop": _runs(),
+        "simulate/robust": Table(
+            {"effect": effects, "steady_um": np.concatenate(list(STUDY.values())), "recovery_s": recovery}
+        ),
+    }
+
+
+def _runs() -> Table:
+    """Two scenarios, each compensated (4 um off at the end) and with the PIDs alone (117 um off)."""
+    columns: dict[str, list[Any]] = {"scenario": [], "controller": []}
+    numbers: dict[str, list[Any]] = {}
+    reference = np.where(TIME < 0.5, 0.1, 0.13)
+    for scenario in SCENARIOS:
+        load = np.where(TIME > 1.0, -50.0, 0.0) if scenario == "load" else np.zeros(TIME.size)
+        for controller, off in (("compensated", 4e-6), ("pid_alone", 117e-6)):
+            columns["scenario"] += [scenario] * TIME.size
+            columns["controller"] += [controller] * TIME.size
+            pressure, command = np.full(TIME.size, 3e5), np.sin(40 * TIME)
+            parts = {"time": TIME, "x_ref": reference, "x": reference - off, "p1": pressure, "p1_ref": pressure + 1e3}
+            parts |= {"u": command, "u2": np.zeros(TIME.size), "load": load, "load_estimate": 0.99 * load}
+            for name, part in parts.items():
+                numbers.setdefault(name, []).append(part)
+    return Table({**columns, **{name: np.concatenate(parts) for name, parts in numbers.items()}})
