@@ -29,11 +29,11 @@ class Detectable:
     @property
     def would_show(self) -> str:
         """A sentence for a person."""
-        title, unit = self.effect.title, self.parameter.unit
+        title, unit = self.effect.title, "" if self.parameter.unit == "1" else f" {self.parameter.unit}"
         name = f"{self.parameter.title or self.parameter.name}"
         if not self.plausible:
             return f"{title}: these recordings cannot tell; no plausible size of it would have shown"
-        return f"{title}: a {name} that differs by {self.size:.2g} {unit} from none would have shown"
+        return f"{title}: a {name} that differs by {self.size:.2g}{unit} from none would have shown"
 
 
 def detectable(bench: Bench, state: State) -> list[Detectable]:

@@ -139,7 +139,7 @@ def _named(found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> di
     before, after = _error(rungs[i]), _error(rungs[i + 1])
     effect = next(e for e in found.found.last.model.effects if e.name == name)
     equals = list(found.equals.get(name, ()))
-    why = f"{effect.title} takes the error from {_number(before)} to {_number(after)} times the noise on recordings "
+    why = f"{effect.title}: adding it takes the error from {_number(before)} to {_number(after)} times the noise on recordings "
     why += "that were not fitted." if found.found.rungs[0].test.size else "that were fitted; none was held out."
     if name not in found.missing:
         why += " It leaves too much of the error to be more than a stand-in for something unknown."
@@ -175,9 +175,9 @@ def _others(bench: Bench, found: Diagnosis, errors: Errors, before: dict[str, fl
 
 
 def _why_not(trial: Trial, found: Diagnosis, *, supported: bool) -> str:
-    title = trial.effect.title
+    title = f"Adding {trial.effect.name}"
     if any(trial.effect.name in equals for equals in found.equals.values()):
-        return f"{title} explains these recordings as well; they cannot tell."
+        return f"{title} instead explains these recordings as well; they cannot tell."
     if supported and found.missing:
         return f"{title} helps alone, but beside {' and '.join(found.missing)} it is not needed."
     if supported:
@@ -221,7 +221,8 @@ def sentence(found: Diagnosis, rungs: list[dict[str, float | None]]) -> str:
     if found.verdict == "adequate":
         return f"Nothing in the residual is more than noise and known uncertainty (error {after} times the noise)."
     if found.verdict == "missing-effect":
-        text = f"The model lacks {named}: with it the error falls from {before} to {after} times the noise."
+        what = "it" if len(found.missing) == 1 else "them"
+        text = f"The model lacks {named}: with {what} the error goes from {before} to {after} times the noise."
         equals = sorted({e for n in found.missing for e in found.equals[n]})
         return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
     assert found.unknown is not None
