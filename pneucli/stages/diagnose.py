@@ -139,8 +139,12 @@ def _named(found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> di
     before, after = _error(rungs[i]), _error(rungs[i + 1])
     effect = next(e for e in found.found.last.model.effects if e.name == name)
     equals = list(found.equals.get(name, ()))
-    why = f"{effect.title}: adding it takes the error from {_number(before)} to {_number(after)} times the noise on recordings "
-    why += "that were not fitted." if found.found.rungs[0].test.size else "that were fitted; none was held out."
+    why = f"{effect.title}: adding it takes the error from {_number(before)} to {_number(after)} times the noise "
+    why += (
+        "on recordings that were not fitted."
+        if found.found.rungs[0].test.size
+        else "on recordings that were fitted; none was held out."
+    )
     if name not in found.missing:
         why += " It leaves too much of the error to be more than a stand-in for something unknown."
     return {
