@@ -131,7 +131,7 @@ def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int6
     """
     seen = np.isfinite(values) & (residual != 0.0)
     values, residual, blocks = values[seen], residual[seen], blocks[seen]
-    place = _bins(values)
+    place = bins_of(values, BINS)
     if place.max(initial=0) == 0:
         return None
     keys, inverse = np.unique(place * (int(blocks.max()) + 1) + blocks, return_inverse=True)
@@ -151,9 +151,10 @@ def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int6
     return Shape(variable, centres[enough], means[enough], errors[enough], share, float(chi2.sf(z @ z, z.size)))
 
 
-def _bins(values: Array) -> NDArray[np.int64]:
+def bins_of(values: Array, most: int) -> NDArray[np.int64]:
+    """Return the bin of each value: one a level where they are few, else ``most`` that hold as many values each."""
     levels = np.unique(values)
-    edges = levels[1:] if levels.size <= BINS else np.unique(np.quantile(values, np.arange(1, BINS) / BINS))
+    edges = levels[1:] if levels.size <= most else np.unique(np.quantile(values, np.arange(1, most) / most))
     return np.searchsorted(edges, values, side="right").astype(np.int64)
 
 

@@ -21,7 +21,9 @@ WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square
 HOPELESS = 0.01  # of what the best signature promises
 ALPHA = 0.02  # of naming any effect where none is, before it is held out
 MATERIAL = 0.004  # of the cost: less does not change what the user sees
+SECOND = 0.02  # the same once effects were found and what is left is noise: their own form errs by as much
 RESOLUTION = 0.3  # of a sampling period: a time shorter than this may be the clock's, or the model's own step
+NOISE = 1.05  # times as much as sensors' noise alone would leave
 CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
 
@@ -103,7 +105,7 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Tria
         t
         for t, p in zip(trials, adjusted, strict=True)
         if p < ALPHA
-        and t.train.total > MATERIAL * float(before.train.sum())
+        and t.train.total > _material(bench, before) * float(before.train.sum())
         and (t.test.certain or not bench.held_out)
         and not _too_short(bench, t)
         and not _out_of_bounds(t)
@@ -119,6 +121,11 @@ def _out_of_bounds(trial: Trial) -> bool:
         for e in trial.state.fit.estimates
         if (null := nulls.get(e.name)) is not None
     )
+
+
+def _material(bench: Bench, before: State) -> float:
+    at_noise = before.cost < NOISE * before.samples
+    return SECOND if at_noise and set(before.names) - set(bench.given) else MATERIAL
 
 
 def _too_short(bench: Bench, trial: Trial) -> bool:
@@ -152,31 +159,41 @@ def _revise(
     bench: Bench, rungs: list[State], rounds: list[list[Trial]]
 ) -> tuple[list[State], dict[str, tuple[Trial, ...]]]:
     """Drop what later additions made needless, put better rivals in place of effects, and keep the equals."""
-    base, last = rungs[0], rungs[-1]
-    rivals: dict[str, tuple[Trial, ...]] = {}
-    swaps = 0
-    names = last.names[len(base.names) :]
-    while names:
-        changed = False
-        for name in names:
-            effect = bench.effects[name]
-            before = base if len(names) == 1 else bench.without(last, effect)
-            own = bench.trial(before, last, effect)
-            if len(names) > 1 and not supported(bench, before, [own]):
-                last, changed = before, True
-                break
-            trials = rounds[0] if len(names) == 1 and swaps == 0 else tried(bench, before, [name])
-            others = [t for t in supported(bench, before, trials) if t.effect.name != name]
-            better = [t for t in others if gain(last.costs, t.state.costs).certain]
-            if better and swaps < SWAPS:
-                last, changed, swaps = min(better, key=lambda t: t.state.cost).state, True, swaps + 1
-                break
-            rivals[name] = tuple(others)
-        if not changed:
-            break
-        rivals = {}
+    base, last = rungs[0], _without_needless(bench, rungs[0], rungs[-1])
+    for swaps in range(SWAPS + 1):
+        rivals: dict[str, tuple[Trial, ...]] = {}
+        better: list[Trial] = []
         names = last.names[len(base.names) :]
+        for name in names:
+            before = base if len(names) == 1 else bench.without(last, bench.effects[name])
+            trials = rounds[0] if len(names) == 1 and swaps == 0 else tried(bench, before, [name])
+            rivals[name] = tuple(t for t in supported(bench, before, trials) if t.effect.name != name)
+            better = [t for t in rivals[name] if gain(last.costs, t.state.costs).certain]
+            if better:
+                break
+        if not better or swaps == SWAPS:
+            break
+        last = min(better, key=lambda t: t.state.cost).state
     return _ladder(bench, base, last, rungs), rivals
+
+
+def _without_needless(bench: Bench, base: State, last: State) -> State:
+    """Return the state without effects that are not supported beside the others, the least missed first.
+
+    What the data would certainly miss stays: it may not be supported alone, and yet carry the others.
+    """
+    while len(names := last.names[len(base.names) :]) > 1:
+        states = {name: bench.without(last, bench.effects[name]) for name in names}
+        needless = [
+            before
+            for name, before in states.items()
+            if not supported(bench, before, [bench.trial(before, last, bench.effects[name])])
+            and not gain(before.costs, last.costs).certain
+        ]
+        if not needless:
+            break
+        last = min(needless, key=lambda state: state.cost)
+    return last
 
 
 def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> list[State]:

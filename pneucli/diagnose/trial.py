@@ -28,13 +28,14 @@ Screened = tuple[Effect, list[Signature]]
 class Bench:
     """The data of a diagnosis: views to fit, views held out, and the effects that may be missing.
 
-    ``errors`` is the error that the user sees, of a model, by use: an effect that raises it is not added.
+    ``given`` names the effects that the model had before; ``errors`` is the error that the user sees, of a model, by use: an effect that raises it is not added.
     """
 
     train: Sequence[View]
     held_out: Sequence[View]
     effects: Mapping[str, Effect]
     linear_valve: bool
+    given: tuple[str, ...] = ()
     progress: Callable[[str], None] = field(default=lambda _: None)
     errors: Callable[[Model], Mapping[str, float | None]] | None = None
 
@@ -88,12 +89,12 @@ class Bench:
         return self.state(fit_without(state.fit, self.train, effect, linear_valve=self.linear_valve))
 
     def raises_error(self, before: State, after: State) -> bool:
-        """Whether the simulation that the user sees errs more, on fitted and on held-out recordings."""
+        """Whether the simulation that the user sees errs more, in the mean of fitted and held-out recordings."""
         if self.errors is None:
             return False
         old, new = self.errors(before.model), self.errors(after.model)
-        known = [(a, b) for a, b in zip(old.values(), new.values(), strict=True) if a is not None and b is not None]
-        return bool(known) and all(b > RISE * a for a, b in known)
+        ratios = [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
+        return bool(ratios) and float(np.prod(ratios)) > RISE ** len(ratios)
 
     def trial(self, before: State, after: State, effect: Effect) -> Trial:
         """Return what the step from one state to the other is worth."""

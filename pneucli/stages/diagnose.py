@@ -15,7 +15,7 @@ from pneucli.identify.start import first_guess
 from pneucli.identify.views import View
 from pneucli.pipeline.context import Context
 from pneucli.stages.diagnose_tables import write_diagnosis
-from pneucli.stages.identify import parameter_answer
+from pneucli.stages.identify import as_ratio, parameter_answer
 from pneucli.stages.study import Study
 
 HELD_OUT = 3  # without test recordings, every third is held out
@@ -65,7 +65,7 @@ def _bench(study: Study) -> tuple[Bench, list[str]]:
         n = next(steps)
         study.context.progress(text, 0.25 + 0.65 * n / (n + 40.0))  # how many steps there are, the data decide
 
-    return Bench(train, test, effects, study.linear_valve, progress), warnings
+    return Bench(train, test, effects, study.linear_valve, tuple(e.name for e in study.effects), progress), warnings
 
 
 def _without_every_third(views: list[View]) -> tuple[list[View], list[View]]:
@@ -84,8 +84,8 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
         for add, e in zip([None, *found.found.added], rungs, strict=True)
     ]
-    candidates = [_named(found, i, rungs) for i in range(len(found.found.added))]
-    candidates += _others(bench, found, seen[0], rungs[0])
+    candidates = [_named(study, found, i, rungs) for i in range(len(found.found.added))]
+    candidates += _others(study, bench, found, seen[0], rungs[0])
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
     following = " ".join(separation(bench.effects[a], bench.effects[b]) for a, b in pairs[:2])
     return {
@@ -129,12 +129,12 @@ def _error(errors: dict[str, float | None]) -> float | None:
     return errors["train"] if errors["test"] is None else errors["test"]
 
 
-def _parameters(state: State, effect: str) -> dict[str, Any]:
-    mine = [e for e in state.fit.estimates if e.name.startswith(f"{effect}.")]
+def _parameters(study: Study, state: State, effect: str) -> dict[str, Any]:
+    mine = [as_ratio(e, study) for e in state.fit.estimates if e.name.startswith(f"{effect}.")]
     return {name.partition(".")[2]: value for name, value in parameter_answer(mine).items()}
 
 
-def _named(found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> dict[str, Any]:
+def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> dict[str, Any]:
     name = found.found.added[i]
     before, after = _error(rungs[i]), _error(rungs[i + 1])
     effect = next(e for e in found.found.last.model.effects if e.name == name)
@@ -151,14 +151,16 @@ def _named(found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> di
         "effect": name,
         "error_before": before,
         "error_after": after,
-        "parameters": _parameters(found.found.last, name),
+        "parameters": _parameters(study, found.found.last, name),
         "indistinguishable_from": equals,
         "supported": True,
         "why": f"{why} {effect.looks_like}",
     }
 
 
-def _others(bench: Bench, found: Diagnosis, errors: Errors, before: dict[str, float | None]) -> list[dict[str, Any]]:
+def _others(
+    study: Study, bench: Bench, found: Diagnosis, errors: Errors, before: dict[str, float | None]
+) -> list[dict[str, Any]]:
     trials = [
         t for t in (found.found.rounds[0] if found.found.rounds else ()) if t.effect.name not in found.found.added
     ]
@@ -169,7 +171,7 @@ def _others(bench: Bench, found: Diagnosis, errors: Errors, before: dict[str, fl
             "effect": t.effect.name,
             "error_before": _error(before),
             "error_after": _error(errors.of(t.state.model)),
-            "parameters": _parameters(t.state, t.effect.name),
+            "parameters": _parameters(study, t.state, t.effect.name),
             "indistinguishable_from": [],
             "supported": t.effect.name in able,
             "why": _why_not(t, found, supported=t.effect.name in able),
@@ -232,7 +234,7 @@ def sentence(found: Diagnosis, rungs: list[dict[str, float | None]]) -> str:
     assert found.unknown is not None
     text = f"{found.unknown.character.capitalize()}, something remains that no effect of the catalogue accounts for: "
     text += f"{found.unknown.channel} errs by {found.unknown.ratio:.2g} times its noise ({found.unknown.subsystem})."
-    return text + (f" {named.capitalize()} is there beside it." if named else "")
+    return text + (f" Beside it stands what helped: {named}." if named else "")
 
 
 def _number(value: float | None) -> str:

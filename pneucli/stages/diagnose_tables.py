@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.compare.where import locators
 from pneucli.diagnose.diagnosis import Diagnosis
+from pneucli.diagnose.remainder import bins_of
 from pneucli.diagnose.trial import Bench, State
 from pneucli.identify.views import View
 from pneucli.io.artifacts import write_table
@@ -99,8 +100,7 @@ def _fall(
     if np.count_nonzero(seen) < BINS:
         return None
     q, old, new = q[seen], old[seen], new[seen]
-    edges = np.unique(np.quantile(q, np.linspace(0, 1, BINS + 1)))
-    place = np.searchsorted(edges[1:-1], q, side="right")
+    place = bins_of(q, BINS)
     count = np.maximum(np.bincount(place), 1)
     mean = [np.bincount(place, part) / count for part in (q, old, new, old - new)]
     head = (effect.name, view.experiment.recording.name, channel, variable, SIGNALS[channel].unit)
