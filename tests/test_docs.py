@@ -21,7 +21,7 @@ from pneucli.report.effects import picture
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 MADE = docs.pages()
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("effects/*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("*/*.md"))]
 
 
 @pytest.mark.parametrize("name", MADE)

@@ -28,7 +28,8 @@ Screened = tuple[Effect, list[Signature]]
 class Bench:
     """The data of a diagnosis: views to fit, views held out, and the effects that may be missing.
 
-    ``given`` names the effects that the model had before; ``errors`` is the error that the user sees, of a model, by use: an effect that raises it is not added.
+    ``given`` names the effects that the model had before; ``errors`` is the error that the user sees, of a model, by
+    use: an effect that raises it is not added.
     """
 
     train: Sequence[View]
