@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.physics.effects import catalogue, load_plugin
+from pneucli.simulate import build as kernels
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import Experiment
@@ -126,6 +128,9 @@ def test_a_users_effect_works_and_an_edit_of_its_file_is_noticed(tmp_path: Path)
 
 def test_kernels_are_kept_on_disk_and_one_text_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PNEUCLI_CACHE", str(tmp_path))
+    monkeypatch.setattr(kernels, "_build", kernels._build.__wrapped__)  # as a new process would find it
+    for name in [n for n in sys.modules if n.startswith("pneucli_kernel_")]:
+        monkeypatch.delitem(sys.modules, name)
     stribeck, lag = effects_of(["stribeck"]), effects_of(["valve-lag"])
     for effects in (stribeck, lag, stribeck):
         build(effects, compiled=False)
