@@ -7,4 +7,10 @@ import os
 import tempfile
 from pathlib import Path
 
+from hypothesis import settings
+
 os.environ.setdefault("PNEUCLI_CACHE", str(Path(tempfile.gettempdir(), f"pneucli-tests-{getpass.getuser()}")))
+
+# the same examples each time: a run that fails says that something changed
+settings.register_profile("pneucli", derandomize=True, deadline=None)
+settings.load_profile("pneucli")
