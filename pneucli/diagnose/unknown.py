@@ -51,7 +51,8 @@ class Unknown:
 def describe(model: Model, views: Sequence[View], worst: Remainder) -> Unknown:
     """Describe the worst remainder of a model."""
     shape = next((s for s in worst.shapes if s.share > TELLING), None)
-    sine = _sine(model, [v for v in views if v.kind == worst.kind], worst.channel)
+    same = [v for v in views if v.kind == worst.kind and worst.channel in v.channels]
+    sine = _sine(model, same, worst.channel)
     if sine is not None:
         variable, period = sine
         unit = "s" if variable == "time" else "m"
