@@ -102,8 +102,7 @@ def _tail(found: Fit, contrast: Array, distance: Array) -> float:
 
 def _freedom(found: Fit, contrast: Array) -> float:
     """Return the number of blocks from which the contrast's variance is known."""
-    bread = np.linalg.pinv(found.jacobian.T @ found.jacobian, hermitian=True)
-    influence = found.jacobian @ (bread @ contrast.T) * found.residual[:, None]
+    influence = found.jacobian @ (found.bread @ contrast.T) * found.residual[:, None]
     parts = [np.bincount(found.blocks, weights=column).astype(np.float64) for column in influence.T]
     return min(effective_number(part) for part in parts)
 

@@ -24,6 +24,11 @@ SEED = 11
 BINS = 12
 WORST = 0.005  # share of the samples
 FEWEST_BLOCKS = 4  # in a bin, to know how its mean scatters
+TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exams: docs/diagnosis.md
+TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
+WHOLE = 2.0  # times these limits for the rms with the worst samples
+SHAPED = 0.2  # share of the squared residual that a shape may hold
+FAINT = 1.06  # a ratio below which a shape is too small to matter
 
 
 @dataclass(frozen=True)
@@ -156,13 +161,6 @@ def bins_of(values: Array, most: int) -> NDArray[np.int64]:
     levels = np.unique(values)
     edges = levels[1:] if levels.size <= most else np.unique(np.quantile(values, np.arange(1, most) / most))
     return np.searchsorted(edges, values, side="right").astype(np.int64)
-
-
-TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exams: docs/diagnosis.md
-TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
-WHOLE = 2.0  # times these limits for the rms with the worst samples
-SHAPED = 0.2  # share of the squared residual that a shape may hold
-FAINT = 1.06  # a ratio below which a shape is too small to matter
 
 
 def too_much(train: Sequence[Remainder], test: Sequence[Remainder]) -> list[Remainder]:

@@ -9,8 +9,7 @@ import numpy as np
 
 from pneucli.diagnose.evidence import gain, holm
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
-from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.identify.effects import Signature
+from pneucli.diagnose.trial import Array, Bench, State, Trial
 from pneucli.identify.parameters import value_of
 from pneucli.physics.declaration import Effect
 
@@ -141,7 +140,7 @@ def _too_short(bench: Bench, trial: Trial) -> bool:
 
 def leading(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:
     """Return the supported trial that leaves least, the simplest of those that leave as little."""
-    able = [t for t in supported(bench, before, trials) if not bench.raises_error(before, t.state)]
+    able = bench.no_worse(before, supported(bench, before, trials))
     if not able:
         return None
     best = min(able, key=lambda t: t.state.cost)
@@ -213,9 +212,9 @@ def _pairs(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tuple
     """Try the pairs that promise most together, where single effects led nowhere."""
     base = rungs[0]
     ranked = bench.screen(base)[:8]
+    new = [base.fit.beyond(found[0].change) for _, found in ranked]
     promised = sorted(
-        ((_joint(base, a[0], b[0]), i, j) for i, (_, a) in enumerate(ranked) for j, (_, b) in enumerate(ranked[:i])),
-        reverse=True,
+        ((_joint(base.fit.unexplained, new[i], new[j]), i, j) for i in range(len(new)) for j in range(i)), reverse=True
     )
     best = rungs
     for _, i, j in promised[:PAIRS]:
@@ -227,12 +226,11 @@ def _pairs(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tuple
     return _forward(bench, best, rounds[:1])
 
 
-def _joint(base: State, a: Signature, b: Signature) -> float:
-    """Return the fall of the cost that both signatures promise together, base parameters adjusting."""
-    jacobian = base.fit.jacobian
-    both = np.column_stack([a.change, b.change])
-    basis = np.linalg.qr(np.hstack([jacobian, both]))[0]
-    return float(np.sum((basis.T @ base.fit.residual) ** 2))
+def _joint(target: Array, a: Array, b: Array) -> float:
+    """Return the fall of the cost that two signatures promise together, all three without what the base can do."""
+    both = np.column_stack([a, b])
+    score = both.T @ target
+    return float(score @ np.linalg.pinv(both.T @ both, hermitian=True) @ score)
 
 
 def _both(bench: Bench, base: State, a: Effect, b: Effect) -> list[State] | None:

@@ -89,13 +89,20 @@ class Bench:
         """Refit without one of the effects."""
         return self.state(fit_without(state.fit, self.train, effect, linear_valve=self.linear_valve))
 
-    def raises_error(self, before: State, after: State) -> bool:
-        """Whether the simulation that the user sees errs more, in the mean of fitted and held-out recordings."""
-        if self.errors is None:
-            return False
-        old, new = self.errors(before.model), self.errors(after.model)
-        ratios = [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
-        return bool(ratios) and float(np.prod(ratios)) > RISE ** len(ratios)
+    def no_worse(self, before: State, trials: Sequence[Trial]) -> list[Trial]:
+        """Return the trials whose simulation, which the user sees, does not err more than that of ``before``.
+
+        In the mean of fitted and held-out recordings.
+        """
+        if self.errors is None or not trials:
+            return list(trials)
+        old = self.errors(before.model)
+
+        def raised(new: Mapping[str, float | None]) -> bool:
+            ratios = [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
+            return bool(ratios) and float(np.prod(ratios)) > RISE ** len(ratios)
+
+        return [t for t in trials if not raised(self.errors(t.state.model))]
 
     def trial(self, before: State, after: State, effect: Effect) -> Trial:
         """Return what the step from one state to the other is worth."""

@@ -61,12 +61,13 @@ class Fit:
     cost: float
 
     @cached_property
-    def _bread(self) -> Array:
+    def bread(self) -> Array:
+        """The inverse of the curvature that the data give (k, k)."""
         return np.asarray(np.linalg.pinv(self.jacobian.T @ self.jacobian, hermitian=True))
 
     def beyond(self, change: Array) -> Array:
         """Return what the free parameters cannot do of a change of the residual, shape (N,)."""
-        return np.asarray(change - self.jacobian @ (self._bread @ (self.jacobian.T @ change)))
+        return np.asarray(change - self.jacobian @ (self.bread @ (self.jacobian.T @ change)))
 
     @cached_property
     def unexplained(self) -> Array:
@@ -191,7 +192,6 @@ def fit(
     free: Sequence[Free],
     *,
     rounds: int = 12,
-    progress: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     """Fit the free parameters from their starts to what the views leave over."""
     problem = Problem(model, views, free)
@@ -201,7 +201,6 @@ def fit(
     found = minimise(
         problem.residuals, problem.jacobian, problem.start, problem.bounds(), rounds=rounds, tolerance=TOLERANCE
     )
-    progress(f"fitted {len(free)} parameters in {found.rounds} rounds")
     return _summary(problem, found.z, found.residual, found.jacobian)
 
 
