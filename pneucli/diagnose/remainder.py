@@ -23,6 +23,7 @@ DRAWS = 1  # of each view; many views and restarts are pooled
 SEED = 11
 BINS = 12
 WORST = 0.005  # share of the samples
+OF_FRICTION = ("time", "x", "p1", "p2", "u")  # over which friction may change
 FEWEST_BLOCKS = 4  # in a bin, to know how its mean scatters
 TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exams: docs/diagnosis.md
 TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
@@ -35,8 +36,9 @@ FAINT = 1.06  # a ratio below which a shape is too small to matter
 class Shape:
     """The residual over one variable: means over bins, in units of noise.
 
-    ``share`` is the part of the squared residual that the means hold beyond what scatter gives; ``p_value`` the chance
-    of such means where the residual does not depend on the variable.
+    Where ``against`` is true it is the residual against the motion, as friction would leave it. ``share`` is the part
+    of the squared residual that the means hold beyond what scatter gives; ``p_value`` the chance of such means where
+    the residual does not depend on the variable.
     """
 
     variable: str
@@ -45,6 +47,7 @@ class Shape:
     errors: Array
     share: float
     p_value: float
+    against: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,20 +86,21 @@ def expected_rms(model: Model, view: View) -> dict[str, float]:
 
 
 def _expected_forces(model: Model, view: View) -> dict[str, float]:
-    """The sensors' own noise, and what the noise of the smoothed motion does, such as at the edge of a stretch."""
+    """What the sensors' noise does to the balance, such as at the edge of a stretch or where a lag is undone."""
     e, rng = view.experiment, np.random.default_rng(SEED)
-    nominal = view.residual(model)
-    power = dict.fromkeys(view.channels, 1.0)
+    nominal, own = view.residual(model), view.loads(e.raw, e.inputs)
+    bare = view.balance(model, e.inputs, spread=0.0)
+    power = {c: float(np.mean(((nominal[c] - bare[c]) / view.noise[c]) ** 2)) for c in view.channels}
     for _ in range(DRAWS):
-        noise = {n: drawn for n, drawn in e.draw_noise(rng).items() if n in ("x", "a")}
-        shift, inputs = smooth(noise, e.smoothers, e.fusion, e.time), e.inputs.copy()
-        shift[inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0  # what is taken for a rest stays one
-        inputs[:, [at.IN_X, at.IN_V]] += shift[:, [at.IN_X, at.IN_V]]
-        drawn = view.balance(model, inputs)
+        noise = e.draw_noise(rng)
+        shift = smooth(noise, e.smoothers, e.fusion, e.time)
+        shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0  # what is taken for a rest stays one
+        a, rough = view.loads(noise, shift)
+        drawn = view.balance(model, e.inputs + shift, (own[0] + a, own[1] + rough))
         for c in view.channels:
             seen = max(int(np.count_nonzero(nominal[c])), 1)
             power[c] += float(np.sum(((drawn[c] - nominal[c]) / view.noise[c]) ** 2)) / (seen * DRAWS)
-    return {c: float(np.sqrt(p)) for c, p in power.items()}
+    return {c: max(float(np.sqrt(p)), 1.0) for c, p in power.items()}
 
 
 def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]]) -> Remainder:
@@ -104,14 +108,17 @@ def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]
     blocks = block_numbers([_one_channel(view) for view, _, _ in members])
     residual = np.concatenate([r for _, r, _ in members])
     variables = [locators(view.experiment) for view, _, _ in members]
-    shapes = []
-    for name in variables[0]:
-        if name not in ("a", channel) and all(name in v for v in variables):  # noise is in both
-            values = np.concatenate([v[name] - (v[name][0] if name == "time" else 0.0) for v in variables])
-            found = shape(name, values, residual, blocks)
-            if found is not None:
-                shapes.append(found)
-    ranked = tuple(sorted(shapes, key=lambda s: -s.share))
+    over = {
+        name: np.concatenate([v[name] - (v[name][0] if name == "time" else 0.0) for v in variables])
+        for name in variables[0]
+        if name not in ("a", channel) and all(name in v for v in variables)  # noise is in both
+    }
+    shapes = [shape(name, values, residual, blocks) for name, values in over.items()]
+    if channel == "force" and "direction" in over:
+        friction = residual * over["direction"]
+        laws = {name: over[name] for name in OF_FRICTION if name in over}
+        shapes += [shape(name, values, friction, blocks, against=True) for name, values in laws.items()]
+    ranked = tuple(sorted((s for s in shapes if s is not None), key=lambda s: -s.share))
     return Remainder(kind, channel, float(np.sqrt(np.mean(relative**2))), bulk_rms(relative), ranked)
 
 
@@ -129,7 +136,9 @@ def _one_channel(view: View) -> View:
     return single
 
 
-def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int64]) -> Shape | None:
+def shape(
+    variable: str, values: Array, residual: Array, blocks: NDArray[np.int64], *, against: bool = False
+) -> Shape | None:
     """Return the residual's means over bins of a variable, None where it does not vary.
 
     Each bin holds as many samples as the others; the scatter of its mean comes from the blocks' sums.
@@ -153,7 +162,9 @@ def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int6
     held = float(np.sum(total[enough] * (means[enough] ** 2 - errors[enough] ** 2)))
     share = max(held, 0.0) / max(float(np.sum(residual**2)), 1e-300)
     centres = np.bincount(place, values) / np.maximum(np.bincount(place), 1)
-    return Shape(variable, centres[enough], means[enough], errors[enough], share, float(chi2.sf(z @ z, z.size)))
+    return Shape(
+        variable, centres[enough], means[enough], errors[enough], share, float(chi2.sf(z @ z, z.size)), against
+    )
 
 
 def bins_of(values: Array, most: int) -> NDArray[np.int64]:

@@ -64,6 +64,8 @@ def describe(model: Model, views: Sequence[View], worst: Remainder) -> Unknown:
         )
     drifts = shape.variable == "time"
     character = "drifting over each recording" if drifts else f"a function of {_title(shape.variable)}"
+    character = f"a friction {character}" if drifts and shape.against else character
+    character = f"against the motion, {character}" if shape.against and not drifts else character
     return Unknown(SUBSYSTEMS[worst.kind], worst.channel, worst.ratio, shape.variable, character, _law(shape))
 
 

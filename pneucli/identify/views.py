@@ -9,7 +9,7 @@ slip is not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -23,7 +23,7 @@ from pneucli.simulate.experiment import U_MAX, Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import base_vector, kernel_for, simulate
-from pneucli.simulate.smooth import local_fits
+from pneucli.simulate.smooth import LocalFits, local_fits
 from pneucli.simulate.valve_area import POINTS
 
 Array = NDArray[np.float64]
@@ -104,28 +104,57 @@ class View:
         return {c: self.experiment.measured(c) for c in self.channels}
 
     @cached_property
-    def _motion(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Smoothed acceleration (n,), the force (n,) that noise beside what is smoothed feigns, directions in which
-        rests end (n,), and where the direction of motion is not known (n,).
-        """
-        e = self.experiment
-        areas, mass = e.rig.areas, e.rig.moving_mass or 1.0
-        v, rough = e.inputs[:, at.IN_V], np.zeros(e.time.size)
-        for name, column, share in (("p1", at.IN_P1, areas[0]), ("p2", at.IN_P2, -areas[1])):
-            if name in e.raw:
-                rough += share * (e.raw[name] - e.inputs[:, column])
-        if "a" not in e.raw:
-            return np.gradient(v, e.time), rough, breakaways(v), unsure(v)
-        a = local_fits(e.raw["a"], e.noise["a"], e.recording.period)(e.raw["a"])
-        return a, rough - mass * (e.raw["a"] - a), breakaways(v), unsure(v)
+    def _turns(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Directions in which rests end (n,), and where the direction of motion is not known (n,)."""
+        v = self.experiment.inputs[:, at.IN_V]
+        return breakaways(v), unsure(v)
 
-    def balance(self, model: Model, inputs: Array) -> dict[str, Array]:
+    @cached_property
+    def _loads(self) -> tuple[Array, Array]:
+        return self.loads(self.experiment.raw, self.experiment.inputs)
+
+    def loads(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
+        """Return smoothed acceleration (n,) and the force (n,) that noise beside what is smoothed feigns.
+
+        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 10).
+        """
+        rough = self._roughness(raw, inputs)
+        if self._smooth_a is None:
+            return np.gradient(inputs[:, at.IN_V], self.experiment.time), rough
+        a = self._smooth_a(raw["a"])
+        return a, rough - (self.experiment.rig.moving_mass or 1.0) * (raw["a"] - a)
+
+    def _roughness(self, raw: Mapping[str, Array], inputs: Array) -> Array:
+        """Return the force of what smoothing took out of the pressures, shape (n,)."""
+        (area_1, area_2), rough = self.experiment.rig.areas, np.zeros(self.experiment.time.size)
+        for name, column, share in (("p1", at.IN_P1, area_1), ("p2", at.IN_P2, -area_2)):
+            if name in raw:
+                rough += share * (raw[name] - inputs[:, column])
+        return rough
+
+    @cached_property
+    def _spread(self) -> float:
+        """The noise in N that smoothing leaves in the force of the pressures."""
+        e = self.experiment
+        parts = [share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.areas, strict=True) if n in e.noise]
+        taken = float(np.mean(self._roughness(e.raw, e.inputs) ** 2))
+        return float(np.sqrt(max(float(np.sum(np.square(parts))) - taken, 0.0)))
+
+    @cached_property
+    def _smooth_a(self) -> LocalFits | None:
+        e = self.experiment
+        return local_fits(e.raw["a"], e.noise["a"], e.recording.period) if "a" in e.raw else None
+
+    def balance(
+        self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, spread: float | None = None
+    ) -> dict[str, Array]:
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests.
 
-        ``inputs`` (n, 10) are the experiment's own, or with other readings of the motion.
+        ``inputs`` (n, 10) and ``loads`` are the experiment's own, or of other readings of the same run; ``spread`` is
+        the noise in N of the force of the pressures, by default as smoothing leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
-        a, rough, leaving, doubtful = self._motion
+        (a, rough), (leaving, doubtful) = loads or self._loads, self._turns
         out = np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
@@ -134,7 +163,7 @@ class View:
             rough,
             leaving,
             doubtful,
-            max(self.noise["force"] ** 2 - float(np.mean(rough**2)), 0.0) ** 0.5,
+            self._spread if spread is None else spread,
             base_vector(model, e),
             kernel.vector(model.effect_values()),
             kernel.switches(e.active(model.effects)),

@@ -201,6 +201,17 @@ def beyond(drive, rising, falling):
     return 0.0
 
 
+def soft_clip(drive, falling, rising, spread):
+    """The drive between both branches, in the mean over its normal spread; and how likely it is between them."""
+    if rising == falling or spread == 0.0:
+        return min(max(drive, falling), rising), 0.0
+    low, high = (drive - falling) / spread, (drive - rising) / spread
+    below_low, below_high = 0.5 * math.erfc(-low / math.sqrt(2.0)), 0.5 * math.erfc(-high / math.sqrt(2.0))
+    bends = math.exp(-0.5 * low * low) - math.exp(-0.5 * high * high)
+    passed = low * below_low - high * below_high + bends / math.sqrt(2.0 * math.pi)
+    return falling + spread * passed, max(below_low - below_high, 0.0)
+
+
 def from_rest(x, push, h, rest, m, p1, p2, base, th, on):
     """Hold, or break away and move for h; returns x, v, time at rest."""
     direction = 1.0 if push > 0.0 else -1.0
@@ -550,15 +561,15 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, quiet, base_values, th_values, on_values, out):
+def run_balance(time, inputs, a, rough, leaving, unsure, spread, base_values, th_values, on_values, out):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed reading, rough (n,)
     the force in N that the noise taken out of both would feign, leaving (n,) the direction in which a rest ends at
     this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
     force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
-    Between the branches of friction the drive itself is the friction, smoothing noise and all: quiet, that noise in N,
-    is put back, so that taking it out is no gain.
+    Between the branches of friction the drive itself is the friction, smoothing noise and all. The spread of that noise
+    in N is known; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of risk, 1981).
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
@@ -580,7 +591,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, quiet, base_values, th_
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         # what drives the piston tells the branch: beyond both it speeds up or slows, between them it goes on (Filippov)
         drive = direction * push - c * abs(v)
-        branch = min(max(drive, falling), rising)
+        branch, between = soft_clip(drive, falling, rising, spread)
         if stiffness > 0.0:
             z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, branch, stiffness, th, on)
             out[k] = friction - held - c * v
@@ -592,9 +603,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, quiet, base_values, th_
             out[k] = direction * (over if leaving[k] == direction else max(over, 0.0))
             continue
         rest = 0.0
-        left = direction * friction - c * abs(v) - branch
-        if falling < drive < rising:  # then the velocity must not change
-            left = math.copysign(math.sqrt(left * left + quiet * quiet), left)
-        out[k] = direction * left
+        put_back = spread * math.sqrt(2.0 * between)
+        out[k] = friction - c * v - direction * branch + (put_back if k % 2 else -put_back)
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.run import run
+from pneucli.simulate.run import kernel_for, run
 
 from .benches import FRICTION, RIG, STRIBECK, bench, clock, model
 
@@ -122,3 +122,19 @@ def test_bristles_slide_with_the_same_friction_as_a_rigid_contact() -> None:
     out = pushed(40.0, BRISTLES, clock(0.1))[50:]  # bent after some ms; then z = g / stiffness
     rigid = (40.0 - COULOMB - FRICTION["friction.viscous"] * out[:, at.V]) / RIG.moving_mass
     assert np.abs(out[:, at.A] / rigid - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.5, 2.0, 10.0])
+def test_noise_alone_makes_no_gap_between_the_branches_worth_while(gap: float) -> None:
+    """Friction of one level, drive and friction read with the same noise: no gap may lower the cost, at any level."""
+    soft_clip = kernel_for(()).functions.soft_clip
+    rng = np.random.default_rng(5)
+    drive = rng.normal(size=4000)
+    friction = drive + 0.5 * rng.normal(size=drive.size)
+
+    def cost(level: float) -> float:
+        branches = np.array([soft_clip(d, level - gap, level, 1.0) for d in drive])
+        return float(np.mean((friction - branches[:, 0]) ** 2 + 2.0 * branches[:, 1]))
+
+    best = min(cost(level) for level in np.linspace(0.0, gap, 11))
+    assert best > np.mean(friction**2) * (1 - 3 / np.sqrt(drive.size))
