@@ -20,6 +20,7 @@ REFERENCE_TEMPERATURE = 293.15  # K
 MEAN_SPAN = 0.01  # s over which samples are averaged before the fit
 USUAL = np.array([0.35, 0.5])  # b and m of industrial valves, with spreads, where a curve stays silent on them
 SPREAD = np.array([0.2, 0.1])
+ANY = 5.0  # of log C: where nothing flows the data do not say, and the interval should
 LOWEST, HIGHEST = (0.02, 0.2), (0.9, 1.5)
 
 
@@ -105,7 +106,7 @@ class _Path:
         def residuals(x: Array) -> Array:
             c, b, m, start = float(np.exp(x[0])), float(x[1]), float(x[2]), float(x[3])
             error = (self.simulate(c, b, m, start, drift) - self.p) / self.noise
-            return np.concatenate([error, (x[1:3] - USUAL) / SPREAD])
+            return np.concatenate([error, (x[1:3] - USUAL) / SPREAD, (x[:1] - guess[0]) / ANY])
 
         bounds = ([-40, *LOWEST, 0], [0, *HIGHEST, np.inf])
         found = least_squares(residuals, guess, bounds=bounds, x_scale=[0.1, 0.1, 0.1, 1e3], max_nfev=40)
