@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -112,7 +113,8 @@ def _text(effect: Effect) -> str:
 def _content(effect: Effect) -> dict[str, Any]:
     keys = ("name", "title", "part", "equation", "looks_like", "shows_over", "separate", "source")
     parameters = [
-        {"name": p.name, "unit": p.unit, "null": p.null, "lower": p.lower, "upper": p.upper, "title": p.title}
+        {"name": p.name, "unit": p.unit, "null": None if p.null == math.inf else p.null}
+        | {"lower": p.lower, "upper": p.upper, "title": p.title}
         for p in effect.parameters
     ]
     return {key: getattr(effect, key) for key in keys} | {"twins": list(effect.twins), "parameters": parameters}

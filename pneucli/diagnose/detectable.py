@@ -8,7 +8,7 @@ import numpy as np
 
 from pneucli.diagnose.trial import Bench, State
 from pneucli.identify.effects import Signature
-from pneucli.identify.parameters import value_of
+from pneucli.identify.parameters import null_value
 from pneucli.physics.declaration import Effect, Parameter
 
 SEEN = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the whole catalogue
@@ -51,8 +51,8 @@ def _size(effect: Effect, found: list[Signature], state: State) -> Detectable:
     if not seen:
         return Detectable(effect, leading, np.inf, plausible=False)
     best = min(seen, key=lambda s: s.error)
-    if leading.null is None:
+    null = null_value(leading, state.model)
+    if null is None:
         return Detectable(effect, leading, best.values[name], plausible=SEEN * best.error < 1.0)
-    null = value_of(state.model, leading.null) if isinstance(leading.null, str) else leading.null
     typical = abs(best.values[name] - null)
     return Detectable(effect, leading, SEEN * best.error * typical, plausible=SEEN * best.error < 3.0)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from pneucli.diagnose.detectable import Detectable, detectable
+from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.remainder import too_much
 from pneucli.diagnose.search import Search, as_good, search
 from pneucli.diagnose.trial import Bench, State
@@ -20,6 +21,7 @@ Verdict = Literal["adequate", "missing-effect", "unexplained"]
 
 EXPLAINS = 0.5  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
 EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
+DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 
 
@@ -57,7 +59,11 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     left = too_much(found.train, found.test)
     least = EXPLAINS if bench.held_out else EXPLAINS_ALONE
     steps = zip(found.added, found.rungs, found.rungs[1:], strict=False)
-    missing = [n for n, before, after in steps if not left or explained(before, after) > least]
+    missing = [
+        name
+        for name, before, after in steps
+        if not left or (explained(before, after) > least and agreed(bench, found.last, name))
+    ]
     equals = {n: tuple(t.effect.name for t in found.rivals.get(n, ()) if as_good(t.state, found.last)) for n in missing}
     verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
     unknown = describe(found.last.model, [*bench.train, *bench.held_out], left[0]) if left else None
@@ -68,6 +74,14 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
 def explained(before: State, after: State) -> float:
     """Return the share of what exceeds noise that a step takes away, on fitted and on held-out recordings."""
     return (before.cost - after.cost) / max(before.cost - before.samples, 1e-9)
+
+
+def agreed(bench: Bench, state: State, name: str) -> bool:
+    """Whether the fitted recordings agree on an effect's size."""
+    names = [view.experiment.recording.name for view in bench.train]
+    sizes = [view.experiment.time.size * len(view.channels) for view in bench.train]
+    recordings = np.repeat(np.unique(names, return_inverse=True)[1], sizes)
+    return disagreement(state.fit, bench.effects[name], recordings) < DISAGREE
 
 
 def _moved(before: Fit, after: Fit) -> list[Moved]:

@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from statsmodels.stats.multitest import multipletests
 
 from pneucli.identify.fit import Fit
-from pneucli.identify.parameters import value_of
+from pneucli.identify.parameters import null_value, value_of
 from pneucli.physics.declaration import Effect
 
 Array = NDArray[np.float64]
@@ -71,40 +71,59 @@ def effective_number(parts: Array) -> float:
 def wald(found: Fit, effect: Effect) -> float:
     """Return the chance of the effect's fitted values where its nulls are true; NaN where it has no null.
 
-    A Wald test with the covariance of blocks, halved where the null is a bound that can be left to one side only.
+    A Wald test with the covariance of blocks, halved where the null is a bound that can be left to one side only. Where
+    the null is infinite the reciprocal is tested. Parameters without a null are held at their values: where the effect
+    is absent they mean nothing (Davies, Biometrika 74, 1987).
     """
+    held = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
+    free = [f for f in found.free if f.name not in held]
+    names = [f.name for f in free]
     rows, distance, bounded = [], [], True
-    names = [f.name for f in found.free]
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
-        if p.null is None or name not in names:
+        if name not in names:
             continue
-        row = np.zeros(len(names))
-        row[names.index(name)] = 1.0
-        null = p.null if not isinstance(p.null, str) else value_of(found.model, p.null)
+        row, value, null = np.zeros(len(names)), value_of(found.model, name), null_value(p, found.model)
+        row[names.index(name)] = 1.0 if null is not None else -1.0 / value**2
         if isinstance(p.null, str) and p.null in names:
             row[names.index(p.null)] = -1.0
         rows.append(row)
-        distance.append(value_of(found.model, name) - null)
-        bounded &= p.lower == null
+        distance.append(value - null if null is not None else 1.0 / value)
+        bounded &= null is None or p.lower == null
     if not rows:
         return float("nan")
-    return _tail(found, np.array(rows), np.array(distance)) / (2.0 if bounded and len(rows) == 1 else 1.0)
+    contrast = np.array(rows) * [f.slope(value_of(found.model, f.name)) for f in free]
+    jacobian = found.jacobian[:, [f.name not in held for f in found.free]]
+    return _tail(found, jacobian, contrast, np.array(distance)) / (2.0 if bounded and len(rows) == 1 else 1.0)
 
 
-def _tail(found: Fit, contrast: Array, distance: Array) -> float:
-    slopes = np.array([f.slope(value_of(found.model, f.name)) for f in found.free])
-    contrast = contrast * slopes
-    covariance = contrast @ found.covariance @ contrast.T
+def _tail(found: Fit, jacobian: Array, contrast: Array, distance: Array) -> float:
+    """Return the chance of a distance (q,) or a larger one; contrast (q, k) of the coordinates of jacobian (N, k)."""
+    influence = jacobian @ (np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) @ contrast.T)
+    scores = [np.bincount(found.blocks, weights=column * found.residual).astype(np.float64) for column in influence.T]
+    covariance = np.array([[float(a @ b) for b in scores] for a in scores])
     statistic = float(distance @ np.linalg.pinv(covariance, hermitian=True) @ distance) / len(distance)
-    return float(fisher.sf(statistic, len(distance), _freedom(found, contrast)))
+    return float(fisher.sf(statistic, len(distance), min(effective_number(s) for s in scores)))
 
 
-def _freedom(found: Fit, contrast: Array) -> float:
-    """Return the number of blocks from which the contrast's variance is known."""
-    influence = found.jacobian @ (found.bread @ contrast.T) * found.residual[:, None]
-    parts = [np.bincount(found.blocks, weights=column).astype(np.float64) for column in influence.T]
-    return min(effective_number(part) for part in parts)
+def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> float:
+    """Return by which share of its size single recordings want the effect changed, as a root mean square.
+
+    ``recordings`` (N,) numbers the recording of each residual; each counts by what it knows of the effect, the other
+    parameters adjusting. Near 0 one law holds for all; near 1 what the recordings show is not this effect.
+    """
+    size = np.zeros(len(found.free))
+    for j, f in enumerate(found.free):
+        for p in effect.parameters:
+            if f.name == f"{effect.name}.{p.name}":
+                null = null_value(p, found.model)
+                size[j] = 1.0 if null is None else f.inward(value_of(found.model, f.name)) - f.inward(null)
+    rest = found.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in found.free]]
+    change = found.jacobian @ size
+    change -= rest @ (np.linalg.pinv(rest.T @ rest, hermitian=True) @ (rest.T @ change))
+    known = np.bincount(recordings, change**2)
+    wanted = np.bincount(recordings, change * found.residual)[known > 0.0] / known[known > 0.0]
+    return float(np.sqrt(np.average(wanted**2, weights=known[known > 0.0]))) if wanted.size else 0.0
 
 
 def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:

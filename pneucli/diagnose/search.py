@@ -10,7 +10,7 @@ import numpy as np
 from pneucli.diagnose.evidence import gain, holm
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Array, Bench, State, Trial
-from pneucli.identify.parameters import value_of
+from pneucli.identify.parameters import null_value
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
@@ -113,13 +113,11 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Tria
 
 def _out_of_bounds(trial: Trial) -> bool:
     """Whether a parameter stands at the bound of what is plausible, other than its null."""
-    nulls = {f"{trial.effect.name}.{p.name}": p.null for p in trial.effect.parameters}
     model = trial.state.model
-    return any(
-        e.at_bound and e.value != (value_of(model, null) if isinstance(null, str) else null)
-        for e in trial.state.fit.estimates
-        if (null := nulls.get(e.name)) is not None
-    )
+    nulls = {
+        f"{trial.effect.name}.{p.name}": null_value(p, model) for p in trial.effect.parameters if p.null is not None
+    }
+    return any(e.at_bound and e.name in nulls and e.value != nulls[e.name] for e in trial.state.fit.estimates)
 
 
 def _material(bench: Bench, before: State) -> float:

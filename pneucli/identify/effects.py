@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.fit import Fit, Problem, fit, joined
-from pneucli.identify.parameters import STEP, Free, base_parameters, effect_parameters, value_of
+from pneucli.identify.parameters import STEP, Free, base_parameters, effect_parameters, null_value, value_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate import layout as at
@@ -37,13 +37,15 @@ class Signature:
 
 
 def typical_values(parameter: Parameter, model: Model, views: Sequence[View]) -> list[float]:
-    """Return the values from which a fit may start, in the parameter's unit."""
+    """Return the values from which a fit may start, in the parameter's unit; none where their scale is not known."""
     if parameter.of == "x":
         x = np.concatenate([v.experiment.inputs[:, at.IN_X] for v in views if "x" in v.experiment.raw] or [np.zeros(1)])
         low, high = float(x.min()), float(x.max())
         return [low + share * (high - low) for share in parameter.typical]
     scale = value_of(model, parameter.of) if parameter.of else 1.0
-    return [scale * t for t in parameter.typical]
+    if not np.isfinite(scale):
+        return []
+    return [float(np.clip(scale * t, parameter.lower, parameter.upper)) for t in parameter.typical]
 
 
 def starts(effect: Effect, model: Model, views: Sequence[View]) -> list[dict[str, float]]:
@@ -95,8 +97,7 @@ def scaled_start(effect: Effect, signature: Signature, model: Model, share: floa
     values = dict(signature.values)
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
-        if p.null is not None:  # steps between the typical values, no further
-            null = value_of(model, p.null) if isinstance(p.null, str) else p.null
+        if (null := null_value(p, model)) is not None:  # steps between the typical values, no further
             values[name] = float(np.clip(null + step * (values[name] - null), p.lower, p.upper))
     return values
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 
@@ -122,18 +123,16 @@ def effect_parameters(effect: Effect, model: Model, starts: dict[str, float] | N
         name = f"{effect.name}.{p.name}"
         start = (starts or {}).get(name, model.values.get(name, p.typical[0]))
         start = float(np.clip(start, p.lower, p.upper))
-        logarithmic = p.null is None and p.lower > 0.0
-        scale = max(abs(start - _null(p.null, model)), abs(p.typical[0]) * 0.1, 1e-12)
+        null = null_value(p, model)
+        logarithmic = null is None and p.lower > 0.0
+        scale = max(abs(start - (null or 0.0)), abs(p.typical[0]) * 0.1, 1e-12)
         step = max(p.step / scale, STEP)
         free.append(Free(name, p.unit, start, p.lower, p.upper, scale, logarithmic=logarithmic, step=step))
     return free
 
 
-def _null(null: float | str | None, model: Model) -> float:
-    return value_of(model, null) if isinstance(null, str) else (null or 0.0)
-
-
-def null_value(effect: Effect, index: int, model: Model) -> float | None:
-    """Return the value at which the effect's parameter makes it vanish, None where it alone cannot."""
-    null = effect.parameters[index].null
-    return value_of(model, null) if isinstance(null, str) else null
+def null_value(parameter: Parameter, model: Model) -> float | None:
+    """Return the finite value at which the parameter makes its effect vanish, None where there is none."""
+    if isinstance(parameter.null, str):
+        return value_of(model, parameter.null)
+    return None if parameter.null is None or math.isinf(parameter.null) else parameter.null

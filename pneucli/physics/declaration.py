@@ -68,8 +68,9 @@ PORTS: dict[str, Port] = {
 class Parameter:
     """One parameter of an effect: unit, bounds, the value at which the effect vanishes, and plausible values.
 
-    ``null`` is a number, the name of a base parameter whose value it then has, or ``None`` where the parameter alone
-    cannot make the effect vanish. ``typical`` holds values from which a fit starts: what a rig plausibly shows.
+    ``null`` is a number (``inf``: the effect vanishes as the parameter grows), the name of a base parameter whose
+    value it then has, or ``None`` where the parameter alone cannot make the effect vanish. ``typical`` holds values
+    from which a fit starts: what a rig plausibly shows.
     """
 
     name: str

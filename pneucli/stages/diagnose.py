@@ -146,7 +146,7 @@ def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float |
         else "on recordings that were fitted; none was held out."
     )
     if name not in found.missing:
-        why += " It leaves too much of the error to be more than a stand-in for something unknown."
+        why += " It may only stand in for something unknown: it leaves too much, or recordings disagree on its size."
     return {
         "effect": name,
         "error_before": before,

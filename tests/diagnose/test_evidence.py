@@ -1,9 +1,28 @@
 """Evidence: blocks of correlated residuals feign nothing, families of tests are adjusted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pneucli.diagnose.evidence import block_costs, effective_number, gain, holm
+from pneucli.diagnose.evidence import block_costs, disagreement, effective_number, gain, holm, wald
+from pneucli.identify.fit import Fit
+from pneucli.identify.parameters import effect_parameters
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import catalogue
+from tests.simulate.benches import model
+
+N, BLOCK = 6000, 50
+
+
+def fitted(effect: Effect, values: dict[str, float], columns: np.ndarray, seed: int = 1) -> Fit:
+    """A fit that ended at values, with white noise left over; columns (N, k) are its derivatives."""
+    ended = model([effect.name], {f"{effect.name}.{n}": v for n, v in values.items()})
+    free = tuple(effect_parameters(effect, ended))
+    noise = np.random.default_rng(seed).normal(size=N)
+    left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
+    unused = np.zeros((len(free), len(free)))
+    return Fit(ended, free, (), left, columns, np.arange(N) // BLOCK, unused, float(left @ left))
 
 
 def test_the_cost_of_a_block_is_its_sum_of_squares():
@@ -49,3 +68,31 @@ def test_a_larger_family_costs_more():
     assert holm([0.01], 20) == [pytest.approx(0.2)]
     assert holm([0.01, 0.04], 2) == pytest.approx([0.02, 0.04])
     assert holm([], 5) == []
+
+
+def test_what_has_no_meaning_without_the_effect_does_not_hide_it():
+    """Gain and time constant of a dwell trade off exactly; that they are something together is certain all the same."""
+    dwell = catalogue()["dwell-breakaway"]
+    wave = np.sin(np.arange(N) / 40.0)
+    traded = fitted(dwell, {"gain": 0.5, "time_constant": 0.3}, np.column_stack([wave, -wave]))
+    assert wald(traded, dwell) < 1e-12
+
+
+@pytest.mark.parametrize(("sensitivity", "seen"), [(1.0, True), (0.03, False)])
+def test_an_effect_that_vanishes_as_a_parameter_grows_is_tested_by_the_reciprocal(sensitivity: float, seen: bool):
+    """150 residuals move by 1 (0.03) for a small relative change: the stiffness is known to 8 % (270 %)."""
+    presliding = catalogue()["presliding"]
+    column = (np.arange(N) % 40 == 0) * sensitivity
+    found = fitted(presliding, {"stiffness": 2e4, "damping": 50.0}, np.column_stack([column, np.zeros(N)]))
+    assert (wald(found, presliding) < 1e-3) == seen
+
+
+def test_recordings_that_want_another_size_disagree():
+    """One recording wants it as it is, the other half as much again: the mean of 0 and 0.5, squared, is 0.35."""
+    force = catalogue()["constant-force"]
+    found = fitted(force, {"force": 10.0}, np.ones((N, 1)))
+    halves = np.arange(N) // (N // 2)
+    size = 10.0 / found.free[0].scale
+    assert disagreement(found, force, halves) < 0.05
+    other = replace(found, residual=found.residual - halves * 0.5 * size)
+    assert disagreement(other, force, halves) == pytest.approx(0.5 / np.sqrt(2), rel=0.1)

@@ -17,7 +17,7 @@ EFFECT = Effect(
     title="Cushions at the ends of the stroke",
     part="cylinder",
     parameters=(
-        Parameter("length", "m", None, 1e-4, 1.0, (0.01, 0.02, 0.04), "length of each cushion"),
+        Parameter("length", "m", None, 1e-4, 1.0, (0.05, 0.15, 0.4), "length of each cushion", "rig.stroke"),
         Parameter("damping", "N s/m", 0.0, 0.0, 1e5, (100.0, 500.0), "damping at the very end"),
     ),
     ports={"force": force},

@@ -1,5 +1,7 @@
 """Elastic displacement before sliding."""
 
+import math
+
 from pneucli.physics.declaration import Effect, Parameter
 
 
@@ -18,7 +20,7 @@ EFFECT = Effect(
     title="Elastic displacement before sliding",
     part="cylinder",
     parameters=(
-        Parameter("stiffness", "N/m", None, 1e2, 1e7, (2e4, 1e5), "stiffness of the bristles"),
+        Parameter("stiffness", "N/m", math.inf, 1e2, 1e7, (2e4, 1e5), "stiffness of the bristles"),
         Parameter("damping", "N s/m", None, 0.0, 1e4, (100.0,), "damping of the bristles"),
     ),
     ports={"bristle_stiffness": bristle_stiffness, "bristle_damping": bristle_damping},

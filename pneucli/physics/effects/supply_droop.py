@@ -1,5 +1,7 @@
 """Supply pressure that falls with the flow drawn."""
 
+import math
+
 from pneucli.physics.declaration import Effect, Parameter
 
 
@@ -30,7 +32,7 @@ EFFECT = Effect(
         Parameter(
             "regulator_conductance",
             "kg/(s Pa)",
-            None,
+            math.inf,
             1e-10,
             1e-4,
             (1e-8, 5e-8),
