@@ -12,7 +12,7 @@ from pneucli.diagnose.detectable import Detectable, detectable
 from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.remainder import too_much
 from pneucli.diagnose.search import Search, as_good, search
-from pneucli.diagnose.trial import Bench, State
+from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.physics.declaration import Effect
@@ -22,6 +22,7 @@ Verdict = Literal["adequate", "missing-effect", "unexplained"]
 EXPLAINS = 0.5  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
 EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
+SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 
 
@@ -64,11 +65,25 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
         for name, before, after in steps
         if not left or (explained(before, after) > least and agreed(bench, found.last, name))
     ]
-    equals = {n: tuple(t.effect.name for t in found.rivals.get(n, ()) if as_good(t.state, found.last)) for n in missing}
+    equals = {
+        n: tuple(t.effect.name for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left))
+        for n in missing
+    }
     verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
     unknown = describe(found.last.model, [*bench.train, *bench.held_out], left[0]) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
     return Diagnosis(verdict, tuple(missing), equals, found, moved, tuple(detectable(bench, found.last)), unknown)
+
+
+def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
+    """Whether the data cannot tell an effect's rival from it.
+
+    It costs no more for certain; or, where noise alone is left, so little more that what is known of the noise and of
+    the state at each restart does not decide.
+    """
+    more, gained = rival.state.cost - best.cost, rival.train.total + rival.test.total
+    slight = more < SLIGHTLY * min(best.cost, gained + more)
+    return as_good(rival.state, best) or (noise_alone and slight)
 
 
 def explained(before: State, after: State) -> float:
@@ -100,7 +115,7 @@ def _far(before: Estimate, after: Estimate) -> bool:
     )
 
 
-def separation(one: Effect, other: Effect) -> str:
+def how_to_tell(one: Effect, other: Effect) -> str:
     """Return what recording tells two effects apart, as their declarations say."""
     return f"To tell {one.name} from {other.name}: {one.separate}" + (
         f" {other.separate}" if other.separate != one.separate else ""

@@ -59,13 +59,15 @@ class Search:
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
     rungs, rounds = _forward(bench, [base], [])
-    left = remains(bench, rungs[-1]) if len(rungs) <= 2 else None
-    if left is not None and too_much(*left):
-        rungs, rounds = _pairs(bench, rungs, rounds)
-    reached = rungs[-1]
+    left = remains(bench, rungs[-1])
+    if too_much(*left):
+        whole = _explaining_all(bench, rungs[-1], rounds[-1]) if len(rounds) == len(rungs) else None
+        if whole is not None:
+            rungs = [*rungs, whole.state]
+        elif len(rungs) <= 2:
+            rungs, rounds = _pairs(bench, rungs, rounds)
     rungs, rivals = _revise(bench, rungs, rounds)
-    if left is None or rungs[-1] is not reached or len(rungs) > 2:
-        left = remains(bench, rungs[-1])
+    left = remains(bench, rungs[-1])
     return Search(tuple(rungs), tuple(map(tuple, rounds)), rivals, tuple(left[0]), tuple(left[1]))
 
 
@@ -85,6 +87,17 @@ def _forward(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tup
     return rungs, rounds
 
 
+def _explaining_all(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:
+    """Return the best trial that leaves nothing over, where something is left for certain.
+
+    That there is something needs no proof then, only what it is: the chance is not adjusted for the family, but both
+    the fitted and the held-out cost must fall for certain.
+    """
+    able = supported(bench, before, [t for t in trials if t.train.certain and t.test.certain], hypotheses=1)
+    able = sorted(bench.no_worse(before, able), key=lambda t: t.state.cost)
+    return able[0] if able and not too_much(*remains(bench, able[0].state)) else None
+
+
 def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial]:
     """Refit with the effects that the screen ranks highest, likeliest first."""
     screened = [(e, s) for e, s in bench.screen(state) if e.name not in without]
@@ -97,9 +110,9 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial
     return sorted(ended, key=lambda t: t.state.cost)
 
 
-def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Trial]:
+def supported(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: int | None = None) -> list[Trial]:
     """Return the trials that are significant in the family of all, hold on data not seen, and matter."""
-    adjusted = holm([t.p_value for t in trials], bench.hypotheses)
+    adjusted = holm([t.p_value for t in trials], max(hypotheses or bench.hypotheses, len(trials)))
     return [
         t
         for t, p in zip(trials, adjusted, strict=True)

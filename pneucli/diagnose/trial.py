@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
+from pneucli.diagnose.remainder import expected_rms
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit, Problem, block_numbers
 from pneucli.identify.views import View
@@ -53,10 +54,13 @@ class Bench:
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        problem = Problem(found.model, self.held_out, ())
-        test = np.concatenate(problem.data(found.model)) if self.held_out else np.zeros(0)
-        blocks = block_numbers(self.held_out) if self.held_out else np.zeros(0, dtype=np.int64)
-        return State(found, block_costs(found.residual, found.blocks), test, block_costs(test, blocks))
+        train = block_costs(allowed(found.model, self.train, found.residual), found.blocks)
+        if not self.held_out:
+            return State(found, train, np.zeros(0), np.zeros(0))
+        test = np.concatenate(Problem(found.model, self.held_out, ()).data(found.model))
+        return State(
+            found, train, test, block_costs(allowed(found.model, self.held_out, test), block_numbers(self.held_out))
+        )
 
     def screen(self, state: State) -> list[Screened]:
         """Return the effects that the state lacks with their signatures, by what the best one promises."""
@@ -111,6 +115,24 @@ class Bench:
         return Trial(
             effect, after, train, gain(before.test, after.test), train.p_value if np.isnan(p_value) else p_value
         )
+
+
+def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
+    """Return residuals (N,) made smaller, channel by channel, by what a correct model of this kind would show of noise.
+
+    A model that undoes a lag amplifies noise, one that shifts time does not; without the allowance the wrong one could
+    leave less. No channel is made smaller than the sensors' noise.
+    """
+    parts, first = [], 0
+    for view in views:
+        expected = expected_rms(model, view)
+        for channel in view.channels:
+            part = residual[first : first + view.experiment.time.size]
+            first += part.size
+            cost, noise = float(part @ part), float(np.count_nonzero(part))
+            fair = max(cost - (expected[channel] ** 2 - 1.0) * noise, min(cost, noise))
+            parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True)

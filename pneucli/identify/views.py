@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import U_MAX, Experiment
+from pneucli.simulate.experiment import U_MAX, Experiment, smooth
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import base_vector, kernel_for, simulate
@@ -132,9 +132,21 @@ class View:
                 rough += share * (raw[name] - inputs[:, column])
         return rough
 
+    def _spread(self, model: Model) -> float:
+        """Return the noise in N that smoothing leaves in the force of the pressures, a sensors' lag undone."""
+        lag = sensor_lag(model)
+        return float(np.hypot(self._smooth_noise, lag * self._smooth_noise_rate)) if lag else self._smooth_noise
+
     @cached_property
-    def _spread(self) -> float:
-        """The noise in N that smoothing leaves in the force of the pressures."""
+    def _smooth_noise_rate(self) -> float:
+        """The rate in N/s of a draw of that noise."""
+        e = self.experiment
+        drawn = smooth(e.draw_noise(np.random.default_rng(0)), e.smoothers, e.fusion, e.time)
+        force = e.rig.areas[0] * drawn[:, at.IN_P1] - e.rig.areas[1] * drawn[:, at.IN_P2]
+        return float(np.std(np.gradient(force, e.time)))
+
+    @cached_property
+    def _smooth_noise(self) -> float:
         e = self.experiment
         parts = [share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.areas, strict=True) if n in e.noise]
         taken = float(np.mean(self._roughness(e.raw, e.inputs) ** 2))
@@ -163,7 +175,7 @@ class View:
             rough,
             leaving,
             doubtful,
-            self._spread if spread is None else spread,
+            self._spread(model) if spread is None else spread,
             base_vector(model, e),
             kernel.vector(model.effect_values()),
             kernel.switches(e.active(model.effects)),
@@ -173,6 +185,16 @@ class View:
             return {"force": out}
         resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
         return {"force": out, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
+
+
+def sensor_lag(model: Model) -> float:
+    """Return the time constant in s of the model's pressure sensors."""
+    lag = 0.0
+    for effect in model.effects:
+        if "sensor_lag" in effect.ports:
+            values = [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
+            lag += float(effect.ports["sensor_lag"](*values))  # type: ignore[arg-type]
+    return lag
 
 
 def resting_reading(model: Model, experiment: Experiment) -> float:

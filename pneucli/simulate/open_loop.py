@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
+from pneucli.recording import Experiment as Kind
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
@@ -153,14 +154,20 @@ def commanded(values: Mapping[str, Any], rig: Rig) -> Recording:
     if "p_supply" in values:
         start["p_supply"] = values["p_supply"]
     signals = {"u": command, **{name: np.full(command.size, value) for name, value in start.items()}}
+    return imagined(kind, signals, values.get("chamber_2", "closed"))
+
+
+def imagined(kind: Kind, signals: Mapping[str, Array], chamber_2: Literal["closed", "open"]) -> Recording:
+    """Return signals (n,) at PERIOD as a recording without noise, for the model to run on."""
+    samples = next(iter(signals.values())).size
     return Recording(
-        name=str(values.get("name", "command")),
+        name="command",
         experiment=kind,
         use="test",
-        time=np.arange(command.size, dtype=np.float64) * PERIOD,
+        time=np.arange(samples, dtype=np.float64) * PERIOD,
         signals=signals,
         noise=dict.fromkeys(signals, NoiseModel(0.0)),
-        chamber_2=values.get("chamber_2", "closed") if kind == "axis" else None,
+        chamber_2=None if kind == "valve" else chamber_2,
     )
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from pneucli.diagnose.diagnosis import Diagnosis, diagnose, separation
+from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.errors import Errors
+from pneucli.diagnose.manoeuvres import separation
 from pneucli.diagnose.search import WORTH, supported
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.errors import InputError, did_you_mean
@@ -87,7 +88,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
     candidates = [_named(study, found, i, rungs) for i in range(len(found.found.added))]
     candidates += _others(study, bench, found, seen[0], rungs[0])
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
-    following = " ".join(separation(bench.effects[a], bench.effects[b]) for a, b in pairs[:2])
+    following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
         "schema": "pneucli/diagnose/1",
         "pipeline": study.context.config.name,
@@ -96,7 +97,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         "ladder": ladder,
         "candidates": candidates,
         "unexplained_share": _left(rungs[0], rungs[-1]),
-        "next_experiment": following or _next(found),
+        "next_experiment": following or _next(bench, found),
         "sentence": sentence(found, rungs),
         "detectable": [
             {
@@ -205,10 +206,24 @@ def _left(first: dict[str, float | None], last: dict[str, float | None]) -> floa
     return min(max((after**2 - 1.0) / (before**2 - 1.0), 0.0), 1.0)
 
 
-def _next(found: Diagnosis) -> str | None:
+def _tell_apart(bench: Bench, found: Diagnosis, name: str, other: str) -> str:
+    """What separates two effects: as declared, and the manoeuvre in which both fitted models differ most."""
+    text = how_to_tell(bench.effects[name], bench.effects[other])
+    rival = next(t.state.model for t in found.found.rivals[name] if t.effect.name == other)
+    best = separation(found.found.last.model, rival, [*bench.train, *bench.held_out])
+    if best is None:
+        return f"{text} No manoeuvre that both fitted models were run through separates them by more than noise."
+    return (
+        f"{text} Of the manoeuvres that both fitted models were run through, this separates them most: "
+        f"{best.manoeuvre}; {best.channel} would differ by {best.times_noise:.2g} times its noise (rms)."
+    )
+
+
+def _next(bench: Bench, found: Diagnosis) -> str | None:
     if found.unknown is not None:
         where = found.unknown.variable or "each signal"
-        return (
+        doubted = [n for n in found.found.added if n not in found.missing]
+        return "".join(f"Whether it is {n}: {bench.effects[n].separate} " for n in doubted) + (
             f"What remains stands in {found.unknown.channel} ({found.unknown.subsystem}). Repeat a recording "
             f"unchanged, then one with a different range or order of {where}: "
             "what comes back over it belongs to the rig."

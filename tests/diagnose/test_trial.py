@@ -1,0 +1,37 @@
+"""What a state costs: noise that a correct model would show is allowed, no less than the sensors' own."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import trial
+
+TIME = np.arange(4000) * 1e-3
+VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME))
+
+
+@pytest.mark.parametrize(
+    ("rms", "expected", "left"),
+    [
+        (1.0, 1.0, 1.0),
+        (2.0, 2.0, 1.0),
+        (3.0, 1.0, 3.0),
+        (3.0, 2.0, np.sqrt(9.0 - 3.0)),
+        (0.8, 2.0, 0.8),
+        (1.5, 4.0, 1.0),
+    ],
+)
+def test_what_noise_explains_is_taken_off(monkeypatch: pytest.MonkeyPatch, rms: float, expected: float, left: float):
+    """In squares: rms^2 - (expected^2 - 1), but not below the sensors' 1, nor above what there is."""
+    monkeypatch.setattr(trial, "expected_rms", lambda model, view: {"force": expected})
+    residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
+    seen = trial.allowed(None, [VIEW], residual)
+    assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
+
+
+def test_samples_that_do_not_count_stay_out(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(trial, "expected_rms", lambda model, view: {"force": 2.0})
+    assert not trial.allowed(None, [VIEW], np.zeros(TIME.size)).any()
