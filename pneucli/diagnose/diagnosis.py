@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from pneucli.diagnose.detectable import Detectable, detectable
 from pneucli.diagnose.evidence import disagreement
-from pneucli.diagnose.remainder import too_much
-from pneucli.diagnose.search import Search, as_good, search
+from pneucli.diagnose.remainder import Remainder, too_much
+from pneucli.diagnose.search import Search, as_good, remains, search
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
@@ -63,14 +63,15 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     missing = [
         name
         for name, before, after in steps
-        if not left or (explained(before, after) > least and agreed(bench, found.last, name))
+        if not left
+        or (explained(before, after) > least and agreed(bench, found.last, name) and lawful(bench, name, left))
     ]
     equals = {
         n: tuple(t.effect.name for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left))
         for n in missing
     }
     verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
-    unknown = describe(found.last.model, [*bench.train, *bench.held_out], left[0]) if left else None
+    unknown = unknown_of(bench, found.last if missing else found.rungs[0], left) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
     return Diagnosis(verdict, tuple(missing), equals, found, moved, tuple(detectable(bench, found.last)), unknown)
 
@@ -89,6 +90,17 @@ def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
 def explained(before: State, after: State) -> float:
     """Return the share of what exceeds noise that a step takes away, on fitted and on held-out recordings."""
     return (before.cost - after.cost) / max(before.cost - before.samples, 1e-9)
+
+
+def unknown_of(bench: Bench, state: State, left: Sequence[Remainder]) -> Unknown:
+    """Describe what a state leaves over; ``left`` where it leaves nothing."""
+    worst = too_much(*remains(bench, state)) or left
+    return describe(state.model, [*bench.train, *bench.held_out], worst[0])
+
+
+def lawful(bench: Bench, name: str, left: Sequence[Remainder]) -> bool:
+    """Whether an effect states a force wherever one is left over; bounds alone would keep any force within them."""
+    return "slowing" not in bench.effects[name].ports or all(r.kind != "forces" for r in left)
 
 
 def agreed(bench: Bench, state: State, name: str) -> bool:

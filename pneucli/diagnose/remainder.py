@@ -70,8 +70,9 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
     groups: dict[tuple[Kind, str], list[tuple[View, Array, float]]] = {}
     for view in views:
         residual, expected = view.residual(model), expected_rms(model, view)
+        stated = residual.get("gap", np.zeros(1)) < 0.5  # bounds are kept by anything within them
         for channel in view.channels:
-            scaled = residual[channel] / view.noise[channel]
+            scaled = np.where(stated, residual[channel] / view.noise[channel], 0.0)
             if np.any(scaled):
                 groups.setdefault((view.kind, channel), []).append((view, scaled, expected[channel]))
     return [_remainder(kind, channel, members) for (kind, channel), members in groups.items()]

@@ -160,14 +160,15 @@ class View:
     def balance(
         self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, spread: float | None = None
     ) -> dict[str, Array]:
-        """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests.
+        """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
+        ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
 
         ``inputs`` (n, 10) and ``loads`` are the experiment's own, or of other readings of the same run; ``spread`` is
         the noise in N of the force of the pressures, by default as smoothing leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
         (a, rough), (leaving, doubtful) = loads or self._loads, self._turns
-        out = np.zeros(e.time.size)
+        out, gap = np.zeros(e.time.size), np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
             inputs.copy(),
@@ -180,11 +181,12 @@ class View:
             kernel.vector(model.effect_values()),
             kernel.switches(e.active(model.effects)),
             out,
+            gap,
         )
         if "a" not in self.channels:
-            return {"force": out}
+            return {"force": out, "gap": gap}
         resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
-        return {"force": out, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
+        return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
 
 
 def sensor_lag(model: Model) -> float:

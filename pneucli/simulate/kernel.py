@@ -561,7 +561,7 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, spread, base_values, th_values, on_values, out):
+def run_balance(time, inputs, a, rough, leaving, unsure, spread, base_values, th_values, on_values, out, gap):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed reading, rough (n,)
@@ -570,6 +570,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, spread, base_values, th
     force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
     Between the branches of friction the drive itself is the friction, smoothing noise and all. The spread of that noise
     in N is known; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of risk, 1981).
+    gap (n,) gets the chance that the drive is between the branches, where the model states bounds and no force.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
@@ -603,6 +604,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, spread, base_values, th
             out[k] = direction * (over if leaving[k] == direction else max(over, 0.0))
             continue
         rest = 0.0
+        gap[k] = between
         put_back = spread * math.sqrt(2.0 * between)
         out[k] = friction - c * v - direction * branch + (put_back if k % 2 else -put_back)
     for k in range(time.size):
