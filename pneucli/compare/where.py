@@ -43,7 +43,7 @@ class Region:
         )
         return (
             f"{100 * self.share_of_error:.0f} % of the error of {self.channel} in {self.recording} stands at "
-            f"{name} {self.from_:.4g} to {self.to:.4g} {self.unit}".rstrip()
+            f"{name} {self.from_:.4g} to {self.to:.4g} {'' if self.unit == '1' else self.unit}".rstrip()
             + f", which holds {100 * self.share_of_samples:.0f} % of the samples"
         )
 

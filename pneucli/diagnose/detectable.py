@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,12 @@ class Detectable:
         name = f"{self.parameter.title or self.parameter.name}"
         if not self.plausible:
             return f"{title}: these recordings cannot tell; no plausible size of it would have shown"
-        return f"{title}: a {name} that differs by {self.size:.2g}{unit} from none would have shown"
+        null = self.parameter.null
+        if null == 0.0:
+            return f"{title}: above {self.size:.2g}{unit} ({name}) it would have shown"
+        if null is None or null == math.inf:
+            return f"{title}: at {self.size:.2g}{unit} ({name}) it would have shown"
+        return f"{title}: from a difference of {self.size:.2g}{unit} ({name}) on it would have shown"
 
 
 def detectable(bench: Bench, state: State) -> list[Detectable]:

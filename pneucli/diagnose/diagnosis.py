@@ -19,7 +19,9 @@ from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained"]
 
-EXPLAINS = 0.5  # of what exceeds noise: an effect that leaves more may only stand in for something unknown
+MUCH = 3.5  # times the expected rms: where so much is left, more than one thing acts
+EXPLAINS = 0.25  # of what exceeds noise, where much is left
+EXPLAINS_MOST = 0.95  # the same where little is left: an effect that resembles one unknown would leave little too
 EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
@@ -58,13 +60,9 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     start = bench.state(base)
     found = search(bench, start)
     left = too_much(found.train, found.test)
-    least = EXPLAINS if bench.held_out else EXPLAINS_ALONE
     steps = zip(found.added, found.rungs, found.rungs[1:], strict=False)
     missing = [
-        name
-        for name, before, after in steps
-        if not left
-        or (explained(before, after) > least and agreed(bench, found.last, name) and lawful(bench, name, left))
+        name for name, before, after in steps if not left or _its_own(bench, found.last, left, name, before, after)
     ]
     equals = {
         n: tuple(t.effect.name for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left))
@@ -96,6 +94,16 @@ def unknown_of(bench: Bench, state: State, left: Sequence[Remainder]) -> Unknown
     """Describe what a state leaves over; ``left`` where it leaves nothing."""
     worst = too_much(*remains(bench, state)) or left
     return describe(state.model, [*bench.train, *bench.held_out], worst[0])
+
+
+def _its_own(bench: Bench, last: State, left: Sequence[Remainder], name: str, before: State, after: State) -> bool:
+    """Whether an effect beside something unknown is more than a stand-in for it."""
+    share = explained(before, after)
+    if not bench.held_out:
+        enough = share > EXPLAINS_ALONE
+    else:
+        enough = share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
+    return enough and agreed(bench, last, name) and lawful(bench, name, left) and bench.falls(before, after)
 
 
 def lawful(bench: Bench, name: str, left: Sequence[Remainder]) -> bool:

@@ -31,3 +31,8 @@ class Errors:
             for result in compare(model, experiment, noise).results
         ]
         return {use: overall_error(results, use) for use in ("train", "test")}
+
+
+def shown_error(model: Model, experiments: Sequence[Experiment]) -> dict[str, float | None]:
+    """Return a model's errors over what it would show itself were it correct, as ``compare`` does."""
+    return Errors.seen_by(model, experiments).of(model)

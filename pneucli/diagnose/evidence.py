@@ -100,10 +100,10 @@ def wald(found: Fit, effect: Effect) -> float:
 def _tail(found: Fit, jacobian: Array, contrast: Array, distance: Array) -> float:
     """Return the chance of a distance (q,) or a larger one; contrast (q, k) of the coordinates of jacobian (N, k)."""
     influence = jacobian @ (np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) @ contrast.T)
-    scores = [np.bincount(found.blocks, weights=column * found.residual).astype(np.float64) for column in influence.T]
-    covariance = np.array([[float(a @ b) for b in scores] for a in scores])
-    statistic = float(distance @ np.linalg.pinv(covariance, hermitian=True) @ distance) / len(distance)
-    return float(fisher.sf(statistic, len(distance), min(effective_number(s) for s in scores)))
+    scores = np.array([np.bincount(found.blocks, weights=column * found.residual) for column in influence.T])
+    tested = np.linalg.pinv(scores @ scores.T, hermitian=True) @ distance
+    statistic = float(distance @ tested) / len(distance)
+    return float(fisher.sf(statistic, len(distance), effective_number(tested @ scores)))
 
 
 def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> float:

@@ -30,7 +30,7 @@ class Bench:
     """The data of a diagnosis: views to fit, views held out, and the effects that may be missing.
 
     ``given`` names the effects that the model had before; ``errors`` is the error that the user sees, of a model, by
-    use: an effect that raises it is not added.
+    use: an effect that raises it is not added; ``shown`` is the same over each model's own noise.
     """
 
     train: Sequence[View]
@@ -40,6 +40,7 @@ class Bench:
     given: tuple[str, ...] = ()
     progress: Callable[[str], None] = field(default=lambda _: None)
     errors: Callable[[Model], Mapping[str, float | None]] | None = None
+    shown: Callable[[Model], Mapping[str, float | None]] | None = None
 
     @cached_property
     def hypotheses(self) -> int:
@@ -107,6 +108,14 @@ class Bench:
             return bool(ratios) and float(np.prod(ratios)) > RISE ** len(ratios)
 
         return [t for t in trials if not raised(self.errors(t.state.model))]
+
+    def falls(self, before: State, after: State) -> bool:
+        """Whether the error over its own model's noise, which the ladder shows, falls in the mean of both uses."""
+        if self.shown is None:
+            return True
+        old, new = self.shown(before.model), self.shown(after.model)
+        ratios = [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
+        return float(np.prod(ratios)) < 1.0
 
     def trial(self, before: State, after: State, effect: Effect) -> Trial:
         """Return what the step from one state to the other is worth."""

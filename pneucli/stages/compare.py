@@ -81,9 +81,9 @@ def describe(answer: dict[str, Any]) -> str:
     """Return the errors as lines for a person, test recordings first, then where they stand."""
     lines = [f"{'recording':20s} {'use':6s} {'channel':8s} {'rmsd':>12s} {'unit':6s} {'% range':>8s} {'x noise':>8s}"]
     for c in sorted(answer["channels"], key=lambda c: c["use"] != "test"):
-        percent, ratio = (float("nan") if c[k] is None else c[k] for k in ("percent", "ratio_to_noise"))
+        percent, ratio = ("–" if c[k] is None else format(c[k], ".3g") for k in ("percent", "ratio_to_noise"))
         head = f"{c['recording']:20s} {c['use']:6s} {c['channel']:8s} {c['rmsd']:12.5g} {c['unit']:6s}"
-        lines.append(f"{head} {percent:8.3g} {ratio:8.3g}")
+        lines.append(f"{head} {percent:>8s} {ratio:>8s}")
     for use, error in answer["error"].items():
         lines.append(f"error over noise, {use}: {'no such recording' if error is None else format(error, '.3g')}")
     return "\n".join(lines + [region["words"] for region in answer["where"][:5]])

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
-from pneucli.diagnose.errors import Errors
+from pneucli.diagnose.errors import Errors, shown_error
 from pneucli.diagnose.manoeuvres import separation
 from pneucli.diagnose.search import WORTH, supported
 from pneucli.diagnose.trial import Bench, State, Trial
@@ -38,7 +38,7 @@ def run(context: Context) -> dict[str, Any]:
     guess = first_guess(fitted, study.rig, linear_valve=study.linear_valve)
     base = fit_model(guess, bench.train, study.effects, linear_valve=study.linear_valve)
     errors = Errors.seen_by(base.model, study.experiments)
-    found = diagnose(replace(bench, errors=errors.of), base)
+    found = diagnose(replace(bench, errors=errors.of, shown=lambda model: shown_error(model, study.experiments)), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
     answer["warnings"] = warnings
@@ -79,14 +79,14 @@ def _without_every_third(views: list[View]) -> tuple[list[View], list[View]]:
 
 
 def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
-    seen = [Errors.seen_by(state.model, study.experiments) for state in found.found.rungs]
-    rungs = [errors.of(state.model) for errors, state in zip(seen, found.found.rungs, strict=True)]
+    first = Errors.seen_by(found.found.rungs[0].model, study.experiments)
+    rungs = [shown_error(state.model, study.experiments) for state in found.found.rungs]
     ladder = [
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
         for add, e in zip([None, *found.found.added], rungs, strict=True)
     ]
     candidates = [_named(study, found, i, rungs) for i in range(len(found.found.added))]
-    candidates += _others(study, bench, found, seen[0], rungs[0])
+    candidates += _others(study, bench, found, first, rungs[0])
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
     following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
@@ -263,7 +263,9 @@ def describe(answer: dict[str, Any]) -> str:
         errors = f"train {_number(step['error_train'])}, test {_number(step['error_test'])}"
         lines.append(f"  {step['add'] or 'model as it is':24s} error {errors}")
     for c in answer["candidates"]:
-        values = ", ".join(f"{n} {p['value']:.4g} {p['unit']}" for n, p in c["parameters"].items())
+        values = ", ".join(
+            f"{n} {p['value']:.4g} {'' if p['unit'] == '1' else p['unit']}".rstrip() for n, p in c["parameters"].items()
+        )
         lines += [f"{'*' if c['effect'] in answer['missing'] else ' '} {c['effect']} ({values})", f"    {c['why']}"]
     if answer["next_experiment"]:
         lines += ["", f"next: {answer['next_experiment']}"]
