@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from pneucli.diagnose.detectable import Detectable, detectable
-from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.search import Search, as_good, remains, search
+from pneucli.diagnose.stand_ins import stands
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
@@ -19,11 +19,6 @@ from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained"]
 
-MUCH = 3.5  # times the expected rms: where so much is left, more than one thing acts
-EXPLAINS = 0.25  # of what exceeds noise, where much is left
-EXPLAINS_MOST = 0.95  # the same where little is left: an effect that resembles one unknown would leave little too
-EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
-DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 
@@ -62,7 +57,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     left = too_much(found.train, found.test)
     steps = zip(found.added, found.rungs, found.rungs[1:], strict=False)
     missing = [
-        name for name, before, after in steps if not left or _its_own(bench, found.last, left, name, before, after)
+        name for name, before, after in steps if not left or stands(bench, found.last, left, name, before, after)
     ]
     equals = {
         n: tuple(t.effect.name for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left))
@@ -85,38 +80,10 @@ def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
     return as_good(rival.state, best) or (noise_alone and slight)
 
 
-def explained(before: State, after: State) -> float:
-    """Return the share of what exceeds noise that a step takes away, on fitted and on held-out recordings."""
-    return (before.cost - after.cost) / max(before.cost - before.samples, 1e-9)
-
-
 def unknown_of(bench: Bench, state: State, left: Sequence[Remainder]) -> Unknown:
     """Describe what a state leaves over; ``left`` where it leaves nothing."""
     worst = too_much(*remains(bench, state)) or left
     return describe(state.model, [*bench.train, *bench.held_out], worst[0])
-
-
-def _its_own(bench: Bench, last: State, left: Sequence[Remainder], name: str, before: State, after: State) -> bool:
-    """Whether an effect beside something unknown is more than a stand-in for it."""
-    share = explained(before, after)
-    if not bench.held_out:
-        enough = share > EXPLAINS_ALONE
-    else:
-        enough = share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
-    return enough and agreed(bench, last, name) and lawful(bench, name, left) and bench.falls(before, after)
-
-
-def lawful(bench: Bench, name: str, left: Sequence[Remainder]) -> bool:
-    """Whether an effect states a force wherever one is left over; bounds alone would keep any force within them."""
-    return "slowing" not in bench.effects[name].ports or all(r.kind != "forces" for r in left)
-
-
-def agreed(bench: Bench, state: State, name: str) -> bool:
-    """Whether the fitted recordings agree on an effect's size."""
-    names = [view.experiment.recording.name for view in bench.train]
-    sizes = [view.experiment.time.size * len(view.channels) for view in bench.train]
-    recordings = np.repeat(np.unique(names, return_inverse=True)[1], sizes)
-    return disagreement(state.fit, bench.effects[name], recordings) < DISAGREE
 
 
 def _moved(before: Fit, after: Fit) -> list[Moved]:
