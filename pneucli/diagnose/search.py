@@ -190,7 +190,7 @@ def _revise(
 def _without_needless(bench: Bench, base: State, last: State) -> State:
     """Return the state without effects that are not supported beside the others, the least missed first.
 
-    What the data would certainly miss stays: it may not be supported alone, and yet carry the others.
+    What the data would certainly and noticeably miss stays: it may not be supported alone, and yet carry the others.
     """
     while len(names := last.names[len(base.names) :]) > 1:
         states = {name: bench.without(last, bench.effects[name]) for name in names}
@@ -198,12 +198,17 @@ def _without_needless(bench: Bench, base: State, last: State) -> State:
             before
             for name, before in states.items()
             if not supported(bench, before, [bench.trial(before, last, bench.effects[name])])
-            and not gain(before.costs, last.costs).certain
+            and not _missed(bench, before, last)
         ]
         if not needless:
             break
         last = min(needless, key=lambda state: state.cost)
     return last
+
+
+def _missed(bench: Bench, before: State, last: State) -> bool:
+    missed = gain(before.costs, last.costs)
+    return missed.certain and missed.total > _material(bench, before) * before.cost
 
 
 def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> list[State]:
