@@ -147,7 +147,9 @@ def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float |
         else "on recordings that were fitted; none was held out."
     )
     if name not in found.missing:
-        why += " It may only stand in for something unknown: it leaves too much, or recordings disagree on its size."
+        why += (
+            " It may only stand in for something unknown: it takes too little, recordings disagree, or the error rises."
+        )
     return {
         "effect": name,
         "error_before": before,
