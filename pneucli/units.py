@@ -163,6 +163,11 @@ def _reduce(tokens: list[Unit | str], text: str, depth: int) -> Unit:
     return result
 
 
+def after_number(unit: str) -> str:
+    """Return a unit as it follows a number: nothing where there is none."""
+    return "" if unit == "1" else f" {unit}"
+
+
 def same_dimension(first: str, second: str) -> bool:
     """Whether both units measure the same kind of quantity."""
     return parse_unit(first).dimension == parse_unit(second).dimension

@@ -12,6 +12,7 @@ from pneucli.compare.channels import Comparison
 from pneucli.quantities import LOCATORS, SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
+from pneucli.units import after_number
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ class Region:
         )
         return (
             f"{100 * self.share_of_error:.0f} % of the error of {self.channel} in {self.recording} stands at "
-            f"{name} {self.from_:.4g} to {self.to:.4g} {'' if self.unit == '1' else self.unit}".rstrip()
+            f"{name} {self.from_:.4g} to {self.to:.4g}{after_number(self.unit)}"
             + f", which holds {100 * self.share_of_samples:.0f} % of the samples"
         )
 

@@ -11,6 +11,7 @@ from pneucli.diagnose.trial import Bench, State
 from pneucli.identify.effects import Signature
 from pneucli.identify.parameters import null_value
 from pneucli.physics.declaration import Effect, Parameter
+from pneucli.units import after_number
 
 SEEN = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the whole catalogue
 
@@ -30,7 +31,7 @@ class Detectable:
     @property
     def would_show(self) -> str:
         """A sentence for a person."""
-        title, unit = self.effect.title, "" if self.parameter.unit == "1" else f" {self.parameter.unit}"
+        title, unit = self.effect.title, after_number(self.parameter.unit)
         name = f"{self.parameter.title or self.parameter.name}"
         if not self.plausible:
             return f"{title}: these recordings cannot tell; no plausible size of it would have shown"

@@ -64,7 +64,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
         for n in missing
     }
     verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
-    unknown = unknown_of(bench, found.last if missing else found.rungs[0], left) if left else None
+    unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
     return Diagnosis(verdict, tuple(missing), equals, found, moved, tuple(detectable(bench, found.last)), unknown)
 
@@ -80,9 +80,10 @@ def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
     return as_good(rival.state, best) or (noise_alone and slight)
 
 
-def unknown_of(bench: Bench, state: State, left: Sequence[Remainder]) -> Unknown:
-    """Describe what a state leaves over; ``left`` where it leaves nothing."""
-    worst = too_much(*remains(bench, state)) or left
+def unknown_of(bench: Bench, found: Search, left: Sequence[Remainder], *, named: bool) -> Unknown:
+    """Describe what the last rung leaves over (``left``); where nothing is named, what the first one does."""
+    state = found.last if named else found.rungs[0]
+    worst = left if state is found.last else too_much(*remains(bench, state)) or left
     return describe(state.model, [*bench.train, *bench.held_out], worst[0])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.open_loop import PERIOD, imagined
+from pneucli.simulate.open_loop import PERIOD, from_rest, imagined
 from pneucli.simulate.outputs import outputs
 
 Array = NDArray[np.float64]
@@ -92,14 +92,12 @@ def _commands(u: float) -> Iterator[tuple[str, Array]]:
 
 
 def _commanded(kind: Literal["valve", "axis"], command: Array, seen: Experiment) -> Experiment:
-    rig, start = seen.rig, {"p1": seen.rig.ambient_pressure}
-    if kind == "axis":
-        start |= {"p2": rig.ambient_pressure, "x": 0.5 * (rig.stroke or 0.0), "v": 0.0}
-    if "p_supply" in seen.raw and rig.supply_pressure:
-        start["p_supply"] = rig.supply_pressure
-    signals = {"u": command, **{name: np.full(command.size, value) for name, value in start.items()}}
-    chamber_2: Literal["open", "closed"] = "open" if seen.recording.chamber_2 == "open" else "closed"
-    return prepare(imagined(kind, signals, chamber_2), rig, None)
+    values: dict[str, Any] = {"experiment": kind}
+    if seen.recording.chamber_2 == "open":
+        values["chamber_2"] = "open"
+    if "p_supply" in seen.raw and seen.rig.supply_pressure:
+        values["p_supply"] = seen.rig.supply_pressure
+    return prepare(from_rest(command, values, seen.rig), seen.rig, None)
 
 
 def _pushes(force: float) -> Iterator[tuple[str, tuple[Array, Array]]]:

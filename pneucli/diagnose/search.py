@@ -59,7 +59,8 @@ class Search:
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
     rungs, rounds = _forward(bench, [base], [])
-    left = remains(bench, rungs[-1])
+    judged = rungs[-1]
+    left = remains(bench, judged)
     if too_much(*left):
         whole = _explaining_all(bench, rungs[-1], rounds[-1]) if len(rounds) == len(rungs) else None
         if whole is not None:
@@ -67,7 +68,8 @@ def search(bench: Bench, base: State) -> Search:
         elif len(rungs) <= 2:
             rungs, rounds = _pairs(bench, rungs, rounds)
     rungs, rivals = _revise(bench, rungs, rounds)
-    left = remains(bench, rungs[-1])
+    if rungs[-1] is not judged:
+        left = remains(bench, rungs[-1])
     return Search(tuple(rungs), tuple(map(tuple, rounds)), rivals, tuple(left[0]), tuple(left[1]))
 
 

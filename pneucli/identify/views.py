@@ -189,13 +189,16 @@ class View:
         return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
 
 
+def _own_values(model: Model, effect: Effect) -> list[float]:
+    return [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
+
+
 def sensor_lag(model: Model) -> float:
     """Return the time constant in s of the model's pressure sensors."""
     lag = 0.0
     for effect in model.effects:
         if "sensor_lag" in effect.ports:
-            values = [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
-            lag += float(effect.ports["sensor_lag"](*values))  # type: ignore[arg-type]
+            lag += float(effect.ports["sensor_lag"](*_own_values(model, effect)))  # type: ignore[arg-type]
     return lag
 
 
@@ -204,8 +207,7 @@ def resting_reading(model: Model, experiment: Experiment) -> float:
     reading = 0.0
     for effect in model.effects:
         if "read_a" in effect.ports and effect.name in experiment.active((effect,)):
-            values = [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
-            reading = float(effect.ports["read_a"](reading, *values))  # type: ignore[arg-type]
+            reading = float(effect.ports["read_a"](reading, *_own_values(model, effect)))  # type: ignore[arg-type]
     return reading
 
 

@@ -142,7 +142,11 @@ def _in_si(key: str, value: Any) -> Any:
 
 def commanded(values: Mapping[str, Any], rig: Rig) -> Recording:
     """Return the recording that a bench would begin with: the command over time, and the state at its start."""
-    command = _command(values)
+    return from_rest(_command(values), values, rig)
+
+
+def from_rest(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
+    """Return the recording of a command (n,) in V at PERIOD, from the state that ``values`` states or from rest."""
     kind = values.get("experiment", "axis" if rig.has_cylinder else "valve")
     start = {"p1": values.get("p1", rig.ambient_pressure)}
     if kind == "axis":

@@ -18,6 +18,7 @@ from pneucli.pipeline.context import Context
 from pneucli.stages.diagnose_tables import write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
 from pneucli.stages.study import Study
+from pneucli.units import after_number
 
 HELD_OUT = 3  # without test recordings, every third is held out
 
@@ -265,9 +266,7 @@ def describe(answer: dict[str, Any]) -> str:
         errors = f"train {_number(step['error_train'])}, test {_number(step['error_test'])}"
         lines.append(f"  {step['add'] or 'model as it is':24s} error {errors}")
     for c in answer["candidates"]:
-        values = ", ".join(
-            f"{n} {p['value']:.4g} {'' if p['unit'] == '1' else p['unit']}".rstrip() for n, p in c["parameters"].items()
-        )
+        values = ", ".join(f"{n} {p['value']:.4g}{after_number(p['unit'])}" for n, p in c["parameters"].items())
         lines += [f"{'*' if c['effect'] in answer['missing'] else ' '} {c['effect']} ({values})", f"    {c['why']}"]
     if answer["next_experiment"]:
         lines += ["", f"next: {answer['next_experiment']}"]
