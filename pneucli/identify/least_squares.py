@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 FIRST_DAMPING = 1e-3
 MOST_DAMPING = 1e8
 TRIES = 8  # of one direction, with ever more damping
+SHY = 1.5  # times the promised fall: a step that gains more was too short
+DOUBLINGS = 6  # of such a step
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,28 @@ def _step(
         moved = np.clip(moved, *bounds)
         tried = residuals(moved)
         if np.isfinite(tried).all() and float(tried @ tried) < cost:
+            step = (moved - z)[free]
+            promised = -float(2.0 * g @ step + step @ inner @ step)
+            if cost - float(tried @ tried) > SHY * promised:
+                moved, tried = _further(residuals, z, moved, tried, bounds)
             return moved, tried, max(damping / 9.0, 1e-9)
         damping = max(damping * 8.0, 1e-4)
         if damping > MOST_DAMPING:
             break
     return None
+
+
+def _further(
+    residuals: Callable[[Array], Array], z: Array, moved: Array, tried: Array, bounds: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return where a step from z to ``moved``, doubled as long as the sum falls, leads, and the residuals there.
+
+    Where derivatives rest on noise they are too steep and steps too short: the sum tells.
+    """
+    for _ in range(DOUBLINGS):
+        beyond = np.clip(2.0 * moved - z, *bounds)
+        more = residuals(beyond)
+        if not np.isfinite(more).all() or float(more @ more) >= float(tried @ tried):
+            break
+        moved, tried = beyond, more
+    return moved, tried

@@ -1,0 +1,31 @@
+"""Least squares: the minimum is found, also where derivatives are poor, and bounds hold."""
+
+import numpy as np
+import pytest
+
+from pneucli.identify.least_squares import minimise
+
+WIDE = (np.array([-100.0]), np.array([100.0]))
+ONES = np.ones(1000)
+ROUGH = 5.0 * np.where(np.arange(1000) % 2, 1.0, -1.0)
+
+
+def line(z: np.ndarray) -> np.ndarray:
+    return (z[0] - 3.0) * ONES
+
+
+def test_a_line_takes_one_step():
+    found = minimise(line, lambda z: ONES[:, None], np.zeros(1), WIDE, rounds=3, tolerance=1e-9)
+    assert found.z[0] == pytest.approx(3.0, rel=1e-5)
+
+
+def test_derivatives_full_of_noise_make_short_steps_which_are_doubled():
+    """Noise of five times the derivative makes each step 26 times too short: two would come to 3 (1 - (25/26)^2)."""
+    found = minimise(line, lambda z: (ONES + ROUGH)[:, None], np.zeros(1), WIDE, rounds=2, tolerance=0.0)
+    assert found.z[0] == pytest.approx(3.0, rel=0.15)
+
+
+def test_a_bound_holds_though_the_sum_falls_beyond_it():
+    bounds = (np.array([0.0]), np.array([2.0]))
+    found = minimise(line, lambda z: (ONES + ROUGH)[:, None], np.zeros(1), bounds, rounds=12, tolerance=1e-9)
+    assert found.z[0] == 2.0
