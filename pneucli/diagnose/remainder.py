@@ -82,15 +82,17 @@ def expected_rms(model: Model, view: View) -> dict[str, float]:
     """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise."""
     if view.kind == "forces":
         return _expected_forces(model, view)
-    drawn = deviations(model, view.experiment, DRAWS)
-    return {c: max(float(np.sqrt(np.mean(drawn[c] ** 2))) / view.noise[c], 1.0) for c in view.channels}
+    drawn, response = deviations(model, view.experiment, DRAWS), view.response(model)
+    settled = [view.settled(model, {c: d[i] for c, d in drawn.items()}, response) for i in range(DRAWS)]
+    power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in view.channels}
+    return {c: max(float(np.sqrt(p)) / view.noise[c], 1.0) for c, p in power.items()}
 
 
 def _expected_forces(model: Model, view: View) -> dict[str, float]:
     """What the sensors' noise does to the balance, such as at the edge of a stretch or where a lag is undone."""
     e, rng = view.experiment, np.random.default_rng(SEED)
     nominal, own = view.residual(model), view.loads(e.raw, e.inputs)
-    bare = view.balance(model, e.inputs, spread=0.0)
+    bare = view.balance(model, e.inputs, noise=np.zeros(2))
     power = {c: float(np.mean(((nominal[c] - bare[c]) / view.noise[c]) ** 2)) for c in view.channels}
     for _ in range(DRAWS):
         noise = e.draw_noise(rng)

@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.fit import Fit, Problem, fit, joined
-from pneucli.identify.parameters import STEP, Free, base_parameters, effect_parameters, null_value, value_of
+from pneucli.identify.parameters import (
+    OVERLAPS,
+    STEP,
+    Free,
+    base_parameters,
+    effect_parameters,
+    null_value,
+    value_of,
+    with_parameters,
+)
+from pneucli.identify.start import overlap_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate import layout as at
@@ -68,10 +78,10 @@ def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signat
     felt = [i for i, view in enumerate(views) if view.feels(effect)]
     sizes = [view.experiment.time.size * len(view.channels) for view in views]
     nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
+    problem = Problem(found.model, [views[i] for i in felt], (), [found.responses[i] for i in felt])
     out = []
     for values in starts(effect, found.model, views) if felt else []:
-        model = with_effect(found.model, effect, values)
-        part = Problem(model, [views[i] for i in felt], ()).data(model)
+        part = problem.data(with_effect(found.model, effect, values))
         parts = [np.zeros(n) for n in sizes]
         for i, residual in zip(felt, part, strict=True):
             parts[i] = residual - nominal[i]
@@ -110,6 +120,7 @@ def fit_model(
     found = fit(
         replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds
     )
+    found = _with_overlap_anew(found, views, rounds=rounds)
     for effect in effects:
         found = fit_added(found, views, effect, linear_valve=linear_valve, rounds=rounds)
     return found
@@ -137,7 +148,8 @@ def fit_added(
         started = with_effect(model, effect, scaled_start(effect, signature, model, share))
         free = free_parameters(started, views, linear_valve=linear_valve)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        return joined(found, _from_coarse_to_fine(started, felt, free, rounds=rounds), views, chosen)
+        part = _from_coarse_to_fine(started, felt, free, rounds=rounds)
+        return joined(found, _with_overlap_anew(part, felt, rounds=rounds), views, chosen)
 
     if any(p.step for p in effect.parameters):  # an edge sees no further than its neighbourhood
         return min((refitted(s, 1.0) for s in ranked[:EDGED_STARTS]), key=lambda f: f.cost)
@@ -167,8 +179,31 @@ def _from_coarse_to_fine(model: Model, views: Sequence[View], free: Sequence[Fre
     for coarse in (12.0, 4.0) if edged else ():
         wide = [replace(f, step=coarse * f.step) if f.step > STEP else f for f in free]
         model = fit(model, views, wide, rounds=rounds).model
-        free = [replace(f, start=value_of(model, f.name)) for f in free]
+        free = _starting_from(model, free)
     return fit(model, views, free, rounds=rounds)
+
+
+def _starting_from(model: Model, free: Sequence[Free]) -> list[Free]:
+    return [replace(f, start=value_of(model, f.name)) for f in free]
+
+
+def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit:
+    """Return the fit, or a better one from an overlap guessed anew where it ended at its upper bound.
+
+    There the valve opens all at once at its smallest knot, and the fit does not come back by itself.
+    """
+    valve = found.model.valve
+    at_bound = {e.name for e in found.estimates if e.name in OVERLAPS and e.at_bound and e.value > 0.0}
+    guessed = {}
+    for sign, name in ((1.0, "valve.overlap_fill"), (-1.0, "valve.overlap_vent")):
+        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > 0.0)
+        if name in at_bound:
+            guessed[name] = overlap_of(*np.array(side).T)
+    if not guessed:
+        return found
+    model = with_parameters(found.model, guessed)
+    again = _from_coarse_to_fine(model, views, _starting_from(model, found.free), rounds=rounds)
+    return min(found, again, key=lambda f: f.cost)
 
 
 def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) -> list[Free]:

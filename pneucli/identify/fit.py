@@ -6,7 +6,7 @@ of blocks of samples (a sandwich estimator), so that correlated residuals do not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,7 +48,7 @@ class Fit:
     """The fitted model, its parameters, and what tests on it need.
 
     ``residual`` (N,), ``jacobian`` (N, k) in units of the channels' noise and the fit's coordinates; ``blocks`` (N,)
-    numbers the block of each residual; ``covariance`` (k, k) of the coordinates.
+    numbers the block of each residual; ``covariance`` (k, k) of the coordinates; ``responses`` are the views' own.
     """
 
     model: Model
@@ -59,6 +59,7 @@ class Fit:
     blocks: NDArray[np.int64]
     covariance: Array
     cost: float
+    responses: Sequence[Mapping[str, Array]]
 
     @cached_property
     def bread(self) -> Array:
@@ -80,13 +81,18 @@ class Fit:
 
 @dataclass
 class Problem:
-    """Residuals of the views in units of their noise, and their derivatives."""
+    """Residuals of the views in units of their noise, and their derivatives.
+
+    ``responses`` of the views to errors of their starts are those of the model at the start, or ``known`` ones.
+    """
 
     model: Model
     views: Sequence[View]
     free: Sequence[Free]
+    known: Sequence[Mapping[str, Array]] | None = None
 
     def __post_init__(self) -> None:
+        self.responses = self.known or _parallel(lambda view: view.response(self.model), self.views)
         self.start = np.array([f.inward(f.start) for f in self.free])
         self.tight = np.array([1.0 / f.prior for f in self.free])
 
@@ -96,7 +102,7 @@ class Problem:
 
     def data(self, model: Model) -> list[Array]:
         """Return the residuals of each view in units of noise."""
-        return _parallel(lambda view: scaled(view, model), self.views)
+        return _parallel(lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.responses, strict=True)))
 
     def residuals(self, z: Array) -> Array:
         """Return all residuals (N + p,), what is known beforehand last."""
@@ -123,7 +129,7 @@ class Problem:
 
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
-            change = (scaled(self.views[i], model) - nominal[i]) / step
+            change = (scaled(self.views[i], model, self.responses[i]) - nominal[i]) / step
             with adding:
                 out[offsets[i] : offsets[i + 1], j] += change / len(self._steps(z, j))
 
@@ -155,9 +161,9 @@ class Problem:
         return block_numbers(self.views)
 
 
-def scaled(view: View, model: Model) -> Array:
-    """Return a view's residuals in units of their noise, channel after channel."""
-    residual = view.residual(model)
+def scaled(view: View, model: Model, response: Mapping[str, Array]) -> Array:
+    """Return a view's residuals in units of their noise, channel after channel; ``response`` as a view gives it."""
+    residual = view.residual(model, response)
     return np.concatenate([residual[c] / view.noise[c] for c in view.channels])
 
 
@@ -208,9 +214,8 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     blocks = problem.blocks()
     n = blocks.size
     if not problem.free:
-        return Fit(
-            problem.model, (), (), residual[:n], jacobian[:n], blocks, np.zeros((0, 0)), float(residual @ residual)
-        )
+        cost, none = float(residual @ residual), np.zeros((0, 0))
+        return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.responses)
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread
@@ -224,8 +229,17 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
         low, high = f.outward(z[j] - edge), f.outward(z[j] + edge)
         at_bound = bool(z[j] - lower[j] < 1e-6 or upper[j] - z[j] < 1e-6)
         estimates.append(Estimate(f.name, f.unit, value, error * f.slope(value), (low, high), at_bound))
-    cost = float(residual @ residual)
-    return Fit(model, tuple(problem.free), tuple(estimates), residual[:n], jacobian[:n], blocks, covariance, cost)
+    return Fit(
+        model,
+        tuple(problem.free),
+        tuple(estimates),
+        residual[:n],
+        jacobian[:n],
+        blocks,
+        covariance,
+        float(residual @ residual),
+        problem.responses,
+    )
 
 
 def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool_]) -> Fit:
@@ -244,7 +258,9 @@ def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool
             jacobian[rows, j] = part.jacobian[:, mine.index(f.name)]
         else:
             jacobian[:, j] = found.jacobian[:, theirs.index(f.name)]
-    problem = Problem(part.model, views, free)
+    parts = iter(part.responses)
+    responses = [next(parts) if new else old for old, new in zip(found.responses, chosen, strict=True)]
+    problem = Problem(part.model, views, free, responses)
     z = np.array([f.inward(value_of(part.model, f.name)) for f in free])
     return _summary(
         problem, z, np.concatenate([residual, problem.prior(z)]), np.vstack([jacobian, problem.prior_jacobian(z)])

@@ -19,6 +19,7 @@ AREA = "valve.effective_area"
 OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
 GAIN = "valve.gain"
 STEP = 1e-4  # of a parameter's scale, for differences
+LARGEST_OVERLAP = 0.95  # of the smallest command with a knot
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,8 @@ def _valve(model: Model, *, linear_valve: bool) -> list[Free]:
     ]
     lowest = min((abs(c) for c in valve.commands), default=0.0)
     overlaps = [
-        Free(name, "V", getattr(valve, field), 0.0, 0.95 * lowest, 0.1, prior=10.0) for name, field in OVERLAPS.items()
+        Free(name, "V", getattr(valve, field), 0.0, LARGEST_OVERLAP * lowest, 0.1, prior=10.0)
+        for name, field in OVERLAPS.items()
     ]
     return areas + overlaps
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from pneucli.identify.parameters import LARGEST_OVERLAP
 from pneucli.physics.gas import CRITICAL_RATIO, orifice_flow
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
@@ -139,15 +140,15 @@ def _side(
             areas.append(area)
     order = np.argsort(np.abs(knots))
     knots, areas = [knots[i] for i in order], [areas[i] for i in order]
-    return knots, areas, _overlap(np.abs(knots), np.array(areas))
+    return knots, areas, overlap_of(np.abs(knots), np.array(areas))
 
 
-def _overlap(commands: Array, areas: Array) -> float:
-    """Return the overlap in V at which the areas are nearest to a power law."""
+def overlap_of(commands: Array, areas: Array) -> float:
+    """Return the overlap in V at which the areas (k,) in m^2 are nearest to a power law of the commands (k,) in V."""
     if commands.size < 3:
         return 0.0
     best, at_best = np.inf, 0.0
-    for overlap in np.linspace(0.0, 0.95 * commands[0], 96):
+    for overlap in np.linspace(0.0, LARGEST_OVERLAP * commands[0], 96):
         x = np.log(commands - overlap)
         misfit = np.polyfit(x, np.log(areas), 1, full=True)[1]
         if misfit.size and misfit[0] < best:

@@ -38,6 +38,11 @@ MECHANICAL = {"dry_rise", "slowing", "dry_factor", "static_factor", "viscous_fac
 SENSING = {"read_p1", "read_p2", "unread_p1", "unread_p2", "sensor_lag", "sensor_delay"}
 RESTED = 20  # samples of rest, and of motion, that make a break-away
 SMEARED = 5  # samples around a change of the direction of motion
+STARTED = 0.25  # of the speed that tells motion from rest: a rest ends where the smoothed velocity passes it
+START_DRAWS = 16  # of noise, for the errors of the starts
+SMOOTHING_BIAS = 1.4  # times the noise that smoothing leaves in a start: it errs by as much again where it bends
+NUDGE = 100.0  # Pa, of a start, to see what becomes of an error
+CREEP = 1e-9  # m/s, of a break-away whose velocity noise hides: its direction counts
 
 
 @dataclass(frozen=True)
@@ -73,13 +78,65 @@ class View:
             return sensing or mechanical
         return True
 
-    def residual(self, model: Model) -> dict[str, Array]:
-        """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured."""
+    def residual(self, model: Model, response: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured.
+
+        ``response`` is what :meth:`response` gives, where that of a model nearby will do.
+        """
         e = self.experiment
         if self.kind == "forces":
             return self.balance(model, e.inputs)
         modelled = simulate(model, e) if self.kind == "chambers" else outputs(model, e)
-        return {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
+        residual = {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
+        return self.settled(model, residual, self.response(model) if response is None else response)
+
+    def response(self, model: Model) -> dict[str, Array]:
+        """Return by pressure what an error of 1 Pa in the state at each restart does to the simulation, (n,) each."""
+        if self.kind != "chambers":
+            return {}
+        e, nudged = self.experiment, self.experiment.inputs.copy()
+        nudged[e.restarts, at.IN_P1] += NUDGE
+        nudged[e.restarts, at.IN_P2] += NUDGE
+        plain, moved = simulate(model, e), simulate(model, e, nudged)
+        return {c: (moved[c] - plain[c]) / NUDGE for c in ("p1", "p2") if c in self.channels}
+
+    def settled(self, model: Model, residual: dict[str, Array], response: Mapping[str, Array]) -> dict[str, Array]:
+        """Return the residual whitened: with what a start may err by taken out of each stretch between restarts.
+
+        A stretch starts from the smoothed pressure, a lag undone, and carries its error on. Where r is white noise of
+        variance s^2 plus that error e of variance d^2 times its ``response`` h, the covariance is s^2 I + d^2 h h', and
+        its inverse square root takes away a share of what r has along h.
+        """
+        lag, out = sum_of(model, "sensor_lag"), dict(residual)
+        for channel, h in response.items():
+            error, rate = self._start_errors[channel]
+            known = (self.noise[channel] / max(np.hypot(error, lag * rate), 1e-12)) ** 2
+            power, along = self._summed(h * h), self._summed(h * residual[channel])
+            share = 1.0 - np.sqrt(known / (power + known))
+            out[channel] = residual[channel] - self._spread(share * along / np.maximum(power, 1e-12)) * h
+        return out
+
+    @cached_property
+    def _start_errors(self) -> dict[str, tuple[float, float]]:
+        """By pressure: by how much its smoothed reading errs at the restarts in Pa, and its rate in Pa/s."""
+        e, rng = self.experiment, np.random.default_rng(0)
+        drawn = [smooth(e.draw_noise(rng), e.smoothers, e.fusion, e.time) for _ in range(START_DRAWS)]
+        at_starts = np.array([d[e.restarts] for d in drawn])
+        rates = np.array([np.gradient(d, e.time, axis=0)[e.restarts] for d in drawn])
+        columns = {"p1": at.IN_P1, "p2": at.IN_P2}
+        return {
+            name: (SMOOTHING_BIAS * float(np.std(at_starts[..., c])), float(np.std(rates[..., c])))
+            for name, c in columns.items()
+        }
+
+    def _summed(self, values: Array) -> Array:
+        """Return the sums of values (n,) over the stretches between restarts."""
+        return np.asarray(np.add.reduceat(values, self.experiment.restarts))
+
+    def _spread(self, values: Array) -> Array:
+        """Return the values of the stretches at their samples (n,)."""
+        e = self.experiment
+        return np.repeat(values, np.diff(np.append(e.restarts, e.time.size)))
 
     @cached_property
     def noise(self) -> dict[str, float]:
@@ -105,9 +162,11 @@ class View:
 
     @cached_property
     def _turns(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Directions in which rests end (n,), and where the direction of motion is not known (n,)."""
-        v = self.experiment.inputs[:, at.IN_V]
-        return breakaways(v), unsure(v)
+        """Velocities at which the piston breaks away (n,), and where the direction of motion is not known (n,)."""
+        e = self.experiment
+        smoothed = smooth(e.raw, e.smoothers, e.fusion, e.time)[:, at.IN_V]
+        leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still)
+        return leaving, unsure(e.inputs[:, at.IN_V], leaving)
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
@@ -122,6 +181,8 @@ class View:
         if self._smooth_a is None:
             return np.gradient(inputs[:, at.IN_V], self.experiment.time), rough
         a = self._smooth_a(raw["a"])
+        sudden = self._turns[0] != 0.0
+        a[sudden] = raw["a"][sudden]  # a break-away is a jump, which smoothing spreads
         return a, rough - (self.experiment.rig.moving_mass or 1.0) * (raw["a"] - a)
 
     def _roughness(self, raw: Mapping[str, Array], inputs: Array) -> Array:
@@ -132,25 +193,16 @@ class View:
                 rough += share * (raw[name] - inputs[:, column])
         return rough
 
-    def _spread(self, model: Model) -> float:
-        """Return the noise in N that smoothing leaves in the force of the pressures, a sensors' lag undone."""
-        lag = sensor_lag(model)
-        return float(np.hypot(self._smooth_noise, lag * self._smooth_noise_rate)) if lag else self._smooth_noise
-
     @cached_property
-    def _smooth_noise_rate(self) -> float:
-        """The rate in N/s of a draw of that noise."""
-        e = self.experiment
-        drawn = smooth(e.draw_noise(np.random.default_rng(0)), e.smoothers, e.fusion, e.time)
-        force = e.rig.areas[0] * drawn[:, at.IN_P1] - e.rig.areas[1] * drawn[:, at.IN_P2]
-        return float(np.std(np.gradient(force, e.time)))
-
-    @cached_property
-    def _smooth_noise(self) -> float:
+    def _left_noise(self) -> Array:
+        """The noise that smoothing leaves in the force of the pressures, and its rate: (N, N/s)."""
         e = self.experiment
         parts = [share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.areas, strict=True) if n in e.noise]
         taken = float(np.mean(self._roughness(e.raw, e.inputs) ** 2))
-        return float(np.sqrt(max(float(np.sum(np.square(parts))) - taken, 0.0)))
+        drawn = smooth(e.draw_noise(np.random.default_rng(0)), e.smoothers, e.fusion, e.time)
+        force = e.rig.areas[0] * drawn[:, at.IN_P1] - e.rig.areas[1] * drawn[:, at.IN_P2]
+        left = max(float(np.sum(np.square(parts))) - taken, 0.0)
+        return np.array([np.sqrt(left), np.std(np.gradient(force, e.time))])
 
     @cached_property
     def _smooth_a(self) -> LocalFits | None:
@@ -158,13 +210,13 @@ class View:
         return local_fits(e.raw["a"], e.noise["a"], e.recording.period) if "a" in e.raw else None
 
     def balance(
-        self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, spread: float | None = None
+        self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, noise: Array | None = None
     ) -> dict[str, Array]:
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
         ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
 
-        ``inputs`` (n, 10) and ``loads`` are the experiment's own, or of other readings of the same run; ``spread`` is
-        the noise in N of the force of the pressures, by default as smoothing leaves it.
+        ``inputs`` (n, 10) and ``loads`` are the experiment's own, or of other readings of the same run; ``noise``
+        (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
         (a, rough), (leaving, doubtful) = loads or self._loads, self._turns
@@ -176,7 +228,7 @@ class View:
             rough,
             leaving,
             doubtful,
-            self._spread(model) if spread is None else spread,
+            self._left_noise if noise is None else noise,
             base_vector(model, e),
             kernel.vector(model.effect_values()),
             kernel.switches(e.active(model.effects)),
@@ -193,13 +245,13 @@ def _own_values(model: Model, effect: Effect) -> list[float]:
     return [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
 
 
-def sensor_lag(model: Model) -> float:
-    """Return the time constant in s of the model's pressure sensors."""
-    lag = 0.0
+def sum_of(model: Model, port: str) -> float:
+    """Return what the model's effects contribute to a port without arguments, which sums them up."""
+    total = 0.0
     for effect in model.effects:
-        if "sensor_lag" in effect.ports:
-            lag += float(effect.ports["sensor_lag"](*_own_values(model, effect)))  # type: ignore[arg-type]
-    return lag
+        if port in effect.ports:
+            total += float(effect.ports[port](*_own_values(model, effect)))  # type: ignore[arg-type]
+    return total
 
 
 def resting_reading(model: Model, experiment: Experiment) -> float:
@@ -211,25 +263,37 @@ def resting_reading(model: Model, experiment: Experiment) -> float:
     return reading
 
 
-def breakaways(v: Array) -> Array:
-    """Return the direction of motion at the last sample of each rest that motion follows, else 0; shape of v."""
+def breakaways(v: Array, smoothed: Array, started: float) -> Array:
+    """Return the velocity in m/s at the last sample of each rest that motion follows, else 0; shape of v.
+
+    ``v`` is zero at rest, which ends late: where noise hides the velocity. The ``smoothed`` one tells where it began
+    to grow beyond ``started`` m/s; the break-away is at the sample before.
+    """
     out = np.zeros(v.size)
     moving = v != 0.0
     for k in np.flatnonzero(~moving[:-1] & moving[1:]):
         before, after = moving[max(k - RESTED, 0) : k + 1], v[k + 1 : k + 1 + RESTED]
         if k >= RESTED and not before.any() and (np.all(after > 0) or np.all(after < 0)):
-            out[k] = np.sign(after[0])
+            direction = np.sign(after[0])
+            slow = np.flatnonzero(direction * smoothed[k - RESTED : k + 1] < started)
+            onset = k - RESTED + int(slow[-1]) if slow.size else k
+            out[onset] = direction * max(direction * smoothed[onset], CREEP)
     return out
 
 
-def unsure(v: Array) -> NDArray[np.bool_]:
-    """Return where the sign of v, shape (n,), has just changed or soon will: a stop is smeared by the sampling."""
-    change = np.flatnonzero(np.diff(np.sign(v)) != 0)
+def unsure(v: Array, leaving: Array) -> NDArray[np.bool_]:
+    """Return where the sign of v, shape (n,), has just changed or soon will: a stop is smeared by the sampling.
+
+    And from where it is ``leaving`` a rest, that sample left out.
+    """
     out = np.zeros(v.size, dtype=bool)
+    change = np.flatnonzero(np.diff(np.sign(v)) != 0)
     for shift in range(1 - SMEARED, SMEARED + 1):
         out[np.clip(change + shift, 0, v.size - 1)] = True
     out[:SMEARED] = out[-SMEARED:] = True
-    out[np.flatnonzero(breakaways(v))] = False
+    for onset in np.flatnonzero(leaving):
+        out[onset : onset + int(np.argmax(v[onset:] != 0.0))] = True
+    out[leaving != 0.0] = False
     return out
 
 

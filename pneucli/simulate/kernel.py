@@ -344,9 +344,9 @@ def advance(time, inputs, column, delay):
             inputs[k, column] += w * (inputs[j + 1, column] - inputs[j, column])
 
 
-def true_pressures(time, inputs, base, th, on):
-    """Undo in place what the sensors of p1 and p2 do to the measured (smoothed) pressures."""
-    lag, delay = sensor_lag(th, on), sensor_delay(th, on)
+def true_pressures(time, inputs, lag, base, th, on):
+    """Undo in place what the sensors of p1 and p2 do to the measured (smoothed) pressures; ``lag`` in s of it."""
+    delay = sensor_delay(th, on)
     for k in range(time.size):
         inputs[k, IN_R1], inputs[k, IN_R2] = inputs[k, IN_P1], inputs[k, IN_P2]
     for column in (IN_P1, IN_P2):
@@ -371,7 +371,7 @@ def past_pressure(time, measured, simulated, first, k, t):
     return a + (b - a) * (t - time[j]) / (time[j + 1] - time[j])
 
 
-def lagged(time, now, first, k, lag, reading, before):
+def lagged(time, now, k, lag, reading, before):
     """What a first-order sensor reads at sample k, exact for a linear change since the last (Tustin would ring)."""
     step = time[k] - time[k - 1]
     e = math.exp(-step / lag)
@@ -391,8 +391,8 @@ def read_pressures(time, inputs, out, before, first, k, base, th, on):
         out[k, R1], out[k, R2] = now_1, now_2
         return
     if k > first:
-        out[k, R1] = lagged(time, now_1, first, k, lag, out[k - 1, R1], before[0])
-        out[k, R2] = lagged(time, now_2, first, k, lag, out[k - 1, R2], before[1])
+        out[k, R1] = lagged(time, now_1, k, lag, out[k - 1, R1], before[0])
+        out[k, R2] = lagged(time, now_2, k, lag, out[k - 1, R2], before[1])
     else:
         out[k, R1], out[k, R2] = inputs[k, IN_R1], inputs[k, IN_R2]
     before[0], before[1] = now_1, now_2
@@ -417,7 +417,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     gamma_rt = base[GAMMA] * base[GAS] * base[TEMP]
     k_gas = math.sqrt(2.0 / (base[GAS] * base[TEMP]))
     hot = has_heat(on)
-    true_pressures(time, inputs, base, th, on)
+    true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
 
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     area_1, area_2, stroke = base[AREA_1], base[AREA_2], base[STROKE]
@@ -546,7 +546,7 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0
-    true_pressures(time, inputs, base, th, on)
+    true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
     for k in range(time.size):
         x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
         direction = 1.0 if v >= 0.0 else -1.0
@@ -561,51 +561,94 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, spread, base_values, th_values, on_values, out, gap):
+def pressures_force(inputs, k, base):
+    """Force in N of the pressures on the piston at sample k, over that of the ambient pressure."""
+    return base[AREA_1] * (inputs[k, IN_P1] - base[AMBIENT]) - base[AREA_2] * (inputs[k, IN_P2] - base[AMBIENT])
+
+
+def changing(k):
+    """A sign that changes from sample to sample, for noise that is put back."""
+    return 1.0 if k % 2 else -1.0
+
+
+def read_late(time, inputs, readings, unsure, lag, noise, base, out, back):
+    """Turn what is left over while the piston moves into what sensors with a lag would read of it, in place.
+
+    The force that the model needs, as its sensors would read it, against the force that they read: to undo the lag in
+    the readings would leave its noise and lose what smoothing took out of their slope, so that a lag came out too
+    small. Each stretch of motion starts with nothing left over; the noise that this takes away is put back.
+    """
+    reading = needed = begun = 0.0
+    moving = False
+    for k in range(time.size):
+        if inputs[k, IN_V] == 0.0 or unsure[k] != 0:
+            moving = False
+            continue
+        read, before = pressures_force(readings, k, base), needed
+        needed = pressures_force(inputs, k, base) - out[k]
+        if moving:
+            reading = lagged(time, needed, k, lag, reading, before)
+        else:
+            moving, begun, reading = True, time[k], read
+        out[k] = read - reading
+        forgetting = math.exp((begun - time[k]) / lag)
+        back[k] += changing(k) * noise * math.sqrt(forgetting * (2.0 - forgetting))
+
+
+def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_values, on_values, out, gap):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed reading, rough (n,)
-    the force in N that the noise taken out of both would feign, leaving (n,) the direction in which a rest ends at
-    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
-    force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
-    Between the branches of friction the drive itself is the friction, smoothing noise and all. The spread of that noise
-    in N is known; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of risk, 1981).
-    gap (n,) gets the chance that the drive is between the branches, where the model states bounds and no force.
+    the force in N that the noise taken out of both would feign, leaving (n,) the velocity in m/s of a piston that
+    breaks away at this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At
+    rest only a force that is more than the model can hold counts, of the smoothed pressures, so that noise does not
+    pass for it. Between the branches of friction the drive itself is the friction, smoothing noise and all. That noise
+    is known, noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign (Stein's unbiased
+    estimate of risk, 1981). gap (n,) gets the chance that the drive is between the branches, where the model states
+    bounds and no force.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0
-    area_1, area_2, p_amb = base[AREA_1], base[AREA_2], base[AMBIENT]
+    p_amb, lag = base[AMBIENT], sensor_lag(th, on)
     # the residual counts in the readings' units, and noise keeps its size: else a gain or a mass could make it less
     gain = 1e-5 * (read_p1(p_amb + 1e5, p_amb, th, on) - read_p1(p_amb, p_amb, th, on))
+    spread = math.hypot(noise[0], lag * noise[1]) / gain
     bias = read_a(0.0, th, on)
-    true_pressures(time, inputs, base, th, on)
+    readings, back = inputs.copy(), np.zeros(time.size)
+    true_pressures(time, readings, 0.0, base, th, on)
+    true_pressures(time, inputs, lag, base, th, on)
     late, read = sensor_delay(th, on), 0
     for k in range(time.size):
         x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
         h = time[k] - time[max(k - 1, 0)]
         while read < time.size - 1 and time[read] < time[k] + late - 0.5 * h:
             read += 1  # the sample at which the sensor read what was there at k
-        push = area_1 * (p1 - p_amb) - area_2 * (p2 - p_amb) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
-        friction = push - m * (a[k] - bias) + (rough[read] / gain if v != 0.0 else 0.0)
+        push = pressures_force(inputs, k, base) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
+        resting = v == 0.0 and leaving[k] == 0.0
+        friction = push if resting else push - m * (a[k] - bias)
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
-        rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+        speed = abs(v + leaving[k])
+        rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         # what drives the piston tells the branch: beyond both it speeds up or slows, between them it goes on (Filippov)
         drive = direction * push - c * abs(v)
         branch, between = soft_clip(drive, falling, rising, spread)
+        if v != 0.0:
+            back[k] = rough[read]
         if stiffness > 0.0:
             z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, branch, stiffness, th, on)
             out[k] = friction - held - c * v
             continue
         if v == 0.0:
-            hold = rising * static_factor(rest, th, on)
+            over = abs(friction) - rising * static_factor(rest, th, on) - c * speed
             rest += h
-            over = abs(friction) - hold
-            out[k] = direction * (over if leaving[k] == direction else max(over, 0.0))
+            out[k] = direction * (over if leaving[k] * direction > 0.0 else max(over, 0.0))
             continue
         rest = 0.0
         gap[k] = between
-        put_back = spread * math.sqrt(2.0 * between)
-        out[k] = friction - c * v - direction * branch + (put_back if k % 2 else -put_back)
+        back[k] += changing(k) * noise[0] * math.sqrt(2.0 * between)
+        out[k] = friction - c * v - direction * branch
+    if lag > 0.0:
+        read_late(time, inputs, readings, unsure, lag, noise[0], base, out, back)
     for k in range(time.size):
-        out[k] = 0.0 if unsure[k] != 0 else out[k] * gain
+        out[k] = 0.0 if unsure[k] != 0 else out[k] * gain + back[k]

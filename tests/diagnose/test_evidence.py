@@ -22,7 +22,7 @@ def fitted(effect: Effect, values: dict[str, float], columns: np.ndarray, seed: 
     noise = np.random.default_rng(seed).normal(size=N)
     left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
     unused = np.zeros((len(free), len(free)))
-    return Fit(ended, free, (), left, columns, np.arange(N) // BLOCK, unused, float(left @ left))
+    return Fit(ended, free, (), left, columns, np.arange(N) // BLOCK, unused, float(left @ left), ())
 
 
 def test_the_cost_of_a_block_is_its_sum_of_squares():

@@ -1,0 +1,48 @@
+"""Starts and restarts of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pneucli.identify import effects
+from pneucli.simulate.valve_area import ValveArea
+from tests.simulate.benches import model
+
+COMMANDS = (-10.0, -4.0, -1.0, 1.0, 4.0, 10.0)
+AREAS = tuple(1e-8 * (abs(c) - 0.3) ** 1.2 for c in COMMANDS)
+
+
+def ended(cost: float, valve: ValveArea, *, at_bound: bool) -> Any:
+    """A fit that ended with a valve, of which it may say that the filling overlap stands at its bound."""
+    estimate = SimpleNamespace(name="valve.overlap_fill", at_bound=at_bound, value=valve.overlap_fill)
+    return SimpleNamespace(model=replace(model(), valve=valve), estimates=(estimate,), free=(), cost=cost)
+
+
+STUCK = ValveArea(COMMANDS, AREAS, 0.95, 0.3)
+
+
+@pytest.mark.parametrize(("cost_anew", "better"), [(10.0, True), (200.0, False)])
+def test_an_overlap_that_ended_at_its_upper_bound_is_guessed_from_the_areas(
+    monkeypatch: pytest.MonkeyPatch, cost_anew: float, better: bool
+):
+    """The areas follow a power law beyond 0.3 V; the better fit is kept."""
+    started = []
+
+    def fitted(start: Any, *_: object, **__: object) -> Any:
+        started.append(start)
+        return ended(cost_anew, start.valve, at_bound=False)
+
+    monkeypatch.setattr(effects, "_from_coarse_to_fine", fitted)
+    found = effects._with_overlap_anew(ended(100.0, STUCK, at_bound=True), (), rounds=5)
+    assert started[0].valve.overlap_fill == pytest.approx(0.3, abs=0.02)
+    assert started[0].valve.overlap_vent == 0.3
+    assert (found.cost == cost_anew) == better
+
+
+def test_an_overlap_within_its_bounds_is_left_alone():
+    fit = ended(100.0, STUCK, at_bound=False)
+    assert effects._with_overlap_anew(fit, (), rounds=5) is fit
