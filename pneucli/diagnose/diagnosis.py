@@ -10,6 +10,7 @@ import numpy as np
 
 from pneucli.diagnose.detectable import Detectable, detectable
 from pneucli.diagnose.remainder import Remainder, too_much
+from pneucli.diagnose.replay import astray
 from pneucli.diagnose.search import Search, as_good, remains, search
 from pneucli.diagnose.stand_ins import stands
 from pneucli.diagnose.trial import Bench, State, Trial
@@ -54,7 +55,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     """Find which effects are missing in a fitted model."""
     start = bench.state(base)
     found = search(bench, start)
-    left = too_much(found.train, found.test)
+    left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
     steps = zip(found.added, found.rungs, found.rungs[1:], strict=False)
     missing = [
         name for name, before, after in steps if not left or stands(bench, found.last, left, name, before, after)

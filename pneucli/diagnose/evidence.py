@@ -32,11 +32,15 @@ def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
 
 @dataclass(frozen=True)
 class Gain:
-    """The fall of a cost over all blocks, its one-sided 95 % lower bound, and the chance that there is none."""
+    """The fall of a cost over all blocks, its one-sided 95 % lower bound, and the chance that there is none.
+
+    ``number`` tells in how many blocks it shows, counted as :func:`effective_number` does.
+    """
 
     total: float
     low: float
     p_value: float
+    number: float
 
     @property
     def certain(self) -> bool:
@@ -53,12 +57,13 @@ def gain(before: Array, after: Array) -> Gain:
     fall = before - after
     total = float(fall.sum())
     if fall.size < 2 or not np.any(fall):
-        return Gain(total, min(total, 0.0), 1.0)
+        return Gain(total, min(total, 0.0), 1.0, 0.0)
     rng = np.random.default_rng(SEED)
     drawn = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
     freedom = effective_number(fall - fall.mean())
-    return Gain(total, float(np.quantile(drawn, 0.05)), float(student.sf(total / max(spread, 1e-300), freedom)))
+    p_value = float(student.sf(total / max(spread, 1e-300), freedom))
+    return Gain(total, float(np.quantile(drawn, 0.05)), p_value, freedom)
 
 
 def effective_number(parts: Array) -> float:

@@ -19,6 +19,8 @@ PAIRS = 3
 WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
 HOPELESS = 0.01  # of what the best signature promises
 ALPHA = 0.02  # of naming any effect where none is, before it is held out
+SURE = 1e-4  # the same for what shows so rarely that the data held out cannot be certain
+FEW = 5.0  # blocks in which it shows there
 MATERIAL = 0.004  # of the cost: less does not change what the user sees
 SECOND = 0.02  # the same once effects were found and what is left is noise: their own form errs by as much
 RESOLUTION = 0.5  # of a sampling period: a time shorter than this may be the clock's, or the model's own step
@@ -120,10 +122,18 @@ def supported(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: 
         for t, p in zip(trials, adjusted, strict=True)
         if p < ALPHA
         and t.train.total > _material(bench, before) * float(before.train.sum())
-        and (t.test.certain or not bench.held_out)
+        and (t.test.certain or not bench.held_out or _rarely_shown(t, p))
         and not _too_short(bench, t)
         and not _out_of_bounds(t)
     ]
+
+
+def _rarely_shown(trial: Trial, p_value: float) -> bool:
+    """Whether the data held out show the effect too rarely to be certain, do not contradict it, and the fitted are.
+
+    Such as a break-away after a long rest: one or two blocks decide, and a bootstrap may draw neither.
+    """
+    return trial.test.number < FEW and trial.test.total > 0.0 and trial.train.certain and p_value < SURE
 
 
 def _out_of_bounds(trial: Trial) -> bool:

@@ -26,6 +26,7 @@ SUBSYSTEMS = {
     "chambers": "gas, valve and their sensors",
     "whole": "the whole axis",
 }
+REPLAYED = "only where all is simulated together: by itself each subsystem fits"
 LAWS: dict[str, Callable[[Array], list[Array]]] = {
     "a constant": lambda q: [np.ones_like(q)],
     "proportional to it": lambda q: [q],
@@ -52,6 +53,8 @@ def describe(model: Model, views: Sequence[View], worst: Remainder) -> Unknown:
     """Describe the worst remainder of a model."""
     shape = next((s for s in worst.shapes if s.share > TELLING), None)
     same = [v for v in views if v.kind == worst.kind and worst.channel in v.channels]
+    if not same:
+        return Unknown(SUBSYSTEMS[worst.kind], worst.channel, worst.ratio, None, REPLAYED, None)
     sine = _sine(model, same, worst.channel)
     if sine is not None:
         variable, period = sine

@@ -1,0 +1,61 @@
+"""A model that replays badly is found out, though stretches with stick-slip scatter."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import replay
+from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.unknown import REPLAYED, describe
+
+STRETCHES, LENGTH = 40, 100
+N = STRETCHES * LENGTH
+
+
+def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: str = "forces") -> list[Any]:
+    """A view whose model errs by ``errors`` (stretches,) times white noise of 1 in each stretch."""
+    rng = np.random.default_rng(4)
+    error = np.repeat(errors, LENGTH) * rng.normal(size=N)
+    experiment = SimpleNamespace(
+        restarts=np.arange(0, N, LENGTH),
+        recording=SimpleNamespace(experiment="axis"),
+        measured=lambda channel: error,
+    )
+    monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N)})
+    monkeypatch.setattr(replay, "deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})
+    return [SimpleNamespace(kind=kind, experiment=experiment, channels=("force",))]
+
+
+def test_a_true_model_errs_as_its_draws_do(monkeypatch: pytest.MonkeyPatch):
+    assert replay.astray(None, seen(np.ones(STRETCHES), monkeypatch)) == []
+
+
+def test_wild_errors_in_a_third_of_the_stretches_are_stick_slip(monkeypatch: pytest.MonkeyPatch):
+    errors = np.where(np.arange(STRETCHES) % 3 == 0, 20.0, 1.0)
+    assert replay.astray(None, seen(errors, monkeypatch)) == []
+
+
+def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.MonkeyPatch):
+    (found,) = replay.astray(None, seen(np.full(STRETCHES, 2.0), monkeypatch))
+    assert (found.kind, found.channel) == ("whole", "x")
+    assert found.ratio == pytest.approx(2.0, rel=0.1)
+
+
+def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
+    views = seen(np.full(STRETCHES, 5.0), monkeypatch)
+    views[0].experiment.restarts = np.arange(0, N, N // 10)
+    assert replay.astray(None, views) == []
+
+
+def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
+    assert replay.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind="chambers")) == []
+
+
+def test_what_goes_astray_is_said_in_words(monkeypatch: pytest.MonkeyPatch):
+    views = seen(np.full(STRETCHES, 2.0), monkeypatch)
+    found = describe(None, views, Remainder("whole", "x", 2.0, 2.0, ()))
+    assert (found.subsystem, found.channel, found.character) == ("the whole axis", "x", REPLAYED)

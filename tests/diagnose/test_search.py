@@ -1,0 +1,52 @@
+"""What supports an effect: chance, size, and the data held out as far as they show it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose.evidence import Gain, gain
+from pneucli.diagnose.search import supported
+from pneucli.diagnose.trial import State, Trial
+from pneucli.physics.effects import catalogue
+from tests.simulate.benches import model
+
+VIEW = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
+BENCH: Any = SimpleNamespace(hypotheses=50, held_out=[VIEW], train=[VIEW], given=())
+BEFORE: Any = SimpleNamespace(train=np.full(40, 100.0), cost=8000.0, samples=4000, names=[])
+SURELY = Gain(400.0, 300.0, 1e-9, 30.0)
+RARELY = Gain(90.0, 0.0, 0.16, 1.0)  # one block of many
+OFTEN = Gain(90.0, -10.0, 0.16, 30.0)
+WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
+
+
+def trial(test: Gain, p_value: float) -> Trial:
+    fitted: Any = SimpleNamespace(estimates=(), model=model(["dwell-breakaway"]))
+    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.zeros(0))
+    return Trial(catalogue()["dwell-breakaway"], state, SURELY, test, p_value)
+
+
+@pytest.mark.parametrize(
+    ("test", "p_value", "named"),
+    [
+        (SURELY, 1e-5, True),
+        (OFTEN, 1e-12, False),  # shown all over the data held out, and not certain there
+        (RARELY, 1e-12, True),  # shown there once, which no bootstrap is certain of
+        (RARELY, 1e-5, False),  # the same where chance does as much once in 2000 of such families
+        (WORSE, 1e-12, False),  # the data held out speak against it
+    ],
+)
+def test_data_held_out_must_be_certain_unless_they_show_the_effect_rarely(test: Gain, p_value: float, named: bool):
+    """50 hypotheses: a chance of 1e-5 is one of 5e-4 for the family, beyond the 1e-4 asked of what is rarely shown."""
+    assert bool(supported(BENCH, BEFORE, [trial(test, p_value)])) == named
+
+
+def test_the_number_of_a_gain_counts_the_blocks_in_which_it_shows():
+    before, once = np.full(40, 100.0), np.full(40, 100.0)
+    once[7] = 0.0
+    all_over = 90.0 + np.random.default_rng(1).normal(size=40)
+    assert gain(before, once).number < 2.0
+    assert gain(before, all_over).number > 10.0
