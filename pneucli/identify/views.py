@@ -17,6 +17,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.restarts import response, start_errors, whitened
+from pneucli.identify.rests import STARTED, breakaways, unsure
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import U_MAX, Experiment, smooth
@@ -36,13 +38,6 @@ MECHANICAL = {"dry_rise", "slowing", "dry_factor", "static_factor", "viscous_fac
     "read_a",
 }
 SENSING = {"read_p1", "read_p2", "unread_p1", "unread_p2", "sensor_lag", "sensor_delay"}
-RESTED = 20  # samples of rest, and of motion, that make a break-away
-SMEARED = 5  # samples around a change of the direction of motion
-STARTED = 0.25  # of the speed that tells motion from rest: a rest ends where the smoothed velocity passes it
-START_DRAWS = 16  # of noise, for the errors of the starts
-SMOOTHING_BIAS = 1.4  # times the noise that smoothing leaves in a start: it errs by as much again where it bends
-NUDGE = 100.0  # Pa, of a start, to see what becomes of an error
-CREEP = 1e-9  # m/s, of a break-away whose velocity noise hides: its direction counts
 
 
 @dataclass(frozen=True)
@@ -91,52 +86,21 @@ class View:
         return self.settled(model, residual, self.response(model) if response is None else response)
 
     def response(self, model: Model) -> dict[str, Array]:
-        """Return by pressure what an error of 1 Pa in the state at each restart does to the simulation, (n,) each."""
-        if self.kind != "chambers":
-            return {}
-        e, nudged = self.experiment, self.experiment.inputs.copy()
-        nudged[e.restarts, at.IN_P1] += NUDGE
-        nudged[e.restarts, at.IN_P2] += NUDGE
-        plain, moved = simulate(model, e), simulate(model, e, nudged)
-        return {c: (moved[c] - plain[c]) / NUDGE for c in ("p1", "p2") if c in self.channels}
+        """Return by smoothed pressure what errors of the starts do to the simulation; nothing where none is seen."""
+        return response(model, self.experiment) if self.kind == "chambers" else {}
 
-    def settled(self, model: Model, residual: dict[str, Array], response: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the residual whitened: with what a start may err by taken out of each stretch between restarts.
-
-        A stretch starts from the smoothed pressure, a lag undone, and carries its error on. Where r is white noise of
-        variance s^2 plus that error e of variance d^2 times its ``response`` h, the covariance is s^2 I + d^2 h h', and
-        its inverse square root takes away a share of what r has along h.
-        """
-        lag, out = sum_of(model, "sensor_lag"), dict(residual)
-        for channel, h in response.items():
-            error, rate = self._start_errors[channel]
-            known = (self.noise[channel] / max(np.hypot(error, lag * rate), 1e-12)) ** 2
-            power, along = self._summed(h * h), self._summed(h * residual[channel])
-            share = 1.0 - np.sqrt(known / (power + known))
-            out[channel] = residual[channel] - self._spread(share * along / np.maximum(power, 1e-12)) * h
+    def settled(self, model: Model, residual: dict[str, Array], responses: Mapping[str, Array]) -> dict[str, Array]:
+        """Return residuals of chambers whitened for what the starts may err by (``identify.restarts``)."""
+        lag, out, e = sum_of(model, "sensor_lag"), dict(residual), self.experiment
+        for channel, h in responses.items():
+            value, rate = self._start_errors[channel]
+            error = float(np.hypot(value, lag * rate)) / self.noise[channel]
+            out[channel] = whitened(residual[channel], error * h, e.restarts)
         return out
 
     @cached_property
     def _start_errors(self) -> dict[str, tuple[float, float]]:
-        """By pressure: by how much its smoothed reading errs at the restarts in Pa, and its rate in Pa/s."""
-        e, rng = self.experiment, np.random.default_rng(0)
-        drawn = [smooth(e.draw_noise(rng), e.smoothers, e.fusion, e.time) for _ in range(START_DRAWS)]
-        at_starts = np.array([d[e.restarts] for d in drawn])
-        rates = np.array([np.gradient(d, e.time, axis=0)[e.restarts] for d in drawn])
-        columns = {"p1": at.IN_P1, "p2": at.IN_P2}
-        return {
-            name: (SMOOTHING_BIAS * float(np.std(at_starts[..., c])), float(np.std(rates[..., c])))
-            for name, c in columns.items()
-        }
-
-    def _summed(self, values: Array) -> Array:
-        """Return the sums of values (n,) over the stretches between restarts."""
-        return np.asarray(np.add.reduceat(values, self.experiment.restarts))
-
-    def _spread(self, values: Array) -> Array:
-        """Return the values of the stretches at their samples (n,)."""
-        e = self.experiment
-        return np.repeat(values, np.diff(np.append(e.restarts, e.time.size)))
+        return start_errors(self.experiment)
 
     @cached_property
     def noise(self) -> dict[str, float]:
@@ -261,40 +225,6 @@ def resting_reading(model: Model, experiment: Experiment) -> float:
         if "read_a" in effect.ports and effect.name in experiment.active((effect,)):
             reading = float(effect.ports["read_a"](reading, *_own_values(model, effect)))  # type: ignore[arg-type]
     return reading
-
-
-def breakaways(v: Array, smoothed: Array, started: float) -> Array:
-    """Return the velocity in m/s at the last sample of each rest that motion follows, else 0; shape of v.
-
-    ``v`` is zero at rest, which ends late: where noise hides the velocity. The ``smoothed`` one tells where it began
-    to grow beyond ``started`` m/s; the break-away is at the sample before.
-    """
-    out = np.zeros(v.size)
-    moving = v != 0.0
-    for k in np.flatnonzero(~moving[:-1] & moving[1:]):
-        before, after = moving[max(k - RESTED, 0) : k + 1], v[k + 1 : k + 1 + RESTED]
-        if k >= RESTED and not before.any() and (np.all(after > 0) or np.all(after < 0)):
-            direction = np.sign(after[0])
-            slow = np.flatnonzero(direction * smoothed[k - RESTED : k + 1] < started)
-            onset = k - RESTED + int(slow[-1]) if slow.size else k
-            out[onset] = direction * max(direction * smoothed[onset], CREEP)
-    return out
-
-
-def unsure(v: Array, leaving: Array) -> NDArray[np.bool_]:
-    """Return where the sign of v, shape (n,), has just changed or soon will: a stop is smeared by the sampling.
-
-    And from where it is ``leaving`` a rest, that sample left out.
-    """
-    out = np.zeros(v.size, dtype=bool)
-    change = np.flatnonzero(np.diff(np.sign(v)) != 0)
-    for shift in range(1 - SMEARED, SMEARED + 1):
-        out[np.clip(change + shift, 0, v.size - 1)] = True
-    out[:SMEARED] = out[-SMEARED:] = True
-    for onset in np.flatnonzero(leaving):
-        out[onset : onset + int(np.argmax(v[onset:] != 0.0))] = True
-    out[leaving != 0.0] = False
-    return out
 
 
 def views_of(experiments: Sequence[Experiment]) -> list[View]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pneucli.identify.effects import fit_model
-from pneucli.identify.views import View, breakaways, unsure, views_of
+from pneucli.identify.rests import breakaways, unsure
+from pneucli.identify.views import View, views_of
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
