@@ -82,8 +82,8 @@ def expected_rms(model: Model, view: View) -> dict[str, float]:
     """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise."""
     if view.kind == "forces":
         return _expected_forces(model, view)
-    drawn, response = deviations(model, view.experiment, DRAWS), view.response(model)
-    settled = [view.settled(model, {c: d[i] for c, d in drawn.items()}, response) for i in range(DRAWS)]
+    drawn, errors = deviations(model, view.experiment, DRAWS), view.carried(model)
+    settled = [view.settled({c: d[i] for c, d in drawn.items()}, errors) for i in range(DRAWS)]
     power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in view.channels}
     return {c: max(float(np.sqrt(p)) / view.noise[c], 1.0) for c, p in power.items()}
 

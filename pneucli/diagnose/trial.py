@@ -55,13 +55,12 @@ class Bench:
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        train = block_costs(allowed(found.model, self.train, found.residual), found.blocks)
+        train = costs(found.model, self.train, found.residual, found.errors)
         if not self.held_out:
             return State(found, train, np.zeros(0), np.zeros(0))
-        test = np.concatenate(Problem(found.model, self.held_out, ()).data(found.model))
-        return State(
-            found, train, test, block_costs(allowed(found.model, self.held_out, test), block_numbers(self.held_out))
-        )
+        problem = Problem(found.model, self.held_out, ())
+        test = np.concatenate(problem.data(found.model))
+        return State(found, train, test, costs(found.model, self.held_out, test, problem.errors))
 
     def screen(self, state: State) -> list[Screened]:
         """Return the effects that the state lacks with their signatures, by what the best one promises."""
@@ -124,6 +123,13 @@ class Bench:
         return Trial(
             effect, after, train, gain(before.test, after.test), train.p_value if np.isnan(p_value) else p_value
         )
+
+
+def costs(model: Model, views: Sequence[View], residual: Array, errors: Sequence[Mapping[str, Array]]) -> Array:
+    """Return the cost by block of residuals (N,): their squares, and the volume of what the starts may err by."""
+    blocks = block_numbers(views)
+    volume = np.concatenate([view.volume(mine) for view, mine in zip(views, errors, strict=True)])
+    return block_costs(allowed(model, views, residual), blocks) + np.bincount(blocks, weights=volume)
 
 
 def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:

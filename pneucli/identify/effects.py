@@ -78,7 +78,7 @@ def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signat
     felt = [i for i, view in enumerate(views) if view.feels(effect)]
     sizes = [view.experiment.time.size * len(view.channels) for view in views]
     nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
-    problem = Problem(found.model, [views[i] for i in felt], (), [found.responses[i] for i in felt])
+    problem = Problem(found.model, [views[i] for i in felt], (), [found.errors[i] for i in felt])
     out = []
     for values in starts(effect, found.model, views) if felt else []:
         part = problem.data(with_effect(found.model, effect, values))

@@ -48,7 +48,7 @@ class Fit:
     """The fitted model, its parameters, and what tests on it need.
 
     ``residual`` (N,), ``jacobian`` (N, k) in units of the channels' noise and the fit's coordinates; ``blocks`` (N,)
-    numbers the block of each residual; ``covariance`` (k, k) of the coordinates; ``responses`` are the views' own.
+    numbers the block of each residual; ``covariance`` (k, k) of the coordinates; ``errors`` of the starts are by view.
     """
 
     model: Model
@@ -59,7 +59,7 @@ class Fit:
     blocks: NDArray[np.int64]
     covariance: Array
     cost: float
-    responses: Sequence[Mapping[str, Array]]
+    errors: Sequence[Mapping[str, Array]]
 
     @cached_property
     def bread(self) -> Array:
@@ -83,7 +83,7 @@ class Fit:
 class Problem:
     """Residuals of the views in units of their noise, and their derivatives.
 
-    ``responses`` of the views to errors of their starts are those of the model at the start, or ``known`` ones.
+    The residuals are whitened for the ``errors`` that starts have with the model as it is at first, or ``known`` ones.
     """
 
     model: Model
@@ -92,7 +92,7 @@ class Problem:
     known: Sequence[Mapping[str, Array]] | None = None
 
     def __post_init__(self) -> None:
-        self.responses = self.known or _parallel(lambda view: view.response(self.model), self.views)
+        self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views)
         self.start = np.array([f.inward(f.start) for f in self.free])
         self.tight = np.array([1.0 / f.prior for f in self.free])
 
@@ -102,7 +102,7 @@ class Problem:
 
     def data(self, model: Model) -> list[Array]:
         """Return the residuals of each view in units of noise."""
-        return _parallel(lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.responses, strict=True)))
+        return _parallel(lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.errors, strict=True)))
 
     def residuals(self, z: Array) -> Array:
         """Return all residuals (N + p,), what is known beforehand last."""
@@ -129,7 +129,7 @@ class Problem:
 
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
-            change = (scaled(self.views[i], model, self.responses[i]) - nominal[i]) / step
+            change = (scaled(self.views[i], model, self.errors[i]) - nominal[i]) / step
             with adding:
                 out[offsets[i] : offsets[i + 1], j] += change / len(self._steps(z, j))
 
@@ -161,9 +161,9 @@ class Problem:
         return block_numbers(self.views)
 
 
-def scaled(view: View, model: Model, response: Mapping[str, Array]) -> Array:
-    """Return a view's residuals in units of their noise, channel after channel; ``response`` as a view gives it."""
-    residual = view.residual(model, response)
+def scaled(view: View, model: Model, errors: Mapping[str, Array]) -> Array:
+    """Return a view's residuals in units of their noise, channel after channel, whitened for ``errors`` of starts."""
+    residual = view.residual(model, errors)
     return np.concatenate([residual[c] / view.noise[c] for c in view.channels])
 
 
@@ -215,7 +215,7 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     n = blocks.size
     if not problem.free:
         cost, none = float(residual @ residual), np.zeros((0, 0))
-        return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.responses)
+        return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread
@@ -238,7 +238,7 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
         blocks,
         covariance,
         float(residual @ residual),
-        problem.responses,
+        problem.errors,
     )
 
 
@@ -258,9 +258,9 @@ def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool
             jacobian[rows, j] = part.jacobian[:, mine.index(f.name)]
         else:
             jacobian[:, j] = found.jacobian[:, theirs.index(f.name)]
-    parts = iter(part.responses)
-    responses = [next(parts) if new else old for old, new in zip(found.responses, chosen, strict=True)]
-    problem = Problem(part.model, views, free, responses)
+    parts = iter(part.errors)
+    errors = [next(parts) if new else old for old, new in zip(found.errors, chosen, strict=True)]
+    problem = Problem(part.model, views, free, errors)
     z = np.array([f.inward(value_of(part.model, f.name)) for f in free])
     return _summary(
         problem, z, np.concatenate([residual, problem.prior(z)]), np.vstack([jacobian, problem.prior_jacobian(z)])

@@ -33,23 +33,43 @@ def start_errors(experiment: Experiment) -> dict[str, tuple[float, float]]:
     }
 
 
-def response(model: Model, experiment: Experiment) -> dict[str, Array]:
-    """Return by pressure what an error of 1 Pa at each restart does to what is read, (n,) each."""
-    nudged, e = experiment.inputs.copy(), experiment
-    for column in COLUMNS.values():
-        nudged[e.restarts, column] += NUDGE
+def carried(model: Model, experiment: Experiment, errors: dict[str, tuple[float, float]]) -> dict[str, Array]:
+    """Return by pressure what errors of the starts become in what is read, (n,) each in units of the sensor's noise.
+
+    ``errors`` is what :func:`start_errors` gives; a start from readings whose lag is undone errs by their rate too.
+    """
+    nudged, e, out = experiment.inputs.copy(), experiment, {}
+    nudged[:, list(COLUMNS.values())] += NUDGE  # all along: a delay makes a start of later readings
     plain, moved = simulate(model, e), simulate(model, e, nudged)
-    return {c: (moved[c] - plain[c]) / NUDGE for c in COLUMNS if c in e.smoothers and c in e.channels}
+    for channel in (c for c in COLUMNS if c in e.smoothers and c in e.channels):
+        value, rate = errors[channel]
+        error = float(np.hypot(value, model.total("sensor_lag") * rate)) / e.noise[channel].rms
+        out[channel] = error * (moved[channel] - plain[channel]) / NUDGE
+    return out
 
 
 def whitened(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (n,) whitened for errors of the starts.
+    """Return a residual (n,) whitened for the ``error`` (n,) that a start's becomes, in units of the noise.
 
-    ``error`` (n,) is what a start's standard deviation becomes, in units of the noise. In each stretch the covariance
-    is that of the noise times (I + e e'); its inverse square root takes away a share of what the residual has along e.
+    In each stretch the covariance is that of the noise times I + e e'; its inverse square root takes away a share of
+    what the residual has along e.
     """
     power = np.add.reduceat(error * error, restarts)
     along = np.add.reduceat(error * residual, restarts)
     share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
-    lengths = np.diff(np.append(restarts, residual.size))
-    return np.asarray(residual - np.repeat(share * along, lengths) * error)
+    return np.asarray(residual - over_stretches(share * along, restarts, residual.size) * error)
+
+
+def volume(error: Array, restarts: NDArray[np.int64]) -> Array:
+    """Return the logarithm of the determinant of that covariance, spread evenly over each stretch (n,).
+
+    What a likelihood adds to the sum of squares: a model whose starts err more must not gain by the allowance.
+    """
+    logarithms = np.log1p(np.add.reduceat(error * error, restarts))
+    lengths = np.diff(np.append(restarts, error.size))
+    return over_stretches(logarithms / lengths, restarts, error.size)
+
+
+def over_stretches(values: Array, restarts: NDArray[np.int64], n: int) -> Array:
+    """Return the values of the stretches at their samples (n,)."""
+    return np.repeat(values, np.diff(np.append(restarts, n)))

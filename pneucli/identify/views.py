@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.restarts import response, start_errors, whitened
+from pneucli.identify.restarts import carried, start_errors, volume, whitened
 from pneucli.identify.rests import STARTED, breakaways, unsure
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
@@ -73,30 +73,31 @@ class View:
             return sensing or mechanical
         return True
 
-    def residual(self, model: Model, response: Mapping[str, Array] | None = None) -> dict[str, Array]:
+    def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured.
 
-        ``response`` is what :meth:`response` gives, where that of a model nearby will do.
+        ``errors`` of the starts are what :meth:`carried` gives, by default for this very model.
         """
         e = self.experiment
         if self.kind == "forces":
             return self.balance(model, e.inputs)
         modelled = simulate(model, e) if self.kind == "chambers" else outputs(model, e)
         residual = {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
-        return self.settled(model, residual, self.response(model) if response is None else response)
+        return self.settled(residual, self.carried(model) if errors is None else errors)
 
-    def response(self, model: Model) -> dict[str, Array]:
-        """Return by smoothed pressure what errors of the starts do to the simulation; nothing where none is seen."""
-        return response(model, self.experiment) if self.kind == "chambers" else {}
+    def carried(self, model: Model) -> dict[str, Array]:
+        """Return what errors of the chambers' starts become, in units of noise (:mod:`pneucli.identify.restarts`)."""
+        return carried(model, self.experiment, self._start_errors) if self.kind == "chambers" else {}
 
-    def settled(self, model: Model, residual: dict[str, Array], responses: Mapping[str, Array]) -> dict[str, Array]:
-        """Return residuals of chambers whitened for what the starts may err by (``identify.restarts``)."""
-        lag, out, e = sum_of(model, "sensor_lag"), dict(residual), self.experiment
-        for channel, h in responses.items():
-            value, rate = self._start_errors[channel]
-            error = float(np.hypot(value, lag * rate)) / self.noise[channel]
-            out[channel] = whitened(residual[channel], error * h, e.restarts)
-        return out
+    def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+        """Return residuals whitened for such errors."""
+        starts = self.experiment.restarts
+        return {c: whitened(r, errors[c], starts) if c in errors else r for c, r in residual.items()}
+
+    def volume(self, errors: Mapping[str, Array]) -> Array:
+        """Return what a likelihood adds to the squares of the residuals for such errors, channel after channel (N,)."""
+        starts, none = self.experiment.restarts, np.zeros(self.experiment.time.size)
+        return np.concatenate([volume(errors[c], starts) if c in errors else none for c in self.channels])
 
     @cached_property
     def _start_errors(self) -> dict[str, tuple[float, float]]:
@@ -137,17 +138,19 @@ class View:
         return self.loads(self.experiment.raw, self.experiment.inputs)
 
     def loads(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
-        """Return smoothed acceleration (n,) and the force (n,) that noise beside what is smoothed feigns.
+        """Return smoothed acceleration (n,) and the force that noise beside what is smoothed feigns (n, 2).
 
-        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 10).
+        That of the pressures and that of the accelerometer. Both are linear in the readings ``raw`` and their smoothed
+        ``inputs`` (n, 10).
         """
-        rough = self._roughness(raw, inputs)
+        rough = np.column_stack([self._roughness(raw, inputs), np.zeros(self.experiment.time.size)])
         if self._smooth_a is None:
             return np.gradient(inputs[:, at.IN_V], self.experiment.time), rough
         a = self._smooth_a(raw["a"])
         sudden = self._turns[0] != 0.0
         a[sudden] = raw["a"][sudden]  # a break-away is a jump, which smoothing spreads
-        return a, rough - (self.experiment.rig.moving_mass or 1.0) * (raw["a"] - a)
+        rough[:, 1] = -(self.experiment.rig.moving_mass or 1.0) * (raw["a"] - a)
+        return a, rough
 
     def _roughness(self, raw: Mapping[str, Array], inputs: Array) -> Array:
         """Return the force of what smoothing took out of the pressures, shape (n,)."""
@@ -205,25 +208,12 @@ class View:
         return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
 
 
-def _own_values(model: Model, effect: Effect) -> list[float]:
-    return [model.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
-
-
-def sum_of(model: Model, port: str) -> float:
-    """Return what the model's effects contribute to a port without arguments, which sums them up."""
-    total = 0.0
-    for effect in model.effects:
-        if port in effect.ports:
-            total += float(effect.ports[port](*_own_values(model, effect)))  # type: ignore[arg-type]
-    return total
-
-
 def resting_reading(model: Model, experiment: Experiment) -> float:
     """Return what the model's accelerometer reads at rest in m/s^2."""
     reading = 0.0
     for effect in model.effects:
         if "read_a" in effect.ports and effect.name in experiment.active((effect,)):
-            reading = float(effect.ports["read_a"](reading, *_own_values(model, effect)))  # type: ignore[arg-type]
+            reading = float(effect.ports["read_a"](reading, *model.own(effect)))  # type: ignore[arg-type]
     return reading
 
 

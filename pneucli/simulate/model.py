@@ -37,6 +37,15 @@ class Model:
         """Return the values of the effects' parameters by EFFECT.PARAMETER."""
         return {f"{e.name}.{p.name}": self.values[f"{e.name}.{p.name}"] for e in self.effects for p in e.parameters}
 
+    def own(self, effect: Effect) -> list[float]:
+        """Return the values of one effect's parameters, in the order of its declaration."""
+        return [self.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
+
+    def total(self, port: str) -> float:
+        """Return what the effects give to a port without arguments, which sums them up."""
+        users = [e for e in self.effects if port in e.ports]
+        return float(sum(e.ports[port](*self.own(e)) for e in users))  # type: ignore[misc]
+
     def with_values(self, values: Mapping[str, float]) -> Model:
         """Return the model with some values replaced."""
         return replace(self, values={**self.values, **values})

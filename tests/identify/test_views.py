@@ -114,5 +114,18 @@ def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: View):
 def test_what_is_no_error_of_a_start_stays(chamber: View):
     """A sine that does not look like one loses less than a tenth."""
     sine = {"p1": 1000.0 * np.sin(2 * np.pi * 50.0 * chamber.experiment.time)}
-    left = chamber.settled(model(), sine, chamber.response(model()))
+    left = chamber.settled(sine, chamber.carried(model()))
     assert np.std(left["p1"]) > 0.9 * np.std(sine["p1"])
+
+
+def test_starts_that_err_more_cost_their_volume(chamber: View):
+    """A lag of 20 ms that is undone makes the starts err more; the squares fall by no more than the volume grows."""
+    late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.02})
+    plain, lagging = chamber.carried(model()), chamber.carried(late)
+    rng, falls = np.random.default_rng(3), []
+    noise = {"p1": rng.normal(size=(50, chamber.experiment.time.size))}
+    for row in noise["p1"]:
+        few, many = (chamber.settled({"p1": row}, e)["p1"] for e in (plain, lagging))
+        falls.append(float(few @ few - many @ many))
+    assert np.mean(falls) > 0.0
+    assert np.mean(falls) < chamber.volume(lagging).sum() - chamber.volume(plain).sum()

@@ -12,7 +12,7 @@ EFFECT = Effect(
     name="time-skew",
     title="Pressures recorded later than the other channels",
     part="sensor",
-    parameters=(Parameter("delay", "s", 0.0, -0.05, 0.1, (0.002, 0.008), "delay of p1 and p2", step=5e-4),),
+    parameters=(Parameter("delay", "s", 0.0, 0.0, 0.1, (0.002, 0.008), "delay of p1 and p2", step=5e-4),),
     ports={"sensor_delay": sensor_delay},
     equation="$p_{read}(t) = p(t - \\tau)$",
     looks_like=("All pressures come late by the same time, against command and motion, however fast the change."),
