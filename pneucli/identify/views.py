@@ -25,7 +25,6 @@ from pneucli.simulate.experiment import U_MAX, Experiment, smooth
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import base_vector, kernel_for, simulate
-from pneucli.simulate.smooth import LocalFits, local_fits
 from pneucli.simulate.valve_area import POINTS
 
 Array = NDArray[np.float64]
@@ -138,43 +137,28 @@ class View:
         return self.loads(self.experiment.raw, self.experiment.inputs)
 
     def loads(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
-        """Return smoothed acceleration (n,) and the force that noise beside what is smoothed feigns (n, 2).
+        """Return the acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
 
-        That of the pressures and that of the accelerometer. Both are linear in the readings ``raw`` and their smoothed
-        ``inputs`` (n, 10).
+        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 10). The accelerometer's reading is
+        taken as it is: it jumps where the piston breaks away and stops, which smoothing would spread.
         """
-        rough = np.column_stack([self._roughness(raw, inputs), np.zeros(self.experiment.time.size)])
-        if self._smooth_a is None:
-            return np.gradient(inputs[:, at.IN_V], self.experiment.time), rough
-        a = self._smooth_a(raw["a"])
-        sudden = self._turns[0] != 0.0
-        a[sudden] = raw["a"][sudden]  # a break-away is a jump, which smoothing spreads
-        rough[:, 1] = -(self.experiment.rig.moving_mass or 1.0) * (raw["a"] - a)
-        return a, rough
-
-    def _roughness(self, raw: Mapping[str, Array], inputs: Array) -> Array:
-        """Return the force of what smoothing took out of the pressures, shape (n,)."""
         (area_1, area_2), rough = self.experiment.rig.areas, np.zeros(self.experiment.time.size)
         for name, column, share in (("p1", at.IN_P1, area_1), ("p2", at.IN_P2, -area_2)):
             if name in raw:
                 rough += share * (raw[name] - inputs[:, column])
-        return rough
+        a = raw["a"] if "a" in raw else np.gradient(inputs[:, at.IN_V], self.experiment.time)
+        return a, rough
 
     @cached_property
     def _left_noise(self) -> Array:
         """The noise that smoothing leaves in the force of the pressures, and its rate: (N, N/s)."""
         e = self.experiment
         parts = [share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.areas, strict=True) if n in e.noise]
-        taken = float(np.mean(self._roughness(e.raw, e.inputs) ** 2))
+        taken = float(np.mean(self._loads[1] ** 2))
         drawn = smooth(e.draw_noise(np.random.default_rng(0)), e.smoothers, e.fusion, e.time)
         force = e.rig.areas[0] * drawn[:, at.IN_P1] - e.rig.areas[1] * drawn[:, at.IN_P2]
         left = max(float(np.sum(np.square(parts))) - taken, 0.0)
         return np.array([np.sqrt(left), np.std(np.gradient(force, e.time))])
-
-    @cached_property
-    def _smooth_a(self) -> LocalFits | None:
-        e = self.experiment
-        return local_fits(e.raw["a"], e.noise["a"], e.recording.period) if "a" in e.raw else None
 
     def balance(
         self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, noise: Array | None = None

@@ -598,11 +598,11 @@ def read_late(time, inputs, readings, unsure, lag, noise, base, out, back):
 def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_values, on_values, out, gap):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
-    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its smoothed reading, rough
-    (n, 2) the force in N that the noise taken out of the pressures and of a would feign, leaving (n,) the velocity in
-    m/s of a piston that breaks away at this sample, else 0, unsure (n,) where the direction of motion is not known: 0
-    is written there. At rest only a force that is more than the model can hold counts, of the smoothed pressures, so
-    that noise does not pass for it. Between the branches of friction the drive itself is the friction, smoothing noise
+    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, rough (n,) the
+    force in N of the noise taken out of the pressures, leaving (n,) the velocity in m/s of a piston that breaks away at
+    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
+    force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
+    Between the branches of friction the drive itself is the friction, smoothing noise
     and all. That noise is known, noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign
     (Stein's unbiased estimate of risk, 1981). gap (n,) gets the chance that the drive is between the branches, where
     the model states bounds and no force.
@@ -634,7 +634,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_
         drive = direction * push - c * abs(v)
         branch, between = soft_clip(drive, falling, rising, spread)
         if v != 0.0:
-            back[k] = rough[read, 0] + rough[k, 1]
+            back[k] = rough[read]
         if stiffness > 0.0:
             z, held = bristles(z, x - inputs[max(k - 1, 0), IN_X], h, branch, stiffness, th, on)
             out[k] = friction - held - c * v
