@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 
 ROUNDS = 5  # of a first fit, which only ranks
+KNOWN = 0.8  # of the noise's power, at least
 RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts
 Screened = tuple[Effect, list[Signature]]
 
@@ -136,7 +137,8 @@ def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
     """Return residuals (N,) made smaller, channel by channel, by what a correct model of this kind would show of noise.
 
     A model that undoes a lag amplifies noise, one that shifts time does not; without the allowance the wrong one could
-    leave less. No channel is made smaller than the sensors' noise.
+    leave less. Where no more than noise is left it counts in proportion; a channel is made smaller than the sensors'
+    noise only so far as that is not known better.
     """
     parts, first = [], 0
     for view in views:
@@ -145,7 +147,8 @@ def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
             part = residual[first : first + view.experiment.time.size]
             first += part.size
             cost, noise = float(part @ part), float(np.count_nonzero(part))
-            fair = max(cost - (expected[channel] ** 2 - 1.0) * noise, min(cost, noise))
+            more = expected[channel] ** 2
+            fair = max(cost - (more - 1.0) * noise, cost / more, KNOWN * min(cost, noise))
             parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
     return np.concatenate(parts)
 

@@ -224,4 +224,4 @@ def refit(found: Fit, views: Sequence[View], *, linear_valve: bool, rounds: int 
 def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, linear_valve: bool, rounds: int = 12) -> Fit:
     """Refit without one of the model's effects."""
     model = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
-    return fit(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
+    return _from_coarse_to_fine(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
