@@ -91,7 +91,7 @@ def _further(
 ) -> tuple[Array, Array]:
     """Return where a step from z to ``moved``, doubled as long as the sum falls, leads, and the residuals there.
 
-    Where derivatives rest on noise they are too steep and steps too short: the sum tells.
+    Noise in the derivatives adds to the curvature and makes steps too short: the sum tells.
     """
     for _ in range(DOUBLINGS):
         beyond = np.clip(2.0 * moved - z, *bounds)
