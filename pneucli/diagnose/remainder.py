@@ -79,17 +79,28 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
 
 
 def expected_rms(model: Model, view: View) -> dict[str, float]:
-    """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise."""
+    """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise.
+
+    No less than that noise: what a draw lacks of it may be chance.
+    """
+    return {c: max(r, 1.0) for c, r in drawn_rms(model, view).items()}
+
+
+def drawn_rms(model: Model, view: View) -> dict[str, float]:
+    """Return the rms by channel of drawn noise sent through the model, in units of the sensors' noise."""
     if view.kind == "forces":
-        return _expected_forces(model, view)
+        return _drawn_forces(model, view)
     drawn, errors = deviations(model, view.experiment, DRAWS), view.carried(model)
     settled = [view.settled({c: d[i] for c, d in drawn.items()}, errors) for i in range(DRAWS)]
     power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in view.channels}
-    return {c: max(float(np.sqrt(p)) / view.noise[c], 1.0) for c, p in power.items()}
+    return {c: float(np.sqrt(p)) / view.noise[c] for c, p in power.items()}
 
 
-def _expected_forces(model: Model, view: View) -> dict[str, float]:
-    """What the sensors' noise does to the balance, such as at the edge of a stretch or where a lag is undone."""
+def _drawn_forces(model: Model, view: View) -> dict[str, float]:
+    """What the sensors' noise does to the balance, such as at the edge of a stretch or where a lag is undone.
+
+    The accelerometer at rest reads its own noise, whatever the model.
+    """
     e, rng = view.experiment, np.random.default_rng(SEED)
     nominal, own = view.residual(model), view.loads(e.raw, e.inputs)
     bare = view.balance(model, e.inputs, noise=np.zeros(2))
@@ -103,7 +114,7 @@ def _expected_forces(model: Model, view: View) -> dict[str, float]:
         for c in view.channels:
             seen = max(int(np.count_nonzero(nominal[c])), 1)
             power[c] += float(np.sum(((drawn[c] - nominal[c]) / view.noise[c]) ** 2)) / (seen * DRAWS)
-    return {c: max(float(np.sqrt(p)), 1.0) for c, p in power.items()}
+    return {c: 1.0 if c == "a" else float(np.sqrt(p)) for c, p in power.items()}
 
 
 def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]]) -> Remainder:

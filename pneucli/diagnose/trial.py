@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
-from pneucli.diagnose.remainder import expected_rms
+from pneucli.diagnose.remainder import drawn_rms
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit, Problem, block_numbers
 from pneucli.identify.views import View
@@ -134,21 +134,21 @@ def costs(model: Model, views: Sequence[View], residual: Array, errors: Sequence
 
 
 def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
-    """Return residuals (N,) made smaller, channel by channel, by what a correct model of this kind would show of noise.
+    """Return residuals (N,) scaled, channel by channel, for what a correct model of this kind would show of noise.
 
-    A model that undoes a lag amplifies noise, one that shifts time does not; without the allowance the wrong one could
-    leave less. Where no more than noise is left it counts in proportion; a channel is made smaller than the sensors'
-    noise only so far as that is not known better.
+    A model that undoes a lag amplifies noise, one that smooths over it (a lag in the balance of forces, a delay by half
+    a sample) shows less; without the allowance a wrong one could leave less. The noise is no more than what is left; a
+    channel is made smaller than the sensors' noise only so far as that is not known better.
     """
     parts, first = [], 0
     for view in views:
-        expected = expected_rms(model, view)
+        drawn = drawn_rms(model, view)
         for channel in view.channels:
             part = residual[first : first + view.experiment.time.size]
             first += part.size
             cost, noise = float(part @ part), float(np.count_nonzero(part))
-            more = expected[channel] ** 2
-            fair = max(cost - (more - 1.0) * noise, cost / more, KNOWN * min(cost, noise))
+            more = max(drawn[channel] ** 2, KNOWN)
+            fair = max(cost - (more - 1.0) * min(noise, cost / more), KNOWN * min(cost, noise))
             parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
     return np.concatenate(parts)
 

@@ -21,18 +21,21 @@ VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME
         (3.0, 1.0, 3.0),
         (3.0, 2.0, np.sqrt(9.0 - 3.0)),
         (0.95, 1.05, 0.95 / 1.05),  # the noise is known a little less well than that: in proportion
+        (0.95, 0.95, 1.0),  # a model that smooths over noise leaves less of it
+        (3.0, 0.9, np.sqrt(9.0 + 0.19)),
+        (3.0, 0.0, np.sqrt(9.0 + 0.2)),  # nothing drawn: noise is known to four fifths
         (0.8, 2.0, np.sqrt(0.8) * 0.8),
         (1.5, 4.0, np.sqrt(0.8)),
     ],
 )
 def test_what_noise_explains_is_taken_off(monkeypatch: pytest.MonkeyPatch, rms: float, expected: float, left: float):
-    """In squares: rms^2 - (expected^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
-    monkeypatch.setattr(trial, "expected_rms", lambda model, view: {"force": expected})
+    """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
+    monkeypatch.setattr(trial, "drawn_rms", lambda model, view: {"force": expected})
     residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
     seen = trial.allowed(None, [VIEW], residual)
     assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
 
 
 def test_samples_that_do_not_count_stay_out(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(trial, "expected_rms", lambda model, view: {"force": 2.0})
+    monkeypatch.setattr(trial, "drawn_rms", lambda model, view: {"force": 2.0})
     assert not trial.allowed(None, [VIEW], np.zeros(TIME.size)).any()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.simulate import layout as at
+from pneucli.simulate.kernel import advance
 from pneucli.simulate.run import run
 
 from .benches import RIG, bench, clock, model, steps_of_command
@@ -97,3 +98,13 @@ def test_a_biased_accelerometer_reads_its_bias_at_rest_and_on_the_move() -> None
     )
     assert biased[:, at.A] == pytest.approx(plain[:, at.A] + 0.4, rel=1e-12)
     assert np.all(biased[:, at.X] == plain[:, at.X])
+
+
+@pytest.mark.parametrize("delay", [0.003, 0.00345])
+def test_a_delay_that_is_undone_takes_no_noise_away(delay: float):
+    """The mean of two neighbours would have half the power of white noise; along a slope it keeps it to 3 %."""
+    noise = np.random.default_rng(1).normal(size=TIME.size)
+    inputs = np.zeros((TIME.size, len(at.INPUTS)))
+    inputs[:, at.IN_P1] = inputs[:, at.IN_R1] = noise
+    advance(TIME, inputs, at.IN_P1, delay)
+    assert np.var(inputs[:-10, at.IN_P1]) == pytest.approx(np.var(noise), rel=0.03)
