@@ -41,10 +41,15 @@ SENSING = {"read_p1", "read_p2", "unread_p1", "unread_p2", "sensor_lag", "sensor
 
 @dataclass(frozen=True)
 class View:
-    """One experiment seen through one subsystem."""
+    """One experiment seen through one subsystem.
+
+    ``whitened`` chambers are so for the errors of their starts: right for costs that are compared. Where the model is
+    wrong, the sum of squares itself is the better guide, since it is the error that the user sees.
+    """
 
     experiment: Experiment
     kind: Kind
+    whitened: bool = False
 
     @property
     def name(self) -> str:
@@ -86,7 +91,9 @@ class View:
 
     def carried(self, model: Model) -> dict[str, Array]:
         """Return what errors of the chambers' starts become, in units of noise (:mod:`pneucli.identify.restarts`)."""
-        return carried(model, self.experiment, self._start_errors) if self.kind == "chambers" else {}
+        if self.kind != "chambers" or not self.whitened:
+            return {}
+        return carried(model, self.experiment, self._start_errors)
 
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals whitened for such errors."""
@@ -201,7 +208,7 @@ def resting_reading(model: Model, experiment: Experiment) -> float:
     return reading
 
 
-def views_of(experiments: Sequence[Experiment]) -> list[View]:
+def views_of(experiments: Sequence[Experiment], *, whitened: bool = False) -> list[View]:
     """Return the views that the recorded signals allow."""
     found: list[View] = []
     for e in experiments:
@@ -209,7 +216,7 @@ def views_of(experiments: Sequence[Experiment]) -> list[View]:
             found.append(View(e, "imposed"))
             continue
         if e.recording.experiment == "valve":
-            found.append(View(e, "chambers"))
+            found.append(View(e, "chambers", whitened))
             continue
         if "x" not in e.raw:
             found.append(View(e, "whole"))
@@ -218,5 +225,5 @@ def views_of(experiments: Sequence[Experiment]) -> list[View]:
         if e.recording.experiment == "axis":
             given = e.flags.copy()
             given[at.MECHANICS] = 0.0
-            found.append(View(replace(e, flags=given), "chambers"))
+            found.append(View(replace(e, flags=given), "chambers", whitened))
     return found

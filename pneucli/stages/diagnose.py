@@ -48,7 +48,8 @@ def run(context: Context) -> dict[str, Any]:
 
 
 def _bench(study: Study) -> tuple[Bench, list[str]]:
-    train, test, warnings = study.views("train"), study.views("test"), []
+    train, test = (study.views(use, whitened=True) for use in ("train", "test"))
+    warnings = []
     if not test and len(train) >= HELD_OUT:
         train, test = _without_every_third(train)
         names = ", ".join(sorted({v.experiment.recording.name for v in test}))

@@ -65,9 +65,9 @@ class Study:
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
         return ready
 
-    def views(self, use: str) -> list[View]:
+    def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""
-        return views_of([e for e in self.experiments if e.recording.use == use])
+        return views_of([e for e in self.experiments if e.recording.use == use], whitened=whitened)
 
     def provenance(self, *inputs: str) -> Provenance:
         """What made an artifact of this stage: earlier artifacts by path, and the file's own model and comparison."""

@@ -99,7 +99,7 @@ def chamber() -> View:
     recording = replace(exact.recording, signals={**given, "p1": readings})
     ready = prepare(recording, exact.rig, 0.1)
     ready.flags[at.MECHANICS] = 0.0
-    return View(ready, "chambers")
+    return View(ready, "chambers", whitened=True)
 
 
 def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: View):
