@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +69,8 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
     """Return what the model leaves over in each channel of each kind of view."""
     groups: dict[tuple[Kind, str], list[tuple[View, Array, float]]] = {}
     for view in views:
-        residual, expected = view.residual(model), expected_rms(model, view)
+        errors = view.carried(model)
+        residual, expected = view.residual(model, errors), expected_rms(model, view, errors)
         stated = residual.get("gap", np.zeros(1)) < 0.5  # bounds are kept by anything within them
         for channel in view.channels:
             scaled = np.where(stated, residual[channel] / view.noise[channel], 0.0)
@@ -78,19 +79,20 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
     return [_remainder(kind, channel, members) for (kind, channel), members in groups.items()]
 
 
-def expected_rms(model: Model, view: View) -> dict[str, float]:
+def expected_rms(model: Model, view: View, errors: Mapping[str, Array]) -> dict[str, float]:
     """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise.
 
-    No less than that noise: what a draw lacks of it may be chance.
+    ``errors`` of the starts are what the view says is carried. No less than that noise: what a draw lacks of it may be
+    chance.
     """
-    return {c: max(r, 1.0) for c, r in drawn_rms(model, view).items()}
+    return {c: max(r, 1.0) for c, r in drawn_rms(model, view, errors).items()}
 
 
-def drawn_rms(model: Model, view: View) -> dict[str, float]:
+def drawn_rms(model: Model, view: View, errors: Mapping[str, Array]) -> dict[str, float]:
     """Return the rms by channel of drawn noise sent through the model, in units of the sensors' noise."""
     if view.kind == "forces":
         return _drawn_forces(model, view)
-    drawn, errors = deviations(model, view.experiment, DRAWS), view.carried(model)
+    drawn = deviations(model, view.experiment, DRAWS)
     settled = [view.settled({c: d[i] for c, d in drawn.items()}, errors) for i in range(DRAWS)]
     power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in view.channels}
     return {c: float(np.sqrt(p)) / view.noise[c] for c, p in power.items()}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pneucli.compare.expected import deviations
 from pneucli.diagnose.remainder import Remainder
+from pneucli.identify.restarts import lengths
 from pneucli.identify.views import View
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -62,5 +63,4 @@ def _of(model: Model, experiment: Experiment) -> dict[str, Array]:
 def _rms(values: Array, experiment: Experiment) -> Array:
     """Return the rms of each stretch between restarts, shape (stretches,)."""
     starts = experiment.restarts
-    lengths = np.diff(np.append(starts, values.size))
-    return np.asarray(np.sqrt(np.add.reduceat(values**2, starts) / lengths))
+    return np.asarray(np.sqrt(np.add.reduceat(values**2, starts) / lengths(starts, values.size)))

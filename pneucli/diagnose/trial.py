@@ -142,7 +142,7 @@ def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
     """
     parts, first = [], 0
     for view in views:
-        drawn = drawn_rms(model, view)
+        drawn = drawn_rms(model, view, view.carried(model))
         for channel in view.channels:
             part = residual[first : first + view.experiment.time.size]
             first += part.size

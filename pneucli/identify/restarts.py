@@ -57,7 +57,7 @@ def whitened(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Arra
     power = np.add.reduceat(error * error, restarts)
     along = np.add.reduceat(error * residual, restarts)
     share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
-    return np.asarray(residual - over_stretches(share * along, restarts, residual.size) * error)
+    return np.asarray(residual - np.repeat(share * along, lengths(restarts, residual.size)) * error)
 
 
 def volume(error: Array, restarts: NDArray[np.int64]) -> Array:
@@ -65,11 +65,10 @@ def volume(error: Array, restarts: NDArray[np.int64]) -> Array:
 
     What a likelihood adds to the sum of squares: a model whose starts err more must not gain by the allowance.
     """
-    logarithms = np.log1p(np.add.reduceat(error * error, restarts))
-    lengths = np.diff(np.append(restarts, error.size))
-    return over_stretches(logarithms / lengths, restarts, error.size)
+    logarithms, samples = np.log1p(np.add.reduceat(error * error, restarts)), lengths(restarts, error.size)
+    return np.repeat(logarithms / samples, samples)
 
 
-def over_stretches(values: Array, restarts: NDArray[np.int64], n: int) -> Array:
-    """Return the values of the stretches at their samples (n,)."""
-    return np.repeat(values, np.diff(np.append(restarts, n)))
+def lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Return how many of n samples each stretch between restarts has."""
+    return np.diff(np.append(restarts, n))

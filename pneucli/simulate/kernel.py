@@ -606,10 +606,10 @@ def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_
     force in N of the noise taken out of the pressures, leaving (n,) the velocity in m/s of a piston that breaks away at
     this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
     force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
-    Between the branches of friction the drive itself is the friction, smoothing noise
-    and all. That noise is known, noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign
-    (Stein's unbiased estimate of risk, 1981). gap (n,) gets the chance that the drive is between the branches, where
-    the model states bounds and no force.
+    Between the branches of friction the drive itself is the friction, smoothing noise and all. That noise is known,
+    noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of
+    risk, 1981). gap (n,) gets the chance that the drive is between the branches, where the model states bounds and no
+    force.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0

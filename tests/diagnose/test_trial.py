@@ -10,7 +10,7 @@ import pytest
 from pneucli.diagnose import trial
 
 TIME = np.arange(4000) * 1e-3
-VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME))
+VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME), carried=lambda model: {})
 
 
 @pytest.mark.parametrize(
@@ -30,12 +30,12 @@ VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME
 )
 def test_what_noise_explains_is_taken_off(monkeypatch: pytest.MonkeyPatch, rms: float, expected: float, left: float):
     """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
-    monkeypatch.setattr(trial, "drawn_rms", lambda model, view: {"force": expected})
+    monkeypatch.setattr(trial, "drawn_rms", lambda model, view, errors: {"force": expected})
     residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
     seen = trial.allowed(None, [VIEW], residual)
     assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
 
 
 def test_samples_that_do_not_count_stay_out(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(trial, "drawn_rms", lambda model, view: {"force": 2.0})
+    monkeypatch.setattr(trial, "drawn_rms", lambda model, view, errors: {"force": 2.0})
     assert not trial.allowed(None, [VIEW], np.zeros(TIME.size)).any()
