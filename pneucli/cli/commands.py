@@ -5,11 +5,12 @@ from __future__ import annotations
 import typer
 
 from pneucli import __version__
-from pneucli.cli import edit, effects, exam, init, run, stage, status
+from pneucli.cli import edit, effects, exam, history, init, open, run, stage, status
 from pneucli.pipeline.graph import STAGES, Stage
 
 HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
 validated controller."""
+FLAGS = ("help", "install_completion", "show_completion")
 EXIT_CODES = "Exit codes: 0 done; 1 done, and a check of [checks] failed; 2 the input is at fault; 3 the program is."
 
 
@@ -20,11 +21,11 @@ def build() -> typer.Typer:
         help=HELP,
         epilog=EXIT_CODES,
         no_args_is_help=True,
-        add_completion=False,
+        add_completion=True,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
-        # the default keeps typer from loading pydantic to read a --help that was not given
-        context_settings={"help_option_names": ["-h", "--help"], "default_map": {"help": False}},
+        # the defaults keep typer from loading pydantic to read a --help that was not given
+        context_settings={"help_option_names": ["-h", "--help"], "default_map": dict.fromkeys(FLAGS, False)},
     )
     app.callback()(_common)
     if Stage("init", "").built:
@@ -32,7 +33,7 @@ def build() -> typer.Typer:
     for one in STAGES.values():
         if one.built:
             stage.register(app, one)
-    for command in (edit, run, status, effects, exam):
+    for command in (edit, history, run, open, status, effects, exam):
         command.register(app)
     return app
 
@@ -44,7 +45,7 @@ def _version(wanted: bool) -> None:
 
 
 def _common(
-    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+    version: bool = typer.Option(False, "--version", "-V", callback=_version, is_eager=True, help="Print the version."),
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of a fault of the program."),
 ) -> None:
     """``--debug`` works anywhere on the line: ``main`` takes it out."""

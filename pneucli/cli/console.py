@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
+from pneucli.errors import InputError
 from pneucli.pipeline.context import Progress, silent
 
-STEPS = 10  # without a terminal, progress is told in steps of ten per cent
+SILENCE = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
+
+
+class Shown(NamedTuple):
+    """How an answer is to be shown: ``--json``, ``--verbose``, ``--quiet``."""
+
+    json: bool
+    verbose: bool
+    quiet: bool
 
 
 def say(message: str) -> None:
@@ -27,36 +38,54 @@ def answer(content: Mapping[str, Any]) -> None:
     print(json.dumps(content, indent=1, allow_nan=False))
 
 
+def fault(error: InputError) -> None:
+    """Print an error as the one JSON object of ``--json``."""
+    parts = {key: getattr(error, key) for key in ("where", "found", "wanted", "mend")}
+    answer({"schema": "pneucli/error/1", "error": parts, "exit_code": error.exit_code})
+
+
 @contextmanager
 def progress(quiet: bool) -> Iterator[Progress]:
-    """Yield the function that stages report to: a bar on a terminal, plain lines elsewhere."""
+    """Yield the function that stages report to: a bar on a terminal, now and then a plain line elsewhere."""
     if quiet:
         yield silent
     elif sys.stderr.isatty():
         with _bar() as show:
             yield show
     else:
-        yield _lines()
+        with _lines() as show:
+            yield show
 
 
 @contextmanager
 def _bar() -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0, visible=False)
-        yield lambda message, fraction: bar.update(task, description=message, completed=fraction, visible=True)
+        task = bar.add_task("starting", total=1.0)
+        yield lambda message, fraction: bar.update(task, description=message, completed=fraction)
 
 
-def _lines() -> Progress:
-    told: dict[str, int] = {}
+@contextmanager
+def _lines() -> Iterator[Progress]:
+    """Yield a function that keeps what was reported last; a thread says it every few seconds, come what may."""
+    last = ["starting"]
+    start = time.monotonic()
+    done = threading.Event()
 
     def show(message: str, fraction: float) -> None:
-        step = int(STEPS * fraction)
-        if step > told.get(message, -1):
-            told[message] = step
-            say(f"  {message}: {100 * fraction:.0f} %")
+        last[0] = f"{message}, {100 * fraction:.0f} %"
 
-    return show
+    def tell() -> None:
+        while not done.wait(SILENCE):
+            say(f"  {last[0]} ({time.monotonic() - start:.0f} s)")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield show
+    finally:
+        done.set()
+        teller.join()

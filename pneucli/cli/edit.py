@@ -2,30 +2,47 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli import console
+from pneucli import words
+from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, opened
 from pneucli.errors import InputError, did_you_mean
 
+ADD = "Add effects to [model], identify anew, show the error before and after."
+REMOVE = "Remove effects from [model], identify anew, show the error before and after."
 Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
+Some = Annotated[list[str] | None, typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
+Suggested = Annotated[bool, typer.Option("--suggested", help="What the diagnosis names, in its order.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the two commands."""
-    app.command("add", help="Add effects to [model], identify anew, show the error before and after.")(_add)
-    app.command("remove", help="Remove effects from [model], identify anew, show the error before and after.")(_remove)
+    app.command("add", help=ADD, epilog=examples.of("add"))(_add)
+    app.command("remove", help=REMOVE, epilog=examples.of("remove"))(_remove)
 
 
-def _add(pipeline: File, effects: Effects, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _add(
+    pipeline: File,
+    effects: Some = None,
+    suggested: Suggested = False,
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
     from pneucli.physics.effects import all_effects, select
 
+    if not effects and not suggested:
+        raise InputError("pneucli add", "no effect", "names of effects, or --suggested", "pneucli effects lists them")
     model = _model(pipeline)
-    select(effects, all_effects(pipeline.parent / plugin for plugin in model.get("plugins", [])))
-    _change(pipeline, list(dict.fromkeys([*model.get("effects", []), *effects])), out, json, quiet)
+    chosen = [*(effects or []), *(_answers("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
+    select(chosen, all_effects(pipeline.parent / plugin for plugin in model.get("plugins", [])))
+    _change(pipeline, list(dict.fromkeys([*model.get("effects", []), *chosen])), out, json, quiet)
 
 
 def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
@@ -43,23 +60,47 @@ def _model(file: Path) -> dict[str, Any]:
 def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool) -> None:
     from pneucli.config.edit import set_effects
 
-    before = _compare(file, out, quiet)
-    set_effects(file, effects)
-    after = _compare(file, out, quiet)
-    errors = {"before": before["error"], "after": after["error"]}
+    before = _answers("compare", file, out, quiet)
+    present = before["model"]["effects"]
+    if effects != present:
+        set_effects(file, effects)
+    answer = _difference(before, _answers("compare", file, out, quiet))
     if json:
-        console.answer({"schema": "pneucli/edit/1", "pipeline": after["pipeline"], "effects": effects, **errors})
-        return
-    print(f"effects: {', '.join(effects) or 'none'}")
-    for when, error in errors.items():
-        print(f"error {when:7}" + ", ".join(f"{use} {_number(value)}" for use, value in error.items()))
+        console.answer(answer)
+    else:
+        print(words.of("edit", answer, str(file)))
 
 
-def _compare(file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:
+def _answers(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:
     say = console.hush if quiet else console.say
     with console.progress(quiet) as progress:
-        return opened(file, out).bring_up(["compare"], None, progress, say)["compare"].answer
+        return opened(file, out).bring_up([stage], None, progress, say)[stage].answer
 
 
-def _number(value: float | None) -> str:
-    return "none" if value is None else f"{value:.3g}"
+def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+    was, now = before["model"]["effects"], after["model"]["effects"]
+    added = [name for name in now if name not in was]
+    earlier = _by_recording(before["channels"])
+    return {
+        "schema": "pneucli/edit/1",
+        "pipeline": after["pipeline"],
+        "effects": now,
+        "added": added,
+        "removed": [name for name in was if name not in now],
+        "before": before["error"],
+        "after": after["error"],
+        "recordings": [
+            {"recording": recording, "use": use, "before": earlier.get((recording, use)), "after": error}
+            for (recording, use), error in sorted(_by_recording(after["channels"]).items(), key=lambda i: i[0][1])
+        ],
+        "parameters": {n: p for n, p in after["model"]["parameters"].items() if n.partition(".")[0] in added},
+    }
+
+
+def _by_recording(channels: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], float | None]:
+    """Return the error of each recording over noise: the root mean square over its channels."""
+    squares: dict[tuple[str, str], list[float]] = {}
+    for c in channels:
+        ratio = c["ratio_to_noise"]
+        squares.setdefault((c["recording"], c["use"]), []).extend([] if ratio is None else [ratio**2])
+    return {key: math.sqrt(sum(of) / len(of)) if of else None for key, of in squares.items()}

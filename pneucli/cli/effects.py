@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneucli.cli import console
+from pneucli.cli import console, examples
 from pneucli.cli.options import Json
 
 if TYPE_CHECKING:
@@ -33,7 +33,9 @@ COLUMNS = ("parameter", "unit", "what", "absent at", "bounds", "typical")
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("effects", help="The catalogue of physical effects, or one of them at length.")(_effects)
+    app.command(
+        "effects", help="The catalogue of physical effects, or one of them at length.", epilog=examples.of("effects")
+    )(_effects)
 
 
 def _effects(

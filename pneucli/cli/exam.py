@@ -7,13 +7,17 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli import console
+from pneucli.cli import console, examples
 from pneucli.cli.options import Json, Quiet
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("exam", help="Sealed cases with hidden effects, answers to them, and the grading of answers.")(_exam)
+    app.command(
+        "exam",
+        help="Sealed cases with hidden effects, answers to them, and the grading of answers.",
+        epilog=examples.of("exam"),
+    )(_exam)
 
 
 def _exam(

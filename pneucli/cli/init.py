@@ -8,13 +8,17 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli import console
+from pneucli.cli import console, examples
 from pneucli.cli.options import Json
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("init", help="A new pipeline from an example, or from raw files, columns guessed and shown.")(_init)
+    app.command(
+        "init",
+        help="A new pipeline from an example, or from raw files, columns guessed and shown.",
+        epilog=examples.of("init"),
+    )(_init)
 
 
 def _init(

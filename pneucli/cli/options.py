@@ -20,6 +20,7 @@ Out = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object, and nothing else.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="The tables behind the verdict as well.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no messages on standard error.")]
 
 
@@ -33,6 +34,11 @@ def opened(file: Path, out: Path | None) -> Pipeline:
         return config.load(path)
 
     return open_pipeline(file, load, out)
+
+
+def shortest(path: Path) -> str:
+    """Return a path as short as it can be said from here."""
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def built(*names: str) -> list[str]:

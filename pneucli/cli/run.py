@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import os
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pneucli.cli import console
-from pneucli.cli.options import File, Json, Out, Quiet, built, opened
+from pneucli import words
+from pneucli.cli import console, examples
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built, opened, shortest
+from pneucli.stages.history import listed
+from pneucli.words.run import lines as summary
 
 if TYPE_CHECKING:
     from pneucli.pipeline.checks import CheckResult
@@ -21,10 +24,12 @@ STAGES = ("compare", "design", "simulate", "diagnose", "report")
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("run", help="All that is out of date, then the report; exit 1 where a check fails.")(_run)
+    app.command(
+        "run", help="All that is out of date, then the report; exit 1 where a check fails.", epilog=examples.of("run")
+    )(_run)
 
 
-def _run(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _run(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     from pneucli.pipeline.checks import evaluate
 
     opened_pipeline = opened(pipeline, out)
@@ -38,7 +43,7 @@ def _run(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = Fal
     if json:
         console.answer(_answer(opened_pipeline, done, results))
     else:
-        _print(opened_pipeline, done, results)
+        _print(opened_pipeline, done, results, pipeline, verbose)
     raise typer.Exit(0 if all(result.passed for result in results) else 1)
 
 
@@ -62,21 +67,25 @@ def _answer(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[Chec
     }
 
 
-def _print(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult]) -> None:
-    for name, stage in done.items():
-        state = f"ran in {stage.manifest.seconds:.1f} s" if stage.why else "up to date"
-        skipped = stage.manifest.skipped
-        print(f"{name:10}{state if skipped is None else 'does not apply: ' + skipped['found']}")
-    if "compare" in done and done["compare"].manifest.summary:
-        print(f"\n{done['compare'].manifest.summary}")
-    for result in results:
-        print(result)
-    if "report" in done:
-        print(f"report: {_report(pipeline)}")
+def _print(
+    pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult], file: Path, verbose: bool
+) -> None:
+    answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
+    models = listed(pipeline.artifacts / "compare")
+    failed = [str(result) for result in results if not result.passed]
+    if verbose:
+        for name, stage in done.items():
+            print(f"{name:10}{_state(stage)}")
+            if name in answers:
+                print(textwrap.indent(words.of(name, answers[name], str(file), verbose=True), "  "))
+    print("\n".join(summary(answers, models, failed, shortest(_report(pipeline)), str(file))))
+
+
+def _state(stage: Done) -> str:
+    if stage.manifest.skipped is not None:
+        return f"does not apply: {stage.manifest.skipped['found']}"
+    return f"ran in {stage.manifest.seconds:.1f} s" if stage.why else "up to date"
 
 
 def _report(pipeline: Pipeline) -> Path:
-    """Where the report is, as short as it can be said from here."""
-    path = pipeline.artifacts / "report" / "report.html"
-    here = Path(os.getcwd())
-    return path.relative_to(here) if path.is_relative_to(here) else path
+    return pipeline.artifacts / "report" / "report.html"

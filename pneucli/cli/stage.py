@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli import console
-from pneucli.cli.options import File, Json, Out, Quiet, opened
+from pneucli import words
+from pneucli.cli import console, examples
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, opened
 from pneucli.pipeline.graph import Stage
 
 
@@ -30,25 +31,31 @@ def register(app: typer.Typer, stage: Stage) -> None:
         "simulate": _simulate,
     }
     command = special.get(stage.name, _plain(stage.name))
-    app.command(stage.name, help=f"{stage.title[0].upper()}{stage.title[1:]}.")(command)
+    text = f"{stage.title[0].upper()}{stage.title[1:]}."
+    app.command(stage.name, help=text, epilog=examples.of(stage.name))(command)
 
 
-def bring_up(name: str, file: Path, out: Path | None, json: bool, quiet: bool, **options: Any) -> None:
-    """Bring the stage up to date and print its answer."""
+def bring_up(
+    name: str, file: Path, out: Path | None, shown: console.Shown, options: Mapping[str, Any] | None = None
+) -> None:
+    """Bring the stage up to date and print its answer; without ``options`` those of its last run hold."""
+    json, verbose, quiet = shown
     say = console.hush if quiet else console.say
     pipeline = opened(file, out)
     with console.progress(quiet) as progress:
-        done = pipeline.bring_up([name], {name: options} if options else None, progress, say)
+        done = pipeline.bring_up([name], None if options is None else {name: options}, progress, say)
     answer = done[name].answer
     if json:
         console.answer(answer)
     else:
-        print(done[name].manifest.summary or f"{name}: done, see {pipeline.artifacts / name}")
+        print(words.of(name, answer, str(file), verbose=verbose))
 
 
 def _plain(name: str) -> Callable[..., None]:
-    def command(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
-        bring_up(name, pipeline, out, json, quiet)
+    def command(
+        pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
+    ) -> None:
+        bring_up(name, pipeline, out, console.Shown(json, verbose, quiet))
 
     return command
 
@@ -61,9 +68,16 @@ def _diagnose(
     ] = None,
     out: Out = None,
     json: Json = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    bring_up("diagnose", pipeline, out, json, quiet, exclude=sorted(set(exclude or [])))
+    bring_up(
+        "diagnose",
+        pipeline,
+        out,
+        console.Shown(json, verbose, quiet),
+        {"exclude": sorted(set(exclude))} if exclude else {},
+    )
 
 
 def _simulate(
@@ -74,9 +88,11 @@ def _simulate(
     ] = None,
     out: Out = None,
     json: Json = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    bring_up("simulate", pipeline, out, json, quiet, **({"executor": executor} if executor else {}))
+    options = {"executor": executor} if executor else None
+    bring_up("simulate", pipeline, out, console.Shown(json, verbose, quiet), options)
 
 
 def _export(
@@ -84,9 +100,16 @@ def _export(
     to: Annotated[list[Target], typer.Option("--to", help="c (PLC, cRIO), mat (MATLAB) or csv; repeatable.")],
     out: Out = None,
     json: Json = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    bring_up("export", pipeline, out, json, quiet, to=_with_former(opened(pipeline, out).artifacts, to))
+    bring_up(
+        "export",
+        pipeline,
+        out,
+        console.Shown(json, verbose, quiet),
+        {"to": _with_former(opened(pipeline, out).artifacts, to)},
+    )
 
 
 def _with_former(artifacts: Path, to: list[Target]) -> list[str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from pneucli.cli import console
+from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, built, opened
 from pneucli.pipeline.graph import STAGES
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("status", help="What is up to date, what is stale and why; nothing is run.")(_status)
+    app.command(
+        "status", help="What is up to date, what is stale and why; nothing is run.", epilog=examples.of("status")
+    )(_status)
 
 
 def _status(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare.channels import Comparison
+from pneucli.compare.channels import ChannelResult, Comparison
 from pneucli.quantities import LOCATORS, SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.units import after_number
 
 Array = NDArray[np.float64]
 
 BINS = 20
 REMARKABLE = 2.0  # times its share of the samples
+SAME = 0.5  # of a stretch's error lies within another one: they tell of the same
 LARGEST_REGIONS = 40
 
 
 @dataclass(frozen=True)
 class Region:
-    """A stretch of one signal in one recording and the share of the channel's squared error that it holds."""
+    """A stretch of one signal in one recording and the share of the channel's squared error that it holds.
+
+    Regions of one ``event`` hold the same error, seen over several signals or by several channels; 0 is the worst.
+    """
 
     recording: str
     channel: str
@@ -33,20 +36,25 @@ class Region:
     unit: str
     share_of_error: float
     share_of_samples: float
+    event: int = 0
 
-    def in_words(self) -> str:
-        """Return a sentence for a person."""
-        quantity = SIGNALS.get(self.signal)
-        name = (
-            quantity.title
-            if quantity
-            else {"direction": "direction of motion", "p_ratio": "pressure ratio"}[self.signal]
-        )
-        return (
-            f"{100 * self.share_of_error:.0f} % of the error of {self.channel} in {self.recording} stands at "
-            f"{name} {self.from_:.4g} to {self.to:.4g}{after_number(self.unit)}"
-            + f", which holds {100 * self.share_of_samples:.0f} % of the samples"
-        )
+
+@dataclass(frozen=True)
+class _Stretch:
+    """A region with its samples (n,) of bool, the channel's squared error (n,), and how much it weighs."""
+
+    region: Region
+    inside: NDArray[np.bool_]
+    squared: Array
+    weight: float
+
+    def holds(self, other: _Stretch) -> bool:
+        """Whether most of the other stretch's error lies within this one."""
+        return bool(other.squared[self.inside & other.inside].sum() >= SAME * other.squared[other.inside].sum())
+
+    def same(self, other: _Stretch) -> bool:
+        """Whether both hold the same error: most of one lies within the other."""
+        return self.region.recording == other.region.recording and (self.holds(other) or other.holds(self))
 
 
 def locators(e: Experiment) -> dict[str, Array]:
@@ -73,28 +81,36 @@ def find_regions(comparisons: Sequence[Comparison], at_least: float = 1.2) -> li
 
     Channels whose error is below ``at_least`` times the noise have none: there is nothing to find.
     """
+    found = [s for c in comparisons for r in c.results if r.ratio_to_noise >= at_least for s in _stretches(c, r)]
+    return _by_event(sorted(found, key=lambda s: -s.weight)[:LARGEST_REGIONS])
+
+
+def _by_event(stretches: Sequence[_Stretch]) -> list[Region]:
+    """Return the regions, each with the number of its event: the worst one whose stretch is the same."""
+    leads: list[_Stretch] = []
     regions = []
-    for comparison in comparisons:
-        for result in comparison.results:
-            if not result.ratio_to_noise >= at_least:
-                continue
-            squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
-            weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
-            for signal, values in locators(comparison.experiment).items():
-                region = _worst_stretch(values, squared)
-                if region is not None:
-                    regions.append(
-                        (weight * (region[2] - region[3]), _region(comparison, result.channel, signal, region))
-                    )
-    return [region for _, region in sorted(regions, key=lambda r: -r[0])][:LARGEST_REGIONS]
+    for one in stretches:
+        event = next((i for i, lead in enumerate(leads) if lead.same(one)), len(leads))
+        if event == len(leads):
+            leads.append(one)
+        regions.append(replace(one.region, event=event))
+    return regions
 
 
-def _region(comparison: Comparison, channel: str, signal: str, found: tuple[float, float, float, float]) -> Region:
-    unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
-    return Region(comparison.experiment.recording.name, channel, signal, found[0], found[1], unit, found[2], found[3])
+def _stretches(comparison: Comparison, result: ChannelResult) -> Iterator[_Stretch]:
+    """Yield the worst stretch of each signal over which the error of one channel is uneven."""
+    squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
+    weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
+    for signal, values in locators(comparison.experiment).items():
+        found = worst_stretch(values, squared)
+        if found is not None:
+            low, high, error, samples = found
+            unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
+            region = Region(result.recording, result.channel, signal, low, high, unit, error, samples)
+            yield _Stretch(region, (values >= low) & (values <= high), squared, weight * (error - samples))
 
 
-def _worst_stretch(values: Array, squared: Array) -> tuple[float, float, float, float] | None:
+def worst_stretch(values: Array, squared: Array) -> tuple[float, float, float, float] | None:
     """Return (from, to, share of error, share of samples) of the run of bins with the largest excess of error.
 
     The largest sum of (share of error - share of samples) over neighbouring bins (Kadane's algorithm).

@@ -56,8 +56,8 @@ class Sector:
         if self.steepness <= STEEPEST:
             return ""
         return (
-            f"the sector is too steep for the sample time: lambda2 T = {self.steepness:.3g} > {STEEPEST} "
-            f"(a22(0) = {self.a_2:.3g} 1/s, friction resolved down to {self.speed_floor:.2g} m/s)"
+            f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {STEEPEST}; a22(0) = "
+            f"{self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): the resolved one is taken"
         )
 
     def equivalent(self, v: ArrayLike, x2: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:

@@ -29,6 +29,7 @@ class Context:
     the finished folders of the stages before (``artifacts / "ingest" / "signals.parquet"``) and ``answers`` what they
     returned; a stage that does not apply to this rig has no entry there. ``progress(message, fraction)`` tells people
     how far the work is (0 to 1). ``options`` are the stage's own command line options (``{"exclude": [...]}``).
+    ``former`` is the stage's folder as its last run left it, which ``out`` will replace; it need not be there.
     """
 
     path: Path
@@ -38,6 +39,7 @@ class Context:
     progress: Progress = silent
     answers: Mapping[str, Answer] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
+    former: Path | None = None
 
 
 class NotApplicable(InputError):  # noqa: N818 - it says what the stage is, not that something broke

@@ -10,7 +10,7 @@ from graphlib import TopologicalSorter
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage: ``module.run(context) -> answer``, and optionally ``module.describe(answer) -> str``.
+    """One stage: ``module.run(context) -> answer``.
 
     ``parents`` must be up to date first; those in ``optional`` too, as far as they are built and apply to the rig.
     ``tables`` are the tables of the pipeline file that the stage reads itself; what its parents read reaches it

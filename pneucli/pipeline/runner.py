@@ -113,7 +113,7 @@ class Pipeline:
             done: dict[str, Done] = {}
             for name, verdict in verdicts.items():
                 if verdict.why:
-                    say(f"{name}: {', '.join(verdict.why)}")
+                    say(f"running {name} ({', '.join(verdict.why).replace(staleness.NEVER, 'first time')})")
                 done[name] = self._renewed(name, verdict, done, config, progress)
         return done
 
@@ -143,7 +143,8 @@ class Pipeline:
         if manifest.skipped is None:
             answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
             options = verdict.inputs.options
-            context = Context(self.path, config, out, self.artifacts, progress, answers, options)
+            former = self.artifacts / name
+            context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
             manifest = _run(self.stages[name], context, manifest)
         manifest.write(out)
         folders.finish(self.artifacts, name)
@@ -166,7 +167,6 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
         manifest,
         outputs=staleness.stamp_folder(context.out),
         answer=answer,
-        summary=module.describe(answer) if hasattr(module, "describe") else "",
         seconds=round(time.monotonic() - start, 3),
     )
 

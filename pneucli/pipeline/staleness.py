@@ -22,7 +22,8 @@ import pneucli
 from pneucli.pipeline.context import Answer
 
 FILE = "stage.json"
-SCHEMA = "pneucli/stage/1"
+SCHEMA = "pneucli/stage/2"
+NEVER = "never done"
 
 
 def digest(value: object) -> str:
@@ -103,7 +104,6 @@ class Manifest:
     inputs: Inputs
     outputs: Mapping[str, Stamp] = field(default_factory=dict)
     answer: Answer | None = None
-    summary: str = ""
     skipped: Mapping[str, str] | None = None
     seconds: float = 0.0
 
@@ -142,7 +142,7 @@ def stamp_folder(folder: Path, known: Mapping[str, Stamp] | None = None) -> dict
 def differences(before: Manifest | None, now: Inputs, outputs: Mapping[str, Stamp]) -> tuple[str, ...]:
     """Say what makes a folder stale: inputs that changed since ``before``, and ``outputs`` that are not as written."""
     if before is None:
-        return ("never done",)
+        return (NEVER,)
     was = before.inputs
     why = ["the program changed"] if was.program != now.program else []
     why += [f"{_verb(was.tables, now.tables, name)} [{name}]" for name in _changed(was.tables, now.tables)]

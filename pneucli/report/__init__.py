@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pneucli.report.junit import to_junit
-from pneucli.report.material import Check, Material, Table
+from pneucli.report.material import Check, Former, Material, Table
 from pneucli.report.page import to_html
 from pneucli.report.summary import to_markdown
 
-__all__ = ["Check", "Material", "Table", "to_html", "to_junit", "to_markdown"]
+__all__ = ["Check", "Former", "Material", "Table", "to_html", "to_junit", "to_markdown"]

@@ -28,3 +28,10 @@ def envelope(curves: Sequence[NDArray[Any]], most: int) -> NDArray[np.int64]:
         chosen.append(start + np.argmin(np.where(np.isnan(cut), np.inf, cut), axis=1))
         chosen.append(start + np.argmax(np.where(np.isnan(cut), -np.inf, cut), axis=1))
     return np.unique(np.concatenate(chosen))
+
+
+def broken(values: NDArray[Any], segment: NDArray[Any]) -> NDArray[np.float64]:
+    """Return values of shape (n,) with NaN in the last place of each ``segment`` (n,): a restart shows as a gap."""
+    out = np.array(values, dtype=np.float64)
+    out[np.flatnonzero(np.diff(segment))] = np.nan
+    return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +13,7 @@ import matplotlib
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
@@ -69,6 +70,14 @@ def drawing(caption: str, x: str, y: str, height: float = HEIGHT) -> Iterator[Dr
         one.figure = Figure(_svg(canvas), one.caption)
 
 
+def render(draw: Callable[[Canvas], None], width: float, height: float) -> str:
+    """Return as SVG what ``draw`` draws on a canvas of that size in inches."""
+    with matplotlib.rc_context(_STYLE):
+        canvas = Canvas(figsize=(width, height), layout="constrained")
+        draw(canvas)
+        return _svg(canvas)
+
+
 def figures(drawings: Sequence[Drawing]) -> list[Figure]:
     """Return the finished figures of drawings."""
     return [one.figure for one in drawings if one.figure is not None]
@@ -90,8 +99,9 @@ def shade(number: int, count: int) -> Any:
     return _MIDDLE(number / max(count - 1, 1))
 
 
-def heat(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title: str, **options: Any) -> None:
+def heat(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title: str, **options: Any) -> Colorbar:
     """Draw ``z`` of shape (y, x) as an image over cell edges or centres, with a colour bar; NaN stays empty."""
     mesh = one.axes.pcolormesh(x, y, np.ma.masked_invalid(z), rasterized=True, **options)
     bar = one.canvas.colorbar(mesh, ax=one.axes, label=title, pad=0.02)
     bar.outline.set_visible(False)
+    return bar

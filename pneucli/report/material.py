@@ -72,9 +72,20 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Former:
+    """An earlier answer of a stage, to an earlier model on the same data, and a table that was kept with it."""
+
+    answer: Mapping[str, Any]
+    table: Table = field(default_factory=lambda: Table({}))
+
+
+@dataclass(frozen=True)
 class Material:
     """The pipeline's name, the answers by stage, the tables by ``"stage/file"``, and the checks; any may be absent.
 
+    ``history`` lists every model that was compared (as ``pneucli history`` does), ``before`` is the comparison of the
+    first of them on the same data, with its residuals, and ``diagnoses`` are the earlier diagnoses, oldest first, each
+    with the shapes of its residuals. ``rig`` says what stands on the bench, ``file`` names the pipeline file, and
     ``about`` says what made the report: words to be shown in its last lines.
     """
 
@@ -83,6 +94,11 @@ class Material:
     tables: Mapping[str, Table] = field(default_factory=dict)
     checks: Sequence[Check] = ()
     about: Mapping[str, str] = field(default_factory=dict)
+    rig: str = ""
+    file: str = "pipeline.toml"
+    history: Sequence[Mapping[str, Any]] = ()
+    before: Former | None = None
+    diagnoses: Sequence[Former] = ()
 
     def answer(self, stage: str) -> Mapping[str, Any]:
         """Return a stage's answer, empty where there is none."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -12,13 +13,14 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from pneucli.report.front import front
 from pneucli.report.material import Material
-from pneucli.report.parts import Note, Panel, Section, Zoom
+from pneucli.report.parts import Panel, Section, Zoom
 from pneucli.report.sections import SECTIONS
-from pneucli.report.sections.comparison import verdict as compared
-from pneucli.report.sections.diagnosis import verdict as diagnosed
 
 _ASSETS = files("pneucli.report") / "assets"
+STYLES = ("uPlot.min.css", "page.css")
+SCRIPTS = ("uPlot.iife.min.js", "plots.js")
 
 
 def to_html(material: Material) -> str:
@@ -30,40 +32,40 @@ def to_html(material: Material) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["asset"] = lambda name: Markup((_ASSETS / name).read_text(encoding="utf-8"))
     sections = [section for make in SECTIONS if (section := make(material)) is not None]
+    scripts = [_asset(name) for name in SCRIPTS] if any(_zooms(sections)) else []
     return environment.get_template("page.html.j2").render(
         name=material.name,
-        warnings=list(warnings(material)),
-        verdicts=verdicts(material),
+        front=front(material),
         sections=sections,
         about=material.about,
+        styles=[_asset(name) for name in STYLES],
+        scripts=scripts,
+        policy=_policy(scripts),
         plots=Markup(_plots(sections)),
     )
 
 
-def verdicts(material: Material) -> list[Note]:
-    """Return the sentences that stand first: the error against the noise floor, the diagnosis, failed checks."""
-    notes = [compared(material.answer("compare")), diagnosed(material.answer("diagnose"))]
-    if failed := [check.path for check in material.checks if check.failure]:
-        notes.append(Note(f"Failed checks: {', '.join(failed)}.", "bad"))
-    return [note for note in notes if note is not None]
+def _asset(name: str) -> Markup:
+    return Markup((_ASSETS / name).read_text(encoding="utf-8"))
 
 
-def warnings(material: Material) -> Iterator[str]:
-    """Yield every warning of every stage, and what a reader must know before the numbers."""
-    for stage, answer in material.answers.items():
-        yield from (f"{stage}: {warning}" for warning in answer.get("warnings", []))
-    errors = material.answer("compare").get("error", {})
-    if errors and errors.get("test") is None:
-        yield "compare: no test recording; the errors are of recordings that the model was fitted to"
+def _policy(scripts: Sequence[str]) -> str:
+    """Return the content security policy: this page's own scripts and pictures, nothing from anywhere else."""
+    hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
+    allowed = " ".join(f"'sha256-{one}'" for one in hashes) or "'none'"
+    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
+
+
+def _zooms(sections: Sequence[Section]) -> Iterator[Zoom]:
+    return (part for section in sections for part in section.parts if isinstance(part, Zoom))
 
 
 def _plots(sections: list[Section]) -> str:
     """Return the data of the zoomable plots as JSON that can stand in a script element."""
-    zooms = [part for section in sections for part in section.parts if isinstance(part, Zoom)]
     content = {
-        zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs] for zoom in zooms
+        zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs]
+        for zoom in _zooms(sections)
     }
     return json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
 
@@ -74,6 +76,7 @@ def _panel(panel: Panel) -> dict[str, Any]:
         "title": panel.title,
         "unit": panel.unit,
         "start": start,
+        "restarts": [round(t, 6) for t in panel.restarts],
         "time": _packed(panel.time - start),
         "series": [{"label": s.label, "role": s.role, "values": _packed(s.values)} for s in panel.series],
     }

@@ -45,7 +45,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Note:
-    """A sentence of its own; ``tone``: good, bad or none."""
+    """A sentence of its own; ``tone``: good, bad, warning or none."""
 
     kind: ClassVar[str] = "note"
     text: str
@@ -63,12 +63,13 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves over one time axis (s), all in ``unit``."""
+    """Curves over one time axis (s), all in ``unit``; ``restarts`` (s) are marked."""
 
     title: str
     unit: str
     time: NDArray[Any]
     series: Sequence[Series]
+    restarts: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,18 @@ Part = Grid | Figure | Note | Zoom
 
 @dataclass(frozen=True)
 class Section:
-    """A chapter of the page: its anchor, title, one leading sentence, and parts."""
+    """A chapter of the page: its anchor, title, one leading sentence, and parts; a folded one opens on demand."""
 
     anchor: str
     title: str
     lead: str
     parts: Sequence[Part] = field(default_factory=tuple)
+    folded: bool = False
+
+
+def warnings(material: Material, stage: str) -> list[Part]:
+    """Return what a stage warns of, to stand where it belongs."""
+    return [Note(f"{warning}.", "warning") for warning in material.answer(stage).get("warnings", [])]
 
 
 SectionMaker = Callable[[Material], "Section | None"]

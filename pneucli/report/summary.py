@@ -5,23 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pneucli.report.front import Front, front
 from pneucli.report.material import Material
-from pneucli.report.page import verdicts, warnings
-from pneucli.report.sections.comparison import test_first
+from pneucli.words.compare import event_in_words, events, test_first
+from pneucli.words.history import comparable
 
 Row = Sequence[object]
 
 
 def to_markdown(material: Material) -> str:
-    """Return warnings, verdict, checks, errors, where they stand, the diagnosis's ladder and parameters."""
+    """Return the first screen in words, history, checks, errors and where they stand, ladder, parameters, warnings."""
     return "\n".join(_lines(material)) + "\n"
 
 
 def _lines(material: Material) -> Iterator[str]:
     yield f"# {material.name}"
-    if told := list(warnings(material)):
-        yield from ("", "**Warnings**", "", *(f"- {warning}" for warning in told))
-    yield from (line for note in verdicts(material) for line in ("", note.text))
+    yield from (line for text in _first(front(material)) for line in ("", text))
+    if len(material.history) > 1:
+        rows = [
+            (
+                m["when"],
+                ", ".join(m["effects"]) or "base model",
+                _number(m["error"]["test"]),
+                _number(m["error"]["train"]),
+            )
+            for m in comparable(material.history)
+        ]
+        yield from _table("History, error over noise", ("compared", "effects", "test", "train"), rows)
     if material.checks:
         checks = [(c.path, c.wanted, _number(c.value), "FAILED" if c.failure else "passed") for c in material.checks]
         yield from _table("Checks", ("check", "wanted", "found", ""), checks)
@@ -32,6 +42,15 @@ def _lines(material: Material) -> Iterator[str]:
     if parameters := material.answer("identify").get("model", {}).get("parameters"):
         rows = [(n, _number(p["value"]), *map(_number, p["ci95"]), p["unit"]) for n, p in parameters.items()]
         yield from _table("Parameters", ("name", "value", "95 % from", "to", "unit"), rows)
+    told = [f"{stage}: {w}" for stage, answer in material.answers.items() for w in answer.get("warnings", [])]
+    if told:
+        yield from ("", "## Warnings", "", *(f"- {warning}" for warning in told))
+
+
+def _first(first: Front) -> Iterator[str]:
+    yield first.line
+    yield from (f"**{tile.title}: {tile.large}** {tile.words}" for tile in first.tiles)
+    yield from filter(None, (first.checks, first.failed, first.following))
 
 
 def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
@@ -40,8 +59,13 @@ def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
     keys = ("recording", "use", "channel", "rmsd", "unit", "percent", "fit_percent", "noise", "ratio_to_noise")
     rows = [[_number(c[key]) for key in keys] for c in test_first(answer["channels"])]
     yield from _table("Model against measurement", keys, rows)
-    if regions := answer.get("where", []):
-        yield from ("", "## Where the error concentrates, worst first", "", *(f"- {r['words']}" for r in regions[:10]))
+    if answer.get("where"):
+        yield from (
+            "",
+            "## Where the error concentrates, worst first",
+            "",
+            *(f"- {event_in_words(e)}" for e in events(answer)[:10]),
+        )
 
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:

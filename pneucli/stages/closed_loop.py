@@ -22,6 +22,7 @@ from pneucli.stages.design import bench_of, load_controller
 from pneucli.stages.study import Study, load_model
 
 RUNS = 112  # of the Monte Carlo study where the pipeline file states none: each effect of the catalogue four times
+TOLERATED = 2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
 STUDIED = ("steps", "sine", "load")  # scenarios of that study
 MONTE_CARLO_KEYS = ("kind", "name", "runs", "seed", "tolerances", "checks")
 SIGNALS = {  # columns of closed_loop.parquet: where they stand in the model's output or the controller's log, and units
@@ -61,6 +62,7 @@ def simulate_closed_loop(study: Study) -> dict[str, Any]:
         }
         _write_runs(study, runs)
         answer["closed_loop"] = {r.scenario.name: _figures(r, model, controller) for r in runs["compensated"]}
+        answer["tolerance_um"] = TOLERATED * 1e6 * controller.values["C_REACH"]
         answer["pid_alone"] = {r.scenario.name: _figures(r, model, controller) for r in runs["pid_alone"]}
     studies = [t for t in tables if t.get("kind") == "monte-carlo"] or ([] if tables else [{}])
     for table in studies:
@@ -189,20 +191,3 @@ def _write_robust(study: Study, rows: Sequence[Mapping[str, Any]], rates: Sequen
 def _unit(figure: str) -> str:
     """Return the unit that a figure's name ends in."""
     return {"um": "um", "s": "s", "hz": "Hz", "v": "V", "kg": "kg"}.get(figure.rsplit("_", 1)[-1], "1")
-
-
-def describe(answer: Mapping[str, Any]) -> list[str]:
-    """Return the closed loop's figures as lines for a person."""
-    lines = []
-    for name, with_it in answer.get("closed_loop", {}).items():
-        alone = answer["pid_alone"][name]
-        shown = [(n, v, alone[n]) for n, v in with_it.items() if v is not None]
-        lines.append(f"closed loop, {name} (with compensation; PIDs alone):")
-        lines += [f"  {n:18s} {v:10.4g} {'unbounded' if a is None else format(a, '10.4g'):>10s}" for n, v, a in shown]
-    for name, check in answer.get("robust", {}).get("checks", {}).items():
-        worst = "unbounded" if check["worst"] is None else f"{check['worst']:.4g}"
-        lines.append(
-            f"Monte Carlo, {name} <= {check['limit']:g}: {check['held']} of {check['runs']} runs; "
-            f"worst {worst} in run {check['worst_run']}"
-        )
-    return lines

@@ -14,7 +14,10 @@ from pneucli.compare.expected import expected_of_all
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
+from pneucli.stages import history
 from pneucli.stages.study import Study, load_model
+
+RESIDUALS = "residuals.parquet"
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -30,8 +33,8 @@ def run(context: Context) -> dict[str, Any]:
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
     _write_residuals(study, comparisons)
     results = [r for c in comparisons for r in c.results]
-    regions = find_regions(comparisons)
-    return _answer(study, results, regions)
+    answer = _answer(study, results, find_regions(comparisons))
+    return answer | history.keep(context, answer, RESIDUALS)
 
 
 def _answer(study: Study, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
@@ -42,7 +45,8 @@ def _answer(study: Study, results: Sequence[ChannelResult], regions: Sequence[Re
         "model": study.context.answers["identify"]["model"],
         "channels": [_finite(asdict(r)) for r in results],
         "error": {use: overall_error(results, use) for use in ("train", "test")},
-        "where": [_renamed(asdict(r)) | {"words": r.in_words()} for r in regions],
+        "where": [_renamed(asdict(r)) for r in regions],
+        "data": study.data,
     }
 
 
@@ -69,21 +73,9 @@ def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
             for name, part in zip(numbers, parts, strict=True):
                 numbers[name].append(part)
     write_table(
-        study.context.out / "residuals.parquet",
+        study.context.out / RESIDUALS,
         {**columns, **{n: np.concatenate(parts).astype(np.float64) for n, parts in numbers.items()}},
         units={"time": "s", "segment": "1"} | dict.fromkeys(("measured", "model", "residual"), "see column unit"),
         schema="pneucli/compare/residuals/1",
         provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
     )
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return the errors as lines for a person, test recordings first, then where they stand."""
-    lines = [f"{'recording':20s} {'use':6s} {'channel':8s} {'rmsd':>12s} {'unit':6s} {'% range':>8s} {'x noise':>8s}"]
-    for c in sorted(answer["channels"], key=lambda c: c["use"] != "test"):
-        percent, ratio = ("–" if c[k] is None else format(c[k], ".3g") for k in ("percent", "ratio_to_noise"))
-        head = f"{c['recording']:20s} {c['use']:6s} {c['channel']:8s} {c['rmsd']:12.5g} {c['unit']:6s}"
-        lines.append(f"{head} {percent:>8s} {ratio:>8s}")
-    for use, error in answer["error"].items():
-        lines.append(f"error over noise, {use}: {'no such recording' if error is None else format(error, '.3g')}")
-    return "\n".join(lines + [region["words"] for region in answer["where"][:5]])

@@ -128,7 +128,7 @@ def _sectors(folder: Path, controller: Controller, wanted: Requirements) -> tupl
     except InputError as error:
         return {}, [f"no sliding sector: {error.found}"]
     found = {"vertices": sector, "resolved": resolved(sector, c["C_STATIC"], c["C_SECTOR_2"])}
-    return found, [w for w in [found["vertices"].warning] if w]
+    return found, []  # where it is too steep the resolved one is taken, and the table of sectors says so
 
 
 def _write(study: Study, designed: Designed) -> None:
@@ -219,28 +219,9 @@ def _answer(study: Study, designed: Designed) -> dict[str, Any]:
         "pipeline": study.context.config.name,
         "requirements": asdict(designed.requirements),
         "corners": {n: {"value": v, "unit": "1/s"} for n, v in asdict(designed.corners).items()},
-        "sector": {n: asdict(s) | {"steepness": s.steepness} for n, s in designed.sectors.items()},
+        "sector": {n: asdict(s) | {"steepness": s.steepness, "remark": s.warning} for n, s in designed.sectors.items()},
         "matching": {n: {"holds": not broken, "broken_by": broken} for n, broken in designed.matching.items()},
         "surface": [{**row, "surface": list(map(float, row["surface"]))} for row in designed.surfaces],
         "lmi": {"best": best, "types": lmi},
         "warnings": designed.warnings,
     }
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return the design as lines for a person."""
-    lines = [f"{name.replace('_', ' ')}: {c['value']:.4g} rad/s" for name, c in answer["corners"].items()]
-    for name, s in answer["sector"].items():
-        lines.append(
-            f"sector, {name}: lambda {s['lambda_1']:.4g} and {s['lambda_2']:.4g} 1/s, "
-            f"lambda2 T = {s['steepness']:.3g}, a22(0) = {s['a_2']:.4g} 1/s resolved down to {s['speed_floor']:.2g} m/s"
-        )
-    for name, m in answer["matching"].items():
-        broken = "; ".join(f"{d} acts on {', '.join(states)}" for d, states in m["broken_by"].items())
-        lines.append(f"matching condition, {name} system: {'holds' if m['holds'] else f'does not hold: {broken}'}")
-    for t in answer["lmi"]["types"]:
-        rate = (
-            "none" if t["rate"] is None else f"{t['rate']:.4g} 1/s, {'verified' if t['verified'] else 'NOT verified'}"
-        )
-        lines.append(f"PDC, weights {t['weight_type']}: decay rate {rate}")
-    return "\n".join(lines + [f"warning: {w}" for w in answer["warnings"]])

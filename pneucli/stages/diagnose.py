@@ -15,10 +15,10 @@ from pneucli.identify.effects import fit_model
 from pneucli.identify.start import first_guess
 from pneucli.identify.views import View
 from pneucli.pipeline.context import Context
-from pneucli.stages.diagnose_tables import write_diagnosis
+from pneucli.stages import history
+from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
 from pneucli.stages.study import Study
-from pneucli.units import after_number
 
 HELD_OUT = 3  # without test recordings, every third is held out
 
@@ -44,7 +44,7 @@ def run(context: Context) -> dict[str, Any]:
     answer = _answer(study, bench, found)
     answer["warnings"] = warnings
     write_diagnosis(study, bench, found, answer)
-    return answer
+    return answer | history.keep(context, answer, SHAPE)
 
 
 def _bench(study: Study) -> tuple[Bench, list[str]]:
@@ -94,6 +94,9 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
     return {
         "schema": "pneucli/diagnose/1",
         "pipeline": study.context.config.name,
+        "model": {"effects": [e.name for e in study.effects]},
+        "data": study.data,
+        "excluded": study.context.options.get("exclude", []),
         "verdict": found.verdict,
         "missing": list(found.missing),
         "ladder": ladder,
@@ -154,6 +157,7 @@ def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float |
         )
     return {
         "effect": name,
+        "title": effect.title,
         "error_before": before,
         "error_after": after,
         "parameters": _parameters(study, found.found.last, name),
@@ -174,6 +178,7 @@ def _others(
     return [
         {
             "effect": t.effect.name,
+            "title": t.effect.title,
             "error_before": _error(before),
             "error_after": _error(errors.of(t.state.model)),
             "parameters": _parameters(study, t.state, t.effect.name),
@@ -258,17 +263,3 @@ def sentence(found: Diagnosis, rungs: list[dict[str, float | None]]) -> str:
 
 def _number(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.3g}"
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return the diagnosis as lines for a person."""
-    lines = [f"{answer['verdict']}: {answer['sentence']}", ""]
-    for step in answer["ladder"]:
-        errors = f"train {_number(step['error_train'])}, test {_number(step['error_test'])}"
-        lines.append(f"  {step['add'] or 'model as it is':24s} error {errors}")
-    for c in answer["candidates"]:
-        values = ", ".join(f"{n} {p['value']:.4g}{after_number(p['unit'])}" for n, p in c["parameters"].items())
-        lines += [f"{'*' if c['effect'] in answer['missing'] else ' '} {c['effect']} ({values})", f"    {c['why']}"]
-    if answer["next_experiment"]:
-        lines += ["", f"next: {answer['next_experiment']}"]
-    return "\n".join(lines + [f"warning: {w}" for w in answer["warnings"]])

@@ -20,6 +20,7 @@ from pneucli.stages.study import Study
 
 Array = NDArray[np.float64]
 BINS = 40
+SHAPE = "shape.parquet"
 SHAPES = 3  # recordings a picture is drawn of
 
 

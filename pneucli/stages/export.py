@@ -62,8 +62,3 @@ def _write_tables(out: Path, target: str, controller: Controller, tables: dict[s
         return
     for name, table in {**tables, "controller": files.controller_table(controller)}.items():
         files.write_csv(out / f"{name}.csv", table)
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return the files as lines for a person."""
-    return "\n".join([f"one step every {answer['period_s']:g} s", *answer["files"]])

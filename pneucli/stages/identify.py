@@ -16,6 +16,8 @@ from pneucli.stages.friction_tables import write_friction
 from pneucli.stages.study import Study, save_model
 from pneucli.stages.valve_tables import iso_parameters, write_valve
 
+AT_BOUND = "{} stands at its bound: these recordings do not show it; leave it out, or record a motion that does"
+
 
 def run(context: Context) -> dict[str, Any]:
     """Identify whatever the training recordings allow; return the answer that ``--json`` prints.
@@ -38,7 +40,7 @@ def run(context: Context) -> dict[str, Any]:
     friction = _friction(study, warnings)
     estimates = [as_ratio(e, study) for e in fitted.estimates]
     _write(study, fitted, estimates, valve, friction)
-    warnings += [f"{e.name} stands at its bound" for e in fitted.estimates if e.at_bound]
+    warnings += [AT_BOUND.format(e.name) for e in fitted.estimates if e.at_bound]
     return _answer(study, estimates, valve, friction, warnings)
 
 
@@ -134,6 +136,7 @@ def _answer(
         }
     if friction is not None:
         answer["friction"] = {
+            "warnings": list(friction.warnings),
             "kinetic": [
                 {"recording": k.recording, "pressures": k.pressures, "friction": k.friction.value, "unit": "N"}
                 for k in friction.kinetic
@@ -152,12 +155,3 @@ def _answer(
             ],
         }
     return answer
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return the parameters as lines for a person."""
-    effects = ", ".join(answer["model"]["effects"]) or "none"
-    lines = [f"model effects: {effects}"]
-    for name, p in answer["model"]["parameters"].items():
-        lines.append(f"  {name:36s} {p['value']:12.5g} {p['unit']:8s} 95 %: {p['ci95'][0]:.5g} to {p['ci95'][1]:.5g}")
-    return "\n".join(lines + [f"warning: {w}" for w in answer["warnings"]])

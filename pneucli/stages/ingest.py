@@ -72,18 +72,6 @@ def run(context: Context) -> dict[str, Any]:
     return _answer(config, done)
 
 
-def describe(answer: dict[str, Any]) -> str:
-    """Return the answer as text for people."""
-    lines = [
-        f"{one['name']:24} {one['experiment']:9} {one['use']:6} {one['samples']:9d} samples  {' '.join(one['signals'])}"
-        for one in answer["recordings"]
-    ]
-    lines += [
-        f"repaired or noticed: {one['recording']}, {one['signal']}: {one['message']}" for one in answer["repairs"]
-    ]
-    return "\n".join([*lines, *(f"warning: {message}" for message in answer["warnings"])])
-
-
 def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
     table, ambient = source.table, config.rig.ambient_pressure
     return RawFile(

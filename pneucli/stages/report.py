@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pneucli import __version__
+from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path, read_metadata, read_table
 from pneucli.pipeline.checks import evaluate
 from pneucli.pipeline.context import Context
-from pneucli.report import Check, Material, Table, to_html, to_junit, to_markdown
+from pneucli.report import Check, Former, Material, Table, to_html, to_junit, to_markdown
+from pneucli.stages import history
+from pneucli.stages.compare import RESIDUALS
+from pneucli.stages.diagnose_tables import SHAPE
+from pneucli.words.numbers import number, quantity
 
 SHOWN = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", "simulate/*")
 
@@ -22,7 +29,8 @@ def run(context: Context) -> dict[str, Any]:
     checks = [check(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
     tables = load_tables(context.artifacts)
     about = {"made by": f"pneucli {__version__}", "pipeline file": context.path.name}
-    material = Material(context.config.name, context.answers, tables, checks, about)
+    material = Material(context.config.name, context.answers, tables, checks, about, rig_in_words(context.config))
+    material = replace(material, file=context.path.name, **_earlier(context.artifacts))
     context.progress("drawing", 0.3)
     page = to_html(material)
     for name, text in (
@@ -44,12 +52,39 @@ def run(context: Context) -> dict[str, Any]:
 def load_tables(artifacts: Path) -> dict[str, Table]:
     """Return the artifacts that a report may show, by ``"stage/file"``."""
     paths = sorted({path for pattern in SHOWN for path in artifacts.glob(f"{pattern}.parquet")})
-    return {
-        path.relative_to(artifacts).with_suffix("").as_posix(): Table(
-            read_table(path), read_metadata(path).get("units", {})
-        )
-        for path in paths
-    }
+    return {path.relative_to(artifacts).with_suffix("").as_posix(): _table(path) for path in paths}
+
+
+def rig_in_words(config: PipelineConfig) -> str:
+    """Return what stands on the bench: the cylinder by bore and stroke, the vessel, the supply."""
+    rig = config.to_rig()
+    parts = []
+    if rig.piston_area_1 is not None:
+        bore = number(2e3 * math.sqrt(rig.piston_area_1 / math.pi), 3)
+        parts.append(f"cylinder ⌀ {bore} mm" + (f" × {quantity(rig.stroke, 'm', 3)}" if rig.stroke else ""))
+    elif rig.vessel_volume is not None:
+        parts.append(f"vessel of {quantity(rig.vessel_volume, 'm^3', 3)}")
+    if rig.supply_pressure is not None:
+        parts.append(f"supply {quantity(rig.supply_pressure, 'Pa', 3)}")
+    return ", ".join(parts)
+
+
+def _earlier(artifacts: Path) -> dict[str, Any]:
+    """Return what was kept of earlier models and diagnoses on the data as they are."""
+    compared = history.models(artifacts / "compare")
+    data = next((one.answer["data"] for one in compared if one.current), None)
+    former = [one for one in compared if one.answer["data"] == data and not one.current]
+    before = Former(former[0].answer, _table(former[0].folder / RESIDUALS)) if former else None
+    diagnoses = [
+        Former(one.answer, _table(one.folder / SHAPE))
+        for one in history.models(artifacts / "diagnose")
+        if one.answer["data"] == data and not one.current
+    ]
+    return {"history": history.listed(artifacts / "compare"), "before": before, "diagnoses": diagnoses}
+
+
+def _table(path: Path) -> Table:
+    return Table(read_table(path), read_metadata(path).get("units", {}))
 
 
 def _limits(context: Context) -> dict[str, dict[str, Any]]:
@@ -64,10 +99,3 @@ def check(path: str, limit: Mapping[str, Any], answers: Mapping[str, Mapping[str
     except InputError as error:
         return Check(path, wanted, None, str(error))
     return Check(path, wanted, result.value, "" if result.passed else str(result))
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return a line for a person."""
-    failed = [c["path"] for c in answer["checks"] if not c["passed"]]
-    more = f"; failed checks: {', '.join(failed)}" if failed else ""
-    return f"report/report.html ({answer['bytes'] / 1e6:.1f} MB), summary.md, junit.xml{more}"

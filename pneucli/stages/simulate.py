@@ -12,7 +12,6 @@ from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.open_loop import OpenLoopRun, default_runs, run_scenario
-from pneucli.stages import closed_loop
 from pneucli.stages.closed_loop import simulate_closed_loop
 from pneucli.stages.study import Study, load_model
 
@@ -71,14 +70,3 @@ def _write(study: Study, runs: Sequence[OpenLoopRun]) -> None:
         schema="pneucli/simulate/open_loop/1",
         provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
     )
-
-
-def describe(answer: dict[str, Any]) -> str:
-    """Return the channels' ranges as lines for a person."""
-    lines = [f"{'scenario':20s} {'channel':8s} {'least':>12s} {'largest':>12s} {'unit':6s} {'RMSD':>10s}"]
-    for one in answer["open_loop"]:
-        for m in one["channels"]:
-            rmsd = "–" if m["rmsd"] is None else f"{m['rmsd']:.4g}"
-            head = f"{one['scenario']:20s} {m['channel']:8s} {m['from']:12.5g} {m['to']:12.5g}"
-            lines.append(f"{head} {m['unit']:6s} {rmsd:>10s}")
-    return "\n".join(lines + closed_loop.describe(answer))

@@ -14,6 +14,7 @@ from pneucli.io.recordings import load_recordings
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select
 from pneucli.pipeline.context import Context
+from pneucli.pipeline.staleness import digest
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
@@ -64,6 +65,15 @@ class Study:
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
         return ready
+
+    @cached_property
+    def data(self) -> str:
+        """Digest of what an error is an error of: the raw files, how they are read and used, and the horizon."""
+        config, document = self.context.config, self.context.config.document
+        files = [(r["name"], r["use"], r["sha256"]) for r in self.context.answers["ingest"]["recordings"]]
+        recordings = [{k: v for k, v in table.items() if k != "file"} for table in document.get("recordings", [])]
+        read = (files, recordings, document.get("signals"), config.rig.ambient_pressure, config.compare.model_dump())
+        return digest(read)
 
     def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""

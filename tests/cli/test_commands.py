@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pneucli.cli import console
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
 
@@ -37,20 +40,31 @@ def test_json_is_one_object_on_standard_output_and_the_same_when_nothing_is_to_d
     assert (first.code, second.code) == (0, 0)
     assert answer(first.out)["schema"] == f"toy/{stage}/1"
     assert second.out == first.out
-    assert "ingest: never done" in first.err
+    assert "running ingest (first time)" in first.err
     assert second.err == ""
 
 
-def test_without_a_terminal_progress_is_a_few_plain_lines_on_standard_error(pneucli: Command, bench: Path) -> None:
-    lines = [line for line in pneucli("ingest", bench).err.splitlines() if "reading" in line]
-    assert lines[0] == "  reading: 0 %"
-    assert lines[-1] == "  reading: 100 %"
-    assert len(lines) == 11
+def test_without_a_terminal_what_is_soon_done_is_said_in_one_line(pneucli: Command, bench: Path) -> None:
+    assert pneucli("ingest", bench).err == "running ingest (first time)\n"
+
+
+def test_without_a_terminal_a_long_work_says_now_and_then_how_far_it_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "SILENCE", 0.05)
+    with console.progress(quiet=False) as progress:
+        for percent in range(20):
+            progress("fitting", percent / 100)
+        time.sleep(0.18)
+    lines = capsys.readouterr().err.splitlines()
+    assert 2 <= len(lines) <= 4
+    assert all(re.fullmatch(r"  fitting, 19 % \(\d+ s\)", line) for line in lines)
 
 
 def test_quiet_says_nothing_on_standard_error(pneucli: Command, bench: Path) -> None:
     result = pneucli("ingest", bench, "--quiet")
-    assert (result.out, result.err) == ("one recording\n", "")
+    assert result.out.startswith("read     1 recordings, 0 to fit and 1 to test\n")
+    assert result.err == ""
 
 
 def test_artifacts_go_beside_the_file_or_where_out_says(pneucli: Command, bench: Path) -> None:
@@ -63,13 +77,91 @@ def test_artifacts_go_beside_the_file_or_where_out_says(pneucli: Command, bench:
 def test_run_exits_1_where_a_check_fails_and_says_value_and_limit(pneucli: Command, bench: Path) -> None:
     result = pneucli("run", bench)
     assert result.code == 1
-    assert "compare.error.test = 2 (max 1.5): FAILED" in result.out
+    assert "checks   compare.error.test = 2 (max 1.5): FAILED" in result.out
     assert pneucli("run", with_effects(bench, "valve-lag", "valve-leak")).code == 0
 
 
-def test_run_ends_with_where_the_report_is(pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_says_in_five_lines_where_the_model_stands(
+    pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(bench.parent)
-    assert pneucli("run", bench).out.splitlines()[-1] == "report: artifacts/bench/report/report.html"
+    pneucli("add", bench, "--suggested")
+    lines = [line.split(maxsplit=1) for line in pneucli("run", bench).out.splitlines()]
+    assert lines == [
+        ["error", "2.00 → 1.00 × noise on test recordings with valve-leak"],
+        ["missing", "valve-leak was missing and is in the model now"],
+        ["left", "nothing beyond noise and known uncertainty"],
+        ["checks", "1 passed"],
+        ["report", "artifacts/bench/report/report.html"],
+    ]
+
+
+def test_run_names_what_is_missing_and_the_command_that_adds_it(pneucli: Command, bench: Path) -> None:
+    out = pneucli("run", bench).out
+    assert "error    2.00 × noise on test recordings\n" in out
+    assert "missing  the model lacks valve-leak (leak in the valve)" in out
+    assert f"pneucli add {bench} --suggested" in " ".join(out.split())
+
+
+def test_verbose_shows_the_tables_behind_the_verdict(pneucli: Command, bench: Path) -> None:
+    plain, verbose = pneucli("compare", bench).out, pneucli("compare", bench, "-v").out
+    assert verbose.startswith(plain)
+    assert "step       test  p1" in verbose
+    assert "step       test  p1" not in plain
+
+
+def test_the_history_lists_every_model_once_the_oldest_first(pneucli: Command, bench: Path) -> None:
+    assert answer(pneucli("history", bench, "--json").out)["models"] == []
+    pneucli("compare", bench)
+    pneucli("add", bench, "valve-leak")
+    pneucli("add", bench, "piston-leak")
+    pneucli("remove", bench, "piston-leak")
+    models = answer(pneucli("history", bench, "--json").out)["models"]
+    assert [(m["effects"][1:], m["error"]["test"], m["current"]) for m in models] == [
+        ([], 2.0, False),
+        (["valve-leak"], 1.0, True),
+        (["valve-leak", "piston-leak"], 0.0, False),
+    ]
+    assert pneucli("history", bench).out.startswith("error    2.00 → 1.00 × noise on test recordings with valve-leak\n")
+
+
+def test_errors_on_other_data_are_told_apart(pneucli: Command, bench: Path) -> None:
+    pneucli("compare", bench)
+    bench.write_text(PIPELINE + '\n[compare]\nhorizon = "1 s"\n')
+    assert "have changed since" in pneucli("history", bench).err
+    pneucli("compare", bench)
+    models = answer(pneucli("history", bench, "--json").out)["models"]
+    assert [m["data"] for m in models] == ["horizon 0.5", "horizon 1"]
+    out = pneucli("history", bench).out
+    assert out.startswith("error    2.00 × noise on test recordings\n")
+    assert "not to be compared with the above" in out
+
+
+def test_suggested_adds_what_the_diagnosis_names_and_then_nothing(pneucli: Command, bench: Path) -> None:
+    first, second = (answer(pneucli("add", bench, "--suggested", "--json").out) for _ in range(2))
+    assert (first["added"], second["added"]) == (["valve-leak"], [])
+    assert effects_of(bench) == ["valve-lag", "valve-leak"]
+    assert first["recordings"] == [{"recording": "step", "use": "test", "before": 2.0, "after": 1.0}]
+
+
+def test_add_without_an_effect_says_what_it_wants(pneucli: Command, bench: Path) -> None:
+    result = pneucli("add", bench)
+    assert (result.code, result.out) == (2, "")
+    assert "--suggested" in result.err
+
+
+def test_diagnosing_what_run_has_diagnosed_takes_no_second_time(pneucli: Command, bench: Path) -> None:
+    pneucli("run", bench)
+    assert pneucli("diagnose", bench).err == ""
+
+
+def test_open_shows_the_report_in_the_browser(pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: bool(shown.append(address)) or True)
+    assert answer(pneucli("open", bench, "--json").out)["opened"] is True
+    assert shown == [(bench.parent / "artifacts" / "bench" / "report" / "report.html").as_uri()]
+    monkeypatch.setattr("webbrowser.open", lambda address: False)
+    assert "no browser was found" in pneucli("open", bench).out
 
 
 def test_run_tells_what_it_did_and_what_does_not_apply(pneucli: Command, bench: Path) -> None:
@@ -128,7 +220,7 @@ def test_add_and_remove_change_the_file_keep_its_words_and_show_both_errors(pneu
     assert effects_of(bench) == ["valve-lag", "valve-leak", "piston-leak"]
     removed = pneucli("remove", bench, "valve-lag")
     assert effects_of(bench) == ["valve-leak", "piston-leak"]
-    assert "error before train none, test 0\nerror after  train none, test 1\n" in removed.out
+    assert "error    0 → 1.00 × noise on test recordings\n" in removed.out
     assert "# the bench by the window" in bench.read_text()
 
 
@@ -150,9 +242,18 @@ def test_an_unknown_effect_leaves_the_file_alone(
 
 def test_a_fault_of_the_input_is_exit_2_with_one_message_and_no_traceback(pneucli: Command, bench: Path) -> None:
     result = pneucli("compare", with_effects(bench, "time-skew"), "--json")
-    assert (result.code, result.out) == (2, "")
+    assert result.code == 2
     assert "error: raw.csv, line 3: no number" in result.err
     assert "Traceback" not in result.err
+
+
+def test_errors_are_json_under_json(pneucli: Command, bench: Path) -> None:
+    told = answer(pneucli("compare", with_effects(bench, "time-skew"), "--json").out)
+    assert (told["schema"], told["exit_code"]) == ("pneucli/error/1", 2)
+    assert told["error"] == {"where": "raw.csv, line 3", "found": "no number", "wanted": "", "mend": ""}
+    wrong = pneucli("compare", bench, "--json", "--jason")
+    assert wrong.code == 2
+    assert "--jason" in answer(wrong.out)["error"]["found"]
 
 
 def test_a_fault_of_the_program_is_exit_3_one_line_and_a_traceback_in_a_file(pneucli: Command, bench: Path) -> None:

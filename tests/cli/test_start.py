@@ -33,12 +33,15 @@ for words in [[], *([name] for name in typer.main.get_command(build()).commands)
 def test_help_of_every_command_loads_nothing_heavy() -> None:
     result = subprocess.run([sys.executable, "-c", HELP_OF_ALL], cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
-    assert result.stdout.count("Usage: pneucli") >= 5
+    helps = result.stdout.split("Usage: pneucli")[1:]
+    assert len(helps) >= 5
+    assert all("Example: pneucli " in one or " COMMAND " in one for one in helps)
 
 
 def test_python_m_pneucli_works() -> None:
-    words = [sys.executable, "-m", "pneucli", "--version"]
-    assert subprocess.check_output(words, cwd=ROOT, text=True) == f"pneucli {pneucli.__version__}\n"
+    for option in ("--version", "-V"):
+        words = [sys.executable, "-m", "pneucli", option]
+        assert subprocess.check_output(words, cwd=ROOT, text=True) == f"pneucli {pneucli.__version__}\n"
 
 
 RUN_AND_TELL_ITS_TIME = """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -72,8 +74,6 @@ def test_the_region_of_an_error_is_found_in_its_own_signal() -> None:
     assert worst.share_of_samples == pytest.approx(bumpy.mean(), abs=0.06)
     share = bumpy.mean()
     assert worst.share_of_error == pytest.approx(26 * share / (25 * share + 1), abs=0.05)  # 1 of noise, 25 on top
-    assert "position" in worst.in_words()
-    assert "force in given" in worst.in_words()
 
 
 def test_regions_come_worst_first() -> None:
@@ -88,3 +88,18 @@ def test_noise_has_no_region() -> None:
     error = np.random.default_rng(4).standard_normal(TIME.size)
     assert find_regions([comparison(error)]) == []
     assert find_regions([comparison(2.0 * error)]) == []  # too much, but nowhere in particular
+
+
+def test_one_error_seen_over_several_signals_is_one_event_and_another_one_is_another() -> None:
+    error = np.random.default_rng(3).standard_normal(TIME.size)
+    first, second = (TIME > 0.3) & (TIME < 0.4), (TIME > 1.5) & (TIME < 1.52)
+    one = find_regions([comparison(error + 9.0 * first)])
+    assert len(one) > 2
+    assert {r.event for r in one} == {0}
+    other = comparison(error + 30.0 * second)
+    renamed = replace(other.results[0], recording="another")
+    both = find_regions([comparison(error + 9.0 * first), replace(other, results=(renamed,))])
+    assert {r.event for r in both if r.recording == "given"}.isdisjoint(
+        r.event for r in both if r.recording == "another"
+    )
+    assert both[0].event == 0

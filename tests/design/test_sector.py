@@ -54,7 +54,7 @@ def test_the_controller_switches_by_the_same_term(x1: float, x2: float) -> None:
     assert switching(-x1, -x2, c) == pytest.approx(float(SECTOR.switching(x1, x2)), abs=1e-12)
 
 
-def test_vertices_that_the_sample_time_cannot_follow_lead_to_a_warning_that_states_the_choice() -> None:
+def test_vertices_that_the_sample_time_cannot_follow_lead_to_a_remark_that_states_the_choice() -> None:
     assert "lambda2 T = 15.4" in STEEP.warning
     assert "0.0013 m/s" in STEEP.warning
     assert SECTOR.warning == ""

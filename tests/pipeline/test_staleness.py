@@ -32,7 +32,7 @@ def bring_up(file: Path, *targets: str, program: str = "1") -> list[str]:
 def test_first_run_does_all_in_order_and_the_second_nothing(file: Path) -> None:
     said = bring_up(file)
     assert runs(file) == ALL
-    assert said[0] == "raw: never done"
+    assert said[0] == "running raw (first time)"
     assert bring_up(file) == []
     assert runs(file) == []
 
@@ -79,16 +79,16 @@ def test_a_changed_raw_file_is_named_and_all_that_follows_runs(file: Path) -> No
     bring_up(file)
     runs(file)
     (file.parent / "raw" / "b.csv").write_text("1")
-    assert bring_up(file)[:2] == ["raw: changed raw/b.csv", "model: raw is stale"]
+    assert bring_up(file)[:2] == ["running raw (changed raw/b.csv)", "running model (raw is stale)"]
     assert runs(file) == ALL
 
 
 def test_a_new_file_in_the_glob_and_one_that_is_gone_are_noticed(file: Path) -> None:
     bring_up(file)
     (file.parent / "raw" / "c.csv").write_text("2")
-    assert bring_up(file)[0] == "raw: new raw/c.csv"
+    assert bring_up(file)[0] == "running raw (new raw/c.csv)"
     (file.parent / "raw" / "c.csv").unlink()
-    assert bring_up(file)[0] == "raw: no longer raw/c.csv"
+    assert bring_up(file)[0] == "running raw (no longer raw/c.csv)"
 
 
 def test_environment_variables_in_file_names_are_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,7 +96,7 @@ def test_environment_variables_in_file_names_are_followed(tmp_path: Path, monkey
     monkeypatch.setenv("TOY_RAW", str(tmp_path / "raw"))
     bring_up(file)
     (tmp_path / "raw" / "a.csv").write_text("7")
-    assert bring_up(file)[0] == "raw: changed raw/a.csv"
+    assert bring_up(file)[0] == "running raw (changed raw/a.csv)"
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_a_changed_table_makes_stale_who_reads_it_and_who_follows(file: Path, te
 
 def test_a_changed_program_makes_all_stale(file: Path) -> None:
     bring_up(file)
-    assert bring_up(file, program="2")[0] == "raw: the program changed"
+    assert bring_up(file, program="2")[0] == "running raw (the program changed)"
 
 
 @pytest.mark.parametrize("harm", [Path.unlink, lambda path: path.write_text("scribble")])
@@ -127,14 +127,14 @@ def test_an_artifact_that_was_harmed_is_made_again_and_only_it(file: Path, harm:
     bring_up(file)
     runs(file)
     harm(file.parent / "artifacts" / "toy" / "model" / "part-2.txt")  # type: ignore[operator]
-    assert bring_up(file) == ["model: its file part-2.txt is missing or was changed"]
+    assert bring_up(file) == ["running model (its file part-2.txt is missing or was changed)"]
     assert runs(file) == ["model"]
 
 
 def test_a_broken_manifest_counts_as_never_done(file: Path) -> None:
     bring_up(file)
     (file.parent / "artifacts" / "toy" / "judge" / "stage.json").write_text('{"schema": "pneucli/st')
-    assert bring_up(file) == ["judge: never done"]
+    assert bring_up(file) == ["running judge (first time)"]
 
 
 def test_options_stay_until_the_stage_is_asked_with_others(file: Path) -> None:
@@ -180,7 +180,7 @@ def test_a_stage_that_fails_leaves_what_was_there(file: Path, monkeypatch: pytes
         with pytest.raises(ZeroDivisionError):
             bring_up(file)
     assert (file.parent / "artifacts" / "toy" / "model" / "part-0.txt").read_text() == before
-    assert bring_up(file)[0] == "model: changed [model]"
+    assert bring_up(file)[0] == "running model (changed [model])"
 
 
 def test_survey_writes_nothing(file: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.report import Check, Material, Table
+from pneucli.report import Check, Former, Material, Table
 from tests.report import controlled
 
 RNG = np.random.default_rng(1)
@@ -15,6 +15,7 @@ SAMPLES = 4000
 TIME = np.arange(SAMPLES) * 1e-3
 NOISE = {"p1": 400.0, "x": 3e-5, "v": 1e-3}
 UNIT = {"p1": "Pa", "x": "m", "v": "m/s"}
+LEAK = {"value": 5.2e-8, "unit": "m^2", "ci95": [5.1e-8, 5.3e-8]}
 RECORDINGS = {"axis_1": "train", "axis_<b>&_$2$": "test"}  # a name may hold anything but a slash
 
 
@@ -69,6 +70,7 @@ def _compare(ratios: dict[str, float]) -> dict[str, Any]:
     ]
     region = {
         "recording": "axis_1",
+        "event": 0,
         "channel": "x",
         "signal": "x",
         "from": 0.12,
@@ -76,25 +78,29 @@ def _compare(ratios: dict[str, float]) -> dict[str, Any]:
         "unit": "m",
         "share_of_error": 0.61,
         "share_of_samples": 0.1,
-        "words": "61 % of the error of x in axis_1 stands at piston position 0.12 to 0.14 m",
     }
     error = float(np.sqrt(np.mean(np.square(list(ratios.values())))))
-    return {"horizon_s": 0.5, "channels": channels, "error": {"train": error, "test": error}, "where": [region]}
+    model = {"effects": ["stribeck", "piston-leak"], "parameters": {"piston-leak.area": LEAK}}
+    more = {"model": model, "when": "2026-11-22T10:00:00Z", "data": "bench"}
+    errors = {"train": error, "test": error}
+    return {"horizon_s": 0.5, "channels": channels, "error": errors, "where": [region], **more}
 
 
-def _residuals() -> Table:
+def _residuals(fault: float = 5.0) -> Table:
+    """Noise, and in the last second, at one place of the stroke, a fault of so many times the noise."""
     columns: dict[str, list[Any]] = {n: [] for n in ("recording", "use", "channel", "unit")}
-    numbers: dict[str, list[Any]] = {n: [] for n in ("time", "measured", "model", "residual")}
+    numbers: dict[str, list[Any]] = {n: [] for n in ("time", "measured", "model", "residual", "segment")}
     signals = _signals()
+    segment = np.arange(SAMPLES) // 500
     for name, use in RECORDINGS.items():
         for channel, noise in NOISE.items():
             residual = noise * RNG.standard_normal(SAMPLES)
-            residual += 5 * noise * ((signals["x"] > 0.12) & (channel == "x"))  # a fault at one place of the stroke
+            residual += fault * noise * ((signals["x"] > 0.12) & (TIME > 3.0) & (channel == "x"))
             for column, text in zip(columns, (name, use, channel, UNIT[channel]), strict=True):
                 columns[column] += [text] * SAMPLES
             rare = (channel == "v") & (np.arange(SAMPLES) % 10 > 0)  # recorded ten times more rarely
             measured, residual = (np.where(rare, np.nan, y) for y in (signals[channel], residual))
-            values = (TIME, measured, signals[channel], residual)
+            values = (TIME, measured, signals[channel] if fault == 5.0 else measured - residual, residual, segment)
             for column, part in zip(numbers, values, strict=True):
                 numbers[column].append(part)
     return Table({**columns, **{n: np.concatenate(parts) for n, parts in numbers.items()}})
@@ -159,8 +165,9 @@ def _friction() -> dict[str, Table]:
 
 
 def _diagnosis() -> dict[str, Any]:
-    area = {"area": {"value": 5.2e-8, "unit": "m^2", "ci95": [5.1e-8, 5.3e-8]}}
+    area = {"area": LEAK}
     return {
+        "model": {"effects": ["stribeck"]},
         "verdict": "missing-effect",
         "missing": ["piston-leak"],
         "sentence": "The pressures creep toward each other while the piston rests.",
@@ -171,6 +178,7 @@ def _diagnosis() -> dict[str, Any]:
         "candidates": [
             {
                 "effect": "piston-leak",
+                "title": "Leak across the piston",
                 "error_before": 9.4,
                 "error_after": 1.05,
                 "parameters": area,
@@ -182,7 +190,9 @@ def _diagnosis() -> dict[str, Any]:
         "unexplained_share": 0.04,
         "unexplained": None,
         "next_experiment": "Hold the piston for 30 s.",
-        "detectable": [{"effect": "valve-leak", "would_show": "a valve leak above 0.02 mm2 would have shown"}],
+        "detectable": [
+            {"effect": "valve-leak", "parameter": "area", "size": 2e-8, "unit": "m^2", "would_show": "above 0.02 mm2"}
+        ],
         "moved": [{"parameter": "friction.coulomb", "from": 20.0, "to": 14.0, "unit": "N", "plausible": False}],
     }
 
@@ -238,6 +248,37 @@ def whole() -> Material:
             Check("identify.model.effects", "equals ['stribeck']", ["stribeck"]),
         ],
         about={"made by": "a test"},
+        history=[before(("stribeck", "piston-leak"), {"p1": 1.0, "x": 3.0, "v": 1.1}, 0, current=True)],
+    )
+
+
+def before(effects: tuple[str, ...], ratios: dict[str, float], number: int, *, current: bool) -> dict[str, Any]:
+    """One entry of the history."""
+    compared = _compare(ratios)
+    parameters = {"piston-leak.area": LEAK} if "piston-leak" in effects else {}
+    model = {"effects": list(effects), "parameters": parameters, "error": compared["error"]}
+    return {**model, "data": "bench", "when": f"2026-11-2{number}T10:00:00Z", "current": current}
+
+
+def fallen() -> Material:
+    """The same report after piston-leak was added: the first model had ten times the fault, and one was tried."""
+    first = {"p1": 9.0, "x": 50.0, "v": 1.2}
+    former = _compare(first)
+    now = whole()
+    adequate = {"verdict": "adequate", "missing": [], "ladder": _diagnosis()["ladder"][:1], "candidates": []}
+    diagnosed = _diagnosis() | adequate | {"model": {"effects": ["stribeck", "piston-leak"]}, "next_experiment": None}
+    ways: list[tuple[tuple[str, ...], dict[str, float]]] = [
+        (("stribeck",), first),
+        (("stribeck", "valve-lag"), {"p1": 8.0, "x": 48.0, "v": 1.2}),
+        (("stribeck", "piston-leak"), {"p1": 1.0, "x": 3.0, "v": 1.1}),
+    ]
+    return replace(
+        now,
+        answers={**now.answers, "diagnose": diagnosed},
+        history=[before(effects, r, i, current=i == 2) for i, (effects, r) in enumerate(ways)],
+        before=Former(former | {"model": {"effects": ["stribeck"], "parameters": {}}}, _residuals(50.0)),
+        diagnoses=[Former(_diagnosis(), _shape())],
+        rig="cylinder",
     )
 
 

@@ -29,7 +29,7 @@ def design() -> dict[str, Any]:
     return {
         "requirements": {"period": PERIOD, "tolerance": None},
         "corners": {"motion_observer": {"value": 300.0, "unit": "1/s"}},
-        "sector": {"vertices": sector},
+        "sector": {"vertices": {**sector, "speed_floor": 1.3e-3, "remark": "too steep"}},
         "matching": {
             "whole": {"holds": False, "broken_by": {"friction and load": ["v"]}},
             "mechanical": {"holds": True, "broken_by": {}},
@@ -41,7 +41,7 @@ def design() -> dict[str, Any]:
                 {"weight_type": "NO", "rate": None, "unit": "1/s", "status": "infeasible", "verified": False},
             ],
         },
-        "warnings": ["the sector is too steep for the sample time"],
+        "warnings": ["no PDC: the input bound is too narrow"],
     }
 
 
@@ -52,6 +52,7 @@ def simulated() -> dict[str, Any]:
     return {
         "closed_loop": {"steps": {**empty, **SHOWN}, "load": {**empty, **UNDER_LOAD}},
         "pid_alone": {name: {**empty, **figures} for name, figures in alone.items()},
+        "tolerance_um": 2e6 * REACH,
         "robust": _robust(),
     }
 

@@ -74,8 +74,22 @@ def test_it_renders_without_an_error_in_the_console(browser: Any) -> None:
     assert browser.title == "bench & co – pneucli report"
     figures = browser.find_elements(By.CSS_SELECTOR, "figure svg")
     assert len(figures) >= 14
-    assert all(figure.size["height"] > 100 for figure in figures)
+    front = next(figure for figure in figures if figure.is_displayed())
+    assert front.rect["y"] + front.rect["height"] < (900 if browser.execute_script("return innerWidth") > 700 else 1600)
+    browser.execute_script("document.querySelectorAll('details').forEach(one => one.open = true)")
+    shown = [figure.size["height"] for figure in figures if figure.size["width"]]
+    assert len(shown) == len(figures) - 1  # the first picture is there twice, for a desk and for a telephone
+    assert min(shown) > 100
     assert browser.get_log("browser") == []
+
+
+def test_a_link_opens_the_chapter_that_it_leads_to(browser: Any) -> None:
+    chapter = browser.find_element(By.CSS_SELECTOR, "#valve details")
+    assert not chapter.get_property("open")
+    link = browser.find_element(By.CSS_SELECTOR, "nav a[href='#valve']")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", link)
+    link.click()
+    assert chapter.get_property("open")
 
 
 def test_the_page_does_not_scroll_sideways(browser: Any) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pneucli.report import Material, Table, to_junit, to_markdown
 from pneucli.report.decimate import envelope
-from pneucli.report.shown import number, quantity
+from pneucli.words.numbers import number, quantity
 
 
 def test_the_summary_holds_the_numbers_of_the_answers(material: Material) -> None:
@@ -25,9 +25,10 @@ def test_the_summary_holds_the_numbers_of_the_answers(material: Material) -> Non
     assert "| piston-leak | 1.02 | – |" in text
 
 
-def test_the_summary_says_the_worst_first(material: Material) -> None:
+def test_the_summary_says_what_the_first_screen_says_and_warnings_last(material: Material) -> None:
     text = to_markdown(material)
-    places = [text.index(part) for part in ("**Warnings**", "Missing from the model", "## Checks", "## Model against")]
+    parts = ("**The model: ", "**Still missing: piston-leak**", "## Checks", "## Model against", "## Warnings")
+    places = [text.index(part) for part in parts]
     assert places == sorted(places)
 
 

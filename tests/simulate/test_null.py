@@ -42,9 +42,11 @@ def true_model(name: str) -> Model:
     values = {"friction.coulomb": truth["coulomb"], "friction.viscous": truth["viscous"]}
     if "static" in truth:
         values |= {"stribeck.static": truth["static"], "stribeck.velocity": truth["stribeck_velocity"]}
+    if "piston_leak_area" in truth:
+        values["piston-leak.area"] = truth["piston_leak_area"]
     if volume:
         values["rig.vessel_volume"] = volume
-    effects = tuple(catalogue()[e] for e in TRUTH[name]["effects"])
+    effects = tuple(catalogue()[e] for e in (*TRUTH[name]["effects"], *TRUTH[name]["hidden"]))
     return Model(load(FIXTURES / name / "pipeline.toml").to_rig(), effects, values, valve)
 
 

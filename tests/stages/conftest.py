@@ -9,7 +9,7 @@ import pytest
 
 from tests.stages.chain import run_stages
 
-DEMO = Path(__file__).parents[2] / "fixtures" / "demo" / "pipeline.toml"
+DEMO = Path(__file__).parents[2] / "fixtures" / "demo" / "complete.toml"  # with the effect that pipeline.toml lacks
 
 
 @pytest.fixture(scope="session")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli import words
 from pneucli.io.artifacts import read_table
 from pneucli.quantities import CHANNELS, LOCATORS
-from pneucli.stages import compare
 
 Demo = tuple[Path, dict[str, Any]]
 
@@ -25,7 +25,7 @@ def test_the_answer_has_the_interfaces_keys(answer: dict[str, Any]) -> None:
     json.dumps(answer, allow_nan=False)
     assert answer["schema"] == "pneucli/compare/1"
     assert answer["horizon_s"] == 0.5
-    assert answer["model"]["effects"] == ["stribeck"]
+    assert answer["model"]["effects"] == ["stribeck", "piston-leak"]
     assert {c["channel"] for c in answer["channels"]} <= set(CHANNELS)
     wanted = {"recording", "use", "channel", "unit", "rmsd", "percent", "relative_error_percent", "fit_percent"}
     assert all(wanted | {"noise", "ratio_to_noise"} <= c.keys() for c in answer["channels"])
@@ -68,6 +68,7 @@ def test_residuals_add_up_to_the_answer(demo: Demo, answer: dict[str, Any]) -> N
 
 
 def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
-    uses = [line.split()[1] for line in compare.describe(answer).splitlines()[1 : 1 + len(answer["channels"])]]
+    told = words.of("compare", answer, "demo.toml", verbose=True).splitlines()
+    uses = [line.split()[1] for line in told[-len(answer["channels"]) :]]
     assert uses == sorted(uses)  # test, then train
-    assert "error over noise, test" in compare.describe(answer)
+    assert told[0].startswith("error ")

@@ -23,11 +23,12 @@ FIXTURES = Path(__file__).parents[2] / "fixtures"
 def diagnosed(pipeline: Path, out: Path, *exclude: str) -> dict[str, Any]:
     """Ingest and diagnose, as the runner does it."""
     config = load(pipeline)
-    contexts = [Context(pipeline, config, out / n, out, options={"exclude": exclude}) for n in ("ingest", "diagnose")]
-    for context, stage in zip(contexts, (ingest, diagnose), strict=True):
-        context.out.mkdir(parents=True)
-        answer = stage.run(context)
-    return answer
+    answers: dict[str, dict[str, Any]] = {}
+    for name, stage in (("ingest", ingest), ("diagnose", diagnose)):
+        (out / name).mkdir(parents=True)
+        context = Context(pipeline, config, out / name, out, answers=answers, options={"exclude": exclude})
+        answers[name] = stage.run(context)
+    return answers["diagnose"]
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from pneucli import words
 from pneucli.io.artifacts import read_metadata, read_table
-from pneucli.stages import identify
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -38,6 +39,7 @@ def test_friction_is_the_rigs(demo: Demo) -> None:
         "friction.viscous": TRUTH["viscous"],
         "stribeck.static": TRUTH["static"],
         "stribeck.velocity": TRUTH["stribeck_velocity"],
+        "piston-leak.area": TRUTH["piston_leak_area"],
     }
     for name, value in expected.items():
         assert found[name]["value"] == pytest.approx(value, rel=0.02), name
@@ -81,6 +83,7 @@ def test_the_map_is_the_balance_of_mass_of_the_vessel(demo: Demo) -> None:
 def test_the_answer_is_json_and_words(demo: Demo) -> None:
     answer = demo[1]["identify"]
     json.dumps(answer, allow_nan=False)
-    words = identify.describe(answer)
-    assert "friction.coulomb" in words
-    assert "stribeck" in words
+    told = words.of("identify", answer, "demo.toml")
+    assert told.startswith("found    ")
+    assert re.search(r"^friction.coulomb +1[34]\.\d+ ± 0\.\d\d+ N$", told, re.MULTILINE)
+    assert told.endswith("pneucli compare demo.toml")

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pneucli import config
+from pneucli import config, words
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.pipeline.context import Context
 from pneucli.stages import report
@@ -77,4 +77,13 @@ def test_the_checks_are_those_of_the_pipeline_file(context: Context) -> None:
 
 
 def test_the_line_for_people_names_the_failed_checks(context: Context) -> None:
-    assert "failed checks: compare.error.test, diagnose.verdict" in report.describe(report.run(context))
+    told = words.of("report", report.run(context), "bench.toml")
+    assert "failed   checks: compare.error.test and diagnose.verdict" in told
+
+
+def test_the_rig_is_said_in_a_few_words(context: Context) -> None:
+    cylinder = {"piston_area_1": "8.0425 cm^2", "piston_area_2": "8 cm^2", "stroke": "200 mm"}
+    rig = {**context.config.model_dump()["rig"], "supply_pressure": "7 bar", "cylinder": cylinder}
+    config = context.config.model_validate({**context.config.document, "rig": {**rig, "vessel": {}}})
+    assert report.rig_in_words(config) == "cylinder ⌀ 32.0 mm × 200 mm, supply 7.00 bar"  # pi/4 (32 mm)^2 = 8.0425 cm^2
+    assert report.rig_in_words(context.config) == ""

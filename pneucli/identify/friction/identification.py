@@ -135,7 +135,11 @@ def _doubts(both: Fit, samples: Samples) -> list[str]:
         force = values["offset"].value
         out.append(f"a constant force of {force:.3g} N acts beside friction (or a sensor's or an area's error)")
     if both.deviation > RESTLESS:
-        out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise: friction depends on more than v")
+        out.append(
+            f"model A, a function of velocity alone, leaves {both.deviation:.1f} times the sensors' noise of these "
+            "forces: friction depends on more, which A lacks even where the pipeline's model has it; take D, E or F "
+            "where slowing differs from speeding up, and ask pneucli diagnose for the rest"
+        )
     if values["coulomb"].ci_low <= 0:
         out.append("dry friction is not told from zero")
     if "velocity" in values and samples.v.size and values["velocity"].value > 0.25 * np.abs(samples.v).max():

@@ -19,11 +19,29 @@
     return panel.series.map(({ label, role, values: packed }) => ({
       label,
       stroke: colour(role === "residual" ? `residual-${residuals++ % 5}` : role),
+      dash: role === "before" ? [5, 4] : undefined,
       width: role === "measured" ? 3.5 : 1.25,
       spanGaps: false,
       points: { show: sparse(floats(packed)), size: 6 },
       value: (plot, v) => shown(v),
     }));
+  }
+
+  // a short tick at the upper edge wherever the model was set back to the measurement
+  function restarts(plot, times) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.strokeStyle = colour("faint");
+    ctx.lineWidth = devicePixelRatio;
+    for (const time of times) {
+      const x = Math.round(plot.valToPos(time, "x", true));
+      if (x < bbox.left || x > bbox.left + bbox.width) continue;
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + 7 * devicePixelRatio);
+      ctx.stroke();
+    }
+    ctx.restore();
   }
 
   function options(panel, width, sync, zoomed) {
@@ -38,7 +56,7 @@
         { ...axis, size: 34 },
         { ...axis, size: 62, space: 24, values: (plot, ticks) => ticks.map(shown) },
       ],
-      hooks: { setScale: [(plot, scale) => scale === "x" && zoomed(plot)] },
+      hooks: { setScale: [(plot, scale) => scale === "x" && zoomed(plot)], draw: [(plot) => restarts(plot, panel.restarts)] },
     };
   }
 
@@ -65,6 +83,11 @@
       plots.push(new uPlot(options(panel, target.clientWidth, name, zoomed), data, target));
     }
   }
+
+  // a folded chapter opens when a link leads to it
+  const unfold = () => document.querySelector(`${location.hash || "#none"} > details`)?.setAttribute("open", "");
+  addEventListener("hashchange", unfold);
+  unfold();
 
   for (const box of document.querySelectorAll(".zoom")) {
     const name = box.dataset.plots;

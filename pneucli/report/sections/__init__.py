@@ -17,16 +17,16 @@ from pneucli.report.sections.valve import section as valve
 from pneucli.report.sections.where import section as where
 
 SECTIONS: tuple[SectionMaker, ...] = (
-    checks,
+    where,
     diagnosis,
     comparison,
-    where,
-    measured,
+    parameters,
     valve,
     friction,
-    tensor,
-    parameters,
-    open_loop,
     closed_loop,
     robustness,
+    open_loop,
+    tensor,
+    measured,
+    checks,
 )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pneucli.report.material import Check, Material
 from pneucli.report.parts import Cell, Grid, Section
-from pneucli.report.shown import number
+from pneucli.words.numbers import number
 
 
 def section(material: Material) -> Section | None:
@@ -15,7 +15,8 @@ def section(material: Material) -> Section | None:
         return None
     failed = sum(bool(check.failure) for check in material.checks)
     lead = f"{failed} of {len(material.checks)} checks failed." if failed else "Every check passed."
-    return Section("checks", "Checks", lead, (grid(material.checks, "The limits of [checks] in the pipeline file."),))
+    part = grid(material.checks, "The limits of [checks] in the pipeline file.")
+    return Section("checks", "Checks", lead, (part,), folded=not failed)
 
 
 def grid(checks: Sequence[Check], caption: str) -> Grid:

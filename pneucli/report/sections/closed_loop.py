@@ -13,31 +13,17 @@ from numpy.typing import NDArray
 from pneucli.report.decimate import envelope
 from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
+from pneucli.report.parts import Cell, Grid, Panel, Part, Run, Section, Series, Zoom, warnings
 from pneucli.report.sections.checks import grid as checks_grid
-from pneucli.report.shown import number, quantity, shown
+from pneucli.words.design import decay, matching, sector
+from pneucli.words.numbers import number, shown
+from pneucli.words.simulate import FIGURES
 
 Answer = Mapping[str, Any]
 MOST = 800  # samples of a curve
 UM = 1e6
 LINEAR = 10.0  # um; errors below are drawn to scale, larger ones by their powers of ten
 WITH, ALONE = "with compensation", "PIDs alone"
-FIGURES = {  # of pneucli.design.metrics.Metrics, as people read them
-    "steady_um": "error at rest, µm",
-    "cycle_um": "movement at rest, µm",
-    "tracking_rms_um": "error on the way, rms, µm",
-    "tracking_max_um": "error on the way, largest, µm",
-    "overshoot_um": "overshoot, µm",
-    "rise_s": "rise from 10 to 90 %, s",
-    "settling_s": "within 50 µm after, s",
-    "recovery_s": "load rejected to 50 µm after, s",
-    "peak_um": "largest error after a change of load, µm",
-    "load_error": "load's estimate off by, share",
-    "switching_hz": "reversals of the command, 1/s",
-    "fast_share": "command above 50 Hz, share",
-    "fast_v": "command above 50 Hz, rms, V",
-    "air_kg": "air drawn, kg",
-}
 # a figure without bound is null, as is one that the scenario does not show; these are there where it does
 BESIDE = {"rise_s": "overshoot_um", "settling_s": "overshoot_um", "recovery_s": "peak_um"}
 
@@ -47,7 +33,7 @@ def section(material: Material) -> Section | None:
     design, answer = material.answer("design"), material.answer("simulate")
     if not design:
         return None
-    parts: list[Part] = [Note(f"Warning of the design: {warning}", "bad") for warning in design.get("warnings", [])]
+    parts = warnings(material, "design")
     if own := [check for check in material.checks if check.path.split(".")[0] in ("design", "simulate")]:
         parts.append(checks_grid(own, "The checks of the pipeline file on design and simulation."))
     tolerance = _tolerance(material.table("design/gains"))
@@ -59,7 +45,7 @@ def section(material: Material) -> Section | None:
         "The designed controller moves the identified model, whose sensors add the noise and the counts that were "
         "found. Against it stand its PIDs alone, without the estimates and the known friction ahead."
     )
-    return Section("closed-loop", "Closed loop", lead, parts)
+    return Section("closed-loop", "Controller", lead, parts, folded=True)
 
 
 def _tolerance(gains: Table) -> float:
@@ -73,28 +59,11 @@ def _design(answer: Answer, tolerance: float) -> Grid:
     rows += [
         (f"corner: {name.replace('_', ' ')}", f"{number(c['value'], 3)} rad/s") for name, c in answer["corners"].items()
     ]
-    rows += [
-        (
-            f"sliding sector, {name}",
-            f"λ {number(s['lambda_1'], 3)} and {number(s['lambda_2'], 3)} 1/s; λ₂T = {number(s['steepness'], 3)}",
-        )
-        for name, s in answer["sector"].items()
-    ]
-    rows += [(f"matching condition, {name}", _matching(m)) for name, m in answer["matching"].items()]
-    rows += [(f"PDC, weights {t['weight_type']}", _decay(t)) for t in answer["lmi"]["types"]]
+    rows += [("sliding sector", sector(name, s)) for name, s in answer["sector"].items()]
+    rows += [(f"{name} system", matching(m)) for name, m in answer["matching"].items()]
+    rows += [(f"PDC, weights {t['weight_type']}", decay(t)) for t in answer["lmi"]["types"]]
     cells = [[Cell(name, numeric=False), Cell(value, numeric=False)] for name, value in rows]
     return Grid("How it was designed", ("what", "found"), cells, folded=True)
-
-
-def _matching(found: Answer) -> str:
-    broken = "; ".join(f"{name} acts on {', '.join(states)}" for name, states in found["broken_by"].items())
-    return "holds" if found["holds"] else f"does not hold: {broken}"
-
-
-def _decay(found: Answer) -> str:
-    if found["rate"] is None:
-        return f"none: {found['status']}"
-    return f"decay rate {quantity(found['rate'], '1/s', 3)}, {'verified' if found['verified'] else 'not verified'}"
 
 
 def _figures(compensated: Answer, alone: Answer) -> Grid:

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from pneucli.quantities import CHANNELS
-from pneucli.report.decimate import envelope
+from pneucli.report.decimate import broken, envelope
 from pneucli.report.material import Material, Table
-from pneucli.report.parts import LONG, Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
-from pneucli.report.shown import number, quantity, short, shown, shown_unit
+from pneucli.report.parts import Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
+from pneucli.words.compare import test_first, tone
+from pneucli.words.numbers import number, quantity, short, shown, shown_unit
 
-SAMPLES = 300_000  # of all plots together: what keeps the page at a size that can be sent by mail
+SAMPLES = 80_000  # of all plots together: what keeps the page at a size that can be sent by mail
 FEWEST, MOST = 200, 4000  # of one curve
-NEAR, FAR = 1.2, 2.0  # times the noise floor
+SHORT = 12  # recordings; a longer table is folded
 
 
 def section(material: Material) -> Section | None:
@@ -28,31 +29,25 @@ def section(material: Material) -> Section | None:
         "between. An error of 1 × noise is what a correct model would show: sensor noise, also that of the restart "
         "state and of the measured inputs, carried through the model."
     )
-    parts: list[Part] = [_overview(answer["channels"]), _errors(answer)]
+    parts: list[Part] = []
+    if answer["error"].get("test") is None:
+        parts.append(Note('No recording has use = "test": the errors are of those that were fitted.', "warning"))
     residuals = material.table("compare/residuals")
     if len(residuals):
-        parts.append(_zoom(residuals, material.table("ingest/signals"), _noise(answer)))
-    return Section("comparison", "Model against measurement", lead, parts)
-
-
-def tone(ratio: float | None) -> str:
-    """Return whether an error, in units of the noise floor, is good or bad, or neither."""
-    if ratio is None:
-        return ""
-    return "good" if ratio <= NEAR else "bad" if ratio > FAR else ""
-
-
-def test_first(channels: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the channels' errors, test recordings before training recordings."""
-    return sorted(channels, key=lambda c: c["use"] != "test")
+        before = material.before.table if material.before else Table({})
+        parts.append(_zoom(residuals, before, material.table("ingest/signals"), _noise(answer)))
+    earlier = material.before.answer["channels"] if material.before else []
+    parts += [_overview(answer["channels"], earlier), _errors(answer)]
+    return Section("comparison", "Recordings", lead, parts)
 
 
 def _noise(answer: Mapping[str, Any]) -> dict[tuple[str, str], float]:
     return {(c["recording"], c["channel"]): c["noise"] for c in answer["channels"] if c["noise"]}
 
 
-def _overview(channels: Iterable[Mapping[str, Any]]) -> Grid:
+def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[str, Any]]) -> Grid:
     ratios: dict[tuple[str, str], dict[str, float | None]] = {}
+    before = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in earlier}
     for c in test_first(channels):
         ratios.setdefault((c["recording"], c["use"]), {})[c["channel"]] = c["ratio_to_noise"]
     names = [name for name in CHANNELS if any(name in known for known in ratios.values())]
@@ -60,12 +55,20 @@ def _overview(channels: Iterable[Mapping[str, Any]]) -> Grid:
         [
             Cell(recording, numeric=False),
             Cell(use, numeric=False),
-            *(Cell(number(r, 3), tone=tone(r)) if (r := known.get(name)) else Cell("") for name in names),
+            *(_ratio(before.get((recording, name)), known.get(name)) for name in names),
         ]
         for (recording, use), known in ratios.items()
     ]
-    caption = "Error of each channel, × noise; test recordings, which the fit has not seen, stand first."
-    return Grid(caption, ("recording", "use", *names), rows, folded=len(rows) > LONG)
+    how = "first model → model as it is; " if before else ""
+    caption = f"Error of each channel, × noise; {how}test recordings, which the fit has not seen, stand first."
+    return Grid(caption, ("recording", "use", *names), rows, folded=len(rows) > SHORT)
+
+
+def _ratio(before: float | None, now: float | None) -> Cell:
+    """Return a channel's error, with that of the first model where there was another one."""
+    if now is None:
+        return Cell("")
+    return Cell(number(now, 3) if before is None else f"{number(before, 3)} → {number(now, 3)}", tone=tone(now))
 
 
 def _errors(answer: Mapping[str, Any]) -> Grid:
@@ -87,8 +90,9 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
     return Grid(caption, head, rows, folded=True)
 
 
-def _zoom(residuals: Table, signals: Table, noise: Mapping[tuple[str, str], float]) -> Zoom:
+def _zoom(residuals: Table, before: Table, signals: Table, noise: Mapping[tuple[str, str], float]) -> Zoom:
     channels = dict(residuals.groups("recording", "channel"))
+    earlier = dict(before.groups("recording", "channel"))
     most = int(np.clip(SAMPLES / (4 * len(channels)), FEWEST, MOST))
     inputs = {recording: rows for (recording,), rows in signals.groups("recording")}
     runs: dict[tuple[bool, str], list[Panel]] = {}
@@ -96,13 +100,14 @@ def _zoom(residuals: Table, signals: Table, noise: Mapping[tuple[str, str], floa
         panels = runs.setdefault((rows.text("use") != "test", recording), [])
         if not panels and recording in inputs:
             panels += _command(inputs[recording], most)
-        panels.append(_panel(channel, rows, most))
+        panels.append(_panel(channel, rows, earlier.get((recording, channel)), most))
     for (_, recording), panels in runs.items():
         panels.extend(_deviation(recording, channels, noise, most))
     named = [Run(f"{name} ({'train' if train else 'test'})", panels) for (train, name), panels in sorted(runs.items())]
     caption = (
         "Drag over a stretch to zoom in, double-click to see all again. Where a recording has more samples than the "
-        "plot, the least and the largest of each stretch are shown, so that no peak is lost."
+        "plot, the least and the largest of each stretch are shown, so that no peak is lost. Ticks at the top: the "
+        "model is restarted from the measurement."
     )
     return Zoom("comparison", caption, named)
 
@@ -116,11 +121,18 @@ def _command(signals: Table, most: int) -> list[Panel]:
     return [Panel("valve command", "V", signals["time"][kept], curves)]
 
 
-def _panel(channel: str, rows: Table, most: int) -> Panel:
+def _panel(channel: str, rows: Table, before: Table | None, most: int) -> Panel:
     unit = rows.text("unit")
+    models = {"model": rows["model"]}
+    if before is not None and len(before) == len(rows):
+        models = {"first model": before["model"], "model": rows["model"]}
     kept = envelope([rows["measured"], rows["residual"]], most)
-    curves = [Series(role, role, shown(rows[role][kept], unit)) for role in ("measured", "model")]
-    return Panel(channel, shown_unit(unit), rows["time"][kept], curves)
+    curves = [Series("measured", "measured", shown(rows["measured"][kept], unit))]
+    for label, values in models.items():
+        role = "model" if label == "model" else "before"
+        curves.append(Series(label, role, shown(broken(values[kept], rows["segment"][kept]), unit)))
+    starts = rows["time"][np.flatnonzero(np.diff(rows["segment"])) + 1]
+    return Panel(channel, shown_unit(unit), rows["time"][kept], curves, starts.tolist())
 
 
 def _deviation(
@@ -135,27 +147,3 @@ def _deviation(
     kept = envelope(list(scaled.values()), most)
     curves = [Series(c, "residual", values[kept]) for c, values in scaled.items()]
     return [Panel("measured − model", "× noise", time[kept], curves)]
-
-
-def verdict(answer: Mapping[str, Any]) -> Note | None:
-    """Return one sentence on the error against the noise floor, of the test recordings where there are any."""
-    errors = answer.get("error", {})
-    use = "test" if errors.get("test") is not None else "train"
-    error = errors.get(use)
-    if error is None:
-        return None
-    words = {"good": "The model stands at the noise floor", "bad": "The model misses something"}
-    start = words.get(tone(error), "The model comes near the noise floor")
-    other = errors.get("train") if use == "test" else None
-    more = f" ({number(other, 3)} on training recordings)" if other is not None else ""
-    sentence = f"{start}: its error on {use} recordings is {number(error, 3)} × noise{more}."
-    worst = _worst(answer["channels"])
-    return Note(sentence + worst, "" if worst and tone(error) == "good" else tone(error))
-
-
-def _worst(channels: Iterable[Mapping[str, Any]]) -> str:
-    """Return a sentence on the worst channel where it is far off, which a mean over all may hide."""
-    worst = max(channels, key=lambda c: c["ratio_to_noise"] or 0.0, default=None)
-    if worst is None or tone(worst["ratio_to_noise"]) != "bad":
-        return ""
-    return f" Worst: {worst['channel']} in {worst['recording']}, {number(worst['ratio_to_noise'], 3)} × noise."

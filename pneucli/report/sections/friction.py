@@ -8,8 +8,8 @@ import numpy as np
 
 from pneucli.report.figure import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, Drawing, drawing, figures
 from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Part, Section
-from pneucli.report.shown import number, quantity, shown
+from pneucli.report.parts import Cell, Grid, Note, Part, Section
+from pneucli.words.numbers import number, quantity, shown
 
 BRANCHES = {"both": GREY, "accelerating": BLUE, "slowing": ORANGE}
 MODELS = {
@@ -40,8 +40,14 @@ def section(material: Material) -> Section | None:
     if len(kinetic := material.table("identify/friction_kinetic")):
         drawings.append(_kinetic(kinetic))
     lead = "Friction is the force on the piston less mass times acceleration; the sign is that of the velocity."
-    parts: list[Part] = [*figures(drawings), *_tables(material)]
-    return Section("friction", "Friction", lead, parts)
+    parts: list[Part] = [*friction_warnings(material), *figures(drawings), *_tables(material)]
+    return Section("friction", "Friction", lead, parts, folded=True)
+
+
+def friction_warnings(material: Material) -> list[Part]:
+    """Return what the identification of friction warns of."""
+    told = material.answer("identify").get("friction", {}).get("warnings", [])
+    return [Note(f"{warning}.", "warning") for warning in told]
 
 
 def _scatter(cuts: Table) -> Drawing:

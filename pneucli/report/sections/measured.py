@@ -7,8 +7,8 @@ from pathlib import PurePath
 from typing import Any
 
 from pneucli.report.material import Material
-from pneucli.report.parts import LONG, Cell, Grid, Part, Section
-from pneucli.report.shown import number, quantity
+from pneucli.report.parts import LONG, Cell, Grid, Part, Section, warnings
+from pneucli.words.numbers import number, quantity
 
 
 def section(material: Material) -> Section | None:
@@ -17,12 +17,12 @@ def section(material: Material) -> Section | None:
     if not answer:
         return None
     recordings = answer["recordings"]
-    parts: list[Part] = [_recordings(recordings), _noise(recordings)]
+    parts: list[Part] = [*warnings(material, "ingest"), _recordings(recordings), _noise(recordings)]
     if answer.get("repairs"):
         parts.append(_repairs(answer["repairs"]))
     uses = [sum(r["use"] == use for r in recordings) for use in ("train", "test")]
     lead = f"{len(recordings)} recordings: {uses[0]} to train on, {uses[1]} to test with."
-    return Section("measured", "What was measured", lead, parts)
+    return Section("measured", "What was measured", lead, parts, folded=True)
 
 
 def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:

@@ -7,7 +7,7 @@ import numpy as np
 from pneucli.report.decimate import envelope
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import LONG, Cell, Grid, Panel, Part, Run, Section, Series, Zoom
-from pneucli.report.shown import number, quantity, shown, shown_unit
+from pneucli.words.numbers import number, quantity, shown, shown_unit
 
 MOST = 800  # samples of a curve
 
@@ -38,7 +38,7 @@ def section(material: Material) -> Section | None:
         "The model runs on its inputs alone and is never set back to the measurement; errors that the comparison "
         "above forgets at each restart add up here."
     )
-    return Section("open-loop", "Open loop", lead, parts)
+    return Section("open-loop", "Open loop", lead, parts, folded=True)
 
 
 def _zoom(table: Table) -> Zoom:

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneucli.report.material import Material
-from pneucli.report.parts import Cell, Grid, Section
-from pneucli.report.shown import number, quantity
+from pneucli.report.parts import Cell, Grid, Part, Section, warnings
+from pneucli.report.sections.friction import friction_warnings
+from pneucli.words.numbers import number, quantity
 
 
 def section(material: Material) -> Section | None:
@@ -20,7 +21,9 @@ def section(material: Material) -> Section | None:
     lead = f"The base model with {effects}." if effects else "The base model, without further effects."
     head = ("parameter", "value", "95 % interval from", "to", "half width")
     grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
-    return Section("parameters", "Parameters", lead, (grid,))
+    told = [note for note in warnings(material, "identify") if note not in friction_warnings(material)]
+    parts: list[Part] = [*told, grid]
+    return Section("parameters", "Parameters", lead, parts, folded=True)
 
 
 def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Grid, Note, Part, Section
-from pneucli.report.sections.closed_loop import FIGURES, bounded
-from pneucli.report.shown import short
+from pneucli.report.sections.closed_loop import bounded
+from pneucli.words.numbers import short
+from pneucli.words.simulate import FIGURES
 
 Answer = Mapping[str, Any]
 LEFT = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")  # what an effect may leave of the error
@@ -34,7 +35,8 @@ def section(material: Material) -> Section | None:
     parts: list[Part] = [_rates(rates, checks, told)]
     if harmless := [e for e in effects if e not in told]:
         parts.append(Note(f"Every check held with {', '.join(harmless)}.", "good"))
-    return Section("robustness", "Robustness", lead, [*parts, *_left(material.table("simulate/robust"), effects)])
+    parts += _left(material.table("simulate/robust"), effects)
+    return Section("robustness", "Robustness", lead, parts, folded=True)
 
 
 def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer], effects: Sequence[str]) -> Grid:

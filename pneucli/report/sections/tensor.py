@@ -6,7 +6,7 @@ from pneucli.report.figure import Drawing, drawing, figures
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Grid, Part, Section
 from pneucli.report.sections.friction import MODELS
-from pneucli.report.shown import quantity, shown
+from pneucli.words.numbers import quantity, shown
 
 FLAT = 0.02
 
@@ -24,7 +24,7 @@ def section(material: Material) -> Section | None:
         "a22(v), friction over mass and velocity, as a convex combination of vertex systems: at every velocity the "
         "weights are not negative and sum to one."
     )
-    return Section("tensor", "Tensor-product models", lead, parts)
+    return Section("tensor", "Tensor-product models", lead, parts, folded=True)
 
 
 def _weights(model: str, branch: str, rows: Table) -> Drawing:

@@ -13,10 +13,10 @@ from pneucli.report.decimate import envelope
 from pneucli.report.figure import BLUE, GREY, ON_HEAT, ORANGE, Drawing, drawing, figures, heat, shade
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Figure, Grid, Part, Section
-from pneucli.report.shown import number, quantity, short, shown, shown_unit
+from pneucli.words.numbers import number, quantity, short, shown, shown_unit
 
 Array = NDArray[np.float64]
-PLOTTED = 300  # samples of a curve
+PLOTTED = 100  # samples of a curve
 LABELLED = 7  # sizes of the command that a figure shows
 
 
@@ -29,7 +29,7 @@ def section(material: Material) -> Section | None:
         "each command; no flow coefficient is assumed."
     )
     parts: list[Part] = [*_figures(material), *_tables(material.answer("identify").get("valve", {}))]
-    return Section("valve", "Valve: map and inverse", lead, parts)
+    return Section("valve", "Valve: map and inverse", lead, parts, folded=True)
 
 
 def _figures(material: Material) -> Iterator[Figure]:

@@ -8,20 +8,23 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from pneucli.report.figure import Drawing, drawing, figures, heat
+from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Grid, Note, Part, Section
-from pneucli.report.shown import axis, number, percent, shown, shown_unit, signal_unit
+from pneucli.words import compare
+from pneucli.words.numbers import axis, joined, number, percent, short, shown, signal_unit
 
 Array = NDArray[np.float64]
 CELLS = 24  # along each side of a map
 FULL = 5  # samples that a cell needs to be drawn
-MAPS = 6
-FIRST = 8  # stretches that stand open
-_DIRECTIONS = {-1: "toward −x", 0: "at rest", 1: "toward +x"}
+MAPS = 3  # channels, those in which the first model failed worst
+FLOOR = 0.3  # times the noise: the end of the colours; no cell of five samples of pure noise lies far below
+PLACES = 3  # of one event, in words
 STATES = ("u", "p1", "p2", "x", "v")
 
 
@@ -41,53 +44,48 @@ class Cloud:
 
 
 def section(material: Material) -> Section | None:
-    """Return stretches and maps; absent where nothing was compared."""
+    """Return maps of the first model and of the one as it is, and the stretches; absent where nothing was compared."""
     answer = material.answer("compare")
     if not answer:
         return None
-    regions = answer.get("where", [])
-    parts: list[Part] = [] if regions else [Note("No channel errs remarkably beyond noise.", "good")]
-    parts += [_regions(some, folded) for some, folded in ((regions[:FIRST], False), (regions[FIRST:], True)) if some]
-    clouds = sorted(_clouds(material), key=lambda cloud: -cloud.rms)[:MAPS]
-    parts += figures([one for cloud in clouds if (one := _map(cloud)) is not None])
+    now = _clouds(material, answer, material.table("compare/residuals"))
+    former = material.before
+    first = _clouds(material, former.answer, former.table) if former else {}
+    worst = sorted(now, key=lambda key: -(first.get(key) or now[key]).rms)[:MAPS]
+    parts: list[Part] = []
+    for key in worst:
+        parts += figures(_maps(first.get(key), now[key]))
+    events = compare.events(answer)
+    parts += [_events(events)] if events else [Note("No channel errs remarkably beyond noise.", "good")]
     lead = (
-        "A stretch is listed where it holds at least twice as much of the squared error as of the samples. The maps "
-        "pool all recordings of an experiment, each over those two variables over which the error is least even."
+        "The maps pool all recordings of an experiment, each over those two variables over which the error is least "
+        "even; the line in the colour bar is 1, the noise floor."
     )
     return Section("where", "Where it fails", lead, parts)
 
 
-def _regions(regions: Sequence[Mapping[str, Any]], folded: bool) -> Grid:
+def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
     rows = [
         [
-            Cell(r["recording"], numeric=False),
-            Cell(r["channel"], numeric=False),
-            Cell(axis(r["signal"]).split(" in ")[0], numeric=False),
-            Cell(_span(r)),
-            Cell(percent(r["share_of_error"]), bar=r["share_of_error"]),
-            Cell(percent(r["share_of_samples"]), bar=r["share_of_samples"]),
+            Cell(event[0]["recording"], numeric=False),
+            Cell(joined(list(dict.fromkeys(r["channel"] for r in event))), numeric=False),
+            Cell("; ".join(dict.fromkeys(compare.place(r) for r in event[:PLACES])), numeric=False),
+            Cell(percent(event[0]["share_of_error"]), bar=event[0]["share_of_error"]),
+            Cell(percent(event[0]["share_of_samples"]), bar=event[0]["share_of_samples"]),
         ]
-        for r in regions
+        for event in events
     ]
-    head = ("recording", "channel", "over", "from – to", "share of error", "share of samples")
-    caption = "The stretches after these" if folded else "Where the error concentrates, worst first."
-    return Grid(caption, head, rows, folded)
+    head = ("recording", "channels", "where", "share of error", "share of samples")
+    caption = "Stretches that hold at least twice as much of the squared error as of the samples, worst first"
+    return Grid(caption, head, rows, folded=True)
 
 
-def _span(region: Mapping[str, Any]) -> str:
-    if region["signal"] == "direction":
-        within = [name for sign, name in _DIRECTIONS.items() if region["from"] <= sign <= region["to"]]
-        return " or ".join(within)
-    low, high = (number(float(shown(float(region[end]), region["unit"])), 3) for end in ("from", "to"))
-    return f"{low} – {high} {shown_unit(region['unit'])}".rstrip()
-
-
-def _clouds(material: Material) -> list[Cloud]:
-    """Return the residuals by experiment and channel, all recordings of it together."""
-    noise = {(c["recording"], c["channel"]): c["noise"] for c in material.answer("compare")["channels"]}
+def _clouds(material: Material, answer: Mapping[str, Any], table: Table) -> dict[tuple[str, str], Cloud]:
+    """Return a model's residuals by experiment and channel, all recordings of it together."""
+    noise = {(c["recording"], c["channel"]): c["noise"] for c in answer["channels"]}
     kind = {r["name"]: _kind(r) for r in material.answer("ingest").get("recordings", [])}
     signals = {name: rows for (name,), rows in material.table("ingest/signals").groups("recording")}
-    residuals = dict(material.table("compare/residuals").groups("recording", "channel"))
+    residuals = dict(table.groups("recording", "channel"))
     pooled: dict[tuple[str, str], list[tuple[Array, dict[str, Array]]]] = {}
     for (recording, channel), rows in residuals.items():
         if recording in signals and noise.get((recording, channel)):
@@ -96,7 +94,7 @@ def _clouds(material: Material) -> list[Cloud]:
             if all(values.size == len(rows) for values in states.values()):
                 scaled = rows["residual"] / noise[recording, channel]
                 pooled.setdefault((kind.get(recording, ""), channel), []).append((scaled, states))
-    return [_cloud(experiment, channel, parts) for (experiment, channel), parts in pooled.items()]
+    return {key: _cloud(*key, parts) for key, parts in pooled.items()}
 
 
 def _kind(recording: Mapping[str, Any]) -> str:
@@ -119,20 +117,38 @@ def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
     return states
 
 
-def _map(cloud: Cloud) -> Drawing | None:
-    """Draw the rms residual over the pair of states over which it is least even; None where there is no pair."""
-    moving = [name for name, values in cloud.states.items() if np.nanmax(values) > np.nanmin(values)]
-    grids = [(_grid(cloud, *pair), pair) for pair in combinations(moving, 2)]
+def _maps(first: Cloud | None, now: Cloud) -> list[Drawing]:
+    """Draw the rms residual of both models over the pair of states over which that of the first is least even.
+
+    One scale for both; none is drawn where there is no pair of states that move.
+    """
+    judge = first or now
+    moving = [name for name, values in judge.states.items() if np.nanmax(values) > np.nanmin(values)]
+    grids = [(_grid(judge, *pair), pair) for pair in combinations(moving, 2)]
     if not grids:
-        return None
-    (edges_x, edges_y, rms, _), (x, y) = max(grids, key=lambda grid: grid[0][3])
+        return []
+    (*_, rms, _), pair = max(grids, key=lambda grid: grid[0][3])
+    most = max(2.0, float(np.nanmax(rms, initial=0.0)))
+    if first is None:
+        return [_map("as it is", now, pair, most)]
+    return [_map("before", first, pair, most), _map("after", now, pair, most)]
+
+
+def _map(when: str, cloud: Cloud, pair: tuple[str, str], most: float) -> Drawing:
+    x, y = pair
+    edges_x, edges_y, rms, _ = _grid(cloud, x, y)
+    worst = number(float(np.nanmax(rms, initial=0.0)), 3)
     caption = (
-        f"{cloud.channel} in {cloud.experiment} recordings: {number(cloud.rms, 3)} × noise over all samples, up to "
-        f"{number(float(np.nanmax(rms)), 3)} × in the worst cell."
+        f"{cloud.channel} in {cloud.experiment} recordings, {when}: {number(cloud.rms, 3)} × noise over all samples, "
+        f"up to {worst} × in the worst cell."
     )
     with drawing(caption, axis(x), axis(y)) as one:
         ends = shown(edges_x, signal_unit(x)), shown(edges_y, signal_unit(y))
-        heat(one, *ends, rms.T, f"rms residual of {cloud.channel}, × noise", vmin=0.0, vmax=max(2.0, np.nanmax(rms)))
+        title = f"rms residual of {cloud.channel}, × noise"
+        bar = heat(one, *ends, rms.T, title, norm=LogNorm(vmin=FLOOR, vmax=most))
+        bar.ax.axhline(1.0, color=ORANGE, linewidth=2)
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
     return one
 
 

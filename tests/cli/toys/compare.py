@@ -1,6 +1,19 @@
 from pneucli.pipeline.context import Context
+from pneucli.stages import history
 
 
 def run(context: Context) -> dict[str, object]:
-    error = 3.0 - len(context.answers["identify"]["effects"])
-    return {"schema": "toy/compare/1", "pipeline": context.config.name, "error": {"train": None, "test": error}}
+    effects = list(context.answers["identify"]["effects"])
+    error = 3.0 - len(effects)
+    (context.out / "residuals.parquet").write_text(" ".join(effects))
+    channel = {"recording": "step", "use": "test", "channel": "p1", "unit": "Pa", "rmsd": 400 * error, "percent": 1.0}
+    answer = {
+        "schema": "toy/compare/1",
+        "pipeline": context.config.name,
+        "model": {"effects": effects, "parameters": {}},
+        "channels": [{**channel, "ratio_to_noise": error}],
+        "error": {"train": None, "test": error},
+        "where": [],
+        "data": f"horizon {context.config.compare.horizon:g}",
+    }
+    return answer | history.keep(context, answer, "residuals.parquet")

@@ -9,4 +9,5 @@ def run(context: Context) -> dict[str, object]:
     for effect in effects:
         if effect in faults:
             raise faults[effect]
-    return {"schema": "toy/identify/1", "effects": effects}
+    model = {"effects": effects, "parameters": {}}
+    return {"schema": "toy/identify/1", "effects": effects, "model": model, "warnings": []}

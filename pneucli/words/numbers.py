@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
-
-from numpy.typing import NDArray
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneucli.quantities import SIGNALS
 
-T = TypeVar("T", float, NDArray[Any])
+if TYPE_CHECKING:  # numpy takes a tenth of a second to import, and here only types need it
+    from numpy.typing import NDArray
+
+T = TypeVar("T", float, "NDArray[Any]")
 
 _SHOWN = {
     "Pa": (1e-5, "bar"),
@@ -54,6 +56,42 @@ def number(value: float | None, digits: int = 4) -> str:
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+def with_interval(value: float | None, unit: str, ci95: Sequence[float | None]) -> str:
+    """Return value, 95 % interval and unit with the digits that the interval supports: ``"0.399 ± 0.002 mm²"``.
+
+    Half the interval's width has two digits, as the GUM (JCGM 100:2008, 7.2.6) advises; an interval that is not even
+    about its value is given by its ends, one without width not at all.
+    """
+    low, high = ci95
+    if value is None or low is None or high is None or not high > low or not math.isfinite(high - low):
+        return quantity(value, unit)
+    value, low, high = (float(shown(v, unit)) for v in (value, low, high))
+    half = 0.5 * (high - low)
+    largest = max(abs(low), abs(high))
+    power = _exponent(largest) if not 1e-4 <= largest < 1e6 else 0
+    places = max(0, 1 - _exponent(half) + power)
+    middle, least, most, width = (f"{v / 10**power:.{places}f}".replace("-", "−") for v in (value, low, high, half))
+    even = abs(high + low - 2 * value) < 0.2 * half
+    text = f"{middle} ± {width}" if even else f"{middle} ({least} to {most})"
+    scale = f"·10{str(power).translate(_RAISED)}" if power else ""
+    return f"{f'({text}){scale}' if scale else text} {shown_unit(unit)}".rstrip()
+
+
+def _exponent(value: float) -> int:
+    """Return the power of ten of a number as it is written with two digits: 0.00999... counts as 0.010."""
+    return int(f"{value:.1e}".partition("e")[2])
+
+
+def parameters(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return an effect's parameters with their intervals: ``"drop = 0.399 ± 0.002"``."""
+    return ", ".join(f"{name} = {with_interval(p['value'], p['unit'], p['ci95'])}" for name, p in found.items())
+
+
+def times(error: float | None) -> str:
+    """Return an error over noise: three digits, below the noise floor two; none where there is no such recording."""
+    return "none" if error is None else number(error, 3 if error >= 1.0 else 2)
+
+
 def short(value: float) -> str:
     """Return a number that was set, not measured, without trailing zeros."""
     return f"{value:g}".replace("-", "−")
@@ -62,6 +100,11 @@ def short(value: float) -> str:
 def percent(share: float) -> str:
     """Return a share (0 to 1) in per cent."""
     return f"{100 * share:.0f} %" if share >= 0.01 else f"{100 * share:.1g} %"
+
+
+def joined(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence: ``"x, v and a"``."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def axis(name: str) -> str:

@@ -1,0 +1,28 @@
+"""An example of each command, which stands at the end of its ``--help``."""
+
+from __future__ import annotations
+
+_EXAMPLES = {
+    "init": "pneucli init axis-7 --from recordings/*.csv",
+    "ingest": "pneucli ingest axis-7/pipeline.toml",
+    "identify": "pneucli identify axis-7/pipeline.toml",
+    "compare": "pneucli compare axis-7/pipeline.toml -v",
+    "diagnose": "pneucli diagnose axis-7/pipeline.toml --exclude extra-mass",
+    "design": "pneucli design axis-7/pipeline.toml",
+    "simulate": "pneucli simulate axis-7/pipeline.toml -v",
+    "report": "pneucli report axis-7/pipeline.toml",
+    "export": "pneucli export axis-7/pipeline.toml --to c --to mat",
+    "add": "pneucli add axis-7/pipeline.toml --suggested",
+    "remove": "pneucli remove axis-7/pipeline.toml stribeck",
+    "history": "pneucli history axis-7/pipeline.toml",
+    "run": "pneucli run axis-7/pipeline.toml",
+    "open": "pneucli open axis-7/pipeline.toml",
+    "status": "pneucli status axis-7/pipeline.toml",
+    "effects": "pneucli effects friction-hysteresis",
+    "exam": "pneucli exam my-exam --cases 12 --nulls 4 --answer --grade",
+}
+
+
+def of(command: str) -> str:
+    """Return the last lines of a command's help."""
+    return f"Example: {_EXAMPLES[command]}"

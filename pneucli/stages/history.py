@@ -1,0 +1,101 @@
+"""The models before the one as it is: kept in the stage's own folder, ``history``, one folder a model.
+
+A stage that is run anew takes the former models over as links, and the model that it replaces with them; a model that
+comes back is not kept twice. So the history is whole or as before at every moment, as the stage's folder is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pneucli.pipeline import staleness
+from pneucli.pipeline.context import Context
+
+FOLDER = "history"
+ANSWER = "answer.json"
+DIGITS = 9  # of a parameter: what a fit repeats exactly, and another compiler's rounding does not change
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One model: the answer of the stage to it, and the folder with the files that were kept of it."""
+
+    answer: Mapping[str, Any]
+    folder: Path
+    current: bool
+
+    @property
+    def key(self) -> str:
+        """Digest of what the model is and of the data that it was held against."""
+        model = self.answer["model"]
+        values = {name: f"{p['value']:.{DIGITS}g}" for name, p in model.get("parameters", {}).items()}
+        return staleness.digest([model["effects"], values, self.answer["data"], self.answer.get("excluded")])[:16]
+
+
+def keep(context: Context, answer: Mapping[str, Any], *files: str) -> dict[str, Any]:
+    """Take the former models of the stage that runs into its new folder; of each its answer and ``files``.
+
+    ``answer`` is the stage's answer to the model as it is. Returns what is to be added to it: its ``number`` in the
+    history, and ``when`` it was there first.
+    """
+    now = Kept(answer, context.out, current=True)
+    former = models(context.former) if context.former else []
+    for one in former:
+        if one.key != now.key and all((one.folder / name).is_file() for name in files):
+            _take(one, context.out / FOLDER / one.key, files)
+    again = next((one.answer for one in former if one.key == now.key), None)
+    if again is not None:
+        return {key: again[key] for key in ("number", "when")}
+    number = 1 + max((one.answer["number"] for one in former), default=0)
+    return {"number": number, "when": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")}
+
+
+def models(folder: Path) -> list[Kept]:
+    """Return the models of a stage's folder, oldest first."""
+    manifest = staleness.read(folder)
+    found = list(_former(folder / FOLDER))
+    if manifest is not None and manifest.answer is not None:
+        found.append(Kept(manifest.answer, folder, current=True))
+    return sorted((one for one in found if "number" in one.answer), key=lambda one: one.answer["number"])
+
+
+def listed(folder: Path) -> list[dict[str, Any]]:
+    """Return the models as ``history --json`` lists them, oldest first."""
+    return [
+        {
+            "effects": one.answer["model"]["effects"],
+            "error": one.answer["error"],
+            "data": one.answer["data"],
+            "when": one.answer["when"],
+            "current": one.current,
+            "parameters": one.answer["model"].get("parameters", {}),
+        }
+        for one in models(folder)
+    ]
+
+
+def _former(folder: Path) -> Iterator[Kept]:
+    for path in sorted(folder.glob(f"*/{ANSWER}")):
+        yield Kept(json.loads(path.read_text(encoding="utf-8")), path.parent, current=False)
+
+
+def _take(one: Kept, folder: Path, files: tuple[str, ...]) -> None:
+    folder.mkdir(parents=True)
+    (folder / ANSWER).write_text(json.dumps(one.answer, indent=1, allow_nan=False), encoding="utf-8")
+    for name in files:
+        _link(one.folder / name, folder / name)
+
+
+def _link(source: Path, target: Path) -> None:
+    """Link a file that is never changed in place, which takes no room; copy it where there are no links."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)

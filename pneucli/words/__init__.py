@@ -1,0 +1,48 @@
+"""What the program says of an answer to a person: the verdict first, in bar, mm and mm/s.
+
+One module a stage or command, each with ``lines(answer, file, verbose)``: what was found, how sure that is, what it
+changes, what to do, and the tables behind ``-v``. Terminal and report say the same sentences. Nothing heavy is
+imported here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+WIDTH = 110  # of a line on a terminal
+LABEL = 9  # of the word that a line starts with
+
+
+def of(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:
+    """Return what is said of a stage's answer; ``file`` is the pipeline file as it was typed, for the commands."""
+    module = importlib.import_module(f"{__name__}.{stage}")
+    return "\n".join(module.lines(answer, file, verbose))
+
+
+def labelled(label: str, text: str) -> Iterator[str]:
+    """Yield ``text`` behind its label, wrapped under itself."""
+    yield from textwrap.wrap(
+        f"{label:<{LABEL}}{text}",
+        WIDTH,
+        subsequent_indent=" " * LABEL,
+        break_long_words=False,
+        break_on_hyphens=False,
+        drop_whitespace=True,
+    )
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], texts: int) -> Iterator[str]:
+    """Yield a table of which the first ``texts`` columns are text, the others numbers."""
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+    for row in [head, *rows]:
+        cells = [c.ljust(w) if i < texts else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
+        yield "  ".join(cells).rstrip()
+
+
+def warnings(answer: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the warnings of a stage."""
+    for warning in answer.get("warnings", []):
+        yield from labelled("warning", warning)

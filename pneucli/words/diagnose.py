@@ -1,0 +1,118 @@
+"""What is missing from the model, how sure that is, what it changes, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.words import labelled, table, warnings
+from pneucli.words.compare import judged
+from pneucli.words.numbers import joined, number, parameters, percent, quantity, times
+
+Answer = Mapping[str, Any]
+
+
+def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
+    """Yield the verdict, the evidence, what moves, what to do; behind ``-v`` ladder, candidates and limits."""
+    yield from labelled("found", found(answer))
+    yield from labelled("sure", sure(answer))
+    if changes := changed(answer):
+        yield from labelled("changes", changes)
+    yield from labelled("do", following(answer, file))
+    yield from warnings(answer)
+    if verbose:
+        yield from _ladder(answer)
+        yield from _candidates(answer)
+        yield from (line for one in answer.get("detectable", []) for line in labelled("limit", limit(one)))
+
+
+def found(answer: Answer) -> str:
+    """Return the verdict in one sentence."""
+    if answer["verdict"] == "missing-effect":
+        named = [f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in _named(answer)]
+        return f"the model lacks {joined(named)}"
+    if answer["verdict"] == "adequate":
+        return "nothing is missing that these recordings could show"
+    return f"{answer['verdict']}: {answer['sentence']}"
+
+
+def sure(answer: Answer) -> str:
+    """Return the evidence: how the error falls, on which recordings, with which size, and what else it could be."""
+    if answer["verdict"] == "adequate":
+        return f"{fall(answer)}; {limits(answer)}"
+    named = [f"{c['effect']} {parameters(c['parameters'])}" for c in _named(answer)]
+    parts = [fall(answer), *named, *([apart(answer)] if named else [])]
+    if left := answer.get("unexplained_share"):
+        parts.append(f"{percent(left)} of the error beyond noise stays")
+    return "; ".join(parts)
+
+
+def fall(answer: Answer) -> str:
+    """Return how the error falls with what is named, on the recordings that it is judged by."""
+    first, last = answer["ladder"][0], answer["ladder"][-1]
+    use, before = judged({"train": first["error_train"], "test": first["error_test"]})
+    on = "recordings that were not fitted" if use == "test" else "the fitted recordings (none was held out)"
+    if first is last:
+        return f"the error is {times(before)} × noise on {on}"
+    return f"the error falls from {times(before)} to {times(last[f'error_{use}'])} × noise on {on}"
+
+
+def apart(answer: Answer) -> str:
+    """Return what the named effects cannot be told from."""
+    equals = sorted({other for c in _named(answer) for other in c["indistinguishable_from"]})
+    if equals:
+        return f"these recordings cannot tell it from {joined(equals)}"
+    return "no other effect of the catalogue explains these recordings as well"
+
+
+def changed(answer: Answer) -> str:
+    """Return which other parameters move when the effects are added."""
+    moved = [
+        f"{m['parameter']} {quantity(m['from'], m['unit'], 3)} → {quantity(m['to'], m['unit'], 3)}"
+        f"{'' if m['plausible'] else ' (not plausible)'}"
+        for m in answer.get("moved") or []
+    ]
+    return ", ".join(moved)
+
+
+def following(answer: Answer, file: str) -> str:
+    """Return what to do next, with the command."""
+    parts = [f"pneucli add {file} --suggested"] if answer["missing"] else []
+    if answer.get("next_experiment"):
+        parts.append(answer["next_experiment"])
+    return "; or: ".join(parts) or f"pneucli run {file}"
+
+
+def limits(answer: Answer) -> str:
+    """Return how much of the catalogue would have shown, with an example: absent is not the same as invisible."""
+    known = answer.get("detectable", [])
+    able = [limit(one) for one in known if one["size"] is not None]
+    if not able:
+        return "no other effect of the catalogue would have shown"
+    return f"{len(able)} of {len(known)} other effects would have shown, such as {able[0]}"
+
+
+def limit(one: Answer) -> str:
+    """Return from which size on an effect would have shown."""
+    if one["size"] is None:
+        return str(one["would_show"])
+    return f"{one['effect']} ({one['parameter']} {quantity(one['size'], one['unit'], 2)})"
+
+
+def _named(answer: Answer) -> list[Answer]:
+    return [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
+
+
+def _ladder(answer: Answer) -> Iterator[str]:
+    yield ""
+    rows = [(s["add"] or "model as it is", times(s["error_test"]), times(s["error_train"])) for s in answer["ladder"]]
+    yield from table(("with", "test, × noise", "train, × noise"), rows, texts=1)
+
+
+def _candidates(answer: Answer) -> Iterator[str]:
+    for c in answer["candidates"]:
+        yield ""
+        yield from labelled("named" if c["effect"] in answer["missing"] else "tried", c["effect"])
+        yield from labelled("", f"{parameters(c['parameters'])}; error with it {number(c['error_after'], 3)} × noise")
+        yield from labelled("", c["why"])
+    yield ""

@@ -1,0 +1,25 @@
+"""What was read, and what had to be repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.words import labelled, table, warnings
+
+
+def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
+    """Yield the number of recordings, each of them, and all repairs."""
+    recordings = answer["recordings"]
+    uses = [sum(one["use"] == use for one in recordings) for use in ("train", "test")]
+    yield from labelled("read", f"{len(recordings)} recordings, {uses[0]} to fit and {uses[1]} to test")
+    rows = [
+        (one["name"], one["experiment"], one["use"], f"{one['samples']}", " ".join(one["signals"]))
+        for one in recordings
+    ]
+    yield from table(("recording", "experiment", "use", "samples", "signals"), rows, texts=5)
+    for one in answer["repairs"]:
+        place = ", ".join(filter(None, (one["recording"], one["signal"])))
+        yield from labelled("repair", f"{place}: {one['message']}")
+    yield from warnings(answer)
+    yield from labelled("do", f"pneucli compare {file}")
