@@ -5,13 +5,19 @@ PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3
 	$$python -c '$(NEW_ENOUGH)' 2>/dev/null && echo $$python && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
+DEMO := demo
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
 .PHONY: demo test check format lint types layers docs chromium clean
 
+# On a copy of the pipeline: the model fails, what it lacks is named and added, the error falls; then all the rest.
 demo: $(VENV)/.installed-all
-	@$(BIN)/pneucli run pipelines/demo.toml
+	@mkdir -p $(DEMO) && cp pipelines/demo.toml $(DEMO)/pipeline.toml
+	$(BIN)/pneucli compare $(DEMO)/pipeline.toml
+	$(BIN)/pneucli diagnose $(DEMO)/pipeline.toml
+	$(BIN)/pneucli add $(DEMO)/pipeline.toml --suggested
+	$(BIN)/pneucli run $(DEMO)/pipeline.toml
 
 # The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
 test: $(VENV)/.installed-dev chromium

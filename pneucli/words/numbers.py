@@ -89,7 +89,7 @@ def parameters(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 def times(error: float | None) -> str:
     """Return an error over noise: three digits, below the noise floor two; none where there is no such recording."""
-    return "none" if error is None else number(error, 3 if error >= 1.0 else 2)
+    return "none" if error is None else number(error, 3 if error >= 0.995 else 2)
 
 
 def short(value: float) -> str:
