@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from pneucli.diagnose.detectable import Detectable
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.errors import Errors, shown_error
 from pneucli.diagnose.manoeuvres import separation
@@ -104,16 +105,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         "unexplained_share": _left(rungs[0], rungs[-1]),
         "next_experiment": following or _next(bench, found),
         "sentence": sentence(found, rungs),
-        "detectable": [
-            {
-                "effect": d.effect.name,
-                "parameter": d.parameter.name,
-                "size": d.size if d.plausible else None,
-                "unit": d.parameter.unit,
-                "would_show": d.would_show,
-            }
-            for d in found.detectable
-        ],
+        "detectable": [_detectable(d) for d in found.detectable],
         "moved": [
             {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
             for m in found.moved
@@ -128,6 +120,16 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
             "character": found.unknown.character,
             "law": found.unknown.law,
         },
+    }
+
+
+def _detectable(one: Detectable) -> dict[str, Any]:
+    return {
+        "effect": one.effect.name,
+        "parameter": one.parameter.name,
+        "size": one.size if one.plausible else None,
+        "unit": one.parameter.unit,
+        "would_show": one.would_show,
     }
 
 
