@@ -68,7 +68,8 @@ def failing(material: Material) -> Failing | None:
     first = material.before
     judge = first.answer if first else answer
     use, _ = judged(answer.get("error", {}))
-    ratios = [c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"]]
+    known = {(c["recording"], c["channel"]): c for c in answer.get("channels", []) if c["noise"]}
+    ratios = [c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"] and _place(c) in known]
     if not ratios or not len(residuals):
         return None
     worst = max(ratios, key=lambda c: c["ratio_to_noise"])
@@ -78,7 +79,7 @@ def failing(material: Material) -> Failing | None:
         earlier = None
     error = rows["residual"] if earlier is None else earlier["residual"]
     stretch = worst_stretch(rows["time"], np.nan_to_num(error) ** 2)
-    now = next(c for c in answer["channels"] if _same(c, worst))
+    now = known[_place(worst)]
     return Failing(
         *(worst["recording"], "held-out " if use == "test" else "", worst["channel"], worst["unit"], now["noise"]),
         *(rows["time"], rows["measured"]),
@@ -94,8 +95,8 @@ def _rows(residuals: Table, channel: Mapping[str, Any]) -> Table:
     return residuals.where(recording=channel["recording"], channel=channel["channel"])
 
 
-def _same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    return (one["recording"], one["channel"]) == (other["recording"], other["channel"])
+def _place(channel: Mapping[str, Any]) -> tuple[str, str]:
+    return channel["recording"], channel["channel"]
 
 
 def _draw(found: Failing, canvas: Canvas) -> None:

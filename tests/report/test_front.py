@@ -76,6 +76,14 @@ def test_the_picture_is_of_the_held_out_recording_that_the_first_model_failed_wo
     assert found.stretch == pytest.approx((3.0, 3.4), abs=0.2)
 
 
+def test_a_channel_without_noise_is_not_pictured(material: Material) -> None:
+    compared = material.answers["compare"]
+    silent = [{**c, "noise": 0.0, "ratio_to_noise": None} if c["channel"] == "x" else c for c in compared["channels"]]
+    found = failing(replace(material, answers={**material.answers, "compare": {**compared, "channels": silent}}))
+    assert found is not None
+    assert found.channel == "v"
+
+
 def test_without_an_earlier_model_the_picture_has_one_model(material: Material) -> None:
     found = failing(material)
     assert found is not None

@@ -69,6 +69,7 @@ def test_a_warning_stands_in_the_chapter_that_it_is_of(page: str) -> None:
     chapter = page[page.index('<section id="measured">') :].partition("</section>")[0]
     assert '<p class="note warning">axis_1, p1: 3 samples were lost.</p>' in chapter
     assert page.count("3 samples were lost") == 1
+    assert re.search(r"<h2>What was measured</h2>\s*<span>\(1 warning\)</span>", chapter)
 
 
 def test_without_test_recordings_it_says_so(material: Material) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from pneucli.report.material import Material
 from pneucli.report.parts import Cell, Grid, Part, Section, warnings
 from pneucli.report.sections.friction import friction_warnings
-from pneucli.words.numbers import number, quantity
+from pneucli.words.numbers import number, with_interval
 
 
 def section(material: Material) -> Section | None:
@@ -19,7 +19,7 @@ def section(material: Material) -> Section | None:
     rows = [_row(name, p) for name, p in model["parameters"].items()]
     effects = ", ".join(model["effects"])
     lead = f"The base model with {effects}." if effects else "The base model, without further effects."
-    head = ("parameter", "value", "95 % interval from", "to", "half width")
+    head = ("parameter", "value, 95 % interval", "half width")
     grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
     told = [note for note in warnings(material, "identify") if note not in friction_warnings(material)]
     parts: list[Part] = [*told, grid]
@@ -31,8 +31,6 @@ def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:
     relative = abs(high - low) / 2 / abs(value) if value and None not in (low, high) else None
     return [
         Cell(name, numeric=False),
-        Cell(quantity(value, unit, 5)),
-        Cell(quantity(low, unit, 5)),
-        Cell(quantity(high, unit, 5)),
+        Cell(with_interval(value, unit, (low, high))),
         Cell("–" if relative is None else f"{number(100 * relative, 2)} %", bar=relative),
     ]
