@@ -1,0 +1,146 @@
+"""Checks of the force on the piston against its motion: signs, areas, masses, and closed chambers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.plausibility.bench import SURE, Bench
+from pneucli.plausibility.blocks import blocks, fit
+from pneucli.plausibility.finding import Finding, shown
+from pneucli.recording import Recording
+
+Array = NDArray[np.float64]
+
+# a payload that the description misses may weigh several times what is stated (extra-mass); beyond ten times it is a
+# slip of units: g for kg, mm^2 for cm^2
+DECADE = 10.0
+BOTH_WAYS = 0.1  # of the moving time, that each direction must have to tell friction from a constant force
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What net force = mass x acceleration + friction gives, SI, each with its standard error."""
+
+    mass: float
+    mass_error: float
+    drag: float  # N, mean of the friction that resists motion
+    drag_error: float
+    both_ways: bool
+
+
+def check(bench: Bench) -> Iterator[Finding]:
+    """Yield findings of all recordings with a piston."""
+    balances: list[tuple[Recording, Balance]] = []
+    for one in bench.recordings:
+        if "x" not in one or one.experiment == "valve":
+            continue
+        exponent = _exponent(one, bench)
+        turned = exponent is not None and exponent[0] + SURE * exponent[1] < 0
+        if exponent is not None:
+            yield from _closed(one, *exponent, bench)
+        balance = _balance(one, bench)
+        if balance is not None:
+            balances.append((one, balance))
+            yield from _direction(one, balance, turned=turned)
+    yield from _mass(balances, bench)
+
+
+def _balance(one: Recording, bench: Bench) -> Balance | None:
+    cut = blocks(one, "x", 2)
+    if cut is None:
+        return None
+    force = bench.net_force(one, {name: cut.mean(name, 2) for name in ("p1", "p2", "force") if name in one})
+    if force is None:
+        return None
+    v, a, x = cut.slope("x"), cut.curvature("x"), cut.mean("x", 2)
+    sure = np.abs(v) > np.abs(a) * cut.half  # of the direction: it does not turn within the block
+    v, a, x, force = v[sure], a[sure], x[sure], force[sure]
+    if v.size == 0:
+        return None
+    line = fit([a, np.sign(v), v, x - x.mean(), np.ones_like(v)], force)
+    if line is None:
+        return None
+    speed = float(np.mean(np.abs(v)))
+    drag, drag_error = line.of(np.array([0.0, 1.0, float(np.mean(v**2)) / speed, 0.0, 0.0]))
+    forth = float(np.mean(v > 0))
+    return Balance(line.factors[0], line.errors[0], drag, drag_error, BOTH_WAYS < forth < 1 - BOTH_WAYS)
+
+
+def _direction(one: Recording, balance: Balance, *, turned: bool) -> Iterator[Finding]:
+    """Friction takes energy out: a force that brakes all motion has a sign wrong.
+
+    Weight, springs and sensors' offsets give back on the way back what they take.
+    """
+    if not balance.both_ways or balance.drag + SURE * balance.drag_error > 0:
+        return
+    if "p1" not in one or "p2" not in one:
+        mend = "write scale = -1.0 in [signals] x, or in [signals] force, whichever has its sign wrong"
+    elif turned:
+        mend = "x grows toward chamber 1? write scale = -1.0 in [signals] x"
+    else:
+        mend = "p1 and p2 swapped? exchange the columns in [signals] p1 and p2; or write scale = -1.0 in [signals] x"
+    found = f"the force on the piston brakes its motion by {-balance.drag:.3g} N in either direction"
+    yield Finding("direction", "x", one.name, found, mend)
+
+
+def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[Finding]:
+    """Pool the recordings, each as far as it knows the mass."""
+    stated = bench.rig.moving_mass
+    known = [(one, b) for one, b in balances if b.mass_error > 0 and one.imposed is None]
+    if stated is None or not known:
+        return
+    masses, weights = np.array([b.mass for _, b in known]), np.array([b.mass_error**-2 for _, b in known])
+    mass = float(np.average(masses, weights=weights))
+    scatter = float(np.sqrt(np.sum(weights * (masses - mass) ** 2) / max(masses.size - 1, 1)))
+    error = SURE * max(1.0, scatter) / float(np.sqrt(weights.sum()))
+    best = known[int(np.argmax(weights))][0]
+    if mass - error > DECADE * stated or abs(mass) + error < stated / DECADE:
+        found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
+        mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], and the units in [signals] p1, p2, x and time"
+        yield Finding("mass", "x", best.name, found, mend)
+
+
+def _exponent(one: Recording, bench: Bench) -> tuple[float, float] | None:
+    """Return the exponent n of p2 V2^n = constant in a closed chamber, with its error; leaks are let go."""
+    cut = blocks(one, "x", 1) if one.chamber_2 == "closed" and {"p1", "p2"} <= one.signals.keys() else None
+    volume = None if cut is None else bench.volume(2, cut.mean("x"))
+    if cut is None or volume is None or not np.all(volume > 0):
+        return None
+    p1, p2 = cut.mean("p1"), cut.mean("p2")
+    if not np.all(p2 > 0):
+        return None
+    middle = 0.5 * (volume[1:] + volume[:-1]) * 0.5 * (p2[1:] + p2[:-1])
+    lasts = np.diff(cut.time.mean(axis=1))
+    across = 0.5 * (p1[1:] + p1[:-1] - p2[1:] - p2[:-1])
+    columns = [-np.diff(np.log(volume)), lasts * across / middle, lasts / middle]
+    line = fit(columns, np.diff(np.log(p2)))
+    return None if line is None else (float(line.factors[0]), float(line.errors[0]))
+
+
+def _closed(one: Recording, exponent: float, error: float, bench: Bench) -> Iterator[Finding]:
+    """Air in a closed chamber goes between the isotherm, n = 1, and the isentrope, n = kappa.
+
+    A pressure that is short of ambient reads as a steeper law, by p true over p read; the limit is the middle of both.
+    """
+    middle = float(np.nanmedian(one["p2"]))
+    ambient = bench.rig.ambient_pressure
+    gauge = (middle + ambient) / middle
+    steepest = bench.rig.heat_capacity_ratio * np.sqrt(gauge)
+    flattest = np.sqrt(max(middle - ambient, 0.25 * middle) / middle)
+    seen = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{bench.rig.heat_capacity_ratio:.3g}"
+    if exponent + SURE * error < 0:
+        found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{-exponent:.3g})"
+        yield Finding("direction", "x", one.name, found, "x grows toward chamber 1? write scale = -1.0 in [signals] x")
+    elif exponent - SURE * error > steepest * gauge:
+        mend = "check dead_volume_2, piston_area_2 and stroke in [rig.cylinder], and the unit in [signals] x"
+        yield Finding("volume", "p2", one.name, seen, mend)
+    elif exponent - SURE * error > steepest:
+        found = f"{seen}: gauge? (it reads {shown(middle, 'p2')} in the middle)"
+        yield Finding("reference", "p2", one.name, found, 'write reference = "gauge" in [signals] p2')
+    elif exponent + SURE * error < flattest:
+        mend = 'check dead_volume_2 and stroke in [rig.cylinder], or write reference = "absolute" in [signals] p2'
+        yield Finding("volume", "p2", one.name, seen, mend)
