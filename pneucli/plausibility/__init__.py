@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from pneucli.plausibility import flow, forces, motion, readings, response, samples
 from pneucli.plausibility.bench import Bench
 from pneucli.plausibility.finding import Finding, in_words
-from pneucli.plausibility.looks import Look, look
+from pneucli.plausibility.looks import Look, look, looks_table
 from pneucli.recording import Recording, Rig
 
-__all__ = ["Finding", "Look", "findings", "in_words", "look"]
+__all__ = ["Finding", "Look", "findings", "in_words", "look", "looks_table"]
 
 CHECKS = (samples, readings, response, motion, forces, flow)
 

@@ -23,7 +23,13 @@ class Finding:
 def shown(value: float, signal: str, digits: int = 3) -> str:
     """Return a value (SI) of a signal in the unit that people read it in, such as ``"1.01 bar"``."""
     unit = SIGNALS[signal].display_unit
-    return f"{value / parse_unit(unit).factor:.{digits}g} {unit}"
+    return f"{plain(value / parse_unit(unit).factor, digits)} {unit}"
+
+
+def plain(value: float, digits: int = 3) -> str:
+    """Return a number as people write it: without an exponent, unless it is beyond a million or a millionth."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{rounded:.{digits}g}"
 
 
 def in_words(findings: Sequence[Mapping[str, str]]) -> list[str]:

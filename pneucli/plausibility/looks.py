@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
+from pneucli.units import parse_unit
 
 Array = NDArray[np.float64]
 
 GAP = 2.5  # of a signal's own sampling period: two samples may lie two periods apart where its clock drifts
+OWN = 10.0  # percentile of the steps between samples: the period of a clock of which most stamps were lost
 
 
 @dataclass(frozen=True)
 class Look:
     """One signal in its SI ``unit``; ``rate`` is in samples per second, ``missing`` a share of the recording's time.
 
-    ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all.
+    ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
+    few samples cannot tell is None.
     """
 
     unit: str
     least: float
     median: float
     most: float
-    noise: float
-    rate: float
-    speed: float
+    noise: float | None
+    rate: float | None
+    speed: float | None
     missing: float
 
 
@@ -43,9 +48,9 @@ def look(recording: Recording, signal: str) -> Look:
         least=float(values.min()),
         median=float(np.median(values)),
         most=float(values.max()),
-        noise=float("nan") if noise is None else noise.rms,
-        rate=1.0 / float(np.median(steps)) if steps.size else float("nan"),
-        speed=float(np.percentile(np.abs(np.diff(values) / steps), 99.0)) if steps.size else float("nan"),
+        noise=None if noise is None else noise.rms,
+        rate=1.0 / float(np.median(steps)) if steps.size else None,
+        speed=float(np.percentile(np.abs(np.diff(values) / steps), 99.0)) if steps.size else None,
         missing=missing(recording, signal),
     )
 
@@ -61,7 +66,30 @@ def missing(recording: Recording, signal: str) -> float:
         return 0.0
     at = np.flatnonzero(finite)
     steps, rows = np.diff(recording.time[at]), np.diff(at)
-    own = float(np.median(steps)) if steps.size else np.inf
+    own = float(np.percentile(steps, OWN)) if steps.size else np.inf
     ends = np.array([recording.time[at[0]] - recording.time[0], recording.time[-1] - recording.time[at[-1]]])
     lost = float(steps[(steps > GAP * own) & (rows > 1)].sum() + ends[ends > GAP * own].sum())
     return lost / float(recording.time[-1] - recording.time[0])
+
+
+def looks_table(looks: Mapping[str, Mapping[str, Mapping[str, Any]]], experiments: Mapping[str, str]) -> list[str]:
+    """Return the lines of a table for people: a row a signal of an experiment, over all its recordings.
+
+    ``looks`` maps recordings and signals to a :class:`Look` as a dict, ``experiments`` recordings to their experiment.
+    """
+    rows: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for recording, signals in looks.items():
+        for signal, one in signals.items():
+            rows.setdefault((experiments[recording], signal), []).append(one)
+    head = f"{'':22}{'least':>10}{'median':>10}{'most':>10}{'noise':>10}{'unit':>8}{'rate':>10}"
+    return [head, *(_row(*key, seen) for key, seen in rows.items())]
+
+
+def _row(experiment: str, signal: str, seen: list[Mapping[str, Any]]) -> str:
+    unit = SIGNALS[signal].display_unit
+    factor, offset = parse_unit(unit).factor, parse_unit(unit).offset
+    values = [min(s["least"] for s in seen), np.median([s["median"] for s in seen]), max(s["most"] for s in seen)]
+    noise, rate = ([s[key] for s in seen if s[key] is not None] for key in ("noise", "rate"))
+    numbers = "".join(f"{(value - offset) / factor:10.4g}" for value in values)
+    numbers += f"{np.median(noise) / factor:10.2g}" if noise else f"{'?':>10}"
+    return f"{experiment:12}{signal:10}{numbers}{unit:>8}" + (f"{np.median(rate):7.4g} Hz" if rate else f"{'?':>10}")

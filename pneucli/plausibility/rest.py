@@ -19,6 +19,10 @@ def rests(values: Array) -> bool:
     knows its neighbour, while of anything that moves, or of coloured noise, it does.
     """
     finite = values[np.isfinite(values)]
+    if finite.size < 4 * FEWEST:
+        return False
+    if np.ptp(finite) == 0.0:
+        return True
     width = 4
     while finite.size // width >= FEWEST:
         count = finite.size // width
@@ -28,4 +32,4 @@ def rests(values: Array) -> bool:
         if between > within * f_distribution.isf(CHANCE, count - 1, count * (width - 1)):
             return False
         width *= 4
-    return finite.size >= 4 * FEWEST or (finite.size > 1 and float(np.ptp(finite)) == 0.0)
+    return True

@@ -17,10 +17,18 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw import Channel, RawFile, Repair
-from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, SIGNALS_FILE, signals_schema
+from pneucli.io.recordings import (
+    NOISE_FILE,
+    RECORDINGS_FILE,
+    REPAIRS_FILE,
+    SIGNALS_FILE,
+    load_recordings,
+    signals_schema,
+)
 from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, pool
 from pneucli.pipeline.context import Context
+from pneucli.plausibility import findings, in_words, look, looks_table
 from pneucli.quantities import SIGNALS
 from pneucli.units import factor_and_offset, parse_quantity
 
@@ -69,7 +77,16 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     _pool_noise(done)
     _write_tables(context.out, done, about)
-    return _answer(config, done)
+    return _answer(config, done) | _looked_at(context)
+
+
+def _looked_at(context: Context) -> dict[str, Any]:
+    """Return what each signal of each recording looks like, and what cannot be true of them."""
+    context.progress("looking at what was read", 1.0)
+    recordings, config = load_recordings(context.out), context.config
+    looks = {one.name: {name: asdict(look(one, name)) for name in one.signals} for one in recordings}
+    found = findings(recordings, config.to_rig(), config.compare.horizon)
+    return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}
 
 
 def describe(answer: dict[str, Any]) -> str:
@@ -78,9 +95,12 @@ def describe(answer: dict[str, Any]) -> str:
         f"{one['name']:24} {one['experiment']:9} {one['use']:6} {one['samples']:9d} samples  {' '.join(one['signals'])}"
         for one in answer["recordings"]
     ]
+    experiments = {one["name"]: one["experiment"] for one in answer["recordings"]}
+    lines += ["", *looks_table(answer["looks"], experiments), ""]
     lines += [
         f"repaired or noticed: {one['recording']}, {one['signal']}: {one['message']}" for one in answer["repairs"]
     ]
+    lines += in_words(answer["plausibility"])
     return "\n".join([*lines, *(f"warning: {message}" for message in answer["warnings"])])
 
 
