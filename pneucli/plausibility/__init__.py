@@ -6,7 +6,7 @@ some per cent, a leak, a lag, an extra mass.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from pneucli.plausibility import flow, forces, motion, readings, response, samples
 from pneucli.plausibility.bench import Bench
@@ -19,7 +19,13 @@ __all__ = ["Finding", "Look", "findings", "in_words", "look", "looks_table"]
 CHECKS = (samples, readings, response, motion, forces, flow)
 
 
-def findings(recordings: Sequence[Recording], rig: Rig, horizon: float) -> list[Finding]:
-    """Return what cannot be true, by check and in the recordings' order; ``horizon`` is in s."""
-    bench = Bench(recordings, rig, horizon)
+def findings(
+    recordings: Sequence[Recording], rig: Rig, horizon: float, stated: Mapping[str, Collection[str]]
+) -> list[Finding]:
+    """Return what cannot be true, by check and in the recordings' order.
+
+    ``horizon`` (s) is the interval at which the model is restarted; ``stated`` names, by recording, the signals that
+    the pipeline file states as held.
+    """
+    bench = Bench(recordings, rig, horizon, stated)
     return [finding for module in CHECKS for finding in module.check(bench)]

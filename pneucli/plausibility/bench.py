@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,15 +21,21 @@ HALF_DECADE = float(np.sqrt(10.0))
 HALF_AMBIENT = 0.5
 # standard errors from the jackknife of ten stretches: Student's t with 9 degrees of freedom exceeds them in 1 of 5,000
 SURE = 6.0
+# of the moving time, that each direction must have to tell friction from a constant force
+BOTH_WAYS = 0.1
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Recordings in SI, the rig, and the interval in s at which the model is restarted."""
+    """Recordings in SI, the rig, and the interval in s at which the model is restarted.
+
+    ``stated`` names, by recording, the signals that the pipeline file states as held.
+    """
 
     recordings: Sequence[Recording]
     rig: Rig
     horizon: float
+    stated: Mapping[str, Collection[str]]
 
     def rests(self, recording: Recording, signal: str) -> bool:
         """Whether a signal of a recording is constant or nothing but noise."""
@@ -46,6 +52,8 @@ class Bench:
         """Return a chamber's volume in m^3 at positions x in m; None where the file does not say it."""
         rig = self.rig
         area = rig.areas[chamber - 1]
+        if not rig.has_cylinder:
+            return None
         if chamber == 1:
             return None if rig.dead_volume_1 is None else rig.dead_volume_1 + area * x
         if rig.dead_volume_2 is None or rig.stroke is None:

@@ -37,8 +37,8 @@ class Blocks:
     @classmethod
     def of(cls, recording: Recording, signal: str, width: int) -> Blocks:
         """Cut a recording into blocks of ``width`` samples of ``signal``."""
-        rows = np.flatnonzero(np.isfinite(recording[signal]))
-        rows = rows[: rows.size // width * width].reshape(-1, width)
+        measured = np.flatnonzero(np.isfinite(recording[signal]))
+        rows: NDArray[np.intp] = measured[: measured.size // width * width].reshape(-1, width)
         time = recording.time[rows]
         lasts = time[:, -1] - time[:, 0]
         whole = lasts < UNEVEN * np.median(lasts) if lasts.size else np.zeros(0, dtype=bool)

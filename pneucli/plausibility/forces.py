@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.plausibility.bench import HALF_DECADE, SURE, Bench
+from pneucli.plausibility.bench import BOTH_WAYS, HALF_DECADE, SURE, Bench
 from pneucli.plausibility.blocks import blocks, fit
 from pneucli.plausibility.finding import Finding, shown
 from pneucli.recording import Recording
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 HEAVIEST, LIGHTEST = 10.0, 1 / HALF_DECADE
 # exponents below the isotherm's: a closed chamber with twice its volume, such as that of a hose, shows half
 FLATTEST = 0.5
-BOTH_WAYS = 0.1  # of the moving time, that each direction must have to tell friction from a constant force
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,8 @@ def _direction(one: Recording, balance: Balance, *, turned: bool) -> Iterator[Fi
 
     Weight, springs and sensors' offsets give back on the way back what they take.
     """
-    if not balance.both_ways or balance.drag + SURE * balance.drag_error > 0:
+    alone = one.imposed and "force" not in one  # what moves the piston was not measured, and may press on the air
+    if alone or not balance.both_ways or balance.drag + SURE * balance.drag_error > 0:
         return
     if "p1" not in one or "p2" not in one:
         mend = "write scale = -1.0 in [signals] x, or in [signals] force, whichever has its sign wrong"
@@ -102,7 +102,8 @@ def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[F
     best = known[int(np.argmax(weights))][0]
     if mass - error > HEAVIEST * stated or abs(mass) + error < LIGHTEST * stated:
         found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
-        mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], and the units in [signals] p1, p2, x and time"
+        mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], "
+        mend += "and the units in [signals] p1, p2, x and time"
         yield Finding("mass", "x", best.name, found, mend)
 
 
@@ -131,9 +132,9 @@ def _closed(one: Recording, exponent: float, error: float, bench: Bench) -> Iter
     """
     middle = float(np.nanmedian(one["p2"]))
     ambient = bench.rig.ambient_pressure
-    gauge = (middle + ambient) / middle
-    steepest = bench.rig.heat_capacity_ratio * np.sqrt(gauge)
-    seen = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{bench.rig.heat_capacity_ratio:.3g}"
+    kappa, gauge = bench.rig.heat_capacity_ratio, (middle + ambient) / middle
+    steepest = kappa * np.sqrt(gauge)
+    seen = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{kappa:.3g}"
     if exponent < 0 and exponent + SURE * error < FLATTEST:
         found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{-exponent:.3g})"
         yield Finding("direction", "x", one.name, found, "x grows toward chamber 1? write scale = -1.0 in [signals] x")
@@ -142,7 +143,8 @@ def _closed(one: Recording, exponent: float, error: float, bench: Bench) -> Iter
         yield Finding("volume", "p2", one.name, seen, mend)
     elif exponent - SURE * error > steepest:
         found = f"{seen}: gauge? (it reads {shown(middle, 'p2')} in the middle)"
-        yield Finding("reference", "p2", one.name, found, 'write reference = "gauge" in [signals] p2')
+        mend = 'write reference = "gauge" in [signals] p2, or check dead_volume_2 and stroke in [rig.cylinder]'
+        yield Finding("reference", "p2", one.name, found, mend)
     elif exponent + SURE * error < FLATTEST:
         mend = "check dead_volume_2 and stroke in [rig.cylinder], and the unit in [signals] p2"
         yield Finding("volume", "p2", one.name, seen, mend)

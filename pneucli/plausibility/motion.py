@@ -79,25 +79,27 @@ def _derivative(one: Recording, signal: str, order: int, found: Blocks) -> Itera
 def _likely(factor: float, order: int, signal: str) -> str:
     """Say which slip of a thousand explains a factor."""
     thousands = round(float(np.log10(factor)) / 3)
-    slips = {1: f'x in m, or {signal} in mm/s{"^2" if order == 2 else ""}', order: "time in ms"}
+    slips = {1: f"x in m, or {signal} in mm/s{'^2' if order == 2 else ''}", order: "time in ms"}
     return slips.get(thousands, "none of the usual slips by a thousand")
 
 
 def _motionless(moved: list[Recording], bench: Bench) -> Iterator[Finding]:
-    """A piston may stick all along; but not under more than twice what broke it away elsewhere: from sticking the one
-    way to sticking the other way the force swings by twice the static friction.
-    """  # noqa: D205
-    still = [one for one in moved if bench.rests(one, "x")]
+    """A piston may stick, or be held; it does not stick under more than twice what broke it away elsewhere.
+
+    From sticking the one way to sticking the other way the force swings by twice the static friction.
+    """
+    still = [one for one in moved if bench.rests(one, "x") and "x" not in bench.stated.get(one.name, ())]
     swings = [_swing(one, bench) for one in moved if one not in still]
     limit = 2.0 * min(swings, default=0.0)
     for one in still:
         swing = _swing(one, bench)
         if len(still) < len(moved) and not swing > limit > 0:
             continue
-        low, high = float(np.nanmin(one["x"])), float(np.nanmax(one["x"]))
+        low, high = (shown(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
         pushed = f" while the force on it changes by {swing:.3g} N" if np.isfinite(swing) else ""
-        found = f"the piston does not move: x stays at {shown(low, 'x', 6)} to {shown(high, 'x', 6)}{pushed}"
-        mend = f"check the column in [signals] x and its sensor; if the piston stuck, leave [[recordings]] {one.name} out"
+        found = f"the piston does not move: x stays at {low} to {high}{pushed}"
+        mend = "a dead sensor or another column? check [signals] x; "
+        mend += f'if the piston was held, write x = "{low}" in [[recordings]] {one.name}'
         yield Finding("motionless", "x", one.name, found, mend)
 
 

@@ -31,7 +31,9 @@ def check(bench: Bench) -> Iterator[Finding]:
 
 def gauge(one: Recording, signal: str, found: str) -> Finding:
     """Return the finding that a signal counts from ambient pressure."""
-    return Finding("reference", signal, one.name, f"{found}: gauge?", f'write reference = "gauge" in [signals] {signal}')
+    return Finding(
+        "reference", signal, one.name, f"{found}: gauge?", f'write reference = "gauge" in [signals] {signal}'
+    )
 
 
 def absolute(one: Recording, signal: str, found: str) -> Finding:
@@ -64,7 +66,9 @@ def _pressure(one: Recording, signal: str, bench: Bench) -> Iterator[Finding]:
     elif is_open and abs(middle - ambient) > HALF_AMBIENT * ambient:
         yield from _open(one, middle, ambient)
     elif quarter < (1 - HALF_AMBIENT) * ambient and not closed:
-        yield gauge(one, signal, f"{signal} rests at {shown(quarter, signal)} absolute or below for a quarter of the time")
+        yield gauge(
+            one, signal, f"{signal} rests at {shown(quarter, signal)} absolute or below for a quarter of the time"
+        )
     if most > HIGHEST:
         found = f"{signal} reaches {shown(most, signal)}, above any pneumatic supply ({shown(HIGHEST, signal)})"
         yield Finding("unit", signal, one.name, found, f"check unit and scale in [signals] {signal}")
@@ -84,7 +88,9 @@ def _open(one: Recording, middle: float, ambient: float) -> Iterator[Finding]:
 def _command(one: Recording) -> Iterator[Finding]:
     for signal in ("u", "u2"):
         if signal in one and (most := float(np.nanmax(np.abs(one[signal])))) > HIGHEST_COMMAND:
-            found = f"{signal} reaches {shown(most, signal)}, more than a valve's electronics take: mV, or another column?"
+            found = (
+                f"{signal} reaches {shown(most, signal)}, more than a valve's electronics take: mV, or another column?"
+            )
             yield Finding("unit", signal, one.name, found, f"check column and unit in [signals] {signal}")
 
 
@@ -110,7 +116,7 @@ def _supply(one: Recording, bench: Bench) -> Iterator[Finding]:
         return
     read = float(np.nanmedian(one["p_supply"]))
     ratio = max(read - ambient, 0.0) / max(stated - ambient, 1.0)
-    if 0 < stated - ambient and not 1 / HALF_DECADE < ratio < HALF_DECADE:
+    if stated - ambient > 0 and not 1 / HALF_DECADE < ratio < HALF_DECADE:
         found = f"p_supply is {shown(read, 'p_supply')}, and {shown(stated, 'p_supply')} are stated"
         mend = "check column, unit and reference in [signals] p_supply, and [rig] supply_pressure"
         yield Finding("supply", "p_supply", one.name, found, mend)

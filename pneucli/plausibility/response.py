@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.bench import Bench
+from pneucli.plausibility.bench import BOTH_WAYS, Bench
+from pneucli.plausibility.blocks import blocks
 from pneucli.plausibility.finding import Finding, shown
 from pneucli.recording import Recording
 
@@ -45,17 +46,19 @@ def _closed(one: Recording, bench: Bench) -> Iterator[Finding]:
     expected = middle * float(np.nanmax(volume) - np.nanmin(volume)) / float(np.nanmax(np.abs(volume)))
     noise = one.noise["p2"].rms if "p2" in one.noise else 0.0
     if expected > SEEN * noise:
-        found = f"p2 of the closed chamber stays at {shown(middle, 'p2')} while x would change it by {shown(expected, 'p2')}"
-        mend = f'a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}'
+        stays = f"p2 of the closed chamber stays at {shown(middle, 'p2')}"
+        mend = f"a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}"
+        found = f"{stays} while x would change it by {shown(expected, 'p2')}"
         yield Finding("silent", "p2", one.name, found, mend)
 
 
 def _force(one: Recording, bench: Bench) -> Iterator[Finding]:
     """Friction changes its sign with the motion's: a force that is measured shows it."""
-    x = one["x"][np.isfinite(one["x"])]
-    returns = min(np.max(x) - x[0], x[0] - np.min(x), key=abs) if x.size else 0.0
-    turns = max(np.max(x) - x[-1], x[-1] - np.min(x), abs(returns)) > 0.1 * float(np.ptp(x)) if x.size else False
-    if "force" in one and turns and bench.rests(one, "force") and not bench.moving(one, "p1", "p2"):
+    if "force" not in one or not bench.rests(one, "force") or bench.moving(one, "p1", "p2"):
+        return
+    cut = blocks(one, "x", 1)
+    forth = float(np.mean(cut.slope("x") > 0)) if cut else 0.0
+    if BOTH_WAYS < forth < 1 - BOTH_WAYS:
         found = f"the piston moves, and force stays at {shown(float(np.nanmedian(one['force'])), 'force')}"
         mend = "a dead sensor or another column? check column and unit in [signals] force"
         yield Finding("silent", "force", one.name, found, mend)

@@ -8,14 +8,12 @@ from itertools import combinations
 import numpy as np
 
 from pneucli.plausibility.bench import Bench
-from pneucli.plausibility.finding import Finding, shown
+from pneucli.plausibility.finding import Finding
 from pneucli.plausibility.looks import missing
 from pneucli.quantities import CHANNELS
 from pneucli.recording import Recording
 
-# of the time without a sample: nothing in the catalogue loses samples, and where they are interpolated for longer than
-# this, each noise sample that is left stands for more than its own row
-MOST_MISSING = 0.1
+MOST_MISSING = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
 FEWEST = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
 FREE = {"valve": 1, "friction": 2, "axis": 3}  # parameters of the base model: an area, Coulomb and viscous friction
 STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
@@ -37,7 +35,7 @@ def _missing(one: Recording) -> Iterator[Finding]:
         share = missing(one, signal)
         if share > MOST_MISSING:
             found = f"{signal} was not measured in {100 * share:.0f} % of the time"
-            mend = f"look at the logger, or take the stretch that was measured with from and to in [[recordings]] {one.name}"
+            mend = f"look at the logger, or take what was measured with from and to in [[recordings]] {one.name}"
             yield Finding("missing", signal, one.name, found, mend)
 
 
@@ -83,7 +81,9 @@ def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:
     omega = float(np.sqrt(max(stiffness, 0.0) / (rig.moving_mass or 1.0)))
     if omega * one.period > 1.0:
         found = f"sampled at {1 / one.period:.3g} Hz, and the piston swings on its air at {omega / (2 * np.pi):.3g} Hz"
-        mend = f"record at {10 * omega / (2 * np.pi):.2g} Hz or more; if the logger did, mend the unit in [signals] time"
+        mend = (
+            f"record at {10 * omega / (2 * np.pi):.2g} Hz or more; if the logger did, mend the unit in [signals] time"
+        )
         yield Finding("sampling", "time", one.name, found, mend)
 
 

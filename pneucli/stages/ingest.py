@@ -77,15 +77,16 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     _pool_noise(done)
     _write_tables(context.out, done, about)
-    return _answer(config, done) | _looked_at(context)
+    return _answer(config, done) | _looked_at(context, done)
 
 
-def _looked_at(context: Context) -> dict[str, Any]:
+def _looked_at(context: Context, done: list[Ingested]) -> dict[str, Any]:
     """Return what each signal of each recording looks like, and what cannot be true of them."""
     context.progress("looking at what was read", 1.0)
     recordings, config = load_recordings(context.out), context.config
     looks = {one.name: {name: asdict(look(one, name)) for name in one.signals} for one in recordings}
-    found = findings(recordings, config.to_rig(), config.compare.horizon)
+    stated = {one.source.name: one.source.table.constants.keys() for one in done}
+    found = findings(recordings, config.to_rig(), config.compare.horizon, stated)
     return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}
 
 

@@ -1,6 +1,7 @@
-"""False but well-formed data sets, each made of good recordings by one mistake: ``python -m tests.plausibility.false_sets``.
+"""False but well-formed data sets, each made of good recordings by one mistake.
 
-Prints a table of what ``ingest`` finds in each; with ``--diagnose`` also what ``diagnose`` answers.
+``python -m tests.plausibility.false_sets`` prints a table of what ``ingest`` finds in each; with ``--diagnose`` also
+what ``diagnose`` answers.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ class Rig:
         kept = [table for table in tables if re.search(r'name = "(.*)"', table)[1] in names]  # type: ignore[index]
         text = "[[recordings]]".join([head, *kept]) + "[model]" + text.partition("[model]")[2]
         for name, stated_noise in NOISES.items() if noise else ():
-            text = text.replace(f'\n{name} = {{ ', f'\n{name} = {{ noise = "{stated_noise}", ')
+            text = text.replace(f"\n{name} = {{ ", f'\n{name} = {{ noise = "{stated_noise}", ')
         return cls(text, {name: _read(FIXTURES / folder / f"{name}.csv") for name in names})
 
     def write(self, folder: Path) -> Path:
@@ -86,12 +87,25 @@ def scaled(factor: float, *names: str, plus: float = 0.0, only: str = "") -> Mis
     return columns(lambda c, rng: c | {n: factor * c[n] + plus for n in names if n in c}, only)
 
 
-def filled(name: str, values: Callable[[int, np.random.Generator], Any], only: str = "") -> Mistake:
-    return columns(lambda c, rng: c | ({name: values(c[T].size, rng) + np.zeros(c[T].size)} if name in c else {}), only)
+def noisy(name: str, mean: float, std: float, only: str = "") -> Mistake:
+    """A column of nothing but noise."""
+
+    def change(c: Columns, rng: np.random.Generator) -> Columns:
+        return c | ({name: mean + std * rng.standard_normal(c[T].size)} if name in c else {})
+
+    return columns(change, only)
+
+
+def held(name: str, value: float, only: str = "") -> Mistake:
+    """A column that says the same all along."""
+    return noisy(name, value, 0.0, only)
 
 
 def swapped(first: str, second: str, only: str = "") -> Mistake:
-    return columns(lambda c, rng: c | ({first: c[second], second: c[first]} if {first, second} <= c.keys() else {}), only)
+    def change(c: Columns, rng: np.random.Generator) -> Columns:
+        return c | ({first: c[second], second: c[first]} if {first, second} <= c.keys() else {})
+
+    return columns(change, only)
 
 
 def thinned(every: int) -> Mistake:
@@ -146,94 +160,124 @@ def _times(key: str, factor: float) -> Mistake:
 
 @dataclass(frozen=True)
 class FalseSet:
-    """One mistake on one rig, and the (check, signal) of which one at least must be found."""
+    """One mistake on one rig, and (check, signal) of what is to be found, one of them at least.
+
+    ``named``: in the report that asked for these checks.
+    """
 
     base: str
     mistake: Mistake
     expected: set[tuple[str, str]]
-    named: bool = field(default=False)  # in the report that asked for these checks
+    named: bool = False
 
     def make(self, *, noise: bool = False) -> Rig:
         return self.mistake(Rig.of(self.base, noise=noise))
 
 
-AREAS = both(_times("piston_area_1", 100), _times("piston_area_2", 100))
+def _sets(base: str, rows: dict[str, tuple[Mistake, str]]) -> dict[str, FalseSet]:
+    """Read ``"check signal | check signal"``; a name that ends with a star is named."""
+    sets = {}
+    for name, (mistake, expected) in rows.items():
+        pairs = {(check, signal) for check, signal in (each.split() for each in expected.split("|"))}
+        sets[f"{base}, {name.rstrip('*')}"] = FalseSet(base, mistake, pairs, name.endswith("*"))
+    return sets
+
+
+FIVE = columns(lambda c, rng: {n: values[:5] for n, values in c.items()})
+LARGE = both(_times("piston_area_1", 100), _times("piston_area_2", 100))
+SMALL = both(_times("piston_area_1", 0.01), _times("piston_area_2", 0.01))
 MS_AS_S = stated(r'"t \[ms\]", unit = "ms"', '"t [ms]", unit = "s"')
 S_AS_MS = scaled(1e-3, T)
-NOISE = lambda mean, std: lambda n, rng: mean + std * rng.standard_normal(n)  # noqa: E731
+MM_AS_M = stated(r'"Pos \[mm\]", unit = "mm"', '"Pos [mm]", unit = "m"')
+TURNED = scaled(-1.0, X, plus=200.0)
 
-SETS: dict[str, FalseSet] = {
-    # friction: stick-slip with an open chamber 2, driven motion with a closed one
-    "friction, p1 dead": FalseSet("friction", filled(P1, lambda n, rng: 1.5), {("silent", "p1")}, named=True),
-    "friction, p1 nothing but noise": FalseSet("friction", filled(P1, NOISE(2.0, 0.5)), {("silent", "p1")}, named=True),
-    "friction, p1 and p2 swapped": FalseSet("friction", swapped(P1, P2), {("direction", "x"), ("swapped", "p1")}),
-    "friction, 5 samples": FalseSet("friction", columns(lambda c, rng: {n: v[:5] for n, v in c.items()}), {("samples", "p1")}, named=True),
-    "friction, half of p1 missing": FalseSet("friction", columns(_holes), {("missing", "p1")}, named=True),
-    "friction, cable of x loose": FalseSet("friction", columns(_cable), {("missing", "x")}),
-    "friction, gauge read as absolute": FalseSet("friction", read_as_absolute("p1", "p2"), {("reference", "p2")}, named=True),
-    "friction, absolute read as gauge": FalseSet("friction", absolute_as_gauge(P1, P2), {("reference", "p2")}, named=True),
-    "friction, p2 alone gauge read as absolute": FalseSet("friction", read_as_absolute("p2"), {("reference", "p2")}),
-    "friction, recorded at 10 Hz": FalseSet("friction", thinned(100), {("sampling", "time")}, named=True),
-    "friction, areas 100 times too large": FalseSet("friction", AREAS, {("mass", "x")}, named=True),
-    "friction, areas 100 times too small": FalseSet("friction", both(_times("piston_area_1", 0.01), _times("piston_area_2", 0.01)), {("mass", "x"), ("volume", "p2")}),
-    "friction, mass in g stated as kg": FalseSet("friction", _times("moving_mass", 1000), {("mass", "x")}),
-    "friction, mass in t stated as kg": FalseSet("friction", _times("moving_mass", 1e-3), {("mass", "x")}),
-    "friction, x inverted": FalseSet("friction", scaled(-1.0, X), {("direction", "x"), ("direction", "a")}, named=True),
-    "friction, x inverted from the other end": FalseSet("friction", scaled(-1.0, X, plus=200.0), {("direction", "x"), ("direction", "a")}),
-    "friction, x and a inverted": FalseSet("friction", both(scaled(-1.0, A), scaled(-1.0, X, plus=200.0)), {("direction", "x")}),
-    "friction, mm declared as m": FalseSet("friction", stated('"Pos \\[mm\\]", unit = "mm"', '"Pos [mm]", unit = "m"'), {("stroke", "x")}),
-    "friction, m declared as mm": FalseSet("friction", scaled(1e-3, X), {("derivative", "a"), ("volume", "p2")}),
-    "friction, ms declared as s": FalseSet("friction", MS_AS_S, {("horizon", "time"), ("derivative", "a")}, named=True),
-    "friction, s declared as ms": FalseSet("friction", S_AS_MS, {("speed", "x"), ("derivative", "a")}),
-    "friction, x dead": FalseSet("friction", filled(X, lambda n, rng: 100.0), {("motionless", "x")}, named=True),
-    "friction, x nothing but noise": FalseSet("friction", filled(X, NOISE(100.0, 0.01)), {("motionless", "x")}),
-    "friction, x dead in one recording": FalseSet("friction", filled(X, lambda n, rng: 100.0, "driven_2"), {("motionless", "x")}),
-    "friction, a dead": FalseSet("friction", filled(A, lambda n, rng: 0.0), {("derivative", "a")}),
-    "friction, a nothing but noise": FalseSet("friction", filled(A, NOISE(0.0, 1.0)), {("derivative", "a")}),
-    "friction, a inverted": FalseSet("friction", scaled(-1.0, A), {("direction", "a")}),
-    "friction, a in g": FalseSet("friction", scaled(1 / 9.81, A), {("derivative", "a")}),
-    "friction, kPa declared as bar": FalseSet("friction", scaled(100.0, P1, P2), {("unit", "p1")}),
-    "friction, MPa declared as bar": FalseSet("friction", scaled(0.1, P1, P2), {("mass", "x")}),
-    "friction, psi declared as bar": FalseSet("friction", scaled(14.504, P1, P2), {("unit", "p1")}),
-    "friction, one column for p1 and p2": FalseSet("friction", columns(lambda c, rng: c | {P2: c[P1]}), {("copy", "p2")}),
-    "friction, p2 of the closed chamber dead": FalseSet("friction", filled(P2, lambda n, rng: 2.0, "driven"), {("silent", "p2")}),
-    "friction, x from another zero": FalseSet("friction", scaled(1.0, X, plus=-150.0), {("stroke", "x")}),
-    "friction, stroke in cm": FalseSet("friction", _times("stroke", 0.1), {("stroke", "x")}),
-    "friction, dead volume in l": FalseSet("friction", _times("dead_volume_2", 1000), {("volume", "p2")}),
-    # valve: charge and discharge of a vessel
-    "valve, p1 dead": FalseSet("valve", filled(P1, lambda n, rng: 3.0), {("silent", "p1")}, named=True),
-    "valve, p1 nothing but noise": FalseSet("valve", filled(P1, NOISE(3.0, 0.5)), {("silent", "p1")}, named=True),
-    "valve, p1 dead in one recording": FalseSet("valve", filled(P1, NOISE(0.0, 0.004), "step_+10"), {("silent", "p1")}),
-    "valve, p1 and p_supply swapped": FalseSet("valve", swapped(P1, PS), {("swapped", "p1")}, named=True),
-    "valve, 5 samples": FalseSet("valve", columns(lambda c, rng: {n: v[:5] for n, v in c.items()}), {("samples", "p1")}, named=True),
-    "valve, half of p1 missing": FalseSet("valve", columns(_holes), {("missing", "p1")}, named=True),
-    "valve, vessel 1000 times too large": FalseSet("valve", _times("volume", 1000), {("volume", "p1")}, named=True),
-    "valve, vessel 1000 times too small": FalseSet("valve", _times("volume", 1e-3), {("volume", "p1")}),
-    "valve, gauge read as absolute": FalseSet("valve", read_as_absolute("p1", "p_supply"), {("reference", "p1")}, named=True),
-    "valve, absolute read as gauge": FalseSet("valve", absolute_as_gauge(P1, PS), {("reference", "p1")}, named=True),
-    "valve, p_supply alone gauge read as absolute": FalseSet("valve", read_as_absolute("p_supply"), {("reference", "p_supply")}),
-    "valve, p_supply dead": FalseSet("valve", filled(PS, lambda n, rng: 0.0), {("supply", "p_supply")}, named=True),
-    "valve, ms declared as s": FalseSet("valve", MS_AS_S, {("volume", "p1")}, named=True),
-    "valve, s declared as ms": FalseSet("valve", S_AS_MS, {("volume", "p1")}),
-    "valve, u dead": FalseSet("valve", filled(U, lambda n, rng: 0.0), {("silent", "u")}, named=True),
-    "valve, u another signal": FalseSet("valve", filled(U, NOISE(0.0, 3.0)), {("silent", "u")}, named=True),
-    "valve, u inverted": FalseSet("valve", scaled(-1.0, U), {("direction", "u")}),
-    "valve, mV declared as V": FalseSet("valve", scaled(1000.0, U), {("unit", "u")}),
-    "valve, p1 in kPa declared as bar": FalseSet("valve", scaled(100.0, P1), {("unit", "p1"), ("supply", "p_supply")}),
-    "valve, p1 a tenth": FalseSet("valve", scaled(0.1, P1), {("supply", "p_supply")}),
-    "valve, p_supply a tenth": FalseSet("valve", scaled(0.1, PS), {("supply", "p_supply")}),
-    "valve, recorded at 5 Hz": FalseSet("valve", thinned(200), {("sampling", "time")}),
-    # axis: the valve on its bench, then with a closed chamber 2
-    "axis, p1 dead": FalseSet("axis", filled(P1, lambda n, rng: 3.0, "axis"), {("silent", "p1")}, named=True),
-    "axis, x inverted": FalseSet("axis", scaled(-1.0, X, plus=200.0), {("direction", "x")}, named=True),
-    "axis, p1 and p2 swapped": FalseSet("axis", swapped(P1, P2, "axis"), {("direction", "x"), ("direction", "u")}),
-    "axis, p1 and p_supply swapped": FalseSet("axis", swapped(P1, PS, "axis"), {("swapped", "p1")}, named=True),
-    "axis, areas 100 times too large": FalseSet("axis", AREAS, {("mass", "x")}, named=True),
-    "axis, vessel 1000 times too large": FalseSet("axis", _times("volume", 1000), {("volume", "p1")}, named=True),
-    "axis, gauge read as absolute": FalseSet("axis", read_as_absolute("p_supply", "p1", "p2"), {("reference", "p2"), ("reference", "p1")}, named=True),
-    "axis, u inverted": FalseSet("axis", scaled(-1.0, U, only="axis"), {("direction", "u")}),
-    "axis, x dead": FalseSet("axis", filled(X, lambda n, rng: 100.0), {("motionless", "x")}, named=True),
-    "axis, recorded at 10 Hz": FalseSet("axis", thinned(100), {("sampling", "time")}),
+
+# friction: stick-slip with an open chamber 2, driven motion with a closed one; valve: charge and discharge of a vessel;
+# axis: the valve on its bench, then with a closed chamber 2
+SETS = {
+    **_sets(
+        "friction",
+        {
+            "p1 dead*": (held(P1, 1.5), "silent p1"),
+            "p1 nothing but noise*": (noisy(P1, 2.0, 0.5), "silent p1"),
+            "p1 and p2 swapped": (swapped(P1, P2), "direction x | swapped p1"),
+            "5 samples*": (FIVE, "samples p1"),
+            "half of p1 missing*": (columns(_holes), "missing p1"),
+            "cable of x loose": (columns(_cable), "missing x"),
+            "gauge read as absolute*": (read_as_absolute("p1", "p2"), "reference p2"),
+            "absolute read as gauge*": (absolute_as_gauge(P1, P2), "reference p2"),
+            "p2 alone gauge read as absolute": (read_as_absolute("p2"), "reference p2"),
+            "recorded at 10 Hz*": (thinned(100), "sampling time"),
+            "areas 100 times too large*": (LARGE, "mass x"),
+            "areas 100 times too small": (SMALL, "mass x | volume p2"),
+            "mass in g stated as kg": (_times("moving_mass", 1000), "mass x"),
+            "mass in t stated as kg": (_times("moving_mass", 1e-3), "mass x"),
+            "x inverted*": (scaled(-1.0, X), "direction x | direction a"),
+            "x inverted from the other end": (TURNED, "direction x | direction a"),
+            "x and a inverted": (both(scaled(-1.0, A), TURNED), "direction x"),
+            "mm declared as m": (MM_AS_M, "stroke x"),
+            "m declared as mm": (scaled(1e-3, X), "derivative a | volume p2"),
+            "ms declared as s*": (MS_AS_S, "horizon time | derivative a"),
+            "s declared as ms": (S_AS_MS, "speed x | derivative a"),
+            "x dead*": (held(X, 100.0), "motionless x"),
+            "x nothing but noise": (noisy(X, 100.0, 0.01), "motionless x"),
+            "x dead in one recording": (held(X, 100.0, "driven_2"), "motionless x"),
+            "a dead": (held(A, 0.0), "derivative a"),
+            "a nothing but noise": (noisy(A, 0.0, 1.0), "derivative a"),
+            "a inverted": (scaled(-1.0, A), "direction a"),
+            "a in g": (scaled(1 / 9.81, A), "derivative a"),
+            "kPa declared as bar": (scaled(100.0, P1, P2), "unit p1"),
+            "MPa declared as bar": (scaled(0.1, P1, P2), "mass x"),
+            "psi declared as bar": (scaled(14.504, P1, P2), "unit p1"),
+            "one column for p1 and p2": (columns(lambda c, rng: c | {P2: c[P1]}), "copy p2"),
+            "p2 of the closed chamber dead": (held(P2, 2.0, "driven"), "silent p2"),
+            "x from another zero": (scaled(1.0, X, plus=-150.0), "stroke x"),
+            "stroke in cm": (_times("stroke", 0.1), "stroke x"),
+            "dead volume in l": (_times("dead_volume_2", 1000), "volume p2"),
+        },
+    ),
+    **_sets(
+        "valve",
+        {
+            "p1 dead*": (held(P1, 3.0), "silent p1"),
+            "p1 nothing but noise*": (noisy(P1, 3.0, 0.5), "silent p1"),
+            "p1 dead in one recording": (noisy(P1, 0.0, 0.004, "step_+10"), "silent p1"),
+            "p1 and p_supply swapped*": (swapped(P1, PS), "swapped p1"),
+            "5 samples*": (FIVE, "samples p1"),
+            "half of p1 missing*": (columns(_holes), "missing p1"),
+            "vessel 1000 times too large*": (_times("volume", 1000), "volume p1"),
+            "vessel 1000 times too small": (_times("volume", 1e-3), "volume p1"),
+            "gauge read as absolute*": (read_as_absolute("p1", "p_supply"), "reference p1"),
+            "absolute read as gauge*": (absolute_as_gauge(P1, PS), "reference p1"),
+            "p_supply alone gauge read as absolute": (read_as_absolute("p_supply"), "reference p_supply"),
+            "p_supply dead*": (held(PS, 0.0), "supply p_supply"),
+            "ms declared as s*": (MS_AS_S, "volume p1"),
+            "s declared as ms": (S_AS_MS, "volume p1"),
+            "u dead*": (held(U, 0.0), "silent u"),
+            "u another signal*": (noisy(U, 0.0, 3.0), "silent u"),
+            "u inverted": (scaled(-1.0, U), "direction u"),
+            "mV declared as V": (scaled(1000.0, U), "unit u"),
+            "p1 in kPa declared as bar": (scaled(100.0, P1), "unit p1 | supply p_supply"),
+            "p1 a tenth": (scaled(0.1, P1), "supply p_supply"),
+            "p_supply a tenth": (scaled(0.1, PS), "supply p_supply"),
+            "recorded at 5 Hz": (thinned(200), "sampling time"),
+        },
+    ),
+    **_sets(
+        "axis",
+        {
+            "p1 dead*": (held(P1, 3.0, "axis"), "silent p1"),
+            "x inverted*": (TURNED, "direction x"),
+            "p1 and p2 swapped": (swapped(P1, P2, "axis"), "direction x | direction u"),
+            "p1 and p_supply swapped*": (swapped(P1, PS, "axis"), "swapped p1"),
+            "areas 100 times too large*": (LARGE, "mass x"),
+            "vessel 1000 times too large*": (_times("volume", 1000), "volume p1"),
+            "gauge read as absolute*": (read_as_absolute("p_supply", "p1", "p2"), "reference p2 | reference p1"),
+            "u inverted": (scaled(-1.0, U, only="axis"), "direction u"),
+            "x dead*": (held(X, 100.0), "motionless x"),
+            "recorded at 10 Hz": (thinned(100), "sampling time"),
+        },
+    ),
 }
 
 
@@ -250,7 +294,7 @@ def diagnosed(rig: Rig, folder: Path) -> str:
     (out / "diagnose").mkdir()
     try:
         found = diagnose.run(Context(path, load(path), out / "diagnose", out, answers={"ingest": answer}))
-    except Exception as error:  # noqa: BLE001 - whatever it is, the table says it
+    except Exception as error:
         return f"{type(error).__name__}: {error}".split("\n")[0]
     return f"{found['verdict']} {' '.join(found['missing'])}".strip()
 
@@ -269,8 +313,8 @@ def table(*, with_diagnosis: bool) -> Iterator[str]:
             verdict = " |" if with_diagnosis else ""
         seen = {(f["check"], f["signal"]): f["found"] for f in found}
         hits = seen.keys() & one.expected
-        text = "; ".join(f"`{check}` {signal}" + (f" ({seen[check, signal]})" if (check, signal) in hits else "") for check, signal in seen)
-        yield f"| {name} | {text or 'NOTHING'}{'' if hits else ' NOT AS EXPECTED'} |{verdict}"
+        words = [f"`{pair[0]}` {pair[1]}" + (f" ({text})" if pair in hits else "") for pair, text in seen.items()]
+        yield f"| {name} | {'; '.join(words) or 'NOTHING'}{'' if hits else ' NOT AS EXPECTED'} |{verdict}"
 
 
 if __name__ == "__main__":
