@@ -21,6 +21,8 @@ HALF_DECADE = float(np.sqrt(10.0))
 HALF_AMBIENT = 0.5
 # standard errors from the jackknife of ten stretches: Student's t with 9 degrees of freedom exceeds them in 1 of 5,000
 SURE = 6.0
+# times a sensor's noise, that a change must have to be no noise: two samples of white noise differ by 8 at most
+SEEN = 10.0
 # of the moving time, that each direction must have to tell friction from a constant force
 BOTH_WAYS = 0.1
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.physics.gas import CRITICAL_RATIO, flow_function
-from pneucli.plausibility.bench import HALF_AMBIENT, HALF_DECADE, SURE, Bench
+from pneucli.plausibility.bench import HALF_AMBIENT, HALF_DECADE, SEEN, SURE, Bench
 from pneucli.plausibility.blocks import Blocks, blocks, fit
 from pneucli.plausibility.finding import Finding, shown
 from pneucli.plausibility.readings import absolute, gauge
@@ -22,6 +22,7 @@ NARROWEST = 1e-8  # m^2: a hole of 0.1 mm, the smallest orifice of a proportiona
 DRIVEN = 0.9  # pressure ratio above which the flow function is too flat to tell an area
 EXPLAINS = 0.05  # of the area's variance, below which a command has nothing to do with it
 OF_LARGEST = 0.2  # of the largest flow: heat that goes on after a charge moves less
+SCALE = 0.1  # of a reading above ambient: "some per cent" of a sensor's span error ends there
 LEAK = 1e-7  # m^2: the largest leaks that the catalogue calls typical; what flows beyond goes through the valve
 REMAINDER = 0.3  # of the flows that compressing and moving ask for: what a wrong volume leaves of two that cancel
 BINS, IN_BIN = 20, 5  # of the commands, and blocks in each
@@ -111,16 +112,20 @@ def _supply(flow: Flow, bench: Bench) -> Iterator[Finding]:
     """What charges a chamber stands above it."""
     if "p_supply" not in flow.recording:
         return
-    charging = flow.flow > OF_LARGEST * np.nanmax(np.abs(flow.flow)) if np.isfinite(flow.flow).any() else flow.flow > 0
+    charging = flow.flow > OF_LARGEST * float(np.max(flow.flow))
     if not charging.any():
         return
-    excess = flow.p[charging] - flow.supply[charging]
-    worst = int(np.argmax(excess))
-    if excess[worst] > HALF_AMBIENT * bench.rig.ambient_pressure:
-        p, supply = flow.p[charging][worst], flow.supply[charging][worst]
+    p, supply = float(np.median(flow.p[charging])), float(np.median(flow.supply[charging]))
+    if p - supply > _apart(supply, bench):
         found = f"p1 is charged at {shown(p, 'p1')} from a supply of {shown(supply, 'p_supply')}"
         mend = "check column, unit and reference in [signals] p_supply and p1"
         yield Finding("supply", "p_supply", flow.recording.name, found, mend)
+
+
+def _apart(supply: float, bench: Bench) -> float:
+    """Return by how many Pa readings of p1 and p_supply differ where more than a scale is wrong."""
+    ambient = bench.rig.ambient_pressure
+    return max(HALF_AMBIENT * ambient, SCALE * (supply - ambient))
 
 
 def _command(flow: Flow) -> Iterator[Finding]:
@@ -150,7 +155,8 @@ def _sampled(one: Recording) -> Iterator[Finding]:
     """A chamber that charges within one sample, by more than in a time constant, is not seen charging."""
     p = one["p1"][np.isfinite(one["p1"])]
     span, step = float(np.ptp(p)), float(np.max(np.abs(np.diff(p)), initial=0.0))
-    if step > (1 - np.exp(-1.0)) * span:
+    noise = one.noise["p1"].rms if "p1" in one.noise else 0.0
+    if step > max((1 - np.exp(-1.0)) * span, SEEN * noise):
         found = f"p1 changes by {shown(step, 'p1')} of {shown(span, 'p1')} from one sample to the next"
         mend = f"record faster than at {1 / one.period:.3g} Hz, or check the unit in [signals] time"
         yield Finding("sampling", "time", one.name, found, mend)
@@ -169,11 +175,11 @@ def _settled(one: Recording, bench: Bench) -> Iterator[Finding]:
                 yield absolute(one, "p1", seen)
         elif "p_supply" in one:
             supply = float(np.nanmedian(one["p_supply"][rows]))
-            off = (level - supply) / ambient
+            off, apart = level - supply, _apart(supply, bench)
             seen = f"p1 rests at {shown(level, 'p1')} in a chamber that is charged from {shown(supply, 'p_supply')}"
-            if HALF_AMBIENT < off < 1 + HALF_AMBIENT:
+            if apart < off < (1 + HALF_AMBIENT) * ambient:
                 yield gauge(one, "p_supply", seen)
-            elif abs(off) > HALF_AMBIENT:
+            elif abs(off) > apart:
                 mend = "check column, unit and reference in [signals] p_supply and p1"
                 yield Finding("supply", "p_supply", one.name, seen, mend)
 

@@ -6,12 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.bench import BOTH_WAYS, Bench
+from pneucli.plausibility.bench import BOTH_WAYS, SEEN, Bench
 from pneucli.plausibility.blocks import blocks
 from pneucli.plausibility.finding import Finding, shown
 from pneucli.recording import Recording
-
-SEEN = 10.0  # times its noise, that a sensor must see of something to answer to it
 
 
 def check(bench: Bench) -> Iterator[Finding]:

@@ -147,7 +147,7 @@ def _cable(c: Columns, rng: np.random.Generator) -> Columns:
     return c | {X: np.where((rows > 0.3 * rows.size) & (rows < 0.6 * rows.size), np.nan, c[X])}
 
 
-def _times(key: str, factor: float) -> Mistake:
+def times(key: str, factor: float) -> Mistake:
     """A value of the rig, off by a factor."""
 
     def make(rig: Rig) -> Rig:
@@ -184,8 +184,8 @@ def _sets(base: str, rows: dict[str, tuple[Mistake, str]]) -> dict[str, FalseSet
 
 
 FIVE = columns(lambda c, rng: {n: values[:5] for n, values in c.items()})
-LARGE = both(_times("piston_area_1", 100), _times("piston_area_2", 100))
-SMALL = both(_times("piston_area_1", 0.01), _times("piston_area_2", 0.01))
+LARGE = both(times("piston_area_1", 100), times("piston_area_2", 100))
+SMALL = both(times("piston_area_1", 0.01), times("piston_area_2", 0.01))
 MS_AS_S = stated(r'"t \[ms\]", unit = "ms"', '"t [ms]", unit = "s"')
 S_AS_MS = scaled(1e-3, T)
 MM_AS_M = stated(r'"Pos \[mm\]", unit = "mm"', '"Pos [mm]", unit = "m"')
@@ -210,8 +210,8 @@ SETS = {
             "recorded at 10 Hz*": (thinned(100), "sampling time"),
             "areas 100 times too large*": (LARGE, "mass x"),
             "areas 100 times too small": (SMALL, "mass x | volume p2"),
-            "mass in g stated as kg": (_times("moving_mass", 1000), "mass x"),
-            "mass in t stated as kg": (_times("moving_mass", 1e-3), "mass x"),
+            "mass in g stated as kg": (times("moving_mass", 1000), "mass x"),
+            "mass in t stated as kg": (times("moving_mass", 1e-3), "mass x"),
             "x inverted*": (scaled(-1.0, X), "direction x | direction a"),
             "x inverted from the other end": (TURNED, "direction x | direction a"),
             "x and a inverted": (both(scaled(-1.0, A), TURNED), "direction x"),
@@ -232,8 +232,8 @@ SETS = {
             "one column for p1 and p2": (columns(lambda c, rng: c | {P2: c[P1]}), "copy p2"),
             "p2 of the closed chamber dead": (held(P2, 2.0, "driven"), "silent p2"),
             "x from another zero": (scaled(1.0, X, plus=-150.0), "stroke x"),
-            "stroke in cm": (_times("stroke", 0.1), "stroke x"),
-            "dead volume in l": (_times("dead_volume_2", 1000), "volume p2"),
+            "stroke in cm": (times("stroke", 0.1), "stroke x"),
+            "dead volume in l": (times("dead_volume_2", 1000), "volume p2"),
         },
     ),
     **_sets(
@@ -245,8 +245,8 @@ SETS = {
             "p1 and p_supply swapped*": (swapped(P1, PS), "swapped p1"),
             "5 samples*": (FIVE, "samples p1"),
             "half of p1 missing*": (columns(_holes), "missing p1"),
-            "vessel 1000 times too large*": (_times("volume", 1000), "volume p1"),
-            "vessel 1000 times too small": (_times("volume", 1e-3), "volume p1"),
+            "vessel 1000 times too large*": (times("volume", 1000), "volume p1"),
+            "vessel 1000 times too small": (times("volume", 1e-3), "volume p1"),
             "gauge read as absolute*": (read_as_absolute("p1", "p_supply"), "reference p1"),
             "absolute read as gauge*": (absolute_as_gauge(P1, PS), "reference p1"),
             "p_supply alone gauge read as absolute": (read_as_absolute("p_supply"), "reference p_supply"),
@@ -271,13 +271,28 @@ SETS = {
             "p1 and p2 swapped": (swapped(P1, P2, "axis"), "direction x | direction u"),
             "p1 and p_supply swapped*": (swapped(P1, PS, "axis"), "swapped p1"),
             "areas 100 times too large*": (LARGE, "mass x"),
-            "vessel 1000 times too large*": (_times("volume", 1000), "volume p1"),
+            "vessel 1000 times too large*": (times("volume", 1000), "volume p1"),
             "gauge read as absolute*": (read_as_absolute("p_supply", "p1", "p2"), "reference p2 | reference p1"),
             "u inverted": (scaled(-1.0, U, only="axis"), "direction u"),
             "x dead*": (held(X, 100.0), "motionless x"),
             "recorded at 10 Hz": (thinned(100), "sampling time"),
         },
     ),
+}
+
+
+# what an effect of the catalogue explains: payload, offset, scale, delay, bias, volume; and what is no mistake
+EXPLAINED = {
+    "friction, payload of twice the mass": ("friction", times("moving_mass", 1 / 3)),
+    "friction, offset of p1": ("friction", scaled(1.0, P1, plus=0.1)),
+    "friction, scale of the pressures": ("friction", scaled(1.06, P1, P2)),
+    "friction, pressures 5 ms late": ("friction", columns(lambda c, rng: c | {n: np.roll(c[n], 5) for n in (P1, P2)})),
+    "friction, bias of a": ("friction", scaled(1.0, A, plus=0.5)),
+    "valve, offset of p1": ("valve", scaled(1.0, P1, plus=-0.1)),
+    "valve, vessel twice as large": ("valve", times("volume", 2)),
+    "valve, null at 5 V": ("valve", scaled(1.0, U, plus=5.0)),
+    "axis, dead volume half as large": ("axis", times("dead_volume_1", 0.5)),
+    "axis, scale of the pressures": ("axis", scaled(0.94, P1, P2)),
 }
 
 

@@ -22,12 +22,12 @@ FIXTURES = Path(__file__).parents[2] / "fixtures"
 
 def diagnosed(pipeline: Path, out: Path, *exclude: str) -> dict[str, Any]:
     """Ingest and diagnose, as the runner does it."""
-    config = load(pipeline)
-    contexts = [Context(pipeline, config, out / n, out, options={"exclude": exclude}) for n in ("ingest", "diagnose")]
-    for context, stage in zip(contexts, (ingest, diagnose), strict=True):
-        context.out.mkdir(parents=True)
-        answer = stage.run(context)
-    return answer
+    config, answers = load(pipeline), {}
+    for name, stage in (("ingest", ingest), ("diagnose", diagnose)):
+        (out / name).mkdir(parents=True)
+        context = Context(pipeline, config, out / name, out, answers=answers, options={"exclude": exclude})
+        answers[name] = stage.run(context)
+    return answers["diagnose"]
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +42,7 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
     assert answer["schema"] == "pneucli/diagnose/1"
     wanted = {"pipeline", "verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment"}
     assert wanted <= answer.keys()
+    assert answer["plausibility"] == []
     assert all(step.keys() == {"add", "error_train", "error_test"} for step in answer["ladder"])
     keys = {"effect", "error_before", "error_after", "parameters", "indistinguishable_from", "supported", "why"}
     for candidate in answer["candidates"]:
