@@ -43,7 +43,7 @@ _ALL = (
     Stage(
         "ingest",
         "raw files -> checked SI signals",
-        tables=("pipeline", "rig", "signals", "recordings", "compare"),  # the horizon is looked at beside the clock
+        tables=("pipeline", "rig", "signals", "recordings"),
         files=("recordings", "file"),
     ),
     Stage(

@@ -6,26 +6,34 @@ some per cent, a leak, a lag, an extra mass.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
 
 from pneucli.plausibility import flow, forces, motion, readings, response, samples
 from pneucli.plausibility.bench import Bench
 from pneucli.plausibility.finding import Finding, in_words
-from pneucli.plausibility.looks import Look, look, looks_table
+from pneucli.plausibility.looks import Look, look, looks_table, measured
 from pneucli.recording import Recording, Rig
 
-__all__ = ["Finding", "Look", "findings", "in_words", "look", "looks_table"]
+__all__ = ["Finding", "Look", "findings", "in_words", "look", "looks_table", "measured"]
 
 CHECKS = (samples, readings, response, motion, forces, flow)
 
 
-def findings(
-    recordings: Sequence[Recording], rig: Rig, horizon: float, stated: Mapping[str, Collection[str]]
-) -> list[Finding]:
+def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Collection[str]]) -> list[Finding]:
     """Return what cannot be true, by check and in the recordings' order.
 
-    ``horizon`` (s) is the interval at which the model is restarted; ``stated`` names, by recording, the signals that
-    the pipeline file states as held.
+    ``stated`` names, by recording, the signals that the pipeline file states as held.
     """
-    bench = Bench(recordings, rig, horizon, stated)
-    return [finding for module in CHECKS for finding in module.check(bench)]
+    bench = Bench([measured(one) for one in recordings], rig, stated)
+    with np.errstate(all="ignore"):  # numbers that overflow are told by other checks
+        found = [finding for module in CHECKS for finding in module.check(bench)]
+    return [*_empty(recordings), *found]
+
+
+def _empty(recordings: Sequence[Recording]) -> Iterator[Finding]:
+    for one in recordings:
+        for name in [name for name in one.signals if name not in measured(one)]:
+            mend = f"check the column in [signals] {name}, or leave it out of take in [[recordings]] {one.name}"
+            yield Finding("missing", name, one.name, f"{name} has no sample", mend)

@@ -29,14 +29,10 @@ BOTH_WAYS = 0.1
 
 @dataclass(frozen=True)
 class Bench:
-    """Recordings in SI, the rig, and the interval in s at which the model is restarted.
-
-    ``stated`` names, by recording, the signals that the pipeline file states as held.
-    """
+    """Recordings in SI, the rig, and by recording the names of the signals that the file states as held."""
 
     recordings: Sequence[Recording]
     rig: Rig
-    horizon: float
     stated: Mapping[str, Collection[str]]
 
     def rests(self, recording: Recording, signal: str) -> bool:

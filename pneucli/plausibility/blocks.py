@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 SHORTEST = 6  # samples of a block: a parabola through it leaves as many to tell its noise from
 FEWEST = 16  # blocks that a statement about a recording needs
-CLEAR = 100.0  # power of slopes over that of their noise: what noise in x takes off a fitted line is then 1 %
+CLEAR = 10.0  # times its noise, that slopes stand clear of it: what noise in x takes off a fitted line is then 1 %
 GROUPS = 10  # stretches of a recording, left out one at a time, that tell how sure a line is
 UNEVEN = 1.5  # of its usual duration: a longer block has a gap in it
 
@@ -81,9 +81,9 @@ class Blocks:
         return np.asarray(2.0 * np.sum(self.values(signal) * self._parabola, axis=1) / self.half**2)
 
     def noise_of(self, order: int) -> float:
-        """Return how white noise of power 1 shows in slopes (1) or curvatures (2): the power in most blocks."""
+        """Return the noise of slopes (1) or curvatures (2) where that of the signal is 1 and white."""
         weights, scale = (self._line, self.half) if order == 1 else (self._parabola, 0.5 * self.half**2)
-        return float(np.median(np.sum(weights**2, axis=1) / scale**2))
+        return float(np.median(np.linalg.norm(weights, axis=1) / scale))
 
     @cached_property
     def _line(self) -> Array:
@@ -110,7 +110,7 @@ def blocks(recording: Recording, signal: str, order: int) -> Blocks | None:
     while samples // width >= FEWEST:
         found = Blocks.of(recording, signal, width)
         moved = found.slope(signal) if order == 1 else found.curvature(signal)
-        if found.count >= FEWEST and float(np.var(moved)) > CLEAR * found.noise_of(order) * noise**2:
+        if found.count >= FEWEST and float(np.std(moved)) > CLEAR * found.noise_of(order) * noise:
             return found
         width *= 2
     return None
@@ -143,6 +143,8 @@ def fit(columns: list[Array], target: Array) -> Line | None:
     parts = list(zip(np.array_split(design / scale, GROUPS), np.array_split(target, GROUPS), strict=True))
     squares = np.stack([d.T @ d for d, _ in parts])
     rights = np.stack([d.T @ t for d, t in parts])
+    if not (np.isfinite(squares).all() and np.isfinite(rights).all()):
+        return None
     whole = np.linalg.lstsq(squares.sum(axis=0), rights.sum(axis=0), rcond=1e-10)[0]
     left = [
         np.linalg.lstsq(squares.sum(axis=0) - s, rights.sum(axis=0) - r, rcond=1e-10)[0]

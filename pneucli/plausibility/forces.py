@@ -95,10 +95,11 @@ def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[F
     known = [(one, b) for one, b in balances if b.mass_error > 0 and one.imposed is None]
     if stated is None or not known:
         return
-    masses, weights = np.array([b.mass for _, b in known]), np.array([b.mass_error**-2 for _, b in known])
+    masses, errors = np.array([b.mass for _, b in known]), np.array([b.mass_error for _, b in known])
+    weights = (errors.min() / errors) ** 2
     mass = float(np.average(masses, weights=weights))
-    scatter = float(np.sqrt(np.sum(weights * (masses - mass) ** 2) / max(masses.size - 1, 1)))
-    error = SURE * max(1.0, scatter) / float(np.sqrt(weights.sum()))
+    scatter = float(np.sqrt(np.sum(((masses - mass) / errors) ** 2) / max(masses.size - 1, 1)))
+    error = SURE * max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
     best = known[int(np.argmax(weights))][0]
     if mass - error > HEAVIEST * stated or abs(mass) + error < LIGHTEST * stated:
         found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,9 +39,11 @@ class Look:
 
 def look(recording: Recording, signal: str) -> Look:
     """Return what ``signal`` of a recording looks like; it has one measured sample at least."""
-    measured = np.flatnonzero(np.isfinite(recording[signal]))
-    values, time = recording[signal][measured], recording.time[measured]
+    at = np.flatnonzero(np.isfinite(recording[signal]))
+    values, time = recording[signal][at], recording.time[at]
     steps = np.diff(time)
+    with np.errstate(all="ignore"):
+        speeds = np.abs(np.diff(values) / steps)
     noise = recording.noise.get(signal)
     return Look(
         unit=SIGNALS[signal].unit,
@@ -50,8 +52,15 @@ def look(recording: Recording, signal: str) -> Look:
         most=float(values.max()),
         noise=None if noise is None else noise.rms,
         rate=1.0 / float(np.median(steps)) if steps.size else None,
-        speed=float(np.percentile(np.abs(np.diff(values) / steps), 99.0)) if steps.size else None,
+        speed=float(np.percentile(speeds, 99.0)) if steps.size and np.isfinite(speeds).all() else None,
         missing=missing(recording, signal),
+    )
+
+
+def measured(recording: Recording) -> Recording:
+    """Return a recording without the signals of which no sample was measured."""
+    return replace(
+        recording, signals={n: values for n, values in recording.signals.items() if np.isfinite(values).any()}
     )
 
 

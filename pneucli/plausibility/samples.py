@@ -17,7 +17,6 @@ MOST_MISSING = 0.1  # of the time: more than now and then a sample; nothing in t
 FEWEST = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
 FREE = {"valve": 1, "friction": 2, "axis": 3}  # parameters of the base model: an area, Coulomb and viscous friction
 STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
-PER_HORIZON = 2.0  # samples between two restarts: with fewer a model is compared with its own start
 
 
 def check(bench: Bench) -> Iterator[Finding]:
@@ -26,7 +25,6 @@ def check(bench: Bench) -> Iterator[Finding]:
         yield from _missing(one)
         yield from _few(one)
         yield from _copies(one)
-        yield from _horizon(one, bench.horizon)
         yield from _slow(one, bench)
 
 
@@ -59,13 +57,6 @@ def _copies(one: Recording) -> Iterator[Finding]:
         if np.nanmin(a) < np.nanmax(a) and np.array_equal(a, b, equal_nan=True):
             found = f"{second} is {first}, digit by digit"
             yield Finding("copy", second, one.name, found, f"name the column of {second} in [signals] {second}")
-
-
-def _horizon(one: Recording, horizon: float) -> Iterator[Finding]:
-    if one.period * PER_HORIZON > horizon:
-        found = f"a sample every {one.period:.3g} s, and the model is restarted every {horizon:.3g} s: time in ms?"
-        mend = f'write unit = "ms" in [signals] time, or horizon = "{10 * one.period:.3g} s" in [compare]'
-        yield Finding("horizon", "time", one.name, found, mend)
 
 
 def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:

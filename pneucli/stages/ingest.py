@@ -17,19 +17,12 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw import Channel, RawFile, Repair
-from pneucli.io.recordings import (
-    NOISE_FILE,
-    RECORDINGS_FILE,
-    REPAIRS_FILE,
-    SIGNALS_FILE,
-    load_recordings,
-    signals_schema,
-)
+from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, SIGNALS_FILE, signals_schema
 from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, pool
 from pneucli.pipeline.context import Context
-from pneucli.plausibility import findings, in_words, look, looks_table
 from pneucli.quantities import SIGNALS
+from pneucli.stages.ingest_looks import describe_looks, looked_at
 from pneucli.units import factor_and_offset, parse_quantity
 
 NEEDED = {"valve": ("p1",), "friction": ("x",), "axis": ("u", "p1", "x")}
@@ -77,17 +70,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     _pool_noise(done)
     _write_tables(context.out, done, about)
-    return _answer(config, done) | _looked_at(context, done)
-
-
-def _looked_at(context: Context, done: list[Ingested]) -> dict[str, Any]:
-    """Return what each signal of each recording looks like, and what cannot be true of them."""
-    context.progress("looking at what was read", 1.0)
-    recordings, config = load_recordings(context.out), context.config
-    looks = {one.name: {name: asdict(look(one, name)) for name in one.signals} for one in recordings}
-    stated = {one.source.name: one.source.table.constants.keys() for one in done}
-    found = findings(recordings, config.to_rig(), config.compare.horizon, stated)
-    return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}
+    return _answer(config, done) | looked_at(context, found)
 
 
 def describe(answer: dict[str, Any]) -> str:
@@ -96,12 +79,10 @@ def describe(answer: dict[str, Any]) -> str:
         f"{one['name']:24} {one['experiment']:9} {one['use']:6} {one['samples']:9d} samples  {' '.join(one['signals'])}"
         for one in answer["recordings"]
     ]
-    experiments = {one["name"]: one["experiment"] for one in answer["recordings"]}
-    lines += ["", *looks_table(answer["looks"], experiments), ""]
+    lines += describe_looks(answer)
     lines += [
         f"repaired or noticed: {one['recording']}, {one['signal']}: {one['message']}" for one in answer["repairs"]
     ]
-    lines += in_words(answer["plausibility"])
     return "\n".join([*lines, *(f"warning: {message}" for message in answer["warnings"])])
 
 

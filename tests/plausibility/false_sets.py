@@ -217,7 +217,7 @@ SETS = {
             "x and a inverted": (both(scaled(-1.0, A), TURNED), "direction x"),
             "mm declared as m": (MM_AS_M, "stroke x"),
             "m declared as mm": (scaled(1e-3, X), "derivative a | volume p2"),
-            "ms declared as s*": (MS_AS_S, "horizon time | derivative a"),
+            "ms declared as s*": (MS_AS_S, "derivative a"),
             "s declared as ms": (S_AS_MS, "speed x | derivative a"),
             "x dead*": (held(X, 100.0), "motionless x"),
             "x nothing but noise": (noisy(X, 100.0, 0.01), "motionless x"),
