@@ -27,8 +27,10 @@ def shown(value: float, signal: str, digits: int = 3) -> str:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Return a number as people write it: without an exponent, unless it is beyond a million or a millionth."""
+    """Return a number as people write it: to a thousandth at most, and without an exponent up to a million."""
     rounded = float(f"{value:.{digits}g}")
+    if abs(rounded) < 1e-3:
+        return f"{abs(rounded):.3f}"
     return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{rounded:.{digits}g}"
 
 

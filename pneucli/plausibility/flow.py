@@ -26,6 +26,9 @@ SCALE = 0.1  # of a reading above ambient: "some per cent" of a sensor's span er
 LEAK = 1e-7  # m^2: the largest leaks that the catalogue calls typical; what flows beyond goes through the valve
 REMAINDER = 0.3  # of the flows that compressing and moving ask for: what a wrong volume leaves of two that cancel
 BINS, IN_BIN = 20, 5  # of the commands, and blocks in each
+JUMP = 0.005  # of the commands' range: less is noise of a command that is held
+LONG = 40  # samples at one command, of which the last two tens tell whether p1 still moves
+WAY, STILL = 0.5, 0.01  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
 
 
 @dataclass(frozen=True)
@@ -188,14 +191,14 @@ def _ends(one: Recording) -> list[tuple[bool, float, slice]]:
     """Return (charged?, pressure in Pa, rows) where p1 rests after it went over half of its range at one command."""
     u, p = one["u"], one["p1"]
     span = float(np.nanmax(p) - np.nanmin(p))
-    jumps = np.flatnonzero(np.abs(np.diff(u)) > 0.005 * max(float(np.ptp(u)), 1e-9)) + 1
+    jumps = np.flatnonzero(np.abs(np.diff(u)) > JUMP * max(float(np.ptp(u)), 1e-9)) + 1
     found = []
     for start, stop in zip(np.append(0, jumps), np.append(jumps, u.size), strict=True):
         held = p[start:stop][np.isfinite(p[start:stop])]
-        if held.size < 40:
+        if held.size < LONG:
             continue
         first, before, last = (float(np.mean(part)) for part in (held[:2], *np.array_split(held[held.size // 2 :], 2)))
-        if abs(last - first) > 0.5 * span and abs(last - before) < 0.01 * span:
+        if abs(last - first) > WAY * span and abs(last - before) < STILL * span:
             found.append((last > first, last, slice(int(start + (stop - start) * 3 // 4), int(stop))))
     return found
 

@@ -58,17 +58,15 @@ def _pressure(one: Recording, signal: str, bench: Bench) -> Iterator[Finding]:
     least, quarter, middle, most = np.nanpercentile(one[signal], (1, 25, 50, 99))
     is_open = signal == "p2" and one.chamber_2 == "open"
     closed = signal == "p2" and one.chamber_2 == "closed"
-    if least < 0 and not closed and quarter > -(1 - HALF_AMBIENT) * ambient:
+    if is_open and abs(middle - ambient) > HALF_AMBIENT * ambient:
+        yield from _open(one, middle, ambient)
+    elif quarter < (1 - HALF_AMBIENT) * ambient and not closed:
+        yield gauge(one, signal, f"{signal} is {shown(quarter, signal)} absolute or less for a quarter of the time")
+    elif -HALF_AMBIENT * ambient < least < 0:
         yield gauge(one, signal, f"{signal} goes down to {shown(least, signal)} absolute")
     elif least < 0:
         found = f"{signal} goes down to {shown(least, signal)} absolute, below vacuum"
         yield Finding("reference", signal, one.name, found, f"check unit, offset and reference in [signals] {signal}")
-    elif is_open and abs(middle - ambient) > HALF_AMBIENT * ambient:
-        yield from _open(one, middle, ambient)
-    elif quarter < (1 - HALF_AMBIENT) * ambient and not closed:
-        yield gauge(
-            one, signal, f"{signal} rests at {shown(quarter, signal)} absolute or below for a quarter of the time"
-        )
     if most > HIGHEST:
         found = f"{signal} reaches {shown(most, signal)}, above any pneumatic supply ({shown(HIGHEST, signal)})"
         yield Finding("unit", signal, one.name, found, f"check unit and scale in [signals] {signal}")

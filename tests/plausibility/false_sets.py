@@ -134,6 +134,17 @@ def read_as_absolute(*names: str) -> Mistake:
     return both(*(stated(rf'(\n{n} = .*?), reference = "gauge"', r"\1") for n in names))
 
 
+def without(name: str) -> Mistake:
+    """No mistake: a recording fewer."""
+
+    def make(rig: Rig) -> Rig:
+        head, *tables = rig.text.partition("[model]")[0].split("[[recordings]]")
+        kept = [table for table in tables if f'"{name}"' not in table]
+        return replace(rig, text="[[recordings]]".join([head, *kept]) + "[model]" + rig.text.partition("[model]")[2])
+
+    return make
+
+
 def absolute_as_gauge(*names: str) -> Mistake:
     return scaled(1.0, *names, plus=1.013)
 
@@ -206,6 +217,11 @@ SETS = {
             "cable of x loose": (columns(_cable), "missing x"),
             "gauge read as absolute*": (read_as_absolute("p1", "p2"), "reference p2"),
             "absolute read as gauge*": (absolute_as_gauge(P1, P2), "reference p2"),
+            "gauge read as absolute, driven": (
+                both(without("stickslip_2"), read_as_absolute("p1", "p2")),
+                "reference p2",
+            ),
+            "absolute read as gauge, driven": (both(without("stickslip_2"), absolute_as_gauge(P1, P2)), "reference p2"),
             "p2 alone gauge read as absolute": (read_as_absolute("p2"), "reference p2"),
             "recorded at 10 Hz*": (thinned(100), "sampling time"),
             "areas 100 times too large*": (LARGE, "mass x"),

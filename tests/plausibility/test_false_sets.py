@@ -70,8 +70,9 @@ def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path
     assert answer["looks"]["driven_1"]["x"].keys() == vars(Look("m", *[0.0] * 7)).keys()
     text = ingest.describe(answer).splitlines()
     assert [line.split()[-3:-1] for line in text if line.startswith("friction    p2")] == [["bar", "1000"]]
-    (line,) = (line for line in text if line.startswith("implausible: stickslip_2"))
-    assert line.endswith('gauge?; write reference = "gauge" in [signals] p2')
+    (line,) = (line for line in text if line.startswith("implausible: "))
+    assert line.startswith("implausible: stickslip_2 and 2 more, p2 rests at 0.000 bar in an open chamber: gauge?")
+    assert line.endswith('; write reference = "gauge" in [signals] p2')
 
 
 def plausibility(path: Path, out: Path) -> list[dict[str, Any]]:
