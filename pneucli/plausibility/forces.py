@@ -121,8 +121,9 @@ class Closed:
 
     @classmethod
     def of(cls, one: Recording, bench: Bench) -> Closed | None:
-        """Return it, or None where chamber 2 is not closed, its volume is not stated, or nothing moves."""
-        cut = blocks(one, "x", 1) if one.chamber_2 == "closed" and {"p1", "p2"} <= one.signals.keys() else None
+        """Return it, or None where chamber 2 is not closed, its volume is not stated, or p2 or x rests."""
+        told = one.chamber_2 == "closed" and "p1" in one and bench.moving(one, "p2")
+        cut = blocks(one, "x", 1) if told else None
         volume = None if cut is None else bench.volume(2, cut.mean("x"))
         if cut is None or volume is None or not np.all(volume > 0):
             return None
