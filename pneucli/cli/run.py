@@ -12,6 +12,7 @@ import typer
 from pneucli import words
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built, opened, shortest
+from pneucli.cli.stage import doubt
 from pneucli.stages.history import listed
 from pneucli.words.run import lines as summary
 
@@ -78,6 +79,7 @@ def _print(
             print(f"{name:10}{_state(stage)}")
             if name in answers:
                 print(textwrap.indent(words.of(name, answers[name], str(file), verbose=True), "  "))
+    doubt(done)
     print("\n".join(summary(answers, models, failed, shortest(_report(pipeline)), str(file))))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,10 @@ from pneucli import words
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, opened
 from pneucli.pipeline.graph import Stage
+from pneucli.words import plausibility
+
+if TYPE_CHECKING:
+    from pneucli.pipeline.runner import Done
 
 
 class Target(StrEnum):
@@ -49,6 +53,14 @@ def bring_up(
         console.answer(answer)
     else:
         print(words.of(name, answer, str(file), verbose=verbose))
+        doubt(done)
+
+
+def doubt(done: Mapping[str, Done]) -> None:
+    """Print what is implausible in the recordings, behind the answer of every stage that rests on them."""
+    if "ingest" in done and (answer := done["ingest"].manifest.answer):
+        for line in plausibility.lines(answer):
+            print(line)
 
 
 def _plain(name: str) -> Callable[..., None]:

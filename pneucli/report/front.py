@@ -12,6 +12,7 @@ from pneucli.report.failing import failing, picture
 from pneucli.report.material import Material
 from pneucli.words import compare, diagnose, history, run, simulate
 from pneucli.words.numbers import joined, number, parameters, percent, times
+from pneucli.words.plausibility import doubts
 
 Answer = Mapping[str, Any]
 STEPS = 5  # of the ladder: with more models the first and the last ones are drawn
@@ -49,6 +50,7 @@ class Front:
     failed: str
     following: str
     checks: str
+    doubt: str = ""
 
 
 def front(material: Material) -> Front:
@@ -64,6 +66,7 @@ def front(material: Material) -> Front:
         failed=_failed(material, found.recording if found else ""),
         following=_following(material),
         checks=_checks(material),
+        doubt=_doubt(material),
     )
 
 
@@ -192,6 +195,13 @@ def _checks(material: Material) -> str:
     if failed:
         return f"Failed checks: {joined(failed)}."
     return f"Checks: {number(float(len(material.checks)), 1)} passed." if material.checks else ""
+
+
+def _doubt(material: Material) -> str:
+    """Return the first thing that is implausible in the recordings, and how many more there are."""
+    first, *more = [*doubts(material.answer("ingest").get("plausibility", [])), ""]
+    others = f" {len(more) - 1} more under What was measured." if len(more) > 1 else ""
+    return f"Doubtful: {first}.{others}" if first else ""
 
 
 def _capital(words: str) -> str:

@@ -50,7 +50,7 @@ def _lines(material: Material) -> Iterator[str]:
 def _first(first: Front) -> Iterator[str]:
     yield first.line
     yield from (f"**{tile.title}: {tile.large}** {tile.words}" for tile in first.tiles)
-    yield from filter(None, (first.checks, first.failed, first.following))
+    yield from filter(None, (first.doubt, first.checks, first.failed, first.following))
 
 
 def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:

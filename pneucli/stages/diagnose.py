@@ -44,6 +44,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
     answer["warnings"] = warnings
+    answer["plausibility"] = context.answers["ingest"]["plausibility"]
     write_diagnosis(study, bench, found, answer)
     return answer | history.keep(context, answer, SHAPE)
 

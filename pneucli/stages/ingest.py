@@ -22,6 +22,7 @@ from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, pool
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
+from pneucli.stages.ingest_looks import looked_at
 from pneucli.units import factor_and_offset, parse_quantity
 
 NEEDED = {"valve": ("p1",), "friction": ("x",), "axis": ("u", "p1", "x")}
@@ -69,7 +70,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     _pool_noise(done)
     _write_tables(context.out, done, about)
-    return _answer(config, done)
+    return _answer(config, done) | looked_at(context, found)
 
 
 def _raw_file(source: Source, config: PipelineConfig) -> RawFile:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.words import labelled, table, warnings
+from pneucli.words import labelled, plausibility, table, warnings
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -18,6 +18,10 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         for one in recordings
     ]
     yield from table(("recording", "experiment", "use", "samples", "signals"), rows, texts=5)
+    if "looks" in answer:
+        yield ""
+        yield from plausibility.looks(answer["looks"], {one["name"]: one["experiment"] for one in recordings})
+        yield ""
     for one in answer["repairs"]:
         place = ", ".join(filter(None, (one["recording"], one["signal"])))
         yield from labelled("repair", f"{place}: {one['message']}")

@@ -110,6 +110,17 @@ def test_the_verdict_stands_in_the_page_without_any_script(after: Material) -> N
     assert "cylinder · compared on 2026-11-22 · base model with stribeck and piston-leak · 2 recordings" in top
 
 
+def test_what_is_implausible_stands_before_all_else(material: Material) -> None:
+    finding = {"check": "silent", "signal": "p1", "recording": "axis_1", "found": "p1 stays", "mend": "check it"}
+    other = {**finding, "signal": "p2"}
+    answers = {**material.answers, "ingest": {**material.answers["ingest"], "plausibility": [finding, other]}}
+    doubted = replace(material, answers=answers)
+    assert front(doubted).doubt == "Doubtful: axis_1, p1 stays; check it. 1 more under What was measured."
+    page = to_html(doubted)
+    assert page.index("Doubtful: axis_1") < page.index('class="tiles"')
+    assert front(material).doubt == ""
+
+
 def test_a_first_screen_comes_out_of_ingest_alone(material: Material) -> None:
     bare = front(without(material, "identify", "compare", "diagnose", "design", "simulate"))
     assert (bare.tiles, bare.pictures, bare.failed) == ([], {}, "")

@@ -43,6 +43,7 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
     assert answer["schema"] == "pneucli/diagnose/1"
     wanted = {"pipeline", "verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment"}
     assert wanted <= answer.keys()
+    assert answer["plausibility"] == []
     assert all(step.keys() == {"add", "error_train", "error_test"} for step in answer["ladder"])
     keys = {"effect", "error_before", "error_after", "parameters", "indistinguishable_from", "supported", "why"}
     for candidate in answer["candidates"]:

@@ -7,13 +7,25 @@ from typing import Any
 import pytest
 
 from pneucli import words
-from pneucli.words import compare, diagnose, history, simulate
+from pneucli.words import compare, diagnose, history, plausibility, simulate
 from pneucli.words import run as summary
 
 
 def region(channel: str, signal: str, low: float, high: float, unit: str, event: int) -> dict[str, Any]:
     where = {"recording": "driven_2", "channel": channel, "signal": signal, "from": low, "to": high, "unit": unit}
     return {**where, "share_of_error": 0.61, "share_of_samples": 0.10, "event": event}
+
+
+def test_what_is_implausible_is_said_behind_every_answer() -> None:
+    finding = {
+        "check": "reference",
+        "signal": "p2",
+        "recording": "step",
+        "found": "p2 rests at 0.01 bar",
+        "mend": "gauge?",
+    }
+    assert list(plausibility.lines({"plausibility": [finding]})) == ["doubt    step, p2 rests at 0.01 bar; gauge?"]
+    assert list(plausibility.lines({})) == []
 
 
 def channel(name: str, ratio: float, use: str = "test") -> dict[str, Any]:

@@ -7,8 +7,9 @@ from pathlib import PurePath
 from typing import Any
 
 from pneucli.report.material import Material
-from pneucli.report.parts import LONG, Cell, Grid, Part, Section, warnings
+from pneucli.report.parts import LONG, Cell, Grid, Note, Part, Section, warnings
 from pneucli.words.numbers import number, quantity
+from pneucli.words.plausibility import doubts
 
 
 def section(material: Material) -> Section | None:
@@ -17,12 +18,16 @@ def section(material: Material) -> Section | None:
     if not answer:
         return None
     recordings = answer["recordings"]
-    parts: list[Part] = [*warnings(material, "ingest"), _recordings(recordings), _noise(recordings)]
+    parts: list[Part] = [*_doubts(answer), *warnings(material, "ingest"), _recordings(recordings), _noise(recordings)]
     if answer.get("repairs"):
         parts.append(_repairs(answer["repairs"]))
     uses = [sum(r["use"] == use for r in recordings) for use in ("train", "test")]
     lead = f"{len(recordings)} recordings: {uses[0]} to train on, {uses[1]} to test with."
     return Section("measured", "What was measured", lead, parts, folded=True)
+
+
+def _doubts(answer: Mapping[str, Any]) -> list[Note]:
+    return [Note(f"{doubt}.", "warning") for doubt in doubts(answer.get("plausibility", []))]
 
 
 def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:

@@ -1,0 +1,39 @@
+"""Whether recordings and the stated rig can be true together: looked at before anything is fitted.
+
+Every limit stands where it is used, and lies beyond what an effect of the catalogue may explain: an offset, a scale of
+some per cent, a leak, a lag, an extra mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from pneucli.plausibility import flow, forces, motion, readings, response, samples
+from pneucli.plausibility.bench import Bench
+from pneucli.plausibility.finding import Finding
+from pneucli.plausibility.looks import Look, look, measured
+from pneucli.recording import Recording, Rig
+
+__all__ = ["Finding", "Look", "findings", "look", "measured"]
+
+CHECKS = (samples, readings, response, motion, forces, flow)
+
+
+def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Collection[str]]) -> list[Finding]:
+    """Return what cannot be true, by check and in the recordings' order.
+
+    ``stated`` names, by recording, the signals that the pipeline file states as held.
+    """
+    bench = Bench([measured(one) for one in recordings], rig, stated)
+    with np.errstate(all="ignore"):  # numbers that overflow are told by other checks
+        found = [finding for module in CHECKS for finding in module.check(bench)]
+    return [*_empty(recordings), *found]
+
+
+def _empty(recordings: Sequence[Recording]) -> Iterator[Finding]:
+    for one in recordings:
+        for name in [name for name in one.signals if name not in measured(one)]:
+            mend = f"check the column in [signals] {name}, or leave it out of take in [[recordings]] {one.name}"
+            yield Finding("missing", name, one.name, f"{name} has no sample", mend)

@@ -1,0 +1,167 @@
+"""Checks of the force on the piston against its motion: signs, areas, masses, and closed chambers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.plausibility.bench import BOTH_WAYS, HALF_AMBIENT, HALF_DECADE, SURE, Bench
+from pneucli.plausibility.blocks import blocks, fit
+from pneucli.plausibility.finding import Finding, shown
+from pneucli.plausibility.readings import absolute, gauge
+from pneucli.recording import Recording
+
+Array = NDArray[np.float64]
+
+# a payload that the description misses may weigh several times what is stated (extra-mass); beyond ten times it is a
+# slip of units: g for kg, mm^2 for cm^2. Nothing makes a piston lighter
+HEAVIEST, LIGHTEST = 10.0, 1 / HALF_DECADE
+# exponents below the isotherm's: a closed chamber with twice its volume, such as that of a hose, shows half
+FLATTEST = 0.5
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What net force = mass x acceleration + friction gives, SI, each with its standard error."""
+
+    mass: float
+    mass_error: float
+    drag: float  # N, mean of the friction that resists motion
+    drag_error: float
+    both_ways: bool
+
+
+def check(bench: Bench) -> Iterator[Finding]:
+    """Yield findings of all recordings with a piston."""
+    balances: list[tuple[Recording, Balance]] = []
+    for one in bench.recordings:
+        if "x" not in one or one.experiment == "valve":
+            continue
+        closed = Closed.of(one, bench)
+        exponent = closed.exponent() if closed else None
+        turned = exponent is not None and exponent[0] + SURE * exponent[1] < 0
+        if closed and exponent:
+            yield from _law(one, closed, *exponent, bench)
+        balance = _balance(one, bench)
+        if balance is not None:
+            balances.append((one, balance))
+            yield from _direction(one, balance, turned=turned)
+    yield from _mass(balances, bench)
+
+
+def _balance(one: Recording, bench: Bench) -> Balance | None:
+    cut = blocks(one, "x", 2)
+    if cut is None:
+        return None
+    force = bench.net_force(one, {name: cut.mean(name, 2) for name in ("p1", "p2", "force") if name in one})
+    if force is None:
+        return None
+    v, a, x = cut.slope("x"), cut.curvature("x"), cut.mean("x", 2)
+    sure = np.abs(v) > np.abs(a) * cut.half  # of the direction: it does not turn within the block
+    v, a, x, force = v[sure], a[sure], x[sure], force[sure]
+    if v.size == 0:
+        return None
+    line = fit([a, np.sign(v), v, x - x.mean(), np.ones_like(v)], force)
+    if line is None:
+        return None
+    speed = float(np.mean(np.abs(v)))
+    drag, drag_error = line.of(np.array([0.0, 1.0, float(np.mean(v**2)) / speed, 0.0, 0.0]))
+    forth = float(np.mean(v > 0))
+    return Balance(float(line.factors[0]), float(line.errors[0]), drag, drag_error, BOTH_WAYS < forth < 1 - BOTH_WAYS)
+
+
+def _direction(one: Recording, balance: Balance, *, turned: bool) -> Iterator[Finding]:
+    """Friction takes energy out: a force that brakes all motion has a sign wrong.
+
+    Weight, springs and sensors' offsets give back on the way back what they take.
+    """
+    alone = one.imposed and "force" not in one  # what moves the piston was not measured, and may press on the air
+    if alone or not balance.both_ways or balance.drag + SURE * balance.drag_error > 0:
+        return
+    if "p1" not in one or "p2" not in one:
+        mend = "write scale = -1.0 in [signals] x, or in [signals] force, whichever has its sign wrong"
+    elif turned:
+        mend = "x grows toward chamber 1? write scale = -1.0 in [signals] x"
+    else:
+        mend = "p1 and p2 swapped? exchange the columns in [signals] p1 and p2; or write scale = -1.0 in [signals] x"
+    found = f"the force on the piston brakes its motion by {-balance.drag:.3g} N in either direction"
+    yield Finding("direction", "x", one.name, found, mend)
+
+
+def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[Finding]:
+    """Pool the recordings, each as far as it knows the mass."""
+    stated = bench.rig.moving_mass
+    known = [(one, b) for one, b in balances if b.mass_error > 0 and one.imposed is None]
+    if stated is None or not known:
+        return
+    masses, errors = np.array([b.mass for _, b in known]), np.array([b.mass_error for _, b in known])
+    weights = (errors.min() / errors) ** 2
+    mass = float(np.average(masses, weights=weights))
+    scatter = float(np.sqrt(np.sum(((masses - mass) / errors) ** 2) / max(masses.size - 1, 1)))
+    error = SURE * max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
+    best = known[int(np.argmax(weights))][0]
+    if mass - error > HEAVIEST * stated or abs(mass) + error < LIGHTEST * stated:
+        found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
+        mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], "
+        mend += "and the units in [signals] p1, p2, x and time"
+        yield Finding("mass", "x", best.name, found, mend)
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A closed chamber 2 from block to block: changes of ln V2 and of p2 in Pa, p2, and how leaks would change it."""
+
+    squeezed: Array
+    change: Array
+    p: Array
+    leaks: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, one: Recording, bench: Bench) -> Closed | None:
+        """Return it, or None where chamber 2 is not closed, its volume is not stated, or p2 or x rests."""
+        told = one.chamber_2 == "closed" and "p1" in one and bench.moving(one, "p2")
+        cut = blocks(one, "x", 1) if told else None
+        volume = None if cut is None else bench.volume(2, cut.mean("x"))
+        if cut is None or volume is None or not np.all(volume > 0):
+            return None
+        p1, p2, lasts = cut.mean("p1"), cut.mean("p2"), np.diff(cut.time.mean(axis=1)) / _middle(volume)
+        leaks = (lasts * _middle(p1 - p2), lasts)
+        return cls(-np.diff(np.log(volume)), np.diff(p2), _middle(p2), leaks)
+
+    def exponent(self) -> tuple[float, float] | None:
+        """Return n of p2 V2^n = constant, with its error."""
+        line = fit([self.squeezed * self.p, *self.leaks], self.change)
+        return None if line is None else (float(line.factors[0]), float(line.errors[0]))
+
+    def lacks(self, offset: float) -> float:
+        """Return by how many standard errors the chamber's law wants more than ``offset`` (Pa) added to p2."""
+        line = fit([self.squeezed * (self.p + offset), self.squeezed, *self.leaks], self.change)
+        return 0.0 if line is None or line.factors[0] <= 0 else float(line.factors[1] / max(line.errors[1], 1e-300))
+
+
+def _middle(values: Array) -> Array:
+    return np.asarray(0.5 * (values[1:] + values[:-1]))
+
+
+def _law(one: Recording, closed: Closed, exponent: float, error: float, bench: Bench) -> Iterator[Finding]:
+    """Air in a closed chamber goes between the isotherm, n = 1, and the isentrope, n = kappa.
+
+    A reading that is short of ambient pressure gives a steeper law, by p true over p read; one that has it twice a
+    flatter one, which heat transfer may give, too. Both bend it otherwise than volumes do: that tells the offset.
+    """
+    middle, ambient, kappa = float(np.nanmedian(one["p2"])), bench.rig.ambient_pressure, bench.rig.heat_capacity_ratio
+    steepest = kappa * ((middle + ambient) / max(middle, 1.0)) ** 1.5
+    seen = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{kappa:.3g}"
+    if exponent < 0 and exponent + SURE * error < FLATTEST:
+        found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{-exponent:.3g})"
+        yield Finding("direction", "x", one.name, found, "x grows toward chamber 1? write scale = -1.0 in [signals] x")
+    elif exponent - SURE * error > steepest or exponent + SURE * error < FLATTEST:
+        mend = "check dead_volume_2, piston_area_2 and stroke in [rig.cylinder], and the units in [signals] x and p2"
+        yield Finding("volume", "p2", one.name, seen, mend)
+    elif closed.lacks(HALF_AMBIENT * ambient) > SURE:
+        yield gauge(one, "p2", f"p2 of the closed chamber lacks ambient pressure at {shown(middle, 'p2')}")
+    elif closed.lacks(-HALF_AMBIENT * ambient) < -SURE:
+        yield absolute(one, "p2", f"p2 of the closed chamber has ambient pressure twice at {shown(middle, 'p2')}")

@@ -1,0 +1,78 @@
+"""What each signal of a recording looks like: least, median, most, noise and rate, in SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.quantities import SIGNALS
+from pneucli.recording import Recording
+
+Array = NDArray[np.float64]
+
+GAP = 2.5  # of a signal's own sampling period: two samples may lie two periods apart where its clock drifts
+OWN = 10.0  # percentile of the steps between samples: the period of a clock of which most stamps were lost
+
+
+@dataclass(frozen=True)
+class Look:
+    """One signal in its SI ``unit``; ``rate`` is in samples per second, ``missing`` a share of the recording's time.
+
+    ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
+    few samples cannot tell is None.
+    """
+
+    unit: str
+    least: float
+    median: float
+    most: float
+    noise: float | None
+    rate: float | None
+    speed: float | None
+    missing: float
+
+
+def look(recording: Recording, signal: str) -> Look:
+    """Return what ``signal`` of a recording looks like; it has one measured sample at least."""
+    at = np.flatnonzero(np.isfinite(recording[signal]))
+    values, time = recording[signal][at], recording.time[at]
+    steps = np.diff(time)
+    with np.errstate(all="ignore"):
+        speeds = np.abs(np.diff(values) / steps)
+    noise = recording.noise.get(signal)
+    return Look(
+        unit=SIGNALS[signal].unit,
+        least=float(values.min()),
+        median=float(np.median(values)),
+        most=float(values.max()),
+        noise=None if noise is None else noise.rms,
+        rate=1.0 / float(np.median(steps)) if steps.size else None,
+        speed=float(np.percentile(speeds, 99.0)) if steps.size and np.isfinite(speeds).all() else None,
+        missing=missing(recording, signal),
+    )
+
+
+def measured(recording: Recording) -> Recording:
+    """Return a recording without the signals of which no sample was measured."""
+    return replace(
+        recording, signals={n: values for n, values in recording.signals.items() if np.isfinite(values).any()}
+    )
+
+
+def missing(recording: Recording, signal: str) -> float:
+    """Return the share of a recording's time in which ``signal`` ought to have been measured and was not.
+
+    A signal with a slower clock of its own misses nothing: what counts are gaps of more than ``GAP`` of its own periods
+    in which other signals were measured, and what is cut off at either end.
+    """
+    finite = np.isfinite(recording[signal])
+    if finite.all():
+        return 0.0
+    at = np.flatnonzero(finite)
+    steps, rows = np.diff(recording.time[at]), np.diff(at)
+    own = float(np.percentile(steps, OWN)) if steps.size else np.inf
+    ends = np.array([recording.time[at[0]] - recording.time[0], recording.time[-1] - recording.time[at[-1]]])
+    lost = float(steps[(steps > GAP * own) & (rows > 1)].sum() + ends[ends > GAP * own].sum())
+    return lost / float(recording.time[-1] - recording.time[0])

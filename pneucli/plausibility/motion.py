@@ -1,0 +1,113 @@
+"""Checks of position, velocity and acceleration against each other and against the stroke."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.plausibility.bench import HALF_DECADE, SURE, Bench
+from pneucli.plausibility.blocks import Blocks, blocks, fit
+from pneucli.plausibility.finding import Finding, shown
+from pneucli.recording import Recording
+
+Array = NDArray[np.float64]
+
+ZERO_ERROR = 0.05  # of the stroke: x = 0 is set by hand at an end stop; further off it is another zero
+FASTEST = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
+
+
+def check(bench: Bench) -> Iterator[Finding]:
+    """Yield findings of all recordings with a piston."""
+    moved = [one for one in bench.recordings if "x" in one and one.experiment != "valve"]
+    for one in moved:
+        yield from _stroke(one, bench)
+        yield from _speed(one)
+        for signal, order in (("v", 1), ("a", 2)):
+            if signal in one and (found := blocks(one, "x", order)):
+                yield from _derivative(one, signal, order, found)
+    yield from _motionless(moved, bench)
+
+
+def _stroke(one: Recording, bench: Bench) -> Iterator[Finding]:
+    stroke, (low, high) = bench.rig.stroke, np.nanpercentile(one["x"], (0.1, 99.9))
+    if stroke is None:
+        return
+    seen = f"x goes from {shown(low, 'x')} to {shown(high, 'x')}, the stroke is {shown(stroke, 'x')}"
+    if high - low > (1 + ZERO_ERROR) * stroke:
+        mend = "check unit and scale in [signals] x, and [rig.cylinder] stroke"
+        yield Finding("stroke", "x", one.name, seen, mend)
+    elif low < -ZERO_ERROR * stroke or high > (1 + ZERO_ERROR) * stroke:
+        mend = "x = 0 is where chamber 1 is smallest: write offset in [signals] x"
+        if high <= ZERO_ERROR * stroke:
+            mend = f"write scale = -1.0 in [signals] x if it grows toward chamber 1; else {mend}"
+        yield Finding("stroke", "x", one.name, seen, mend)
+
+
+def _speed(one: Recording) -> Iterator[Finding]:
+    """The fastest stretch of eight samples, so that no single sample counts."""
+    at = np.flatnonzero(np.isfinite(one["x"]))[::8]
+    if at.size < 2:
+        return
+    speed = float(np.percentile(np.abs(np.diff(one["x"][at]) / np.diff(one.time[at])), 99.0))
+    if speed > FASTEST:
+        found = f"x moves at {shown(speed, 'v')}, faster than any piston ({shown(FASTEST, 'v')})"
+        yield Finding("speed", "x", one.name, found, "check the units in [signals] time and x")
+
+
+def _derivative(one: Recording, signal: str, order: int, found: Blocks) -> Iterator[Finding]:
+    """Compare what was measured with the derivative of x: their factor is 1, whatever the sensor's offset."""
+    derived = found.slope("x") if order == 1 else found.curvature("x")
+    measured = found.mean(signal, order)
+    line = fit([derived, np.ones_like(derived)], measured)
+    if line is None:
+        return
+    factor, error = line.factors[0], SURE * line.errors[0]
+    seen = f"{signal} is {factor:.2g} times the {'first' if order == 1 else 'second'} derivative of x"
+    if factor + error < -1 / HALF_DECADE:
+        mend = f"write scale = -1.0 in [signals] x if x grows toward chamber 1, else in [signals] {signal}"
+        yield Finding("direction", signal, one.name, seen, mend)
+    elif factor - error > HALF_DECADE:
+        mend = f"check the units in [signals] {signal}, x and time ({_likely(factor, order, signal)})"
+        yield Finding("derivative", signal, one.name, seen, mend)
+    elif abs(factor) + error < 1 / HALF_DECADE:
+        mend = f"{signal} is dead, or another column: check column and unit in [signals] {signal}, x and time"
+        yield Finding("derivative", signal, one.name, seen, mend)
+
+
+def _likely(factor: float, order: int, signal: str) -> str:
+    """Say which slip of a thousand explains a factor."""
+    thousands = round(float(np.log10(factor)) / 3)
+    slips = {1: f"x in m, or {signal} in mm/s{'^2' if order == 2 else ''}", order: "time in ms"}
+    return slips.get(thousands, "none of the usual slips by a thousand")
+
+
+def _motionless(moved: list[Recording], bench: Bench) -> Iterator[Finding]:
+    """A piston may stick, or be held; it does not stick under more than twice what broke it away elsewhere.
+
+    From sticking the one way to sticking the other way the force swings by twice the static friction.
+    """
+    still = [one for one in moved if bench.rests(one, "x") and "x" not in bench.stated.get(one.name, ())]
+    swings = [_swing(one, bench) for one in moved if one not in still]
+    limit = 2.0 * min(swings, default=0.0)
+    for one in still:
+        swing = _swing(one, bench)
+        if len(still) < len(moved) and not swing > limit > 0:
+            continue
+        low, high = (shown(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
+        pushed = f" while the force on it changes by {swing:.3g} N" if np.isfinite(swing) else ""
+        found = f"the piston does not move: x stays at {low} to {high}{pushed}"
+        mend = "a dead sensor or another column? check [signals] x; "
+        mend += f'if the piston was held, write x = "{low}" in [[recordings]] {one.name}'
+        yield Finding("motionless", "x", one.name, found, mend)
+
+
+def _swing(one: Recording, bench: Bench) -> float:
+    """Return by how many N the net force changes, in means of a hundredth of the recording; NaN where unknown."""
+    width = max(1, one.time.size // 100)
+    cut = Blocks.of(one, "x", width) if width > 1 else None
+    if cut is None or not cut.count:
+        return float("nan")
+    force = bench.net_force(one, {name: cut.mean(name) for name in ("p1", "p2", "force") if name in one})
+    return float("nan") if force is None else float(np.ptp(force))

@@ -1,0 +1,88 @@
+"""Checks of how much was measured: missing samples, too few of them, too slow, one column twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from pneucli.plausibility.bench import Bench
+from pneucli.plausibility.finding import Finding
+from pneucli.plausibility.looks import missing
+from pneucli.quantities import CHANNELS
+from pneucli.recording import Recording
+
+MOST_MISSING = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
+FEWEST = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
+FREE = {"valve": 1, "friction": 2, "axis": 3}  # parameters of the base model: an area, Coulomb and viscous friction
+STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
+
+
+def check(bench: Bench) -> Iterator[Finding]:
+    """Yield findings of all recordings."""
+    for one in bench.recordings:
+        yield from _missing(one)
+        yield from _few(one)
+        yield from _copies(one)
+        yield from _slow(one, bench)
+
+
+def _missing(one: Recording) -> Iterator[Finding]:
+    for signal in one.signals:
+        share = missing(one, signal)
+        if share > MOST_MISSING:
+            found = f"{signal} was not measured in {100 * share:.0f} % of the time"
+            mend = f"look at the logger, or take what was measured with from and to in [[recordings]] {one.name}"
+            yield Finding("missing", signal, one.name, found, mend)
+
+
+def _few(one: Recording) -> Iterator[Finding]:
+    """The start of each compared channel is fitted too; effects of [model] come on top."""
+    compared = [name for name in CHANNELS if name in one]
+    needed = max(FEWEST, FREE[one.experiment] + sum(STATES.get(name, 0) for name in compared))
+    for signal in compared:
+        count = int(np.isfinite(one[signal]).sum())
+        if count < needed:
+            found = f"{signal} has {count} samples, and {needed} at least are needed for parameters, start and noise"
+            mend = f"record for longer or faster, or check from, to and skip_rows of [[recordings]] {one.name}"
+            yield Finding("samples", signal, one.name, found, mend)
+
+
+def _copies(one: Recording) -> Iterator[Finding]:
+    """Two sensors never give the same digits, unless neither of them does anything."""
+    sensors = [name for name in CHANNELS if name in one] + [name for name in ("p_supply",) if name in one]
+    for first, second in combinations(sensors, 2):
+        a, b = one[first], one[second]
+        if np.nanmin(a) < np.nanmax(a) and np.array_equal(a, b, equal_nan=True):
+            found = f"{second} is {first}, digit by digit"
+            yield Finding("copy", second, one.name, found, f"name the column of {second} in [signals] {second}")
+
+
+def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:
+    """A piston that turns by more than one radian of its own oscillation from sample to sample is not seen moving.
+
+    It hangs between two springs of air, k = kappa p A^2 / V each.
+    """
+    rig = bench.rig
+    known = rig.piston_area_1 and rig.moving_mass and rig.dead_volume_1 and "x" in one and "p1" in one
+    if one.experiment == "valve" or one.imposed or not known:
+        return
+    stiffness = sum(_spring(bench, one, chamber) for chamber in (1, 2))
+    omega = float(np.sqrt(max(stiffness, 0.0) / (rig.moving_mass or 1.0)))
+    if omega * one.period > 1.0:
+        found = f"sampled at {1 / one.period:.3g} Hz, and the piston swings on its air at {omega / (2 * np.pi):.3g} Hz"
+        mend = (
+            f"record at {10 * omega / (2 * np.pi):.2g} Hz or more; if the logger did, mend the unit in [signals] time"
+        )
+        yield Finding("sampling", "time", one.name, found, mend)
+
+
+def _spring(bench: Bench, one: Recording, chamber: int) -> float:
+    if f"p{chamber}" not in one or (chamber == 2 and one.chamber_2 == "open"):
+        return 0.0
+    volume = bench.volume(chamber, one["x"])
+    if volume is None:
+        return 0.0
+    area = bench.rig.areas[chamber - 1]
+    return float(bench.rig.heat_capacity_ratio * np.nanmedian(one[f"p{chamber}"]) * area**2 / np.nanmedian(volume))

@@ -1,0 +1,106 @@
+"""One check at a time, on a recording that is implausible in nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.noise import NoiseModel
+from pneucli.plausibility import findings
+from pneucli.recording import Recording, Rig
+
+T = np.arange(4000) * 1e-3
+RNG = np.random.default_rng(0)
+NOISE = {"p1": 100.0, "p2": 100.0, "p_supply": 100.0, "x": 1e-6, "force": 0.1, "temperature": 0.1, "u": 0.0}
+CYLINDER = Rig(piston_area_1=8e-4, piston_area_2=8e-4, dead_volume_1=3e-5, dead_volume_2=3e-5, stroke=0.2)
+SWING = 0.1 + 0.05 * np.sin(3 * T)  # m
+SLOW = 2e5 + 1e5 * np.sin(T)  # Pa
+
+
+def recorded(experiment: Any = "friction", chamber_2: Any = None, imposed: Any = None, **signals: Any) -> Recording:
+    noisy = {n: values + NOISE[n] * RNG.standard_normal(T.size) for n, values in signals.items()}
+    models = {name: NoiseModel(NOISE[name]) for name in signals}
+    return Recording("one", experiment, "train", T, noisy, models, chamber_2=chamber_2, imposed=imposed)
+
+
+def seen(one: Recording, rig: Rig = CYLINDER) -> dict[tuple[str, str], str]:
+    return {(f.check, f.signal): f.found for f in findings([one], rig, {})}
+
+
+def closed(x: np.ndarray) -> np.ndarray:
+    return np.asarray(3e5 * (1.1e-4 / (3e-5 + 8e-4 * (0.2 - x))) ** 1.4)
+
+
+@pytest.mark.parametrize(
+    ("one", "pair", "words"),
+    [
+        (recorded(p1=0.2e5 + 0 * T), ("reference", "p1"), "absolute or less for a quarter of the time: gauge?"),
+        (recorded(p1=2.5e5 + 2.55e5 * np.sin(T * 7)), ("reference", "p1"), "absolute: gauge?"),
+        (recorded(p1=2.5e5 + 4.5e5 * np.sin(T * 7) ** 9), ("reference", "p1"), "below vacuum"),
+        (recorded(p1=60e5 + SLOW), ("unit", "p1"), "above any pneumatic supply (50 bar)"),
+        (recorded(chamber_2="open", p2=2.02e5 + 0 * T), ("reference", "p2"), "2.02 bar in an open chamber: absolute?"),
+        (recorded(chamber_2="open", p2=4e5 + 0 * T), ("swapped", "p2"), "4 bar in an open chamber"),
+        (recorded(temperature=20 + T), ("unit", "temperature"), "stays between"),
+        (recorded(u=200 * T), ("unit", "u"), "800 V"),
+        (recorded(p_supply=1.6e5 + 0 * T), ("supply", "p_supply"), "1.6 bar, and 7 bar are stated"),
+        (recorded(x=SWING, p1=3e5 + 0 * T), ("silent", "p1"), "the piston moves, and p1 stays at 3 bar"),
+        (recorded(x=SWING, imposed="motion", force=5 + 0 * T), ("silent", "force"), "force stays at 5 N"),
+        (
+            recorded(x=SWING, chamber_2="closed", p1=SLOW, p2=3e5 + 0 * T),
+            ("silent", "p2"),
+            "while x would change it by",
+        ),
+        (recorded(x=5 * SWING), ("stroke", "x"), "from 250 mm to 750 mm"),
+        (recorded(x=SWING - 0.3), ("stroke", "x"), "from -250 mm to -150 mm"),
+        (
+            recorded(x=0.2 - SWING, chamber_2="closed", p1=closed(SWING), p2=closed(SWING)),
+            ("direction", "x"),
+            "falls where x grows",
+        ),
+    ],
+)
+def test_only_what_is_wrong_is_found(one: Recording, pair: tuple[str, str], words: str) -> None:
+    found = seen(one, Rig(**{**vars(CYLINDER), "supply_pressure": 7e5}))
+    assert list(found) == [pair]
+    assert words in found[pair]
+
+
+def test_a_closed_chamber_as_it_is_stated_is_plausible() -> None:
+    assert seen(recorded(x=SWING, chamber_2="closed", p1=closed(SWING), p2=closed(SWING))) == {}
+
+
+def test_a_piston_is_not_faster_than_air() -> None:
+    found = seen(recorded(x=500 * SWING), Rig(piston_area_1=8e-4))
+    assert list(found) == [("speed", "x")]
+    assert "faster than any piston (30000 mm/s)" in found["speed", "x"]
+
+
+def charge(end: float, supply: float, start: float = 1.0e5) -> Recording:
+    """Chamber 1 goes from ``start`` to ``end`` within the last 0.8 s, at a command of 5 V or -5 V."""
+    late = np.maximum(T - 3.2, 0.0)
+    p = start + (end - start) * (1 - np.exp(-late / 0.1))
+    u = np.where(late > 0, 5.0 * np.sign(end - start), 0.0)
+    return recorded("valve", p1=p, u=u, p_supply=supply + 0 * T)
+
+
+def test_a_vented_chamber_rests_at_ambient_pressure() -> None:
+    found = seen(charge(0.02e5, 7e5, start=6e5))
+    assert list(found) == [("reference", "p1")]
+    assert "bar in a vented chamber: gauge?" in found["reference", "p1"]
+    assert seen(charge(1.02e5, 7e5, start=6e5)) == {}
+
+
+def test_a_chamber_is_charged_from_above() -> None:
+    rising = recorded("valve", p1=6e5 - 5e5 * np.exp(-T), u=5 + 0 * T, p_supply=2e5 + 0 * T)
+    vessel = Rig(vessel_volume=1e-4)
+    assert list(seen(rising, vessel)) == [("supply", "p_supply")]
+    assert seen(recorded("valve", p1=6e5 - 5e5 * np.exp(-T), u=5 + 0 * T, p_supply=8e5 + 0 * T), vessel) == {}
+
+
+def test_surroundings_are_those_of_a_laboratory() -> None:
+    one = recorded(p1=SLOW)
+    assert ("rig", "p1") in seen(one, Rig(ambient_pressure=1013e5))
+    assert ("rig", "temperature") in seen(one, Rig(gas_temperature=20.0))
+    assert seen(one, Rig()) == {}
