@@ -2,7 +2,7 @@
 
 from pneucli.config.load import load
 from pneucli.config.models import CheckTable, PipelineConfig, RecordingTable, SignalTable, WhereTable
-from pneucli.config.sources import Source, raw_files, sources
+from pneucli.config.sources import Source, plugin_files, raw_files, sources
 
 __all__ = [
     "CheckTable",
@@ -12,6 +12,7 @@ __all__ = [
     "Source",
     "WhereTable",
     "load",
+    "plugin_files",
     "raw_files",
     "sources",
 ]

@@ -8,7 +8,6 @@ anything.
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import os
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pneucli
+from pneucli import paths
 from pneucli.pipeline.context import Answer
 
 FILE = "stage.json"
@@ -52,31 +52,26 @@ class Stamp:
 
 def stamp(path: Path, known: Stamp | None = None) -> Stamp:
     """Return the stamp of ``path``; the file is read only where size or time differ from those of ``known``."""
-    try:
-        status = path.stat()
-    except FileNotFoundError:
+    if not paths.is_file(path):
         return Stamp(-1, 0, "")
+    status = path.stat()
     if known and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns):
         return known
     with path.open("rb") as file:
         return Stamp(status.st_size, status.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest())
 
 
-def named_files(tables: Mapping[str, Any], table: str, key: str, folder: Path) -> dict[str, Path]:
-    """Return the files that ``key`` names in ``table`` (or in each table of that array), by their path from ``folder``.
+def named_files(tables: Mapping[str, Any], table: str, key: str, pipeline: Path) -> dict[str, Path]:
+    """Return the files that ``key`` names in ``table`` (or in each table of that array), by their path from the file.
 
-    A file name may be a glob and hold environment variables; one that matches nothing stands for itself.
+    What names no file stands for itself. Raises InputError as :mod:`pneucli.paths` does.
     """
+    folder, where = pipeline.parent, f"{pipeline}, key {table}.{key}"
     entries = tables.get(table, [])
     values = [entry.get(key, []) for entry in (entries if isinstance(entries, list) else [entries])]
     names = [name for value in values for name in ([value] if isinstance(value, str) else value)]
-    found = [hit for name in names for hit in _matches(folder / os.path.expandvars(name))]
+    found = [hit for name in names for hit in paths.named(name, folder, where)]
     return {os.path.relpath(path, folder): path for path in found}
-
-
-def _matches(path: Path) -> list[Path]:
-    hits = [] if path.exists() else sorted(glob.glob(str(path), recursive=True))
-    return [Path(hit) for hit in hits] or [path]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pneucli.config import plugin_files
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
 from pneucli.io.recordings import load_recordings
@@ -41,8 +42,7 @@ class Study:
     @cached_property
     def known_effects(self) -> dict[str, Effect]:
         """The catalogue and the user's own effects."""
-        folder = self.context.path.parent
-        return all_effects(folder / name for name in self.context.config.model.plugins)
+        return all_effects(plugin_files(self.context.config))
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
