@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 import time
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pneucli.errors import InputError
+from pneucli.document import read
+from pneucli.errors import InputError, printable
 from pneucli.pipeline import folders, lock, staleness
 from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, silent
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
@@ -81,7 +82,7 @@ class Pipeline:
         self, name: str, manifest: Manifest | None, verdicts: Mapping[str, Verdict], options: Mapping[str, Any] | None
     ) -> Inputs:
         stage = self.stages[name]
-        files = staleness.named_files(self.tables, *stage.files, self.path.parent) if stage.files else {}
+        files = staleness.named_files(self.tables, *stage.files, self.path) if stage.files else {}
         known = manifest.inputs.files if manifest else {}
         before = manifest.inputs.options if manifest else {}
         return Inputs(
@@ -105,11 +106,16 @@ class Pipeline:
         Raises what the stages raise, and InputError where the pipeline file is at fault.
         """
         targets = list(targets)
+        config = self.validate()
+        folders.refuse_foreign(self.artifacts, upstream(targets, self.stages))
         with lock.held(self.artifacts, say):
+            if config is not None:
+                self._remember_valid()
             for name in self.stages:
                 folders.recover(self.artifacts, name)
             verdicts = self.survey(targets, options)
-            config = self._validated(any(verdict.why for verdict in verdicts.values()))
+            if config is None and any(verdict.why for verdict in verdicts.values()):
+                config = self.load(self.path)
             done: dict[str, Done] = {}
             for name, verdict in verdicts.items():
                 if verdict.why:
@@ -117,21 +123,20 @@ class Pipeline:
                 done[name] = self._renewed(name, verdict, done, config, progress)
         return done
 
-    def validate(self) -> None:
-        """Validate the pipeline file, unless it has been since it or the program last changed."""
-        self._validated(needed=False)
+    def validate(self) -> Any:
+        """Return the validated pipeline file; ``None`` where just this text was found valid by just this program."""
+        return None if self._noted_valid() == self._text_digest() else self.load(self.path)
 
-    def _validated(self, needed: bool) -> Any:
-        """Return the validated file; ``None`` where nobody needs it and just this text was found valid before."""
+    def _remember_valid(self) -> None:
+        if re.fullmatch("[0-9a-f]*", self._noted_valid()):  # else the file is not ours
+            (self.artifacts / VALIDATED).write_text(self._text_digest(), encoding="utf-8")
+
+    def _noted_valid(self) -> str:
         marker = self.artifacts / VALIDATED
-        now = staleness.digest([self.program, staleness.stamp(self.path).sha256])
-        known = marker.is_file() and marker.read_text(encoding="utf-8") == now
-        if known and not needed:
-            return None
-        config = self.load(self.path)
-        if self.artifacts.is_dir():
-            marker.write_text(now, encoding="utf-8")
-        return config
+        return marker.read_text(encoding="utf-8", errors="replace") if marker.is_file() else ""
+
+    def _text_digest(self) -> str:
+        return staleness.digest([self.program, staleness.stamp(self.path).sha256])
 
     def _renewed(self, name: str, verdict: Verdict, done: Mapping[str, Done], config: Any, progress: Progress) -> Done:
         if verdict.manifest and not verdict.why:
@@ -139,14 +144,13 @@ class Pipeline:
                 verdict.manifest.write(self.artifacts / name)
             return Done(verdict.manifest)
         manifest = Manifest(name, verdict.inputs, skipped=self._skipped_parent(name, done))
-        out = folders.begin(self.artifacts, name)
-        if manifest.skipped is None:
-            answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
-            options = verdict.inputs.options
-            context = Context(self.path, config, out, self.artifacts, progress, answers, options)
-            manifest = _run(self.stages[name], context, manifest)
-        manifest.write(out)
-        folders.finish(self.artifacts, name)
+        with folders.renewed(self.artifacts, name) as out:
+            if manifest.skipped is None:
+                answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
+                options = verdict.inputs.options
+                context = Context(self.path, config, out, self.artifacts, progress, answers, options)
+                manifest = _run(self.stages[name], context, manifest)
+            manifest.write(out)
         return Done(manifest, verdict.why)
 
     def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, str] | None:
@@ -166,7 +170,7 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
         manifest,
         outputs=staleness.stamp_folder(context.out),
         answer=answer,
-        summary=module.describe(answer) if hasattr(module, "describe") else "",
+        summary=printable(module.describe(answer), keep="\n") if hasattr(module, "describe") else "",
         seconds=round(time.monotonic() - start, 3),
     )
 
@@ -179,12 +183,7 @@ def open_pipeline(
     Raises InputError where the file cannot be read as TOML or has no usable name; all else is found by ``load``.
     """
     path = Path(path).absolute()
-    try:
-        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}", "a pipeline file (TOML)") from error
-    except ValueError as error:  # not UTF-8 or not TOML; the message has line and column
-        raise InputError(str(path), str(error), "a pipeline file (TOML, UTF-8)") from error
+    _, tables = read(path)
     name = tables.get("pipeline", {}).get("name") if isinstance(tables.get("pipeline"), dict) else None
     if not isinstance(name, str):
         load(path)
@@ -195,5 +194,11 @@ def open_pipeline(
 
 def _refuse_name(name: str, where: str) -> None:
     """Raise an InputError where ``name`` cannot be the name of a folder."""
-    if not name or name.startswith(".") or any(c in name for c in '/\\:*?"<>|\0'):
+    if (
+        not name.strip()
+        or name.startswith(".")
+        or name != name.strip()
+        or printable(name) != name
+        or set(name) & set('/\\:*?"<>|')
+    ):
         raise InputError(where, f'"{name}" cannot be the name of a folder', "letters, digits, - and _", "rename it")
