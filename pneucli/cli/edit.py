@@ -21,23 +21,22 @@ def register(app: typer.Typer) -> None:
 
 
 def _add(pipeline: File, effects: Effects, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+    from pneucli.config import load, plugin_files
     from pneucli.physics.effects import all_effects, select
 
-    model = _model(pipeline)
-    select(effects, all_effects(pipeline.parent / plugin for plugin in model.get("plugins", [])))
-    _change(pipeline, list(dict.fromkeys([*model.get("effects", []), *effects])), out, json, quiet)
+    config = load(pipeline)
+    select(effects, all_effects(plugin_files(config)))
+    _change(pipeline, list(dict.fromkeys([*config.model.effects, *effects])), out, json, quiet)
 
 
 def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
-    present: list[str] = _model(pipeline).get("effects", [])
+    from pneucli.config import load
+
+    present = load(pipeline).model.effects
     for effect in effects:
         if effect not in present:
             raise InputError(f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present))
     _change(pipeline, [effect for effect in present if effect not in effects], out, json, quiet)
-
-
-def _model(file: Path) -> dict[str, Any]:
-    return dict(opened(file, None).tables.get("model", {}))
 
 
 def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool) -> None:

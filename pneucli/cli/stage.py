@@ -76,6 +76,10 @@ def _simulate(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
+    if executor:
+        from pneucli.executors import require_cluster
+
+        require_cluster(executor)
     bring_up("simulate", pipeline, out, json, quiet, **({"executor": executor} if executor else {}))
 
 

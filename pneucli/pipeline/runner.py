@@ -153,7 +153,7 @@ class Pipeline:
             manifest.write(out)
         return Done(manifest, verdict.why)
 
-    def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, str] | None:
+    def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, Any] | None:
         skipped = (done[parent].manifest.skipped for parent in self.stages[name].parents)
         return next((reason for reason in skipped if reason is not None), None)
 

@@ -99,7 +99,7 @@ class Manifest:
     outputs: Mapping[str, Stamp] = field(default_factory=dict)
     answer: Answer | None = None
     summary: str = ""
-    skipped: Mapping[str, str] | None = None
+    skipped: Mapping[str, Any] | None = None
     seconds: float = 0.0
 
     def write(self, folder: Path) -> None:

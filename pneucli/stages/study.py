@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.config import plugin_files
+from pneucli.errors import InputError
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
 from pneucli.io.recordings import load_recordings
@@ -59,11 +60,22 @@ class Study:
     def experiments(self) -> list[Experiment]:
         """Every recording made ready, restarted at the comparison's horizon."""
         compare = self.context.config.compare
+        self._require_samples(compare.horizon)
         ready = []
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
         return ready
+
+    def _require_samples(self, horizon: float) -> None:
+        """Raise InputError where a recording is sampled less often than once a horizon: simulating it took minutes."""
+        for recording in self.recordings:
+            if recording.period > horizon:
+                found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"
+                mend = 'state the unit of time, such as unit = "ms" in [signals] time, or else a longer horizon'
+                raise InputError(
+                    f"{self.context.path}, key compare.horizon", found, "many samples within a horizon", mend
+                )
 
     def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""
