@@ -20,11 +20,12 @@ def read(path: Path) -> tuple[str, dict[str, Any]]:
     try:
         return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(str(path), f"not valid TOML: {error}", "a TOML file", "see https://toml.io") from error
+        place = str(error).replace("end of document", f"the end, line {text.count(chr(10)) + 1}")
+        raise InputError(str(path), f"not valid TOML: {place}", "a TOML file", "see https://toml.io") from error
     except RecursionError as error:
-        raise InputError(
-            str(path), "lists in lists without end", "a line of at most a few", "mend that line"
-        ) from error
+        depths = [line.count("[") + line.count("{") for line in text.splitlines()]
+        where = f"{path}, line {1 + depths.index(max(depths))}"
+        raise InputError(where, "lists in lists without end", "at most a few", "mend that line") from error
 
 
 def _text(path: Path) -> str:
@@ -39,5 +40,5 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}", wanted, "check the path") from error
     except UnicodeDecodeError as error:
-        found = f"not UTF-8 at byte {error.start}"
-        raise InputError(str(path), found, "UTF-8 text", "save the file as UTF-8") from error
+        where = f"{path}, line {1 + error.object.count(10, 0, error.start)}"
+        raise InputError(where, f"not UTF-8 at byte {error.start}", "UTF-8 text", "save the file as UTF-8") from error

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO
 
+from pneucli.errors import printable
 from pneucli.pipeline.context import Progress, silent
 
 STEPS = 10  # without a terminal, progress is told in steps of ten per cent
 
 
 def say(message: str) -> None:
-    """Tell people something, on standard error."""
-    print(message, file=sys.stderr, flush=True)
+    """Tell people something, on standard error; where nobody listens, the work goes on."""
+    try:
+        print(printable(message, keep="\n"), file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        silence(sys.stderr)
+
+
+def silence(stream: TextIO) -> None:
+    """Send what is still to be written into a closed pipe nowhere."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def hush(message: str) -> None:

@@ -19,6 +19,7 @@ from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
 from pneucli.pipeline.staleness import Inputs, Manifest
 
 VALIDATED = ".validated"
+LONGEST_NAME = 60  # characters, of up to four bytes each
 Options = Mapping[str, Mapping[str, Any]]
 
 
@@ -194,11 +195,7 @@ def open_pipeline(
 
 def _refuse_name(name: str, where: str) -> None:
     """Raise an InputError where ``name`` cannot be the name of a folder."""
-    if (
-        not name.strip()
-        or name.startswith(".")
-        or name != name.strip()
-        or printable(name) != name
-        or set(name) & set('/\\:*?"<>|')
-    ):
-        raise InputError(where, f'"{name}" cannot be the name of a folder', "letters, digits, - and _", "rename it")
+    plain = printable(name) == name.strip() and not set(name) & set('/\\:*?"<>|')
+    if not plain or not name or len(name) > LONGEST_NAME or name.startswith("."):
+        found = f'"{name[:LONGEST_NAME]}" cannot be the name of a folder'
+        raise InputError(where, found, f"up to {LONGEST_NAME} letters, digits, - and _", "rename it")

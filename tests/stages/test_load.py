@@ -60,7 +60,9 @@ def test_plugins_run_where_effects_are_needed_and_not_to_load_or_read(tmp_path: 
     (tmp_path / "own.py").write_text("raise RuntimeError('it runs')")
     (tmp_path / "raw.csv").write_text("t,p\n" + "".join(f"{0.01 * i},{i % 3}\n" for i in range(40)))
     path = tmp_path / "bench.toml"
-    path.write_text(PIPELINE.replace("[model]", '[model]\nplugins = ["own.py"]').replace('"test"', '"test"\nu = "1 V"'))
+    path.write_text(
+        PIPELINE.replace("[model]", '[model]\nplugins = ["own.py"]').replace('"test"', '"train"\nu = "1 V"')
+    )
     pipeline = open_pipeline(path, load)
     pipeline.bring_up(["ingest"])
     assert pipeline.survey(["ingest", "identify"])["ingest"].why == ()
