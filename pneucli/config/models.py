@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands, size
 from pneucli.errors import UnitError
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Experiment, Rig, Use
@@ -24,21 +25,12 @@ from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity, parse_unit, same_
 SignalName = Literal["time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "x_ref", "p_ref"]
 
 
-SMALLEST = 1e-30  # of any number of a rig that is not 0, in SI: quotients stay finite
-
-
-def _size(number: float) -> float:
-    if 0.0 < abs(number) < SMALLEST:
-        raise ValueError(f"{number} is next to nothing; wanted 0, or a size of at least {SMALLEST:g}")
-    return number
-
-
 def _in(unit: str) -> BeforeValidator:
     """Read text with a unit; gauge values stand on the file's own ambient pressure."""
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
         ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
-        return _size(parse_quantity(value, unit, ambient_pressure=ambient))
+        return size(parse_quantity(value, unit, ambient_pressure=ambient))
 
     return BeforeValidator(parse)
 
@@ -59,49 +51,6 @@ Position: TypeAlias = Annotated[float, _in("m")]
 Velocity: TypeAlias = Annotated[float, _in("m/s")]
 Acceleration: TypeAlias = Annotated[float, _in("m/s^2")]
 Force: TypeAlias = Annotated[float, _in("N")]
-
-
-def _is_size(scale: float) -> float:
-    if _size(scale) == 0.0:
-        raise ValueError(f"{scale} makes nothing of the column; wanted a factor other than 0")
-    return scale
-
-
-def _is_delimiter(text: str) -> str:
-    known = text == "\t" or (len(text) == 1 and text.isascii() and text.isprintable() and not _in_numbers(text))
-    if not (known or not text.strip(" ") or text in (r"\s+", "whitespace")):
-        raise ValueError(f"{text!r} cannot stand between columns; wanted one character, such as a tab, ; or ,")
-    return text
-
-
-def _is_thousands(text: str) -> str:
-    if text.isalnum() or text in "+-":
-        raise ValueError(f"{text!r} cannot stand between thousands; wanted a character such as . or ,")
-    return text
-
-
-def _in_numbers(character: str) -> bool:
-    return character.isalnum() or character in '+-."#'
-
-
-def _is_encoding(name: str) -> str:
-    """Check that the name is that of an encoding of text; the standard library has others, such as hex and zlib."""
-    plain = "x" * 100 + ";1.5,-2e3\t\n"
-    try:
-        known = plain.encode(name).endswith(tuple(map(plain.encode, ("ascii", "utf-16le", "utf-16be", "utf-32le"))))
-    except (LookupError, ValueError):
-        known = False
-    if not known:
-        raise ValueError(f'"{name}" is no encoding of text; wanted one such as "utf-8", "cp1252" or "utf-16"')
-    return name
-
-
-Mark: TypeAlias = Literal[".", ","]
-Delimiter: TypeAlias = Annotated[str, Field(min_length=1), AfterValidator(_is_delimiter)]
-Thousands: TypeAlias = Annotated[str, Field(min_length=1, max_length=1), AfterValidator(_is_thousands)]
-Encoding: TypeAlias = Annotated[str, AfterValidator(_is_encoding)]
-Column: TypeAlias = Annotated[int, Field(strict=True, ge=1)] | Annotated[str, Field(strict=True, min_length=1)]
-Name: TypeAlias = Annotated[str, Field(pattern=r"\S")]
 
 
 class Table(BaseModel):
@@ -158,7 +107,7 @@ class SignalTable(Table):
     column: Column
     unit: str | None = None
     reference: Literal["gauge", "absolute"] | None = None
-    scale: Annotated[float, AfterValidator(_is_size)] = 1.0
+    scale: Scale = 1.0
     offset: float = 0.0
     thousands: Thousands | None = None
     decimal: Mark | None = None

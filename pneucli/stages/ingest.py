@@ -116,7 +116,6 @@ def _channel(name: str, signal: SignalTable, ambient: float) -> Channel:
 def _present(source: Source, file: Opened) -> list[str]:
     """Return the signals of a recording; raises InputError where the experiment cannot do without another one."""
     table = source.table
-    _require_own_columns(source, file)
     present = {*file.positions, *table.constants}
     needed = set(NEEDED[table.experiment])
     if table.experiment == "valve" and table.valve != "shut":
@@ -131,17 +130,6 @@ def _present(source: Source, file: Opened) -> list[str]:
         wanted = f"{name}, which a {table.experiment} recording needs (columns: {columns})"
         raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
     return [name for name in SIGNALS if name in present]
-
-
-def _require_own_columns(source: Source, file: Opened) -> None:
-    """Raise InputError where two signals are read from one column: of a long table, from the same rows of it."""
-    taken: dict[tuple[Any, ...], str] = {}
-    for name, place in file.positions.items():
-        rows = file.raw.channels[name].where
-        if (other := taken.setdefault((place, rows), name)) != name:
-            found = f'{other} and {name} are both column "{file.reader.names[place]}"'
-            mend = "correct one of them, or leave out of take the one that was not recorded"
-            raise InputError(f"{source.where}, file {source.path}", found, "a column for each signal", mend)
 
 
 def _ingest(one: Ingested, file: Opened, writer: TableWriter, threads: ThreadPoolExecutor) -> None:
