@@ -52,8 +52,10 @@ def renewed(artifacts: Path, stage: str) -> Iterator[Path]:
     try:
         yield new
         refuse_foreign(artifacts, [stage])
-    except BaseException:
+    except BaseException as error:
         _remove(new)
+        if isinstance(error, OSError) and error.filename is None:  # a disk that is full says not where
+            error.filename = str(final)
         raise
     if final.exists():
         final.rename(old)

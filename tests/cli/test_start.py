@@ -102,3 +102,13 @@ def test_work_goes_on_where_nobody_reads_its_messages(tmp_path: Path) -> None:
         process.stderr.close()
         assert b"pneucli/ingest/1" in process.stdout.read()
         assert process.wait() == 0
+
+
+def test_a_cluster_that_is_not_there_is_told_before_any_stage_runs(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(PIPELINE)
+    words = ["simulate", str(tmp_path / "bench.toml"), "--executor", "dask://127.0.0.1:1"]
+    command = [sys.executable, "-m", "pneucli", *words]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert "no cluster answers" in result.stderr
+    assert not (tmp_path / "artifacts").exists()
