@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -71,10 +72,11 @@ def test_the_page_about_the_command_line_is_what_the_commands_say() -> None:
         pytest.fail("docs/cli.md has drifted from the commands: run `make docs`")
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])  # what is printed meets the closed pipe at the end, or at once
 @pytest.mark.parametrize("words", [["effects"], ["effects", "--json"], ["--help"]])
-def test_a_closed_pipe_is_no_fault(words: list[str]) -> None:
-    command = [sys.executable, "-m", "pneucli", *words]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+def test_a_closed_pipe_is_no_fault(words: list[str], unbuffered: str) -> None:
+    command, env = [sys.executable, "-m", "pneucli", *words], os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    with subprocess.Popen(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()  # long before anything is printed
