@@ -27,6 +27,7 @@ from pneucli.design.closed_loop import Bench, Run, Scenario, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import measure
 from pneucli.design.scenarios import start_at
+from pneucli.executors import executor_from
 from pneucli.physics.effects import catalogue, select
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.model import Model
@@ -163,7 +164,7 @@ def monte_carlo(model: Model, controller: Controller, bench: Bench, runs: int) -
     scenarios = (scene(controller, STEPS),)
     study = robust.Study(axes, controller, scenarios, bench, runs, 0, robust.CHECKS)
     robust.run_one(study, 1)  # compiles
-    with tempfile.TemporaryDirectory() as place, robust.executor_from(None) as threads:
+    with tempfile.TemporaryDirectory() as place, executor_from(None) as threads:
         start = time.perf_counter()
         rows: list[dict[str, Any]] = robust.run_study(study, threads, Path(place))
         took = time.perf_counter() - start

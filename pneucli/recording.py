@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.noise import NoiseModel
+if TYPE_CHECKING:  # who only reads the pipeline file need not wait for scipy
+    from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
 Experiment = Literal["valve", "friction", "axis"]

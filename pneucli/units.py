@@ -15,6 +15,8 @@ from functools import lru_cache
 from pneucli.errors import UnitError, did_you_mean
 
 STANDARD_ATMOSPHERE = 101_325.0  # Pa
+LONGEST = 60  # characters of a unit
+LARGEST = 1e18  # of any number of a rig, in SI: its powers stay finite
 
 Dimension = tuple[int, int, int, int, int]  # exponents of m, kg, s, K, A
 
@@ -103,6 +105,18 @@ def parse_unit(text: str) -> Unit:
 
     Raises :class:`UnitError` with the closest known unit where it cannot be read.
     """
+    try:
+        unit = _parsed(text)
+    except (OverflowError, ZeroDivisionError):  # of powers that no unit has
+        unit = Unit(math.inf, _ONE)
+    if not 0.0 < unit.factor < math.inf:
+        raise UnitError(f'unit "{text}" is beyond all numbers')
+    return unit
+
+
+def _parsed(text: str) -> Unit:
+    if len(text) > LONGEST:
+        raise UnitError(f'"{text[:LONGEST]}..." is no unit')
     spelled = text.strip().replace("℃", "°C").translate(_SUPERSCRIPTS)
     if kind := _PRESSURE_KIND.match(spelled):
         gauge = kind[2].lower() in ("g", "gauge", "ü", "rel")
@@ -192,9 +206,9 @@ def parse_quantity(
         raise UnitError(f"{value!r} is not {wanted}")
     if not isinstance(value, str):
         return _finite(float(value), value)
-    parts = _QUANTITY.match(value)
+    parts = _QUANTITY.match(value) if len(value) <= 2 * LONGEST else None
     if not parts:
-        raise UnitError(f'"{value}" is not {wanted}')
+        raise UnitError(f'"{value[: 2 * LONGEST]}" is not {wanted}')
     if parts[2].startswith(","):
         raise UnitError(f'"{value}" has a decimal comma; write a point')
     number = _finite(float(parts[1]), value)
@@ -203,10 +217,12 @@ def parse_quantity(
     if not same_dimension(parts[2], unit):
         raise UnitError(f'"{value}" has not the dimension of {unit}; wanted {wanted}')
     factor, offset = factor_and_offset(parts[2], ambient_pressure)
-    return factor * number + (0.0 if difference else offset)
+    return _finite(factor * number + (0.0 if difference else offset), value)
 
 
 def _finite(number: float, value: object) -> float:
     if not math.isfinite(number):
         raise UnitError(f"{value!r} is not finite")
+    if abs(number) > LARGEST:
+        raise UnitError(f"{value!r} is beyond what a rig may have; wanted up to {LARGEST:g}")
     return number

@@ -18,26 +18,52 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.commands import build
-from pneucli.errors import InputError
+from pneucli.errors import InputError, surroundings
 
 
 def main() -> None:
-    """Run the program; exit codes: 0 done, 1 a check failed, 2 the input is at fault, 3 the program is, 130 Ctrl-C."""
+    """Run the program; exit codes: 0 done, 1 a check failed, 2 the input is at fault, 3 the program is, 130 Ctrl-C.
+
+    Who closes the pipe that is printed to has seen enough: that is 0.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without "×" shows "?", and the answer still comes
     try:
+        code = _run()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        console.silence(sys.stdout)
+        code = 0
+    sys.exit(code)
+
+
+def _run() -> int:
+    try:
         _call([word for word in sys.argv[1:] if word != "--debug"])
+    except SystemExit as leave:
+        if isinstance(leave.__context__, BrokenPipeError):  # typer would have it 1
+            raise leave.__context__ from None
+        return int(leave.code or 0)
     except InputError as error:
-        if "--json" in sys.argv[1:]:
-            console.fault(error)
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        return _refused(error)
     except (KeyboardInterrupt, typer.Abort):
-        sys.exit(130)
+        return 130
     except Exception as error:
-        print(_fault(error), file=sys.stderr)
-        sys.exit(3)
+        refused = surroundings(error) if isinstance(error, OSError | MemoryError) else None
+        if refused:
+            return _refused(refused)
+        console.say(_fault(error))
+        return 3
+    return 0
+
+
+def _refused(error: InputError) -> int:
+    """Tell what is refused, under ``--json`` as JSON as well; return the exit code."""
+    console.say(f"error: {error}")
+    if "--json" in sys.argv[1:]:
+        console.fault(error)
+    return error.exit_code
 
 
 def _call(arguments: list[str]) -> None:
@@ -59,7 +85,10 @@ def _fault(error: Exception) -> str:
     trace = "".join(traceback.format_exception(error))
     if "--debug" in sys.argv[1:]:
         return trace.rstrip()
-    with tempfile.NamedTemporaryFile("w", prefix="pneucli-", suffix=".log", delete=False, encoding="utf-8") as file:
-        file.write(f"{' '.join(sys.argv)}\n{trace}")
-    what = (str(error).splitlines() or [""])[0]
-    return f"fault of the program: {type(error).__name__}: {what} (traceback in {file.name}; --debug shows it)"
+    what = f"fault of the program: {type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
+    try:
+        with tempfile.NamedTemporaryFile("w", prefix="pneucli-", suffix=".log", delete=False, encoding="utf-8") as file:
+            file.write(f"{' '.join(sys.argv)}\n{trace}")
+    except (OSError, UnicodeError):
+        return f"{what} (--debug shows the traceback)"
+    return f"{what} (traceback in {file.name}; --debug shows it)"

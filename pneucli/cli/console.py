@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple, TextIO
 
-from pneucli.errors import InputError
+from pneucli.errors import InputError, printable
 from pneucli.pipeline.context import Progress, silent
 
 SILENCE = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
@@ -25,8 +26,22 @@ class Shown(NamedTuple):
 
 
 def say(message: str) -> None:
-    """Tell people something, on standard error."""
-    print(message, file=sys.stderr, flush=True)
+    """Tell people something, on standard error; where nobody listens, the work goes on."""
+    try:
+        print(printable(message, keep="\n"), file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        silence(sys.stderr)
+
+
+def tell(text: str) -> None:
+    """Print an answer for people; control characters that came in with a name are shown, not obeyed."""
+    print(printable(text, keep="\n"))
+
+
+def silence(stream: TextIO) -> None:
+    """Send what is still to be written into a closed pipe nowhere."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def hush(message: str) -> None:

@@ -35,26 +35,25 @@ def _add(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
+    from pneucli.config import load, plugin_files
     from pneucli.physics.effects import all_effects, select
 
     if not effects and not suggested:
         raise InputError("pneucli add", "no effect", "names of effects, or --suggested", "pneucli effects lists them")
-    model = _model(pipeline)
+    config = load(pipeline)
     chosen = [*(effects or []), *(_answers("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
-    select(chosen, all_effects(pipeline.parent / plugin for plugin in model.get("plugins", [])))
-    _change(pipeline, list(dict.fromkeys([*model.get("effects", []), *chosen])), out, json, quiet)
+    select(chosen, all_effects(plugin_files(config)))
+    _change(pipeline, list(dict.fromkeys([*config.model.effects, *chosen])), out, json, quiet)
 
 
 def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
-    present: list[str] = _model(pipeline).get("effects", [])
+    from pneucli.config import load
+
+    present = load(pipeline).model.effects
     for effect in effects:
         if effect not in present:
             raise InputError(f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present))
     _change(pipeline, [effect for effect in present if effect not in effects], out, json, quiet)
-
-
-def _model(file: Path) -> dict[str, Any]:
-    return dict(opened(file, None).tables.get("model", {}))
 
 
 def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool) -> None:
@@ -68,7 +67,7 @@ def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet:
     if json:
         console.answer(answer)
     else:
-        print(words.of("edit", answer, str(file)))
+        console.tell(words.of("edit", answer, str(file)))
 
 
 def _answers(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:

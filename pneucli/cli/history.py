@@ -25,6 +25,6 @@ def _history(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet =
     if json:
         console.answer({"schema": "pneucli/history/1", "pipeline": opened_pipeline.name, "models": known})
         return
-    print("\n".join(history.lines(known, str(pipeline))))
+    console.tell("\n".join(history.lines(known, str(pipeline))))
     if known and opened_pipeline.survey(["compare"])["compare"].why and not quiet:
         console.say(f"the file or its data have changed since; to compare anew: pneucli compare {pipeline}")

@@ -26,4 +26,4 @@ def _open(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = Fa
     if json:
         console.answer({"schema": "pneucli/open/1", "report": str(report), "opened": shown})
     else:
-        print(shortest(report) if shown else f"no browser was found; the report is {shortest(report)}")
+        console.tell(shortest(report) if shown else f"no browser was found; the report is {shortest(report)}")

@@ -29,9 +29,9 @@ def opened(file: Path, out: Path | None) -> Pipeline:
     from pneucli.pipeline.runner import open_pipeline
 
     def load(path: Path) -> object:
-        from pneucli import config
+        from pneucli.stages.load import load
 
-        return config.load(path)
+        return load(path)
 
     return open_pipeline(file, load, out)
 

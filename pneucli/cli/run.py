@@ -76,11 +76,11 @@ def _print(
     failed = [str(result) for result in results if not result.passed]
     if verbose:
         for name, stage in done.items():
-            print(f"{name:10}{_state(stage)}")
+            console.tell(f"{name:10}{_state(stage)}")
             if name in answers:
-                print(textwrap.indent(words.of(name, answers[name], str(file), verbose=True), "  "))
+                console.tell(textwrap.indent(words.of(name, answers[name], str(file), verbose=True), "  "))
     doubt(done)
-    print("\n".join(summary(answers, models, failed, shortest(_report(pipeline)), str(file))))
+    console.tell("\n".join(summary(answers, models, failed, shortest(_report(pipeline)), str(file))))
 
 
 def _state(stage: Done) -> str:

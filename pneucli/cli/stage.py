@@ -52,7 +52,7 @@ def bring_up(
     if json:
         console.answer(answer)
     else:
-        print(words.of(name, answer, str(file), verbose=verbose))
+        console.tell(words.of(name, answer, str(file), verbose=verbose))
         doubt(done)
 
 
@@ -60,7 +60,7 @@ def doubt(done: Mapping[str, Done]) -> None:
     """Print what is implausible in the recordings, behind the answer of every stage that rests on them."""
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
         for line in plausibility.lines(answer):
-            print(line)
+            console.tell(line)
 
 
 def _plain(name: str) -> Callable[..., None]:
@@ -103,6 +103,10 @@ def _simulate(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
+    if executor:
+        from pneucli.executors import require_cluster
+
+        require_cluster(executor)
     options = {"executor": executor} if executor else None
     bring_up("simulate", pipeline, out, console.Shown(json, verbose, quiet), options)
 

@@ -31,7 +31,7 @@ def _status(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = 
         console.answer({"schema": "pneucli/status/1", "pipeline": opened_pipeline.name, "stages": stages})
         return
     for name, verdict in verdicts.items():
-        print(f"{name:10}{_state(verdict)}{(verdict.why and ': ' + ', '.join(verdict.why)) or ''}")
+        console.tell(f"{name:10}{_state(verdict)}{(verdict.why and ': ' + ', '.join(verdict.why)) or ''}")
 
 
 def _state(verdict: Verdict) -> str:

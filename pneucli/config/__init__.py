@@ -1,8 +1,8 @@
 """The pipeline file: read, checked as a whole, and edited without losing comments."""
 
-from pneucli.config.load import load
+from pneucli.config.load import join_faults, load
 from pneucli.config.models import CheckTable, PipelineConfig, RecordingTable, SignalTable, WhereTable
-from pneucli.config.sources import Source, raw_files, sources
+from pneucli.config.sources import Source, plugin_files, raw_files, sources
 
 __all__ = [
     "CheckTable",
@@ -11,7 +11,9 @@ __all__ = [
     "SignalTable",
     "Source",
     "WhereTable",
+    "join_faults",
     "load",
+    "plugin_files",
     "raw_files",
     "sources",
 ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,21 +21,25 @@ def set_effects(path: str | Path, effects: Sequence[str]) -> None:
     Raises :class:`InputError` where ``[model]`` is not a table.
     """
     path = Path(path)
-    document = tomlkit.parse(path.read_text(encoding="utf-8"))
+    content = path.read_bytes()
+    text = content.decode("utf-8-sig")
+    document = tomlkit.parse(text)
     model = document.get("model")
     if model is None:
         model = document["model"] = tomlkit.table()
     if not isinstance(model, Table):
         raise InputError(f"{path}, key model", "not a table", "a table [model]", "write [model] on a line of its own")
     model["effects"] = list(effects)
-    _replace(path, tomlkit.dumps(document))
+    text = tomlkit.dumps(document)
+    if b"\r\n" in content:  # what is new has the line ends of the rest
+        text = re.sub("\r?\n", "\r\n", text)
+    mark = codecs.BOM_UTF8 if content.startswith(codecs.BOM_UTF8) else b""
+    _replace(path, mark + text.encode())
 
 
-def _replace(path: Path, text: str) -> None:
+def _replace(path: Path, content: bytes) -> None:
     target = path.resolve()
-    with tempfile.NamedTemporaryFile(
-        "w", dir=target.parent, prefix=f".{target.name}.", delete=False, encoding="utf-8"
-    ) as file:
-        file.write(text)
+    with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as file:
+        file.write(content)
     os.chmod(file.name, target.stat().st_mode & 0o7777)
     os.replace(file.name, target)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -12,10 +11,13 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from pneucli.config.models import PipelineConfig
-from pneucli.errors import InputError, UnitError, did_you_mean
-from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity
+from pneucli.document import read
+from pneucli.errors import InputError, UnitError, did_you_mean, printable
+from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity
 
-Location = Sequence[str | int]
+Location = tuple[str | int, ...]
+DEEPEST = 12  # tables in one another; the format has 4
+SHOWN = 80  # characters of what was found
 
 
 def load(path: str | Path) -> PipelineConfig:
@@ -24,15 +26,15 @@ def load(path: str | Path) -> PipelineConfig:
     Raises :class:`InputError` that names file, line and key of every fault, what was found, what is wanted, the mend.
     """
     path = Path(path)
-    text = _text(path)
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(str(path), f"not valid TOML: {error}", "a TOML file", "see https://toml.io") from error
+    text, document = read(path)
+    if faults := [
+        InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in _unfit(document)
+    ]:
+        raise join_faults(path, faults)
     try:
         config = PipelineConfig.model_validate(document, context={"ambient_pressure": _ambient(document)})
     except ValidationError as error:
-        faults = [_fault(path, text, document, detail) for detail in error.errors(include_url=False)]
+        faults = _faults(path, text, document, error)
         raise join_faults(path, faults) from error
     config._path, config._document = path, document
     return config
@@ -40,23 +42,46 @@ def load(path: str | Path) -> PipelineConfig:
 
 def join_faults(path: Path, faults: Sequence[InputError]) -> InputError:
     """Return one error that holds all ``faults``."""
-    if len(faults) == 1:
-        return faults[0]
-    return InputError(str(path), "\n".join([f"{len(faults)} faults", *map(str, faults)]))
+    return faults[0] if len(faults) == 1 else InputError(str(path), f"{len(faults)} faults", faults=faults)
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        mend = 'check the path, or write a new pipeline with "pneucli init"'
-        raise InputError(str(path), "no such file", "a pipeline file", mend) from error
-    except IsADirectoryError as error:
-        raise InputError(str(path), "a folder", "a pipeline file (TOML)", "name the file in it") from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            str(path), f"not UTF-8 at byte {error.start}", "UTF-8 text", "save the file as UTF-8"
-        ) from error
+def _unfit(document: Mapping[str, Any]) -> Iterator[tuple[Location, str, str, str]]:
+    """Yield key, found, wanted and mend of what no table may hold, so that no reader of one need think of it."""
+    waiting: list[tuple[Location, Any]] = [((), document)]
+    while waiting:
+        key, value = waiting.pop()
+        if len(key) > DEEPEST:
+            yield key, "tables in tables without end", "the keys that the documentation names", "mend that line"
+        elif isinstance(value, dict):
+            waiting += [((*key, name), inner) for name, inner in reversed(value.items())]
+            yield from (
+                (key, f'"{n}" is no name of a key', "a text that can be printed", "") for n in value if _acts(n)
+            )
+        elif isinstance(value, list):
+            waiting += [((*key, number), inner) for number, inner in reversed([*enumerate(value)])]
+        elif isinstance(value, str) and _acts(value) and (value != "\t" or key[-1] != "delimiter"):
+            yield key, f"{value[:SHOWN]!r} holds control characters", "a text that can be printed", "take them out"
+        elif isinstance(value, int | float) and not abs(value) <= LARGEST:
+            yield key, _shown(value), f"a number up to {LARGEST:g}", ""
+
+
+def _acts(text: str) -> bool:
+    return printable(text) != text
+
+
+def _where(path: Path, text: str, key: Location) -> str:
+    name = ".".join(str(part + 1) if isinstance(part, int) else part for part in key)
+    return f"{path}, line {line_of(text, key)}, key {name[:SHOWN]}"
+
+
+def _in_document(location: Location, document: Any) -> Location:
+    """Return ``location`` as far as the document goes, and one key further: without the names of pydantic's types."""
+    for depth, part in enumerate(location):
+        try:
+            document = document[part]
+        except (KeyError, IndexError, TypeError):
+            return tuple(location[: depth + isinstance(document, dict)])
+    return tuple(location)
 
 
 def _ambient(document: Mapping[str, Any]) -> float:
@@ -67,22 +92,42 @@ def _ambient(document: Mapping[str, Any]) -> float:
         return STANDARD_ATMOSPHERE
 
 
-def _fault(path: Path, text: str, document: Mapping[str, Any], detail: ErrorDetails) -> InputError:
-    location = detail["loc"]
-    key = ".".join(str(part + 1) if isinstance(part, int) else part for part in location)
-    where = f"{path}, line {line_of(text, location)}, key {key}"
-    kind, value = detail["type"], detail["input"]
+def _faults(path: Path, text: str, document: Mapping[str, Any], error: ValidationError) -> list[InputError]:
+    """Return a fault a key; a key that may be of several types has as many details, which become one."""
+    faults: dict[Location, InputError] = {}
+    for detail in error.errors(include_url=False):
+        key = _in_document(detail["loc"], document)
+        fault = _fault(path, text, document, key, detail)
+        if key in faults:
+            faults[key].wanted += f", or {fault.wanted}"
+        else:
+            faults[key] = fault
+    return list(faults.values())
+
+
+def _fault(path: Path, text: str, document: Mapping[str, Any], location: Location, detail: ErrorDetails) -> InputError:
+    where = _where(path, text, location)
+    kind, value = detail["type"], _shown(detail["input"])
     if kind == "extra_forbidden":
         return InputError(where, "unknown key", "", did_you_mean(str(location[-1]), _keys_at(location[:-1])))
     if kind == "missing":
         return InputError(where, "missing", _wanted(location, document), f'add "{location[-1]}"')
     if kind == "literal_error":
         expected = str((detail.get("ctx") or {}).get("expected", ""))
-        return InputError(where, f'"{value}"', expected, did_you_mean(str(value), re.findall(r"'([^']*)'", expected)))
+        known = re.findall(r"'([^']*)'", expected)
+        return InputError(where, value, expected, did_you_mean(str(detail["input"])[:SHOWN], known))
     if kind == "value_error":
         found, _, wanted = detail["msg"].removeprefix("Value error, ").partition("; wanted ")
         return InputError(where, found, wanted)
-    return InputError(where, f"{value!r}", detail["msg"].replace("Input should be", "").strip())
+    if kind in ("model_type", "dict_type"):
+        return InputError(where, value, "a table", f"write [{location[0]}] on a line of its own, its keys below")
+    return InputError(where, value, detail["msg"].replace("Input should be", "").strip())
+
+
+def _shown(value: Any) -> str:
+    """Return a value as the file may have it, and no more of it than tells which."""
+    text = f'"{value}"' if isinstance(value, str) else str(value)
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def _wanted(location: Location, document: Mapping[str, Any]) -> str:
@@ -152,6 +197,6 @@ def _numbered(parts: Sequence[str], counts: dict[tuple[str, ...], int], *, new: 
 
 
 def _common(here: Sequence[str | int], location: Location) -> int:
-    """Return how far ``here`` leads to ``location``; 0 where it leads elsewhere."""
-    shared = list(location[: len(here)])
-    return len(here) if list(here) == shared else 0
+    """Return how far ``here`` and ``location`` go together; 0 where they part."""
+    shared = min(len(here), len(location))
+    return shared if tuple(here[:shared]) == tuple(location[:shared]) else 0

@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands, size
 from pneucli.errors import UnitError
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Experiment, Rig, Use
@@ -29,7 +30,7 @@ def _in(unit: str) -> BeforeValidator:
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
         ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
-        return parse_quantity(value, unit, ambient_pressure=ambient)
+        return size(parse_quantity(value, unit, ambient_pressure=ambient))
 
     return BeforeValidator(parse)
 
@@ -96,22 +97,28 @@ class RigTable(Table):
 class WhereTable(Table):
     """Which rows of a long table belong to a signal."""
 
-    column: str | int
+    column: Column
     equals: str | float
 
 
 class SignalTable(Table):
     """How one raw column becomes a signal: ``scale * column + offset``, read in ``unit`` (SI where absent)."""
 
-    column: str | int
+    column: Column
     unit: str | None = None
     reference: Literal["gauge", "absolute"] | None = None
-    scale: float = 1.0
+    scale: Scale = 1.0
     offset: float = 0.0
-    thousands: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    decimal: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    thousands: Thousands | None = None
+    decimal: Mark | None = None
     where: WhereTable | None = None
     noise: str | float | None = None
+
+    @model_validator(mode="after")
+    def _two_marks(self) -> SignalTable:
+        if self.decimal is not None and self.decimal == self.thousands:
+            raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between thousands too')
+        return self
 
     @property
     def gauge(self) -> bool:
@@ -166,8 +173,8 @@ class SignalsTable(Table):
 class RecordingTable(Table):
     """One ``[[recordings]]``: files, how to read them, what was measured, and what was held constant (SI)."""
 
-    name: Annotated[str, Field(min_length=1)] | None = None
-    file: Annotated[str, Field(min_length=1)]
+    name: Name | None = None
+    file: Name
     experiment: Experiment
     use: Use
     take: list[SignalName] | None = None
@@ -176,10 +183,10 @@ class RecordingTable(Table):
     valve: Literal["shut"] | None = None
     signals: SignalsTable = SignalsTable()
     header: bool = True
-    delimiter: Annotated[str, Field(min_length=1)] | None = None
-    decimal: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    thousands: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    encoding: str | None = None
+    delimiter: Delimiter | None = None
+    decimal: Mark | None = None
+    thousands: Thousands | None = None
+    encoding: Encoding | None = None
     skip_rows: Annotated[int, Field(ge=0)] = 0
     from_: Annotated[Instant | None, Field(alias="from")] = None
     to: Instant | None = None
@@ -203,6 +210,8 @@ class RecordingTable(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> RecordingTable:
+        if self.decimal is not None and self.decimal in (self.delimiter, self.thousands):
+            raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between columns or thousands too')
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError(f"the stretch from {self.from_} s to {self.to} s is empty")
         if self.imposed and self.experiment != "friction":
@@ -217,7 +226,7 @@ class ModelTable(Table):
 
     effects: list[str] = []
     valve: Literal["map", "linear"] = "map"
-    plugins: list[str] = []
+    plugins: list[Name] = []
 
 
 class CompareTable(Table):

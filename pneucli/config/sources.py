@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import glob
 import os
-import re
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from pneucli import paths
 from pneucli.config.load import line_of
 from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable
 from pneucli.errors import InputError, did_you_mean
@@ -45,6 +44,12 @@ def sources(config: PipelineConfig) -> list[Source]:
     return found
 
 
+def plugin_files(config: PipelineConfig) -> list[Path]:
+    """Return the Python files of ``[model] plugins``; one that is not there stands for itself."""
+    where, folder = f"{config.path}, key model.plugins", config.path.parent
+    return [path for plugin in config.model.plugins for path in paths.named(plugin, folder, where)]
+
+
 def raw_files(config: PipelineConfig) -> list[Path]:
     """Return the raw files that the pipeline reads, each once."""
     return list(dict.fromkeys(source.path for source in sources(config)))
@@ -62,11 +67,11 @@ def _sources_of(config: PipelineConfig, index: int) -> list[Source]:
         mend = 'add to [signals]: time = { column = "...", unit = "s" }'
         raise InputError(where, "no signal is called time", "a column of time stamps", mend)
     signals = {name: signal for name, signal in signals.items() if name not in table.constants}
-    paths = _paths(config.path, table.file, where)
-    names = _names(table.name, paths)
+    found = _paths(config.path, table.file, where)
+    names = _names(table.name, found)
     required &= signals.keys()
     return [
-        Source(name, path, table, signals, frozenset(required), where) for name, path in zip(names, paths, strict=True)
+        Source(name, path, table, signals, frozenset(required), where) for name, path in zip(names, found, strict=True)
     ]
 
 
@@ -83,37 +88,22 @@ def _where(config: PipelineConfig, index: int) -> str:
     return f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"
 
 
-def _names(name: str | None, paths: list[Path]) -> list[str]:
+def _names(name: str | None, found: list[Path]) -> list[str]:
     if name is None:
-        return [path.stem for path in paths]
-    return [name] if len(paths) == 1 else [f"{name}_{number}" for number in range(1, len(paths) + 1)]
+        return [path.stem for path in found]
+    return [name] if len(found) == 1 else [f"{name}_{number}" for number in range(1, len(found) + 1)]
 
 
 def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
-    pattern = Path(pipeline.parent, _expand(file, where))
-    if pattern.is_file():
-        return [pattern]
-    matches = sorted((Path(match) for match in glob.glob(str(pattern), recursive=True)), key=_natural)
-    files = [match for match in matches if match.is_file()]
-    if files:
-        return files
-    neighbours = [other.name for other in pattern.parent.iterdir()] if pattern.parent.is_dir() else []
+    if found := paths.files(file, pipeline.parent, where):
+        return found
+    pattern = paths.expand(file, pipeline.parent, where)
+    if os.path.exists(pattern):
+        raise InputError(
+            where, f"{pattern} is a folder, a pipe or a device", "a raw file", 'such as file = "raw/*.csv"'
+        )
+    neighbours = os.listdir(pattern.parent) if os.path.isdir(pattern.parent) else []
     mend = (
         did_you_mean(pattern.name, neighbours) if neighbours else f"the folder {pattern.parent} is empty or not there"
     )
     raise InputError(where, f"no file {pattern}", "a raw file, or a glob that matches some", mend)
-
-
-def _natural(path: Path) -> list[tuple[bool, int, str]]:
-    parts = re.split(r"(\d+)", str(path))
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
-
-
-def _expand(file: str, where: str) -> str:
-    def value(match: re.Match[str]) -> str:
-        if (found := os.environ.get(match[1])) is None:
-            mend = f"export {match[1]}=FOLDER"
-            raise InputError(where, f"the environment variable {match[1]} is not set", "its value in the path", mend)
-        return found
-
-    return os.path.expanduser(re.sub(r"\$\{(\w+)\}", value, file))

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from pneucli.caches import compiled
 from pneucli.design import layout
 from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
@@ -126,7 +126,7 @@ def _load_error(run: Run, ends: list[slice]) -> float:
     return _worst(abs(float(np.mean(off[e]))) / largest for e in ends)
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _reversals(u: Array, threshold: float) -> int:
     """Count reversals of u that are larger than a threshold (V)."""
     count, extreme, direction = 0, u[0], 0.0

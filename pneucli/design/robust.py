@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,6 @@ from pneucli.physics.effects import catalogue
 from pneucli.simulate.build import source
 from pneucli.simulate.layout import BASE
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import workers
 
 Array = NDArray[np.float64]
 
@@ -44,6 +42,51 @@ TOLERANCES = {  # 1 sigma, relative: weighing, measuring drawings, a regulator's
     "valve.areas": 0.02,
 }
 CHECKS = {"steady_um": 10.0, "cycle_um": 10.0, "recovery_s": 0.5, "load_error": 0.1}
+
+
+KEYS = ("kind", "name", "runs", "seed", "tolerances", "checks")
+MOST = 1_000_000  # runs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a pipeline file may state of a study; ``tolerances`` are 1 sigma, relative, ``checks`` limits of figures."""
+
+    runs: int = 112  # each effect of the catalogue four times
+    seed: int = 0
+    tolerances: Mapping[str, float] = field(default_factory=lambda: TOLERANCES)
+    checks: Mapping[str, float] = field(default_factory=lambda: CHECKS)
+
+
+def settings_from(table: Mapping[str, Any], where: str) -> Settings:
+    """Return the settings of a ``[[scenarios]]`` table; raises InputError for a key or value that cannot be read."""
+    for key in table:
+        if key not in KEYS:
+            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, KEYS))
+    usual = Settings()
+    return Settings(
+        _count(table.get("runs", usual.runs), f"{where}.runs", 1),
+        _count(table.get("seed", usual.seed), f"{where}.seed", 0),
+        TOLERANCES | _numbers(table.get("tolerances", {}), f"{where}.tolerances", [*BASE, "valve.areas"]),
+        CHECKS | _numbers(table.get("checks", {}), f"{where}.checks", [f.name for f in fields(Metrics)]),
+    )
+
+
+def _count(value: Any, where: str, least: int) -> int:
+    if not isinstance(value, int) or not least <= value <= MOST:
+        raise InputError(where, f"{value}", f"a whole number from {least} to {MOST}")
+    return value
+
+
+def _numbers(values: Any, where: str, known: Sequence[str]) -> dict[str, float]:
+    if not isinstance(values, Mapping):
+        raise InputError(where, f"{values}", "a table of numbers")
+    for name, value in values.items():
+        if name not in known:
+            raise InputError(f"{where}.{name}", "unknown key", mend=did_you_mean(name, known))
+        if not isinstance(value, int | float) or value < 0:
+            raise InputError(f"{where}.{name}", f"{value}", "a number, not below 0")
+    return {name: float(value) for name, value in values.items()}
 
 
 @dataclass(frozen=True)
@@ -137,11 +180,7 @@ def run_chunk(study: Study, first: int) -> list[dict[str, Any]]:
 def run_study(
     study: Study, executor: Executor, folder: Path, progress: Callable[[str, float], None] = lambda message, share: None
 ) -> list[dict[str, Any]]:
-    """Return the rows of all runs, in order; chunks that ``folder`` holds from before are not run again.
-
-    Raises InputError where a check names no figure.
-    """
-    _require_figures(study)
+    """Return the rows of all runs, in order; chunks that ``folder`` holds from before are not run again."""
     place = folder / study.key()[:16]
     place.mkdir(parents=True, exist_ok=True)
     first = range(0, study.runs, CHUNK)
@@ -152,35 +191,6 @@ def run_study(
             temporary.write_text(json.dumps(future.result()), encoding="utf-8")
         progress(f"{len(first) - len(waiting) + done} of {len(first)} chunks", done / max(len(waiting), 1))
     return [row for k in first for row in json.loads(paths[k].read_text(encoding="utf-8"))]
-
-
-def _require_figures(study: Study) -> None:
-    known = [f.name for f in fields(Metrics)]
-    for name in study.checks:
-        if name not in known:
-            raise InputError("checks of the Monte Carlo study", f'"{name}"', "a figure", did_you_mean(name, known))
-
-
-@contextmanager
-def executor_from(address: str | None) -> Iterator[Executor]:
-    """Yield an executor: threads of this process, or a Dask cluster's for ``dask://host:port``.
-
-    Raises InputError for another address, or where the extra ``cluster`` is missing.
-    """
-    if address is None:
-        with ThreadPoolExecutor(workers()) as threads:
-            yield threads
-        return
-    if not address.startswith("dask://"):
-        raise InputError("--executor", f'"{address}"', '"dask://host:port"')
-    try:
-        from distributed import Client  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise InputError(
-            "--executor", "dask.distributed is not installed", "the extra cluster", "pip install 'pneucli[cluster]'"
-        ) from error
-    with Client(address.replace("dask://", "tcp://", 1)) as client:  # type: ignore[no-untyped-call]
-        yield client.get_executor()
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ DEFAULTS: tuple[dict[str, Any], ...] = (
     },
     {"name": "sensor-dropout", "reference": "steps", "lost": "p1", "lost_from": 3.2, "lost_to": 3.3, "duration": 8.0},
 )
+LONGEST = 10_000_000  # samples of a scenario
 CENTRE, AMPLITUDE = 0.5, 0.15  # of the stroke: what a closed chamber's air spring allows
 
 
@@ -63,16 +64,19 @@ def scenarios_from(
     """
     found = []
     for i, table in enumerate(tables or DEFAULTS):
-        values = _read(table, f"{where}[{i}]")
+        values = read_table(table, f"{where}[{i}]")
         found.append(_scenario(values, controller, recorded or {}, f"{where}[{i}]"))
     return found
 
 
-def _read(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+def read_table(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a table of ``[[scenarios]]`` in SI; raises InputError for a key or value that cannot be read."""
     values: dict[str, Any] = {"reference": "steps"}
     for key, value in table.items():
         if key in TEXTS:
-            values[key] = str(value)
+            if not isinstance(value, str):
+                raise InputError(f"{where}.{key}", f"{value}", "a text")
+            values[key] = value
         elif key in UNITS:
             try:
                 values[key] = parse_quantity(value, UNITS[key], difference=key == "supply_drop")
@@ -84,6 +88,9 @@ def _read(table: Mapping[str, Any], where: str) -> dict[str, Any]:
         raise InputError(
             f"{where}.reference", f'"{values["reference"]}"', mend=did_you_mean(values["reference"], REFERENCES)
         )
+    for key in ("duration", "dwell", "frequency"):
+        if not values.get(key, 1.0) > 0.0:
+            raise InputError(f"{where}.{key}", f"{values[key]:g}", "above 0")
     if values.get("lost", "x") not in ("x", "p1", "p2"):
         raise InputError(f"{where}.lost", f'"{values["lost"]}"', '"x", "p1" or "p2"')
     return values
@@ -91,7 +98,11 @@ def _read(table: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 def _scenario(values: Mapping[str, Any], controller: Controller, recorded: Recorded, where: str) -> Scenario:
     c = controller.values
-    time = np.arange(0.0, values.get("duration", 6.0), controller.period)
+    duration = values.get("duration", 6.0)
+    if duration > LONGEST * controller.period:
+        found = f"{duration:g} s in steps of {controller.period:g} s"
+        raise InputError(f"{where}.duration", found, f"at most {LONGEST} steps", "shorten it")
+    time = np.arange(0.0, duration, controller.period)
     reference = _reference(values, time, c["C_STROKE"], recorded, where)
     load = values.get("load", 0.0) * _between(time, values, "load")
     supply = c["C_SUPPLY"] - values.get("supply_drop", 0.0) * _between(time, values, "supply")

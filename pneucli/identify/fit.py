@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from pneucli.executors import workers
 from pneucli.identify.least_squares import minimise
 from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import workers
 from pneucli.simulate.valve_area import ValveArea
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +86,18 @@ def open_signals(raw: RawFile) -> Opened:
         if found.get(name) is None:
             raise missing_column(raw.path, name, raw.channels[name].column, reader.names)
     places = {name: place for name, place in found.items() if place is not None}
+    _require_own_columns(raw, places, reader.names)
     return Opened(raw, reader, {"time": places.pop("time"), **places})
+
+
+def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequence[str]) -> None:
+    """Raise InputError where two signals are read from one column: of a long table, from the same rows of it."""
+    taken: dict[tuple[int, tuple[Key, str | float] | None], str] = {}
+    for name, place in places.items():
+        if (other := taken.setdefault((place, raw.channels[name].where), name)) != name:
+            found = f'{other} and {name} are both column "{names[place]}"'
+            mend = "correct one of them in [signals], or leave out of take what was not recorded"
+            raise InputError(f"{raw.path}, signal {name}", found, "a column for each signal", mend)
 
 
 def _ask(place: int, channel: Channel) -> Ask:

@@ -42,6 +42,24 @@ def evaluate(
     return results
 
 
+def require_known(path: str, known: Mapping[str, Sequence[str]], where: str = "[checks]") -> None:
+    """Raise InputError where ``path`` can lead nowhere, whatever the answers will be.
+
+    ``known`` holds for each stage where paths into its answer may begin (:class:`pneucli.pipeline.graph.Stage`).
+    """
+    stage, *words = path.split(".")
+    begins = [tuple(begin.split(".")) for begin in known.get(stage, ())]
+    if not begins:
+        wanted = "a stage, then a key of its answer"
+        raise InputError(
+            f"{where}, key {path}", f'"{stage}" has no answer to check', wanted, did_you_mean(stage, known)
+        )
+    for depth, word in enumerate(words):
+        here = {begin[depth] for begin in begins if begin[:depth] == tuple(words[:depth]) and len(begin) > depth}
+        if here and word not in here:
+            raise InputError(f"{where}, key {path}", f'no "{word}" in the answer', mend=did_you_mean(word, here))
+
+
 def find(answers: Mapping[str, Any], path: str, where: str = "[checks]") -> Any:
     """Return what the dotted ``path`` leads to; a key that itself has dots is taken whole where it is there."""
     value: Any = answers

@@ -3,12 +3,23 @@
 A stage writes into ``.NAME.new``. When it is done, ``NAME`` is renamed to ``.NAME.old``, ``.NAME.new`` to ``NAME``, and
 the old one is deleted. :func:`recover`, called under the lock before anything else, puts back an old folder whose
 successor has not arrived, and removes what a killed run left behind.
+
+Nothing is removed but what this program wrote: what the folder's manifest lists, and, of a folder that was never
+finished, what lies beside its mark, which is there before anything else and goes last.
 """
 
 from __future__ import annotations
 
-import shutil
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from pneucli.errors import InputError
+from pneucli.pipeline import staleness
+
+NO_FOLDER = -1
+MARK = f".{staleness.FILE}"  # what the manifest is called until it is whole
 
 
 def _new(artifacts: Path, stage: str) -> Path:
@@ -19,21 +30,37 @@ def _old(artifacts: Path, stage: str) -> Path:
     return artifacts / f".{stage}.old"
 
 
-def begin(artifacts: Path, stage: str) -> Path:
-    """Return the empty folder into which the stage writes."""
-    folder = _new(artifacts, stage)
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    return folder
+def refuse_foreign(artifacts: Path, stages: Iterable[str]) -> None:
+    """Raise InputError where the place of a stage's folder holds anything that this program did not write."""
+    for stage in stages:
+        for folder in (artifacts / stage, _old(artifacts, stage), _new(artifacts, stage)):
+            if foreign := _foreign(folder):
+                found = f"{', '.join(foreign[:3])}{', ...' * (len(foreign) > 3)}, which pneucli did not write"
+                mend = "move it away, or name another folder with --out"
+                raise InputError(str(folder), found, f"what {stage} wrote there, and nothing else", mend)
 
 
-def finish(artifacts: Path, stage: str) -> None:
-    """Put the new folder in the place of the old one."""
-    final, old = artifacts / stage, _old(artifacts, stage)
+@contextmanager
+def renewed(artifacts: Path, stage: str) -> Iterator[Path]:
+    """Yield the empty folder into which the stage writes; it replaces the old one when the block ends well.
+
+    Else it is removed. Raises InputError where the old one has got a file meanwhile that no stage wrote.
+    """
+    final, old, new = artifacts / stage, _old(artifacts, stage), _new(artifacts, stage)
+    new.mkdir()
+    (new / MARK).touch()
+    try:
+        yield new
+        refuse_foreign(artifacts, [stage])
+    except BaseException as error:
+        _remove(new)
+        if isinstance(error, OSError) and error.filename is None:  # a disk that is full says not where
+            error.filename = str(final)
+        raise
     if final.exists():
         final.rename(old)
-    _new(artifacts, stage).rename(final)
-    shutil.rmtree(old, ignore_errors=True)
+    new.rename(final)
+    _remove(old)
 
 
 def recover(artifacts: Path, stage: str) -> None:
@@ -42,4 +69,45 @@ def recover(artifacts: Path, stage: str) -> None:
     if old.exists() and not final.exists():
         old.rename(final)
     for leftover in (old, _new(artifacts, stage)):
-        shutil.rmtree(leftover, ignore_errors=True)
+        if not _foreign(leftover):
+            _remove(leftover)
+
+
+def _foreign(folder: Path) -> list[str]:
+    """Return what in ``folder`` this program did not write, by its path in there.
+
+    Another run may swap the folder meanwhile: manifest and content are of one moment only where neither has changed.
+    """
+    seen: tuple[int, set[str]] | None = None
+    while seen != (now := _content(folder)):
+        seen, manifest = now, staleness.read(folder)
+    inode, there = now
+    if inode == NO_FOLDER:
+        return [folder.name] if os.path.lexists(folder) else []
+    if MARK in there and staleness.FILE not in there:
+        return []
+    listed = manifest.outputs if manifest else ()
+    ours = {MARK, staleness.FILE, *listed, *(parent.as_posix() for name in listed for parent in Path(name).parents)}
+    return sorted(there - ours)
+
+
+def _content(folder: Path) -> tuple[int, set[str]]:
+    """Return which folder this is, and the paths of all that is in it."""
+    if folder.is_symlink() or not folder.is_dir():
+        return NO_FOLDER, set()
+    return folder.stat().st_ino, {path.relative_to(folder).as_posix() for path in _walk(folder)}
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """Yield all that is in ``folder``, links not followed, what is deeper first."""
+    for root, folders, files in os.walk(folder, topdown=False):
+        yield from (Path(root, name) for name in (*files, *folders))
+
+
+def _remove(folder: Path) -> None:
+    """Remove what this program wrote, mark and manifest last, and the folder where nothing else is in it."""
+    kept = {folder / name for name in _foreign(folder)}
+    last = [folder / staleness.FILE, folder / MARK]
+    for path in (*(path for path in _walk(folder) if path not in kept and path not in last), *last, folder):
+        with suppress(OSError):
+            path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)

@@ -14,7 +14,8 @@ class Stage:
 
     ``parents`` must be up to date first; those in ``optional`` too, as far as they are built and apply to the rig.
     ``tables`` are the tables of the pipeline file that the stage reads itself; what its parents read reaches it
-    through them. ``files`` is a (table, key) that names files, globs allowed, whose content is an input.
+    through them. ``files`` is a (table, key) that names files, globs allowed, whose content is an input. ``answer``
+    lists where the paths of ``[checks]`` may begin: keys of the answer, dotted as far as they are always the same.
     """
 
     name: str
@@ -23,6 +24,7 @@ class Stage:
     optional: tuple[str, ...] = ()
     tables: tuple[str, ...] = ()
     files: tuple[str, str] | None = None
+    answer: tuple[str, ...] = ()
     package: str = "pneucli.stages"
 
     @property
@@ -45,6 +47,7 @@ _ALL = (
         "raw files -> checked SI signals",
         tables=("pipeline", "rig", "signals", "recordings"),
         files=("recordings", "file"),
+        answer=("recordings", "repairs", "warnings", "plausibility"),
     ),
     Stage(
         "identify",
@@ -52,12 +55,17 @@ _ALL = (
         parents=("ingest",),
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
+        answer=(
+            *("model.effects", "model.parameters", "warnings"),
+            *("valve.overlap", "valve.iso", "friction.kinetic", "friction.deviations"),
+        ),
     ),
     Stage(
         "compare",
         "model against recordings: how much, and where",
         parents=("identify",),
         tables=("pipeline", "compare"),
+        answer=("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
     ),
     Stage(
         "diagnose",
@@ -65,12 +73,17 @@ _ALL = (
         parents=("ingest",),  # it fits by itself: who only asks what is missing need not wait for maps and tables
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
+        answer=(
+            *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
+            *("detectable", "moved", "unexplained", "discrepancy", "plausibility"),
+        ),
     ),
     Stage(
         "design",
         "sliding sector, sliding mode observers, cascade",
         parents=("identify",),
         tables=("pipeline", "design"),
+        answer=("requirements", "corners", "sector", "matching", "surface", "lmi.best", "lmi.types", "warnings"),
     ),
     Stage(
         "simulate",
@@ -78,6 +91,7 @@ _ALL = (
         parents=("identify",),
         optional=("design",),
         tables=("pipeline", "scenarios"),
+        answer=("open_loop", "closed_loop", "pid_alone", "robust"),
     ),
     Stage(
         "report",

@@ -62,6 +62,10 @@ def _acquire(descriptor: int, folder: Path, say: Callable[[str], None]) -> None:
         owner = os.pread(descriptor, 32, 0).decode() if hasattr(os, "pread") else ""
         say(f"waiting for another run{owner and f' (process {owner})'} in {folder}")
         _lock(descriptor, wait=True)
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    if not (found := os.read(descriptor, 32)).isdigit() and found:
+        mend = "move it away, or name another folder with --out"
+        raise InputError(str(folder / NAME), "a file that pneucli did not write", "the number of a process", mend)
     os.ftruncate(descriptor, 0)
     os.lseek(descriptor, 0, os.SEEK_SET)
     os.write(descriptor, str(os.getpid()).encode())

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 import time
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pneucli.errors import InputError
+from pneucli.document import read
+from pneucli.errors import InputError, printable
 from pneucli.pipeline import folders, lock, staleness
 from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, silent
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
 from pneucli.pipeline.staleness import Inputs, Manifest
 
 VALIDATED = ".validated"
+LONGEST_NAME = 60  # characters, of up to four bytes each
 Options = Mapping[str, Mapping[str, Any]]
 
 
@@ -81,7 +83,7 @@ class Pipeline:
         self, name: str, manifest: Manifest | None, verdicts: Mapping[str, Verdict], options: Mapping[str, Any] | None
     ) -> Inputs:
         stage = self.stages[name]
-        files = staleness.named_files(self.tables, *stage.files, self.path.parent) if stage.files else {}
+        files = staleness.named_files(self.tables, *stage.files, self.path) if stage.files else {}
         known = manifest.inputs.files if manifest else {}
         before = manifest.inputs.options if manifest else {}
         return Inputs(
@@ -105,11 +107,16 @@ class Pipeline:
         Raises what the stages raise, and InputError where the pipeline file is at fault.
         """
         targets = list(targets)
+        config = self.validate()
+        folders.refuse_foreign(self.artifacts, upstream(targets, self.stages))
         with lock.held(self.artifacts, say):
+            if config is not None:
+                self._remember_valid()
             for name in self.stages:
                 folders.recover(self.artifacts, name)
             verdicts = self.survey(targets, options)
-            config = self._validated(any(verdict.why for verdict in verdicts.values()))
+            if config is None and any(verdict.why for verdict in verdicts.values()):
+                config = self.load(self.path)
             done: dict[str, Done] = {}
             for name, verdict in verdicts.items():
                 if verdict.why:
@@ -117,21 +124,20 @@ class Pipeline:
                 done[name] = self._renewed(name, verdict, done, config, progress)
         return done
 
-    def validate(self) -> None:
-        """Validate the pipeline file, unless it has been since it or the program last changed."""
-        self._validated(needed=False)
+    def validate(self) -> Any:
+        """Return the validated pipeline file; ``None`` where just this text was found valid by just this program."""
+        return None if self._noted_valid() == self._text_digest() else self.load(self.path)
 
-    def _validated(self, needed: bool) -> Any:
-        """Return the validated file; ``None`` where nobody needs it and just this text was found valid before."""
+    def _remember_valid(self) -> None:
+        if re.fullmatch("[0-9a-f]*", self._noted_valid()):  # else the file is not ours
+            (self.artifacts / VALIDATED).write_text(self._text_digest(), encoding="utf-8")
+
+    def _noted_valid(self) -> str:
         marker = self.artifacts / VALIDATED
-        now = staleness.digest([self.program, staleness.stamp(self.path).sha256])
-        known = marker.is_file() and marker.read_text(encoding="utf-8") == now
-        if known and not needed:
-            return None
-        config = self.load(self.path)
-        if self.artifacts.is_dir():
-            marker.write_text(now, encoding="utf-8")
-        return config
+        return marker.read_text(encoding="utf-8", errors="replace") if marker.is_file() else ""
+
+    def _text_digest(self) -> str:
+        return staleness.digest([self.program, staleness.stamp(self.path).sha256])
 
     def _renewed(self, name: str, verdict: Verdict, done: Mapping[str, Done], config: Any, progress: Progress) -> Done:
         if verdict.manifest and not verdict.why:
@@ -139,18 +145,16 @@ class Pipeline:
                 verdict.manifest.write(self.artifacts / name)
             return Done(verdict.manifest)
         manifest = Manifest(name, verdict.inputs, skipped=self._skipped_parent(name, done))
-        out = folders.begin(self.artifacts, name)
-        if manifest.skipped is None:
-            answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
-            options = verdict.inputs.options
-            former = self.artifacts / name
-            context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
-            manifest = _run(self.stages[name], context, manifest)
-        manifest.write(out)
-        folders.finish(self.artifacts, name)
+        with folders.renewed(self.artifacts, name) as out:
+            if manifest.skipped is None:
+                answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
+                options, former = verdict.inputs.options, self.artifacts / name
+                context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
+                manifest = _run(self.stages[name], context, manifest)
+            manifest.write(out)
         return Done(manifest, verdict.why)
 
-    def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, str] | None:
+    def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, Any] | None:
         skipped = (done[parent].manifest.skipped for parent in self.stages[name].parents)
         return next((reason for reason in skipped if reason is not None), None)
 
@@ -179,12 +183,7 @@ def open_pipeline(
     Raises InputError where the file cannot be read as TOML or has no usable name; all else is found by ``load``.
     """
     path = Path(path).absolute()
-    try:
-        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}", "a pipeline file (TOML)") from error
-    except ValueError as error:  # not UTF-8 or not TOML; the message has line and column
-        raise InputError(str(path), str(error), "a pipeline file (TOML, UTF-8)") from error
+    _, tables = read(path)
     name = tables.get("pipeline", {}).get("name") if isinstance(tables.get("pipeline"), dict) else None
     if not isinstance(name, str):
         load(path)
@@ -195,5 +194,7 @@ def open_pipeline(
 
 def _refuse_name(name: str, where: str) -> None:
     """Raise an InputError where ``name`` cannot be the name of a folder."""
-    if not name or name.startswith(".") or any(c in name for c in '/\\:*?"<>|\0'):
-        raise InputError(where, f'"{name}" cannot be the name of a folder', "letters, digits, - and _", "rename it")
+    plain = printable(name) == name.strip() and not set(name) & set('/\\:*?"<>|')
+    if not plain or not name or len(name) > LONGEST_NAME or name.startswith("."):
+        found = f'"{name[:LONGEST_NAME]}" cannot be the name of a folder'
+        raise InputError(where, found, f"up to {LONGEST_NAME} letters, digits, - and _", "rename it")

@@ -8,7 +8,6 @@ anything.
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import os
@@ -19,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import pneucli
+from pneucli import paths
 from pneucli.pipeline.context import Answer
 
 FILE = "stage.json"
-SCHEMA = "pneucli/stage/2"
+SCHEMA = "pneucli/stage/1"
 NEVER = "never done"
 
 
@@ -53,31 +53,26 @@ class Stamp:
 
 def stamp(path: Path, known: Stamp | None = None) -> Stamp:
     """Return the stamp of ``path``; the file is read only where size or time differ from those of ``known``."""
-    try:
-        status = path.stat()
-    except FileNotFoundError:
+    if not paths.is_file(path):
         return Stamp(-1, 0, "")
+    status = path.stat()
     if known and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns):
         return known
     with path.open("rb") as file:
         return Stamp(status.st_size, status.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest())
 
 
-def named_files(tables: Mapping[str, Any], table: str, key: str, folder: Path) -> dict[str, Path]:
-    """Return the files that ``key`` names in ``table`` (or in each table of that array), by their path from ``folder``.
+def named_files(tables: Mapping[str, Any], table: str, key: str, pipeline: Path) -> dict[str, Path]:
+    """Return the files that ``key`` names in ``table`` (or in each table of that array), by their path from the file.
 
-    A file name may be a glob and hold environment variables; one that matches nothing stands for itself.
+    What names no file stands for itself. Raises InputError as :mod:`pneucli.paths` does.
     """
+    folder, where = pipeline.parent, f"{pipeline}, key {table}.{key}"
     entries = tables.get(table, [])
     values = [entry.get(key, []) for entry in (entries if isinstance(entries, list) else [entries])]
     names = [name for value in values for name in ([value] if isinstance(value, str) else value)]
-    found = [hit for name in names for hit in _matches(folder / os.path.expandvars(name))]
+    found = [hit for name in names for hit in paths.named(name, folder, where)]
     return {os.path.relpath(path, folder): path for path in found}
-
-
-def _matches(path: Path) -> list[Path]:
-    hits = [] if path.exists() else sorted(glob.glob(str(path), recursive=True))
-    return [Path(hit) for hit in hits] or [path]
 
 
 @dataclass(frozen=True)
@@ -104,7 +99,7 @@ class Manifest:
     inputs: Inputs
     outputs: Mapping[str, Stamp] = field(default_factory=dict)
     answer: Answer | None = None
-    skipped: Mapping[str, str] | None = None
+    skipped: Mapping[str, Any] | None = None
     seconds: float = 0.0
 
     def write(self, folder: Path) -> None:
@@ -122,6 +117,7 @@ def read(folder: Path) -> Manifest | None:
         if content.pop("schema") != SCHEMA:
             return None
         content.pop("key")
+        content.pop("summary", None)  # of an older program
         inputs = Inputs(**{**content["inputs"], "files": _stamps(content["inputs"]["files"])})
         return Manifest(**{**content, "inputs": inputs, "outputs": _stamps(content["outputs"])})
     except (OSError, ValueError, KeyError, TypeError):

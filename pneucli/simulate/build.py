@@ -16,14 +16,13 @@ import textwrap
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from threading import Lock
 from types import ModuleType
 
 import numpy as np
-import platformdirs
 from numpy.typing import NDArray
 
+from pneucli import caches
 from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
 from pneucli.simulate import kernel, layout
@@ -173,18 +172,21 @@ def _load(text: str) -> ModuleType:
     name = f"pneucli_kernel_{digest}"
     if name in sys.modules:
         return sys.modules[name]
-    folder = Path(os.environ.get("PNEUCLI_CACHE") or platformdirs.user_cache_dir("pneucli")) / "kernels"
+    folder = caches.folder() / "kernels"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
-    if not path.exists():
+    if not path.is_file() or path.read_bytes() != text.encode():
         draft = folder / f".{name}.{os.getpid()}"
-        draft.write_text(text)
+        draft.write_bytes(text.encode())
         draft.replace(path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    for entry in ENTRIES:
+        if hasattr(getattr(module, entry), "py_func"):
+            caches.forgiving(getattr(module, entry))
     sys.modules[name] = module
     return module
 

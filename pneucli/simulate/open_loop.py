@@ -22,6 +22,7 @@ from pneucli.units import parse_quantity
 Array = NDArray[np.float64]
 
 PERIOD = 1e-3  # s, between the samples of a command
+LONGEST = 1e4  # s of a command
 COMMANDS = ("steps", "sine", "ramp", "recorded")
 BENCHES = {"experiment": ("valve", "axis"), "chamber_2": ("closed", "open"), "command": COMMANDS}
 UNITS = {
@@ -107,7 +108,7 @@ def run_scenario(
     offset + amplitude sin(2 pi frequency t), ``ramp`` goes from offset - amplitude to offset + amplitude. A command
     runs for ``duration``, from rest at ``x`` (default: half the stroke) and ``p1``, ``p2`` (default: ambient).
     """
-    values = _read(table, where)
+    values = read_table(table, where)
     if values["command"] == "recorded":
         name = str(table.get("recording", ""))
         if name not in experiments:
@@ -118,7 +119,8 @@ def run_scenario(
     return OpenLoopRun(name, experiment.time, _commands(experiment), outputs(model, experiment), {})
 
 
-def _read(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+def read_table(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a table of ``[[scenarios]]`` in SI; raises InputError for a key or value that cannot be read."""
     values: dict[str, Any] = {"command": "recorded" if "recording" in table else "steps"}
     for key, value in table.items():
         if key not in KEYS:
@@ -131,11 +133,16 @@ def _read(table: Mapping[str, Any], where: str) -> dict[str, Any]:
             raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS.get(key, "V")}"') from error
     if values["command"] == "steps" and not values.get("values"):
         raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]')
+    for key in ("duration", "dwell", "frequency"):
+        if not 0.0 < values.get(key, 1.0) <= LONGEST:
+            raise InputError(f"{where}.{key}", f"{values[key]:g}", f"above 0, at most {LONGEST:g}")
     return values
 
 
 def _in_si(key: str, value: Any) -> Any:
     if key == "values":
+        if not isinstance(value, list):
+            raise UnitError(f"{value!r} is no list")
         return [parse_quantity(one, "V") for one in value]
     return parse_quantity(value, UNITS[key]) if key in UNITS else value
 

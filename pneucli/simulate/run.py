@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -10,6 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.executors import workers
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -65,11 +65,6 @@ def base_vector(model: Model, experiment: Experiment) -> Array:
     if experiment.vessel:
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
     return np.array([base[name] for name in at.BASE])
-
-
-def workers() -> int:
-    """Return how many threads run simulations: the cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_many(jobs: Sequence[tuple[Model, Experiment]]) -> list[Array]:

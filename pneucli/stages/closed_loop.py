@@ -14,17 +14,15 @@ from pneucli.design.closed_loop import Bench, Run, Scenario, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import measure
 from pneucli.design.scenarios import scenarios_from
-from pneucli.errors import InputError, did_you_mean
+from pneucli.executors import executor_from
 from pneucli.io.artifacts import read_table, write_table
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.stages.design import bench_of, load_controller
 from pneucli.stages.study import Study, load_model
 
-RUNS = 112  # of the Monte Carlo study where the pipeline file states none: each effect of the catalogue four times
 TOLERATED = 2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
-STUDIED = ("steps", "sine", "load")  # scenarios of that study
-MONTE_CARLO_KEYS = ("kind", "name", "runs", "seed", "tolerances", "checks")
+STUDIED = ("steps", "sine", "load")  # scenarios of the Monte Carlo study
 SIGNALS = {  # columns of closed_loop.parquet: where they stand in the model's output or the controller's log, and units
     "x": (at.X, "m"),
     "v": (at.V, "m/s"),
@@ -115,9 +113,7 @@ def _robust(
 ) -> dict[str, Any]:
     """Run a Monte Carlo study, write its rows and rates, and return its part of the answer."""
     context = study.context
-    for key in table:
-        if key not in MONTE_CARLO_KEYS:
-            raise InputError(f"{context.path}, key scenarios", f'"{key}"', mend=did_you_mean(key, MONTE_CARLO_KEYS))
+    wanted = robust.settings_from(table, f"{context.path}, key scenarios")
     parameters = read_table(context.artifacts / "identify" / "parameters.parquet")
     names = (parameters[n] for n in ("name", "ci_low", "ci_high"))
     intervals = {str(n): (float(low), float(high)) for n, low, high in zip(*names, strict=True)}
@@ -127,16 +123,12 @@ def _robust(
         for e in study.known_effects.values()
         if e.name not in active and e.acts_in("axis", has_cylinder=True, supply_recorded=False, linear_valve=True)
     )
-    tolerances = robust.TOLERANCES | dict(table.get("tolerances", {}))
-    axes = robust.Axes(model, robust.sigma_of(intervals, model), tolerances, effects)
-    checks = robust.CHECKS | dict(table.get("checks", {}))
+    axes = robust.Axes(model, robust.sigma_of(intervals, model), wanted.tolerances, effects)
     scenarios: tuple[Scenario, ...] = tuple(s for s in scenarios_from([], controller, "") if s.name in STUDIED)
-    asked = robust.Study(
-        axes, controller, scenarios, bench, int(table.get("runs", RUNS)), int(table.get("seed", 0)), checks
-    )
-    with robust.executor_from(context.options.get("executor")) as executor:
+    asked = robust.Study(axes, controller, scenarios, bench, wanted.runs, wanted.seed, wanted.checks)
+    with executor_from(context.options.get("executor")) as executor:
         rows = robust.run_study(asked, executor, context.artifacts / ".robust", context.progress)
-    rates = robust.success_rates(rows, checks)
+    rates = robust.success_rates(rows, wanted.checks)
     _write_robust(study, rows, rates)
     return {
         "runs": asked.runs,

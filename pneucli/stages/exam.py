@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pneucli import config
 from pneucli.errors import InputError
 from pneucli.exam.cases import write_exam
 from pneucli.exam.grading import SECONDS, to_markdown
@@ -14,6 +13,7 @@ from pneucli.exam.grading import grade as grade_answers
 from pneucli.io.artifacts import atomic_path
 from pneucli.pipeline.context import Progress, silent
 from pneucli.pipeline.runner import open_pipeline
+from pneucli.stages.load import load
 
 __all__ = ["answer", "grade", "to_markdown", "write"]
 
@@ -60,7 +60,7 @@ def answer(directory: Path, progress: Progress = silent) -> dict[str, Any]:
 def _answer(pipeline: Path, answers: Path, case: str) -> None:
     """Write the seconds that the stages took, then the answer: no answer without its seconds."""
     try:
-        done = open_pipeline(pipeline, config.load).bring_up(["diagnose"])
+        done = open_pipeline(pipeline, load).bring_up(["diagnose"])
         content = dict(done["diagnose"].answer)
         _write(answers / SECONDS, _read(answers / SECONDS) | {case: sum(d.manifest.seconds for d in done.values())})
     except Exception as error:  # one case must not stop the others

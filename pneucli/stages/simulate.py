@@ -7,15 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.errors import InputError, did_you_mean
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.open_loop import OpenLoopRun, default_runs, run_scenario
 from pneucli.stages.closed_loop import simulate_closed_loop
 from pneucli.stages.study import Study, load_model
-
-KINDS = ("open-loop", "closed-loop", "monte-carlo")
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -24,11 +21,6 @@ def run(context: Context) -> dict[str, Any]:
     By default these are the free run of the recordings, and the closed loop where a controller was designed.
     """
     study = Study(context)
-    for i, scenario in enumerate(context.config.scenarios):
-        kind = scenario.get("kind", "open-loop")
-        if kind not in KINDS:
-            where = f"{context.path}, key scenarios.{i + 1}.kind"
-            raise InputError(where, f'"{kind}"', "", did_you_mean(str(kind), KINDS))
     runs = _open_loop(study)
     _write(study, runs)
     return {

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pneucli.config import plugin_files
+from pneucli.errors import InputError
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
 from pneucli.io.recordings import load_recordings
@@ -42,8 +44,7 @@ class Study:
     @cached_property
     def known_effects(self) -> dict[str, Effect]:
         """The catalogue and the user's own effects."""
-        folder = self.context.path.parent
-        return all_effects(folder / name for name in self.context.config.model.plugins)
+        return all_effects(plugin_files(self.context.config))
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
@@ -60,6 +61,7 @@ class Study:
     def experiments(self) -> list[Experiment]:
         """Every recording made ready, restarted at the comparison's horizon."""
         compare = self.context.config.compare
+        self._require_samples(compare.horizon)
         ready = []
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
@@ -74,6 +76,16 @@ class Study:
         recordings = [{k: v for k, v in table.items() if k != "file"} for table in document.get("recordings", [])]
         read = (files, recordings, document.get("signals"), config.rig.ambient_pressure, config.compare.model_dump())
         return digest(read)
+
+    def _require_samples(self, horizon: float) -> None:
+        """Raise InputError where a recording is sampled less often than once a horizon: simulating it took minutes."""
+        for recording in self.recordings:
+            if recording.period > horizon:
+                found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"
+                mend = 'state the unit of time, such as unit = "ms" in [signals] time, or else a longer horizon'
+                raise InputError(
+                    f"{self.context.path}, key compare.horizon", found, "many samples within a horizon", mend
+                )
 
     def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import time
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 
 from pneucli.cli import console
+from pneucli.pipeline.context import Context
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
 
@@ -263,6 +265,44 @@ def test_a_fault_of_the_program_is_exit_3_one_line_and_a_traceback_in_a_file(pne
     log = Path(result.err.split("traceback in ")[1].split(";")[0])
     assert "KeyError: 'a bug'" in log.read_text()
     log.unlink()
+
+
+def test_a_full_disk_is_exit_2_and_says_where_and_leaves_no_half_folder(
+    pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(context: Context) -> None:
+        (context.out / "part").write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tests.cli.toys.ingest.run", full)
+    result = pneucli("ingest", bench)
+    assert (result.code, result.out) == (2, "")
+    assert "artifacts/bench/ingest: No space left on device" in result.err
+    assert "mend: free some space" in result.err
+    assert not list((bench.parent / "artifacts" / "bench").glob("*ingest*"))
+
+
+def test_too_little_memory_is_exit_2(pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def huge(context: Context) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("tests.cli.toys.ingest.run", huge)
+    assert pneucli("ingest", bench).code == 2
+
+
+def test_what_a_stage_tells_of_raw_files_does_not_act_on_the_terminal(
+    pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pneucli.words.of", lambda *what, **how: "column \x1b[2J\nsecond line")
+    assert pneucli("ingest", bench).out == "column \\x1b[2J\nsecond line\n"
+
+
+def test_status_writes_nothing_even_where_artifacts_are(pneucli: Command, bench: Path) -> None:
+    pneucli("ingest", bench)
+    bench.write_text(PIPELINE + "# a comment\n")
+    there = {path: path.stat().st_mtime_ns for path in bench.parent.rglob("*")}
+    assert pneucli("status", bench).code == 0
+    assert {path: path.stat().st_mtime_ns for path in bench.parent.rglob("*")} == there
 
 
 def test_debug_shows_the_traceback(pneucli: Command, bench: Path) -> None:

@@ -96,6 +96,37 @@ def test_environment_variables_lead_to_files(tmp_path: Path, monkeypatch: pytest
         ('use = "train"\n', "", 14, "missing"),
         ('u = "3 V"', 'u = "3 bar"', 20, "dimension of V"),
         ("{ max = 1.5 }", "{}", 29, "limits nothing"),
+        ("{ max = 1.5 }", "{ max = nan }", 29, "wanted: a number up to 1e+18"),
+        ("{ max = 1.5 }", "{ max = 99999999999999999999 }", 29, "wanted: a number up to 1e+18"),
+        ('"6 barg"', '"1e999 bar"', 5, "not finite"),
+        ('"6 barg"', '"1e15 bar"', 5, "beyond what a rig may have"),
+        ('"160 cm^3"', "5e-324", 7, "next to nothing"),
+        ('"160 cm^3"', '"1 m^999999999"', 7, "dimension"),
+        ('"160 cm^3"', '"1 km^999999999"', 7, "beyond all numbers"),
+        ('"160 cm^3"', f'"1 {"(" * 3000}"', 7, "is not a quantity"),
+        ('unit = "ms"', f'unit = "{"(" * 3000}"', 11, "is no unit"),
+        ('unit = "ms"', 'unit = "ms", offset = -inf', 11, "wanted: a number up to 1e+18"),
+        ('unit = "ms"', 'unit = "ms", scale = 0', 11, "a factor other than 0"),
+        ('unit = "ms"', 'unit = "ms", scale = 1e300', 11, "wanted: a number up to 1e+18"),
+        ('unit = "ms"', 'unit = "ms", decimal = "٫"', 11, "'.' or ','"),
+        ('unit = "ms"', 'unit = "ms", thousands = "1"', 11, "cannot stand between thousands"),
+        ('unit = "ms"', 'unit = "ms", decimal = ".", thousands = "."', 11, "decimal mark"),
+        ('column = "U"', "column = 0", 13, "greater than or equal to 1"),
+        ('column = "U"', "column = true", 13, "valid"),
+        ('column = "U"', 'column = "U\\n[P]"', 13, "holds control characters"),
+        ('"raw/*.csv"', '""', 16, "pattern"),
+        ('"raw/*.csv"', "7", 16, "valid string"),
+        ('"raw/*.csv"', '["raw/a.csv"]', 16, "valid string"),
+        ('name = "step"', 'name = "a\\u001b[2J"', 15, "holds control characters"),
+        ('name = "step"', 'name = "a\\u202eb"', 15, "holds control characters"),
+        ('name = "step"', 'encoding = "hex"', 15, "no encoding of text"),
+        ('name = "step"', 'encoding = "idna"', 15, "no encoding of text"),
+        ('name = "step"', 'delimiter = "ab"', 15, "cannot stand between columns"),
+        ('name = "step"', 'delimiter = "é"', 15, "cannot stand between columns"),
+        ('name = "step"', 'decimal = ","\ndelimiter = ","', 14, "decimal mark"),
+        ('[rig.vessel]\nvolume = "160 cm^3"', "[[rig.vessel]]", 6, "wanted: a table"),
+        ("[pipeline]", 'compare = ["0.5 s"]\n[pipeline]', 1, "wanted: a table"),
+        ("[checks]", f"[design]\nx = {'[' * 20}{']' * 20}\n[checks]", 29, "tables in tables"),
     ],
 )
 def test_a_fault_names_line_key_and_mend(tmp_path: Path, old: str, new: str, line: int, says: str) -> None:
@@ -104,6 +135,47 @@ def test_a_fault_names_line_key_and_mend(tmp_path: Path, old: str, new: str, lin
         load(write(tmp_path, BASE.replace(old, new, 1)))
     assert f"line {line}," in str(error.value)
     assert says in str(error.value)
+
+
+def test_a_key_of_two_types_is_told_once_and_by_its_own_name(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        load(write(tmp_path, BASE.replace('column = "U"', "column = []")))
+    assert "line 13, key signals.u.column: []" in str(error.value)
+    assert "faults" not in str(error.value)
+
+
+@pytest.mark.parametrize("delimiter", ['"\\t"', "','", "' '", "'|'", r"'\s+'"])
+def test_delimiters_that_laboratories_use_are_taken(tmp_path: Path, delimiter: str) -> None:
+    assert load(write(tmp_path, BASE.replace('use = "train"', f'use = "train"\ndelimiter = {delimiter}')))
+
+
+def test_lists_in_lists_without_end_are_the_users_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="lists in lists"):
+        load(write(tmp_path, f"{BASE}deep = {'[' * 5000}{']' * 5000}\n"))
+
+
+def test_what_is_found_is_shown_in_part_where_it_is_long_and_never_acts_on_the_terminal(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        load(write(tmp_path, BASE.replace('"valve"', f'"{"v" * 5000}"').replace('"train"', '"\\u001b[31m"')))
+    assert len(str(error.value)) < 600
+    assert "\x1b" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [("raw", "a folder, a pipe or a device"), ("/dev/zero", "a folder, a pipe"), ("x" * 300, "no file")],
+)
+def test_what_is_no_file_is_not_opened(tmp_path: Path, file: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        sources(load(write(tmp_path, BASE.replace("raw/*.csv", file))))
+
+
+@pytest.mark.parametrize("name", ["a\nb.csv", "a\udcff.csv"])
+def test_a_file_whose_name_cannot_be_printed_is_refused_and_shown_with_escapes(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="rename the file") as error:
+        sources(load(write(tmp_path, raw=(name,))))
+    assert str(error.value).isprintable() == ("\n" not in str(error.value))
+    assert repr(name)[1:-1] in str(error.value)
 
 
 def test_all_faults_come_at_once(tmp_path: Path) -> None:
@@ -131,6 +203,30 @@ def test_two_recordings_of_one_name_and_missing_files_are_refused(tmp_path: Path
     (tmp_path / "pipeline.toml").write_text(BASE.replace("raw/*.csv", "raw/a_3.csv"))
     with pytest.raises(InputError, match=r'did you mean "a_2\.csv"'):
         sources(load(tmp_path / "pipeline.toml"))
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("text", [BASE, BASE.replace("[model] # keep me\neffects = [] # and me\n", "")])
+def test_setting_effects_keeps_line_ends_and_the_mark_at_the_start(
+    tmp_path: Path, mark: str, end: str, text: str
+) -> None:
+    path = write(tmp_path)
+    path.write_bytes((mark + text.replace("\n", end)).encode())
+    set_effects(path, ["stribeck"])
+    written = path.read_bytes().decode()
+    assert written.startswith(f"{mark}[pipeline]{end}")
+    assert written.count("\n") == written.count(end)
+    assert load(path).model.effects == ["stribeck"]
+
+
+@pytest.mark.parametrize("model", ["model = 3\n", "model = { effects = [] }\n"])
+def test_where_effects_cannot_be_set_the_file_stays(tmp_path: Path, model: str) -> None:
+    path = write(tmp_path, model + BASE.replace("[model] # keep me\neffects = [] # and me\n", ""))
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"\[model\] on a line of its own"):
+        set_effects(path, ["stribeck"])
+    assert path.read_bytes() == before
 
 
 def test_setting_effects_changes_nothing_else(tmp_path: Path) -> None:

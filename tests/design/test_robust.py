@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from pneucli.design import robust
-from pneucli.design.robust import Axes, Study, executor_from, run_study, success_rates
+from pneucli.design.robust import Axes, Study, run_study, success_rates
 from pneucli.errors import InputError
+from pneucli.executors import executor_from
 from pneucli.physics.effects import catalogue
 from tests.design import axis
 
@@ -119,8 +120,24 @@ def test_the_controller_holds_on_axes_within_tolerances(tmp_path: Path) -> None:
     assert overall["steady_um"].held >= 20
 
 
-def test_what_cannot_be_an_executor_or_a_check_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="dask://"), executor_from("ray://here"):
-        pass
-    with executor_from(None) as threads, pytest.raises(InputError, match="steady_um"):
-        run_study(study(checks={"steady_mm": 1.0}), threads, tmp_path)
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ({"checks": {"steady_mm": 1.0}}, "steady_um"),
+        ({"checks": [1.0]}, "a table of numbers"),
+        ({"checks": {"steady_um": "1"}}, "a number, not below 0"),
+        ({"tolerances": {"rig.mass": 0.1}}, "rig.moving_mass"),
+        ({"runs": "many"}, "whole number"),
+        ({"runs": 0}, "whole number"),
+        ({"seeds": 3}, 'did you mean "seed"'),
+    ],
+)
+def test_settings_that_cannot_be_read_say_how_to_mend_them(table: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        robust.settings_from(table, "here")
+
+
+def test_what_is_stated_of_a_study_goes_over_what_is_usual() -> None:
+    found = robust.settings_from({"kind": "monte-carlo", "runs": 7, "tolerances": {"valve.areas": 0.1}}, "here")
+    assert (found.runs, found.seed, found.checks) == (7, 0, robust.CHECKS)
+    assert found.tolerances == robust.TOLERANCES | {"valve.areas": 0.1}

@@ -123,6 +123,23 @@ def test_what_the_stage_cannot_use_is_refused(two: Path, tmp_path: Path, old: st
     assert not list((tmp_path / "ingest").glob("*.parquet"))
 
 
+@pytest.mark.parametrize("column", ['"P"', "2"])
+def test_one_column_for_two_signals_is_refused_however_it_is_named(two: Path, tmp_path: Path, column: str) -> None:
+    two.write_text(PIPELINE.replace('column = "X"', f"column = {column}"))
+    with pytest.raises(InputError, match='p1 and x are both column "P"') as error:
+        ingested(two, tmp_path / "ingest")
+    assert "charge.csv" in str(error.value)
+
+
+def test_two_rows_of_a_long_table_may_share_a_column(tmp_path: Path) -> None:
+    rows = "".join(f"{t},{name},{t % 3}\n" for t in range(50) for name in ("p", "x"))
+    (tmp_path / "long.csv").write_text("t,what,value\n" + rows)
+    text = PIPELINE.replace('"P"', '"value", where = { column = "what", equals = "p" }')
+    text = text.replace('"X"', '"value", where = { column = "what", equals = "x" }').replace("charge.csv", "long.csv")
+    (tmp_path / "two.toml").write_text(text.replace("stroke.csv", "long.csv"))
+    assert {"p1", "x"} <= set(ingested(tmp_path / "two.toml", tmp_path / "ingest")[1][1].signals)
+
+
 @needs_real
 @pytest.mark.real
 @pytest.mark.parametrize("path", REAL, ids=lambda path: path.stem)

@@ -131,9 +131,13 @@ def test_an_artifact_that_was_harmed_is_made_again_and_only_it(file: Path, harm:
     assert runs(file) == ["model"]
 
 
-def test_a_broken_manifest_counts_as_never_done(file: Path) -> None:
+def test_where_the_manifest_is_broken_nobody_knows_whose_the_files_are(file: Path) -> None:
     bring_up(file)
-    (file.parent / "artifacts" / "toy" / "judge" / "stage.json").write_text('{"schema": "pneucli/st')
+    judge = file.parent / "artifacts" / "toy" / "judge"
+    (judge / "stage.json").write_text('{"schema": "pneucli/st')
+    with pytest.raises(InputError, match="move it away"):
+        bring_up(file)
+    judge.rename(file.parent / "moved")
     assert bring_up(file) == ["running judge (first time)"]
 
 
@@ -181,6 +185,93 @@ def test_a_stage_that_fails_leaves_what_was_there(file: Path, monkeypatch: pytes
             bring_up(file)
     assert (file.parent / "artifacts" / "toy" / "model" / "part-0.txt").read_text() == before
     assert bring_up(file)[0] == "running model (changed [model])"
+
+
+def harm_nothing(file: Path, place: str, *targets: str) -> None:
+    """Hold a refusal against the rules: the file in ``place`` stays, and nothing is made beside it."""
+    mine = file.parent / "artifacts" / "toy" / place
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_text("my notes")
+    there = sorted(mine.parents[len(Path(place).parts) - 1].rglob("*"))
+    with pytest.raises(InputError, match="pneucli did not write") as error:
+        bring_up(file, *targets)
+    assert Path(place).parts[0] in str(error.value)
+    assert "mend: move it away" in str(error.value)
+    assert mine.read_text() == "my notes"
+    assert sorted(mine.parents[len(Path(place).parts) - 1].rglob("*")) == there
+
+
+@pytest.mark.parametrize("place", ["model/mine.txt", "model", ".model.new/mine.txt", ".model.old/mine.txt", ".lock"])
+def test_a_file_that_stood_there_before_is_refused_and_stays(file: Path, place: str) -> None:
+    harm_nothing(file, place)
+
+
+@pytest.mark.parametrize("place", ["model/mine.txt", "model/folder/mine.txt", "model/.mine", ".model.new/mine.txt"])
+def test_a_file_that_came_into_a_stages_folder_is_refused_and_stays(file: Path, place: str) -> None:
+    bring_up(file)
+    harm_nothing(file, place)
+    (file.parent / "raw" / "a.csv").write_text("1")
+    harm_nothing(file, place)
+    assert bring_up(file, "raw") == ["running raw (changed raw/a.csv)"]  # for what does not touch it, it is no matter
+
+
+def test_a_file_that_comes_while_the_stage_runs_stays_and_the_run_is_refused(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bring_up(file)
+    mine = file.parent / "artifacts" / "toy" / "model" / "mine.txt"
+    monkeypatch.setattr("tests.pipeline.toys.model.run", lambda context: {"saved": mine.write_text("my notes")})
+    (file.parent / "raw" / "a.csv").write_text("1")
+    with pytest.raises(InputError, match=r"mine\.txt, which pneucli did not write"):
+        bring_up(file)
+    assert mine.read_text() == "my notes"
+    assert not (mine.parents[1] / ".model.new").exists()
+
+
+def test_a_link_in_the_place_of_a_folder_and_a_marker_of_another_program_stay(file: Path) -> None:
+    (file.parent / "elsewhere").mkdir()
+    artifacts = file.parent / "artifacts" / "toy"
+    artifacts.mkdir(parents=True)
+    (artifacts / "model").symlink_to(file.parent / "elsewhere")
+    with pytest.raises(InputError, match="pneucli did not write"):
+        bring_up(file)
+    (artifacts / "model").unlink()
+    (artifacts / ".validated").write_text("my notes")
+    bring_up(file)
+    assert (artifacts / ".validated").read_text() == "my notes"
+
+
+def test_a_stage_that_fails_leaves_nothing_half_written(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.pipeline.toys.raw.run", lambda context: (context.out / "part").write_text("") or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        bring_up(file)
+    assert sorted(p.name for p in (file.parent / "artifacts" / "toy").iterdir()) == [".lock", ".validated"]
+
+
+@pytest.mark.parametrize("name", ["~/a.csv", "${HOME}/a.csv", "${HOME}/*.csv"])
+def test_a_changed_file_is_noticed_however_its_path_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    file = new(tmp_path / "toy", TEXT.replace("raw/*.csv", name))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "a.csv").write_text("1")
+    bring_up(file)
+    (tmp_path / "a.csv").write_text("2")
+    assert bring_up(file)[0] == "running raw (changed ../a.csv)"
+
+
+def test_a_plugin_is_found_like_a_raw_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "own.py").write_text("")
+    found = staleness.named_files({"model": {"plugins": ["~/*.py"]}}, "model", "plugins", tmp_path / "rig" / "a.toml")
+    assert found == {"../own.py": tmp_path / "own.py"}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in the file system")
+def test_neither_a_folder_nor_a_pipe_nor_a_device_is_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe", Path("/dev/zero"), tmp_path / ("x" * 300)):
+        assert stamp(path) == Stamp(-1, 0, "")
 
 
 def test_survey_writes_nothing(file: Path) -> None:

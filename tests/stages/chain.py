@@ -7,6 +7,7 @@ from typing import Any
 
 from pneucli.config import load
 from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import STAGES
 from pneucli.stages import compare, identify, ingest
 
 FIRST = (("ingest", ingest), ("identify", identify), ("compare", compare))
@@ -20,3 +21,12 @@ def run_stages(path: Path, out: Path) -> dict[str, Any]:
         folder.mkdir(parents=True, exist_ok=True)
         answers[name] = stage.run(Context(path, config, folder, out, answers=answers))
     return answers
+
+
+def known_as_declared(stage: str, answer: dict[str, Any]) -> None:
+    """Hold an answer's keys, and where they are declared the keys below, against what checks may look into."""
+    begins = [tuple(begin.split(".")) for begin in STAGES[stage].answer]
+    assert answer.keys() - {"schema", "pipeline"} <= {begin[0] for begin in begins}
+    for first, second in (begin for begin in begins if len(begin) == 2 and begin[0] in answer):
+        assert second in answer[first]
+        assert answer[first].keys() <= {begin[1] for begin in begins if begin[0] == first}

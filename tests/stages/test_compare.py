@@ -10,8 +10,14 @@ import numpy as np
 import pytest
 
 from pneucli import words
+from pneucli.config import load
+from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
+from pneucli.pipeline.context import Context
 from pneucli.quantities import CHANNELS, LOCATORS
+from pneucli.recording import Recording
+from pneucli.stages.study import Study
+from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
 
@@ -72,3 +78,17 @@ def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
     uses = [line.split()[1] for line in told[-len(answer["channels"]) :]]
     assert uses == sorted(uses)  # test, then train
     assert told[0].startswith("error ")
+
+
+def test_time_in_the_wrong_unit_is_refused_before_anything_is_simulated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Milliseconds taken as seconds: one sample every 2 s, and a horizon of half a second."""
+    monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: pytest.fail("it was simulated"))
+    time = 2.0 * np.arange(50)
+    slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
+    study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path))
+    monkeypatch.setitem(study.__dict__, "recordings", [slow])
+    with pytest.raises(InputError, match=r"slow has a sample every 2 s, the horizon is 0\.5 s") as error:
+        _ = study.experiments
+    assert 'unit = "ms"' in str(error.value)

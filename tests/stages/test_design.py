@@ -15,6 +15,7 @@ from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages import closed_loop, design, export
 from pneucli.stages.study import Study
+from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -42,6 +43,7 @@ def edited(tmp_path: Path, more: str) -> Path:
 def test_the_design_says_what_it_chose_and_what_does_not_hold(designed: Demo) -> None:
     answer = designed[1]["design"]
     json.dumps(answer, allow_nan=False)
+    known_as_declared("design", answer)
     assert answer["matching"]["whole"]["broken_by"] == {"friction and load": ["v"]}
     assert answer["matching"]["mechanical"]["holds"]
     assert answer["sector"]["resolved"]["steepness"] <= 0.2 < answer["sector"]["vertices"]["steepness"]
@@ -87,6 +89,7 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
         + '\n[[scenarios]]\nkind = "monte-carlo"\nruns = 4\n',
     )  # fmt: skip
     answer = closed_loop.simulate_closed_loop(Study(context_of(designed, "simulate", path)))
+    known_as_declared("simulate", answer)
     json.dumps(answer, allow_nan=False)
     loop, alone = answer["closed_loop"], answer["pid_alone"]
     assert loop["steps"]["steady_um"] <= 10.0

@@ -14,6 +14,7 @@ from pneucli.exam.cases import generate_case
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
+from tests.stages.chain import known_as_declared
 
 Diagnosed = tuple[Path, dict[str, Any]]
 
@@ -40,6 +41,7 @@ def hysteresis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
 def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
     answer = hysteresis[1]
     json.dumps(answer, allow_nan=False)
+    known_as_declared("diagnose", answer)
     assert answer["schema"] == "pneucli/diagnose/1"
     wanted = {"pipeline", "verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment"}
     assert wanted <= answer.keys()

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pneucli.caches import compiled
 from pneucli.exam.rig.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ X, V, P1, T1, P2, T2, PS, Z, XL, VL = range(10)
 SETTLING = 1.5  # s, of what is outside the catalogue and drifts
 
 
-@njit(cache=True)
+@compiled()
 def flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> float:
     """Mass flow in kg/s through an orifice (thesis 2.42, 2.46), zero against the pressure difference."""
     r = p_down / p_up
@@ -40,7 +40,7 @@ def flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> 
     return area * p_up * math.sqrt(2.0 / (GAS_CONSTANT * t_up)) * psi
 
 
-@njit(cache=True)
+@compiled()
 def valve_area(par: Parameters, opening: float, t: float) -> float:
     """Effective area in m^2, positive toward the supply, negative toward the exhaust."""
     beyond = abs(opening) - par.overlap
@@ -50,7 +50,7 @@ def valve_area(par: Parameters, opening: float, t: float) -> float:
     return math.copysign(area, opening)
 
 
-@njit(cache=True)
+@compiled()
 def valve_flow(par: Parameters, area: float, t: float, s: Array) -> tuple[float, float]:
     """Mass flows in kg/s (supply to outlet, outlet to exhaust); neither reverses."""
     open_in, open_out = max(area, 0.0) + par.valve_leak_area, max(-area, 0.0) + par.valve_leak_area
@@ -61,7 +61,7 @@ def valve_flow(par: Parameters, area: float, t: float, s: Array) -> tuple[float,
     return q_in, q_out / (1.0 + par.silencer * q_out)
 
 
-@njit(cache=True)
+@compiled()
 def chamber(
     par: Parameters, p: float, t: float, volume: float, growth: float, q: float, heat: float
 ) -> tuple[float, float]:
@@ -73,7 +73,7 @@ def chamber(
     return dp, t * (dp / p + growth / volume - GAS_CONSTANT * t * q / (p * volume))
 
 
-@njit(cache=True)
+@compiled()
 def gas(par: Parameters, s: Array, q_in: float, q_out: float, held: int, ds: Array) -> None:
     """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
     if held == 2:
@@ -97,7 +97,7 @@ def gas(par: Parameters, s: Array, q_in: float, q_out: float, held: int, ds: Arr
         ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q_in) / par.supply_volume
 
 
-@njit(cache=True)
+@compiled()
 def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple[float, float]:
     """Dry friction in N (while speeding up, while slowing)."""
     factor = 1.0 + par.pressure_gain * (s[P1] + s[P2] - 2.0 * par.ambient)
@@ -109,7 +109,7 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     return rising, factor * par.coulomb * (1.0 - par.drop) if par.drop > 0.0 else rising
 
 
-@njit(cache=True)
+@compiled()
 def coupling(par: Parameters, s: Array) -> float:
     """Force in N of a flexibly coupled load on the piston."""
     stretch = s[XL] - s[X]
@@ -117,7 +117,7 @@ def coupling(par: Parameters, s: Array) -> float:
     return par.load_stiffness * taken + (par.load_damping * (s[VL] - s[V]) if taken != 0.0 else 0.0)
 
 
-@njit(cache=True)
+@compiled()
 def net_force(par: Parameters, t: float, s: Array) -> float:
     """All forces in N toward +x but the dry friction."""
     v = s[V]
@@ -135,7 +135,7 @@ def net_force(par: Parameters, t: float, s: Array) -> float:
     return float(force - slope * v - par.quadratic_drag * v * abs(v))
 
 
-@njit(cache=True)
+@compiled()
 def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) -> float:
     """Acceleration in m/s^2; ``mode`` is the sign of motion, 0 while stuck. Sets the bristle's rate."""
     force, mass = net_force(par, t, s), par.mass + par.extra_mass
@@ -150,7 +150,7 @@ def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) ->
     return mode * (max(along - rising, 0.0) + min(along - slowing, 0.0)) / mass
 
 
-@njit(cache=True)
+@compiled()
 def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, float], held: int, ds: Array) -> None:
     """Time derivative of the whole state."""
     gas(par, s, q[0], q[1], held, ds)
@@ -160,7 +160,7 @@ def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, floa
         ds[XL], ds[VL] = s[VL], -coupling(par, s) / par.load_mass
 
 
-@njit(cache=True)
+@compiled()
 def mode_at(par: Parameters, t: float, s: Array, rest: float) -> float:
     """Sign of the motion that begins or goes on; 0 while the piston sticks or lies at a stop."""
     if s[V] != 0.0:

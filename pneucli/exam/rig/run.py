@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
+from pneucli.caches import compiled
 from pneucli.exam.rig.kernel import (
     P1,
     P2,
@@ -58,7 +58,7 @@ def run(par: Parameters, manoeuvre: Manoeuvre) -> dict[str, Array]:
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
-@njit(cache=True)
+@compiled()
 def _step(
     par: Parameters, t: float, h: float, s: Array, mode: float, q: tuple[float, float], held: int, work: Array
 ) -> None:
@@ -70,7 +70,7 @@ def _step(
     s += h * ds
 
 
-@njit(cache=True)
+@compiled()
 def _advance(par: Parameters, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array) -> float:
     """Advance ``s`` by STEP, cut where the piston comes to rest; returns the time at rest in s."""
     mode = mode_at(par, t, s, rest)
@@ -89,7 +89,7 @@ def _advance(par: Parameters, t: float, s: Array, rest: float, q: tuple[float, f
     return rest + STEP if mode == 0.0 else 0.0
 
 
-@njit(cache=True)
+@compiled()
 def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[float, float]:
     """Spool (lag, stiction) and opening (play) in V after one step."""
     if par.spool_stiction > 0.0:
@@ -102,7 +102,7 @@ def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[flo
     return spool, min(max(opening, spool - width), spool + width)
 
 
-@njit(cache=True)
+@compiled()
 def _row(
     par: Parameters, u: float, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array
 ) -> Array:
@@ -110,7 +110,7 @@ def _row(
     return np.array([u, s[PS], s[P1], s[P2], s[X], s[V], work[1][V], s[T1]])
 
 
-@njit(cache=True)
+@compiled()
 def _run(par: Parameters, command: Array, gain: float, held: int, start: Array, imposed: Array) -> Array:
     n, substeps = command.size, round(SAMPLE / STEP)
     s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty((n, 8))
@@ -135,7 +135,7 @@ def _run(par: Parameters, command: Array, gain: float, held: int, start: Array, 
     return rows
 
 
-@njit(cache=True)
+@compiled()
 def _between(imposed: Array, k: int, part: float) -> Array:
     after = min(k + 1, len(imposed) - 1)
     value: Array = imposed[k] * (1.0 - part) + imposed[after] * part

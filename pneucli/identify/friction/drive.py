@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pneucli.caches import compiled
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled()
 def level(table: Array, step: float, speed: float) -> float:
     """Return friction (N) at ``speed`` from ``table`` at speeds step/2, 3 step/2, ...; held beyond both ends."""
     at = speed / step - 0.5
@@ -21,7 +22,7 @@ def level(table: Array, step: float, speed: float) -> float:
     return float(table[k] + (at - k) * (table[k + 1] - table[k]))
 
 
-@njit(cache=True)
+@compiled()
 def net(along: float, speed: float, table: Array, step: float, speeding_up: bool) -> tuple[float, bool]:
     """Return the net force along the motion (N) and the branch; ``table`` is (2, n): speeding up, slowing.
 
@@ -36,7 +37,7 @@ def net(along: float, speed: float, table: Array, step: float, speeding_up: bool
     return 0.0, speeding_up
 
 
-@njit(cache=True)
+@compiled()
 def acceleration(drive: float, v: float, mass: float, tables: Array, step: float, speeding_up: bool) -> float:
     """Return dv/dt in m/s^2; ``tables`` is (2, 2, n): toward +x and -x, then the branches. At rest it may hold."""
     toward = v if v != 0.0 else drive
@@ -47,7 +48,7 @@ def acceleration(drive: float, v: float, mass: float, tables: Array, step: float
     return direction * force / mass
 
 
-@njit(cache=True)
+@compiled()
 def advance(
     drive: float, v: float, h: float, mass: float, tables: Array, step: float, speeding_up: bool
 ) -> tuple[float, bool]:
@@ -63,7 +64,7 @@ def advance(
     return direction * max(speed + h * force / mass, 0.0), speeding_up
 
 
-@njit(cache=True)
+@compiled()
 def run(time: Array, drive: Array, v_start: float, mass: float, tables: Array, step: float, h_max: float) -> Array:
     """Return v (m/s) and a (m/s^2), shape (2, n), at ``time`` (s) under ``drive`` (N), linear between the samples."""
     out = np.zeros((2, time.size))

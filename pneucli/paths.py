@@ -1,0 +1,64 @@
+"""What a path of the pipeline file means: one law for all who follow it."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from pathlib import Path
+
+from pneucli.errors import InputError, printable
+
+
+def expand(text: str, folder: Path, where: str) -> Path:
+    """Return the path or glob ``text``: ``${NAME}`` and ``~`` replaced, relative to ``folder``, that of the file.
+
+    Raises InputError, ``where`` named, for an environment variable that is not set.
+    """
+
+    def value(match: re.Match[str]) -> str:
+        if (found := os.environ.get(match[1])) is None:
+            mend = f"export {match[1]}=FOLDER"
+            raise InputError(where, f"the environment variable {match[1]} is not set", "its value in the path", mend)
+        return found
+
+    return folder / os.path.expanduser(re.sub(r"\$\{(\w+)\}", value, text))
+
+
+def files(text: str, folder: Path, where: str) -> list[Path]:
+    """Return the files that ``text`` names, in natural order; none of them is a folder, a pipe or a device.
+
+    Raises InputError for an environment variable that is not set, and for a name that cannot be printed.
+    """
+    path = expand(text, folder, where)
+    found = (
+        [path] if is_file(path) else [hit for hit in map(Path, glob.glob(str(path), recursive=True)) if is_file(hit)]
+    )
+    for hit in found:
+        require_printable(hit, where)
+    return sorted(found, key=_natural)
+
+
+def named(text: str, folder: Path, where: str) -> list[Path]:
+    """Return :func:`files`, or the path itself where there is none."""
+    return files(text, folder, where) or [expand(text, folder, where)]
+
+
+def require_printable(path: Path, where: str) -> None:
+    """Raise InputError where a name on the path is not UTF-8 or holds control characters."""
+    if printable(str(path)) != str(path):
+        found = f'the path "{path}" is not UTF-8 or holds control characters'
+        raise InputError(where, found, "names that can be printed", "rename the file or its folder")
+
+
+def is_file(path: Path) -> bool:
+    """Return whether there is such a file, which is no folder, pipe or device."""
+    try:
+        return path.is_file()
+    except OSError:  # such as a name that is too long
+        return False
+
+
+def _natural(path: Path) -> list[tuple[bool, int, str]]:
+    parts = re.split(r"(\d+)", str(path))
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
