@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,6 +19,7 @@ from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity
 Location = tuple[str | int, ...]
 DEEPEST = 12  # tables in one another; the format has 4
 SHOWN = 80  # characters of what was found
+MOST = 20  # faults of one kind told at once
 
 
 def load(path: str | Path) -> PipelineConfig:
@@ -27,9 +29,8 @@ def load(path: str | Path) -> PipelineConfig:
     """
     path = Path(path)
     text, document = read(path)
-    if faults := [
-        InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in _unfit(document)
-    ]:
+    unfit = islice(_unfit(document), MOST)
+    if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
         raise join_faults(path, faults)
     try:
         config = PipelineConfig.model_validate(document, context={"ambient_pressure": _ambient(document)})
@@ -121,7 +122,9 @@ def _fault(path: Path, text: str, document: Mapping[str, Any], location: Locatio
         return InputError(where, found, wanted)
     if kind in ("model_type", "dict_type"):
         return InputError(where, value, "a table", f"write [{location[0]}] on a line of its own, its keys below")
-    return InputError(where, value, detail["msg"].replace("Input should be", "").strip())
+    blank = kind == "string_pattern_mismatch"  # the one pattern that there is
+    wanted = "a text that is not blank" if blank else detail["msg"].replace("Input should be", "").strip()
+    return InputError(where, value, wanted)
 
 
 def _shown(value: Any) -> str:

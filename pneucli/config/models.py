@@ -62,7 +62,7 @@ class Table(BaseModel):
 class PipelineTable(Table):
     """``[pipeline]``."""
 
-    name: Annotated[str, Field(min_length=1, pattern=r"^[^/\\]+$")]
+    name: Name
 
 
 class VesselTable(Table):

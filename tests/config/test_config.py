@@ -114,7 +114,7 @@ def test_environment_variables_lead_to_files(tmp_path: Path, monkeypatch: pytest
         ('column = "U"', "column = 0", 13, "greater than or equal to 1"),
         ('column = "U"', "column = true", 13, "valid"),
         ('column = "U"', 'column = "U\\n[P]"', 13, "holds control characters"),
-        ('"raw/*.csv"', '""', 16, "pattern"),
+        ('"raw/*.csv"', '""', 16, "wanted: a text that is not blank"),
         ('"raw/*.csv"', "7", 16, "valid string"),
         ('"raw/*.csv"', '["raw/a.csv"]', 16, "valid string"),
         ('name = "step"', 'name = "a\\u001b[2J"', 15, "holds control characters"),
