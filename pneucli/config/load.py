@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -120,19 +121,23 @@ _KEY = re.compile(r"""^\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*
 
 def line_of(text: str, location: Location) -> int:
     """Return the line (from 1) of ``text`` that comes closest to the key at ``location``."""
-    best, best_depth = 1, 0
+    lines, keys = _lines(text), tuple(location)
+    return next((lines[keys[:depth]] for depth in range(len(keys), 0, -1) if keys[:depth] in lines), 1)
+
+
+@lru_cache(maxsize=4)
+def _lines(text: str) -> dict[tuple[str | int, ...], int]:
+    """Return the first line (from 1) of every table and key."""
+    lines: dict[tuple[str | int, ...], int] = {}
     counts: dict[tuple[str, ...], int] = {}
     table: list[str | int] = []
     for number, line in enumerate(text.splitlines(), 1):
-        here = table
         if header := _HEADER.match(line):
-            table = here = _numbered(_parts(header[2]), counts, new=header[1] == "[[")
+            table = _numbered(_parts(header[2]), counts, new=header[1] == "[[")
+            lines.setdefault(tuple(table), number)
         elif key := _KEY.match(line):
-            here = [*table, *_parts(key[1])]
-        depth = _common(here, location)
-        if depth > best_depth:
-            best, best_depth = number, depth
-    return best
+            lines.setdefault((*table, *_parts(key[1])), number)
+    return lines
 
 
 def _parts(dotted: str) -> list[str]:
@@ -149,9 +154,3 @@ def _numbered(parts: Sequence[str], counts: dict[tuple[str, ...], int], *, new: 
         if (count := counts.get(tuple(parts[:depth]))) is not None:
             numbered.append(count)
     return numbered
-
-
-def _common(here: Sequence[str | int], location: Location) -> int:
-    """Return how far ``here`` leads to ``location``; 0 where it leads elsewhere."""
-    shared = list(location[: len(here)])
-    return len(here) if list(here) == shared else 0

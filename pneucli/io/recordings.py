@@ -52,7 +52,8 @@ def load_recordings(folder: str | Path) -> list[Recording]:
 
 def _recording(row: dict[str, Any], table: Any, noise: dict[str, NoiseModel]) -> Recording:
     columns = {name: table[name] for name in table.column_names[1:] if table[name].null_count < table.num_rows}
-    signals = {name: np.asarray(column.to_numpy(), dtype=np.float64) for name, column in columns.items()}
+    arrays = {name: np.asarray(column.to_numpy(), dtype=np.float64) for name, column in columns.items()}
+    signals = {name: values for name, values in arrays.items() if np.isfinite(values).any()}
     return Recording(
         name=str(row["name"]),
         experiment=row["experiment"],
