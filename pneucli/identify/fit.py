@@ -117,8 +117,10 @@ class Problem:
         base = self.model_at(z)
         nominal = self.data(base)
         offsets = np.concatenate([[0], np.cumsum([part.size for part in nominal])])
-        adding = Lock()
-        out = np.vstack([np.zeros((offsets[-1], z.size)), self.prior_jacobian(z)])
+        adding, known = Lock(), self.prior_jacobian(z)
+        # column by column: of a view that does not feel a parameter, not a page is touched
+        out = np.zeros((offsets[-1] + len(known), z.size), order="F")
+        out[offsets[-1] :] = known
         jobs = []
         for j in range(z.size):
             for step in self._steps(z, j):
@@ -250,7 +252,7 @@ def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())
     rows = np.repeat(chosen, [v.experiment.time.size * len(v.channels) for v in views])
-    residual, jacobian = found.residual.copy(), np.zeros((found.residual.size, len(free)))
+    residual, jacobian = found.residual.copy(), np.zeros((found.residual.size, len(free)), order="F")
     residual[rows] = part.residual
     mine, theirs = [f.name for f in part.free], [f.name for f in found.free]
     for j, f in enumerate(free):
@@ -281,10 +283,8 @@ def roughness(valve: ValveArea) -> Array:
 
 def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> Array:
     """Return the sum of outer products of the blocks' scores (k, k)."""
-    weighted = jacobian * residual[:, None]
-    scores = np.zeros((int(blocks.max()) + 1, jacobian.shape[1]))
-    np.add.at(scores, blocks, weighted)
-    return np.asarray(scores.T @ scores)
+    scores = np.array([np.bincount(blocks, weights=column * residual) for column in jacobian.T])
+    return np.asarray(scores @ scores.T)
 
 
 def _parallel(work: Callable[..., object], jobs: Sequence[object]) -> list:  # type: ignore[type-arg]

@@ -1,8 +1,8 @@
 """Checks and repairs of one recording, batch by batch. Good data pass bit by bit; no value is invented.
 
 Rows are left out by the law of :mod:`pneucli.io.rows`, and where they lie outside the stretch that is wanted; infinite
-values and spikes become NaN; all with counts. Noticed only: NaN, gaps, a clock that jitters, frozen and saturated
-channels.
+values and spikes become NaN; all with counts. Noticed only: NaN, tiny values, gaps, a clock that jitters, frozen
+and saturated channels.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ Batch = dict[str, Array]
 COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they may jump and rest as they like
 GAP = 10.0  # sampling periods
 JITTER = 0.2  # of a sampling period
+SMALLEST = 1e-30  # no sensor tells less from zero, in any SI unit
 
 
 class Cleaner:
@@ -94,17 +95,18 @@ class Cleaner:
         """Return one signal with its rows start..end mended; the same array where nothing is to mend."""
         if name == "time":
             return values
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
-        infinite = bad[~np.isnan(values[bad])]
+        size = np.abs(values)
+        missing, infinite = np.flatnonzero(np.isnan(size)), np.flatnonzero(size > LARGEST)
+        tiny = np.flatnonzero((size < SMALLEST) & (size > 0))
         finite = _without(values, infinite)
-        bad, infinite = (where[(where >= start) & (where < end)] for where in (bad, infinite))
+        infinite = _within(infinite, start, end)
         self._count(name, "infinite", infinite.size)
-        self._count(name, "nan", bad.size - infinite.size)
+        self._count(name, "nan", _within(missing, start, end).size)
+        self._count(name, "tiny", _within(tiny, start, end).size)
         values = _without(values, infinite)
         if name in COMMANDS:
             return values
-        spikes = find_spikes(finite, self._noise.get(name, 0.0))
-        spikes = spikes[(spikes >= start) & (spikes < end)]
+        spikes = _within(find_spikes(finite, self._noise.get(name, 0.0)), start, end)
         self._count(name, "spike", spikes.size)
         values = _without(values, spikes)
         self._runs.setdefault(name, Runs(name)).see(values[start:end])
@@ -134,6 +136,7 @@ class Cleaner:
 _MESSAGES = {
     "infinite": "{} infinite values, or beyond 1e30, became NaN",
     "nan": "{} values are missing (NaN)",
+    "tiny": "{} values are neither zero nor as large as 1e-30: computed, or damaged; kept",
     "spike": "{} spikes became NaN",
 }
 
@@ -175,6 +178,10 @@ class _Clock:
 
 def _join(held: Array | None, values: Array) -> Array:
     return values if held is None or not held.size else np.concatenate([held, values])
+
+
+def _within(where: NDArray[np.intp], start: int, end: int) -> NDArray[np.intp]:
+    return where[(where >= start) & (where < end)]
 
 
 def _without(values: Array, where: NDArray[np.intp]) -> Array:

@@ -116,7 +116,17 @@ def open_signals(raw: RawFile) -> Opened:
             raise missing_column(raw.path, name, raw.channels[name].column, reader.names)
     places = {name: place for name, place in found.items() if place is not None}
     _refuse_shared(raw.path, {name: (place, raw.channels[name].where) for name, place in places.items()}, reader)
+    reader.repairs += _same_names(reader)
     return Opened(raw, reader, {"time": places.pop("time"), **places})
+
+
+def _same_names(reader: Reader) -> list[Repair]:
+    often = Counter(name for name in reader.names if name)
+    alike = {name: count for name, count in often.items() if count > 1}
+    listed = ", ".join(f'{count} "{name}"' for name, count in list(alike.items())[:5])
+    return [Repair("", "same-name", sum(alike.values()), f"columns share a name: {listed}; none is taken")] * bool(
+        alike
+    )
 
 
 def _refuse_shared(path: Path, places: Mapping[str, tuple[int, object]], reader: Reader) -> None:

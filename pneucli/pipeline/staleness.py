@@ -12,6 +12,7 @@ import glob
 import hashlib
 import json
 import os
+import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -43,7 +44,7 @@ def program_digest() -> str:
 
 @dataclass(frozen=True)
 class Stamp:
-    """A file's size in bytes, time of modification in ns, and SHA-256; ``size = -1`` where there is no such file."""
+    """A file's size in bytes, time of modification in ns, and SHA-256; ``size = -1`` where there is no regular file."""
 
     size: int
     mtime_ns: int
@@ -55,6 +56,8 @@ def stamp(path: Path, known: Stamp | None = None) -> Stamp:
     try:
         status = path.stat()
     except FileNotFoundError:
+        return Stamp(-1, 0, "")
+    if not stat.S_ISREG(status.st_mode):  # a pipe or a device may never end
         return Stamp(-1, 0, "")
     if known and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns):
         return known
