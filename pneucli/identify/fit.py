@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 BLOCK = 0.25  # s, longer than the residuals' memory
 MOST_BLOCKS = 40  # of one recording
 TOLERANCE = 1e-5
+MEMORY, PER_SAMPLE = 256 << 20, 200  # bytes, of all simulations that run at once, and of one for each sample
 ROUGH = 0.02  # of the logarithm of the area: by how much a valve departs from a power law between knots
 
 
@@ -92,9 +93,15 @@ class Problem:
     known: Sequence[Mapping[str, Array]] | None = None
 
     def __post_init__(self) -> None:
-        self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views)
+        self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views, self.at_once)
         self.start = np.array([f.inward(f.start) for f in self.free])
         self.tight = np.array([1.0 / f.prior for f in self.free])
+
+    @property
+    def at_once(self) -> int:
+        """How many simulations run at once: as many as there are cores, unless the recordings are very long."""
+        longest = max(view.experiment.time.size for view in self.views)
+        return int(np.clip(MEMORY // (PER_SAMPLE * longest), 1, workers()))
 
     def model_at(self, z: Array) -> Model:
         """Return the model at coordinates z (k,)."""
@@ -102,7 +109,9 @@ class Problem:
 
     def data(self, model: Model) -> list[Array]:
         """Return the residuals of each view in units of noise."""
-        return _parallel(lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.errors, strict=True)))
+        return _parallel(
+            lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.errors, strict=True)), self.at_once
+        )
 
     def residuals(self, z: Array) -> Array:
         """Return all residuals (N + p,), what is known beforehand last."""
@@ -132,10 +141,13 @@ class Problem:
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
             change = (scaled(self.views[i], model, self.errors[i]) - nominal[i]) / step
-            with adding:
-                out[offsets[i] : offsets[i + 1], j] += change / len(self._steps(z, j))
+            for c, part in enumerate(np.split(change, len(self.views[i].channels))):
+                if part.any():  # what never changes never takes memory
+                    first = offsets[i] + c * part.size
+                    with adding:
+                        out[first : first + part.size, j] += part / len(self._steps(z, j))
 
-        _parallel(column, jobs)
+        _parallel(column, jobs, self.at_once)
         return out
 
     def prior_jacobian(self, z: Array) -> Array:
@@ -287,6 +299,6 @@ def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> 
     return np.asarray(scores @ scores.T)
 
 
-def _parallel(work: Callable[..., object], jobs: Sequence[object]) -> list:  # type: ignore[type-arg]
-    with ThreadPoolExecutor(workers()) as pool:
+def _parallel(work: Callable[..., object], jobs: Sequence[object], at_once: int) -> list:  # type: ignore[type-arg]
+    with ThreadPoolExecutor(at_once) as pool:
         return list(pool.map(work, jobs))

@@ -140,9 +140,9 @@ def _fit(y: Array, k: int, half: int, weights: Array) -> tuple[float, int]:
     """Return the fit at sample k by the window whose ``weights`` these are, and the sample's place in the window."""
     width = 2 * half + 1
     begin = min(max(k - half, 0), y.size - width)
-    total, row = 0.0, (k - begin) * width
+    mine, around, total = weights[(k - begin) * width :], y[begin:], 0.0
     for i in range(width):
-        total += weights[row + i] * y[begin + i]
+        total += mine[i] * around[i]
     return total, k - begin
 
 
@@ -197,35 +197,33 @@ def integrated(dt: Array, wx: float, wv: Array, wp: Array) -> Callable[[Array, A
     v with the weight ``wv`` and x with ``wp``. With x and v of a sample side by side the normal equations have five
     diagonals, and the bias borders them.
     """
-    n = dt.size + 1
-    near, far, own, bias = np.zeros((4, n, 2))  # above the diagonal by one and two, the diagonal, the border
-    own[:, 0] = wx**2
-    own[:-1] += np.column_stack([wp**2, wv**2])
-    own[1:] += np.column_stack([wp**2, wv**2])
-    own[:-1, 1] += (wp * dt) ** 2
-    near[:-1] = np.column_stack([dt * wp**2, -dt * wp**2])
-    far[:-1] = np.column_stack([-(wp**2), -(wv**2)])
-    v_border, x_border = dt * wv**2, 0.5 * (dt * wp) ** 2
-    bias[:-1] -= np.column_stack([x_border, v_border + dt * x_border])
-    bias[1:] += np.column_stack([x_border, v_border])
-    corner = float(np.sum((dt * wv) ** 2) + np.sum((0.5 * dt**2 * wp) ** 2))
-    bands = np.zeros((3, 2 * n))
-    bands[0, 2:], bands[1, 1:], bands[2] = far.ravel()[:-2], near.ravel()[:-1], own.ravel()
+    n, place, speed = dt.size + 1, wp**2, wv**2
+    bands = np.zeros((3, 2 * n), order="F")  # above the diagonal by two and by one, and the diagonal itself
+    bands[0, 2::2], bands[0, 3::2] = -place, -speed
+    bands[1, 1:-1:2], bands[1, 2::2] = dt * place, -dt * place
+    bands[2, ::2] = wx**2
+    for part in (slice(0, -2), slice(2, None)):
+        bands[2, part] += np.column_stack([place, speed]).ravel()
+    bands[2, 1:-1:2] += dt**2 * place
+    border = np.zeros(2 * n)
+    for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
+        border[part] += pushed * np.column_stack([0.5 * dt**2 * place, dt * speed]).ravel()
+    border[1:-1:2] -= 0.5 * dt**3 * place
+    corner = float(np.sum(dt**2 * speed) + np.sum(0.25 * dt**4 * place))
     factor = cholesky_banded(bands, overwrite_ab=True, check_finite=False), False
-    border = bias.ravel()
     carried = cho_solve_banded(factor, border, check_finite=False)
     stiffness = corner - float(border @ carried)
 
     def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
-        once, twice = dt * 0.5 * (a[1:] + a[:-1]), dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0
-        push, jump = wp**2 * twice, wv**2 * once
-        right = np.zeros((n, 2))
-        right[:, 0] = wx**2 * x
-        right[:-1] -= np.column_stack([push, jump + dt * push])
-        right[1:] += np.column_stack([push, jump])
-        free = cho_solve_banded(factor, right.ravel(), check_finite=False)
-        found = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
-        state = (free - found * carried).reshape(n, 2)
-        return state[:, 0].copy(), state[:, 1].copy(), found
+        push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
+        right = np.zeros(2 * n)
+        right[::2] = wx**2 * x
+        for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
+            right[part] += pushed * np.column_stack([push, jump]).ravel()
+        right[1:-1:2] -= dt * push
+        free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
+        bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
+        free -= bias * carried
+        return free[::2].copy(), free[1::2].copy(), bias
 
     return smooth
