@@ -6,7 +6,7 @@ recording is simulated with it; the smoothing being linear, the draws need no tr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +24,29 @@ MOTION = ("x", "v", "a")
 
 def deviations(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, Array]:
     """Return draws of (measured - model) of a correct model, shape (draws, n) for each channel."""
+    drawn = list(_drawn(model, experiment, draws, seed))
+    return {channel: np.array([one[channel] for one in drawn]) for channel in experiment.channels}
+
+
+def _drawn(model: Model, experiment: Experiment, draws: int, seed: int) -> Iterator[dict[str, Array]]:
+    """Yield one draw after the other, shape (n,) for each channel."""
     rng = np.random.default_rng(seed)
     nominal = outputs(model, experiment)
-    drawn: dict[str, list[Array]] = {channel: [] for channel in experiment.channels}
     for _ in range(draws):
-        noise = experiment.draw_noise(rng)
-        inputs = experiment.read_again(noise)
-        disturbed = outputs(model, experiment, inputs, noise)
-        for channel in experiment.channels:
-            reading = _reading_noise(experiment, channel, noise, inputs)
-            drawn[channel].append(experiment.filtered(reading) - (disturbed[channel] - nominal[channel]))
-    return {channel: np.array(rows) for channel, rows in drawn.items()}
+        yield _deviation(model, experiment, nominal, rng)
+
+
+def _deviation(
+    model: Model, experiment: Experiment, nominal: dict[str, Array], rng: np.random.Generator
+) -> dict[str, Array]:
+    noise = experiment.draw_noise(rng)
+    inputs = experiment.read_again(noise)
+    disturbed = outputs(model, experiment, inputs, noise)
+    return {
+        channel: experiment.filtered(_reading_noise(experiment, channel, noise, inputs))
+        - (disturbed[channel] - nominal[channel])
+        for channel in experiment.channels
+    }
 
 
 def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array], inputs: Array) -> Array:
@@ -47,7 +59,8 @@ def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array]
 
 def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, float]:
     """Return the rms deviation by channel that a correct model would show, never below the sensor's own noise."""
-    rms = {c: float(np.sqrt(np.mean(d**2))) for c, d in deviations(model, experiment, draws, seed).items()}
+    squares = [{c: float(np.mean(d**2)) for c, d in drawn.items()} for drawn in _drawn(model, experiment, draws, seed)]
+    rms = {c: float(np.sqrt(np.mean([one[c] for one in squares]))) for c in experiment.channels}
     low_pass = experiment.low_pass is not None
     return {
         c: max(r, 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms) for c, r in rms.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, get_args
@@ -168,7 +169,14 @@ _KEY = re.compile(r"""^\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*
 
 def line_of(text: str, location: Location) -> int:
     """Return the line (from 1) of ``text`` that comes closest to the key at ``location``."""
-    best, best_depth = 1, 0
+    lines, keys = _lines(text), tuple(location)
+    return next((lines[keys[:depth]] for depth in range(len(keys), 0, -1) if keys[:depth] in lines), 1)
+
+
+@lru_cache(maxsize=4)
+def _lines(text: str) -> dict[tuple[str | int, ...], int]:
+    """Return the first line (from 1) of every table and key."""
+    lines: dict[tuple[str | int, ...], int] = {}
     counts: dict[tuple[str, ...], int] = {}
     table: list[str | int] = []
     for number, line in enumerate(text.splitlines(), 1):
@@ -177,10 +185,9 @@ def line_of(text: str, location: Location) -> int:
             table = here = _numbered(_parts(header[2]), counts, new=header[1] == "[[")
         elif key := _KEY.match(line):
             here = [*table, *_parts(key[1])]
-        depth = _common(here, location)
-        if depth > best_depth:
-            best, best_depth = number, depth
-    return best
+        for depth in range(1, len(here) + 1):
+            lines.setdefault(tuple(here[:depth]), number)
+    return lines
 
 
 def _parts(dotted: str) -> list[str]:
@@ -197,9 +204,3 @@ def _numbered(parts: Sequence[str], counts: dict[tuple[str, ...], int], *, new: 
         if (count := counts.get(tuple(parts[:depth]))) is not None:
             numbered.append(count)
     return numbered
-
-
-def _common(here: Sequence[str | int], location: Location) -> int:
-    """Return how far ``here`` and ``location`` go together; 0 where they part."""
-    shared = min(len(here), len(location))
-    return shared if tuple(here[:shared]) == tuple(location[:shared]) else 0

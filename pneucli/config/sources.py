@@ -36,7 +36,8 @@ def sources(config: PipelineConfig) -> list[Source]:
     files' stems where there is no name. Raises :class:`InputError` where a file or an environment variable is missing,
     or where two recordings share a name.
     """
-    found = [source for index in range(len(config.recordings)) for source in _sources_of(config, index)]
+    text = config.path.read_text(encoding="utf-8-sig")
+    found = [source for index in range(len(config.recordings)) for source in _sources_of(config, index, text)]
     twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
     if twice:
         where = next(source.where for source in reversed(found) if source.name == twice[0])
@@ -55,9 +56,9 @@ def raw_files(config: PipelineConfig) -> list[Path]:
     return list(dict.fromkeys(source.path for source in sources(config)))
 
 
-def _sources_of(config: PipelineConfig, index: int) -> list[Source]:
+def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     table = config.recordings[index]
-    where = _where(config, index)
+    where = f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"
     signals = {**config.signals.present(), **table.signals.present()}
     required = {"time", *table.signals.present(), *(table.take or [])} - table.constants.keys()
     if table.take is not None:
@@ -81,11 +82,6 @@ def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: s
             raise InputError(
                 f"{where}, key take", f'"{name}" is not described', "a signal of [signals]", did_you_mean(name, signals)
             )
-
-
-def _where(config: PipelineConfig, index: int) -> str:
-    text = config.path.read_text(encoding="utf-8-sig")
-    return f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"
 
 
 def _names(name: str | None, found: list[Path]) -> list[str]:

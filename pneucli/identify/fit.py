@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 BLOCK = 0.25  # s, longer than the residuals' memory
 MOST_BLOCKS = 40  # of one recording
 TOLERANCE = 1e-5
+MEMORY, PER_SAMPLE = 256 << 20, 200  # bytes, of all simulations that run at once, and of one for each sample
 ROUGH = 0.02  # of the logarithm of the area: by how much a valve departs from a power law between knots
 
 
@@ -92,9 +93,15 @@ class Problem:
     known: Sequence[Mapping[str, Array]] | None = None
 
     def __post_init__(self) -> None:
-        self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views)
+        self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views, self.at_once)
         self.start = np.array([f.inward(f.start) for f in self.free])
         self.tight = np.array([1.0 / f.prior for f in self.free])
+
+    @property
+    def at_once(self) -> int:
+        """How many simulations run at once: as many as there are cores, unless the recordings are very long."""
+        longest = max(view.experiment.time.size for view in self.views)
+        return int(np.clip(MEMORY // (PER_SAMPLE * longest), 1, workers()))
 
     def model_at(self, z: Array) -> Model:
         """Return the model at coordinates z (k,)."""
@@ -102,7 +109,9 @@ class Problem:
 
     def data(self, model: Model) -> list[Array]:
         """Return the residuals of each view in units of noise."""
-        return _parallel(lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.errors, strict=True)))
+        return _parallel(
+            lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.errors, strict=True)), self.at_once
+        )
 
     def residuals(self, z: Array) -> Array:
         """Return all residuals (N + p,), what is known beforehand last."""
@@ -117,8 +126,10 @@ class Problem:
         base = self.model_at(z)
         nominal = self.data(base)
         offsets = np.concatenate([[0], np.cumsum([part.size for part in nominal])])
-        adding = Lock()
-        out = np.vstack([np.zeros((offsets[-1], z.size)), self.prior_jacobian(z)])
+        adding, known = Lock(), self.prior_jacobian(z)
+        # column by column: of a view that does not feel a parameter, not a page is touched
+        out = np.zeros((offsets[-1] + len(known), z.size), order="F")
+        out[offsets[-1] :] = known
         jobs = []
         for j in range(z.size):
             for step in self._steps(z, j):
@@ -130,10 +141,13 @@ class Problem:
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
             change = (scaled(self.views[i], model, self.errors[i]) - nominal[i]) / step
-            with adding:
-                out[offsets[i] : offsets[i + 1], j] += change / len(self._steps(z, j))
+            for c, part in enumerate(np.split(change, len(self.views[i].channels))):
+                if part.any():  # what never changes never takes memory
+                    first = offsets[i] + c * part.size
+                    with adding:
+                        out[first : first + part.size, j] += part / len(self._steps(z, j))
 
-        _parallel(column, jobs)
+        _parallel(column, jobs, self.at_once)
         return out
 
     def prior_jacobian(self, z: Array) -> Array:
@@ -250,7 +264,7 @@ def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())
     rows = np.repeat(chosen, [v.experiment.time.size * len(v.channels) for v in views])
-    residual, jacobian = found.residual.copy(), np.zeros((found.residual.size, len(free)))
+    residual, jacobian = found.residual.copy(), np.zeros((found.residual.size, len(free)), order="F")
     residual[rows] = part.residual
     mine, theirs = [f.name for f in part.free], [f.name for f in found.free]
     for j, f in enumerate(free):
@@ -281,12 +295,10 @@ def roughness(valve: ValveArea) -> Array:
 
 def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> Array:
     """Return the sum of outer products of the blocks' scores (k, k)."""
-    weighted = jacobian * residual[:, None]
-    scores = np.zeros((int(blocks.max()) + 1, jacobian.shape[1]))
-    np.add.at(scores, blocks, weighted)
-    return np.asarray(scores.T @ scores)
+    scores = np.array([np.bincount(blocks, weights=column * residual) for column in jacobian.T])
+    return np.asarray(scores @ scores.T)
 
 
-def _parallel(work: Callable[..., object], jobs: Sequence[object]) -> list:  # type: ignore[type-arg]
-    with ThreadPoolExecutor(workers()) as pool:
+def _parallel(work: Callable[..., object], jobs: Sequence[object], at_once: int) -> list:  # type: ignore[type-arg]
+    with ThreadPoolExecutor(at_once) as pool:
         return list(pool.map(work, jobs))

@@ -53,6 +53,7 @@ def minimise(
             return Solution(z, r, j, done)
         before = float(r @ r)
         z, r, damping = step
+        del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
         if before - float(r @ r) < tolerance * before:
             return Solution(z, r, j, done)

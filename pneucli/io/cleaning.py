@@ -1,62 +1,86 @@
 """Checks and repairs of one recording, batch by batch. Good data pass bit by bit; no value is invented.
 
-Repaired, with counts: rows without a time stamp, duplicated stamps (the first row is kept), isolated stamps that are
-out of order, infinite values, and spikes (they become NaN). Noticed only: NaN, gaps, a clock that jitters, frozen and
-saturated channels. Refused: a clock that runs backward for longer, or whose stamps are too coarse.
+Rows are left out by the law of :mod:`pneucli.io.rows`, and where they lie outside the stretch that is wanted; infinite
+values and spikes become NaN; all with counts. Noticed only: NaN, tiny values, gaps, a clock that jitters, frozen
+and saturated channels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.errors import InputError
 from pneucli.io.raw import Repair
+from pneucli.io.rows import AHEAD, ISOLATED, LARGEST, Array, Order, Place, counted, left_out
 from pneucli.io.runs import Runs
 from pneucli.io.spikes import MARGIN, find_spikes
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Batch = dict[str, Array]
 
 COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they may jump and rest as they like
-ISOLATED = 3  # rows in a row whose stamps go back
 GAP = 10.0  # sampling periods
 JITTER = 0.2  # of a sampling period
+SMALLEST = 1e-30  # no sensor tells less from zero, in any SI unit
 
 
 class Cleaner:
     """Carries what must be known of earlier batches; ``place`` tells where a data row stands in the file.
 
-    ``noise`` is the standard deviation of each signal as far as it is known (SI). ``push`` takes a batch and returns
-    the rows that are settled, ``finish`` the rest; ``repairs`` then has what was done.
+    ``noise`` is the standard deviation of each signal as far as it is known (SI); ``stretch`` the first and the last
+    instant that is wanted (s). ``push`` takes a batch and returns the rows that are settled, ``finish`` the rest;
+    ``repairs`` then has what was done, ``losses`` the rows that were left out, by kind.
     """
 
-    def __init__(self, place: Callable[[int], str], noise: Mapping[str, float] | None = None) -> None:
-        self._place, self._noise = place, noise or {}
+    def __init__(
+        self,
+        place: Place,
+        noise: Mapping[str, float] | None = None,
+        stretch: tuple[float | None, float | None] = (None, None),
+    ) -> None:
+        self._noise, self._stretch = noise or {}, stretch
+        self._order = Order(place)
+        self._waiting: Batch = {}  # rows whose stamps are not judged yet
         self._held: Batch = {}
         self._context = 0  # leading rows of _held that have been handed out already
-        self._rows_read = 0
         self._counts: dict[tuple[str, str], int] = {}
         self._clock = _Clock()
         self._runs: dict[str, Runs] = {}
         self._kept = 0
+        self.losses: Counter[str] = Counter()
 
     def push(self, batch: Mapping[str, Array]) -> Batch:
         """Return settled rows; the last few wait for their neighbours."""
-        return self._advance(batch, hold=MARGIN)
+        return self._advance(self._wanted(batch, wait=AHEAD), hold=MARGIN)
 
     def finish(self) -> Batch:
         """Return the rows that waited."""
-        return self._advance({name: values[:0] for name, values in self._held.items()}, hold=0)
+        none = {name: values[:0] for name, values in self._waiting.items()}
+        return self._advance(self._wanted(none, wait=0), hold=0)
+
+    def _wanted(self, batch: Mapping[str, Array], wait: int) -> Batch:
+        """Return the rows that the clock's law and the stretch leave, but for the last few."""
+        rows = {name: _join(self._waiting.get(name), values) for name, values in batch.items()}
+        time = rows["time"]
+        judged = max(0, time.size - wait)
+        fates = self._order.fates(time, judged)
+        self._waiting = {name: values[judged:].copy() for name, values in rows.items()}
+        self.losses.update(counted(fates))
+        start, end = self._stretch
+        inside = np.ones(judged, dtype=np.bool_)
+        if start is not None:
+            inside &= ~(time[:judged] < start)
+        if end is not None:
+            inside &= ~(time[:judged] > end)
+        kept = fates == 0
+        self.losses["outside"] += int(np.count_nonzero(kept & ~inside))
+        kept &= inside
+        return {name: values[:judged] if kept.all() else values[:judged][kept] for name, values in rows.items()}
 
     def _advance(self, batch: Mapping[str, Array], hold: int) -> Batch:
-        joined = {name: _join(self._held.get(name), values) for name, values in batch.items()}
-        first_row = self._rows_read - (len(joined["time"]) - len(batch["time"]))
-        self._rows_read += len(batch["time"])
-        rows = self._in_order(joined, first_row)
+        rows = {name: _join(self._held.get(name), values) for name, values in batch.items()}
         start, end = self._context, max(self._context, len(rows["time"]) - hold)
         rows = {name: self._mended(name, values, start, end) for name, values in rows.items()}
         done = {name: values[start:end] for name, values in rows.items()}
@@ -67,48 +91,22 @@ class Cleaner:
         self._context = end - begin
         return done
 
-    def _in_order(self, rows: Mapping[str, Array], first_row: int) -> Batch:
-        time = rows["time"]
-        finite = np.isfinite(time)
-        late = np.flatnonzero(np.diff(time) <= 0) if finite.all() else np.flatnonzero(finite)
-        if finite.all() and not late.size:
-            return dict(rows)
-        keep = finite & ~_out_of_line(time)
-        self._count("time", "no-stamp", int(np.sum(~finite)))
-        highest = np.maximum.accumulate(np.where(keep, time, -np.inf))
-        before = np.concatenate([[-np.inf], highest[:-1]])
-        same, back = keep & (time == before), keep & (time < before)
-        self._refuse_backward(back, time, before, first_row)
-        self._count("time", "duplicate", int(same.sum()))
-        self._count("time", "backward", int(back.sum() + np.sum(finite & ~keep)))
-        if same.sum() > 0.5 * time.size > ISOLATED:
-            where, found = self._place(first_row + int(np.argmax(same))), "more than half of the time stamps repeat"
-            raise InputError(where, found, "a stamp for each row", "export the time with more digits")
-        keep &= ~same & ~back
-        return {name: values[keep] for name, values in rows.items()}
-
-    def _refuse_backward(self, back: Mask, time: Array, before: Array, first_row: int) -> None:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], back.view(np.int8), [0]])))
-        lengths = edges[1::2] - edges[::2]
-        if lengths.size and (lengths.max() > ISOLATED or lengths.size > max(ISOLATED, 0.01 * time.size)):
-            at = int(edges[2 * int(np.argmax(lengths))])
-            found = f"the time goes back from {before[at]:g} s to {time[at]:g} s"
-            mend = "a clock that starts anew makes another recording: cut the file there, or use skip_rows"
-            raise InputError(self._place(first_row + at), found, "rising time stamps", mend)
-
     def _mended(self, name: str, values: Array, start: int, end: int) -> Array:
         """Return one signal with its rows start..end mended; the same array where nothing is to mend."""
         if name == "time":
             return values
-        bad = start + np.flatnonzero(~np.isfinite(values[start:end]))
-        infinite = bad[np.isinf(values[bad])]
+        size = np.abs(values)
+        missing, infinite = np.flatnonzero(np.isnan(size)), np.flatnonzero(size > LARGEST)
+        tiny = np.flatnonzero((size < SMALLEST) & (size > 0))
+        finite = _without(values, infinite)
+        infinite = _within(infinite, start, end)
         self._count(name, "infinite", infinite.size)
-        self._count(name, "nan", bad.size - infinite.size)
+        self._count(name, "nan", _within(missing, start, end).size)
+        self._count(name, "tiny", _within(tiny, start, end).size)
         values = _without(values, infinite)
         if name in COMMANDS:
             return values
-        spikes = find_spikes(values, self._noise.get(name, 0.0))
-        spikes = spikes[(spikes >= start) & (spikes < end)]
+        spikes = _within(find_spikes(finite, self._noise.get(name, 0.0)), start, end)
         self._count(name, "spike", spikes.size)
         values = _without(values, spikes)
         self._runs.setdefault(name, Runs(name)).see(values[start:end])
@@ -130,17 +128,15 @@ class Cleaner:
 
     def repairs(self) -> list[Repair]:
         """Return all that was mended or noticed so far."""
-        counted = [Repair(*key, count, _MESSAGES[key[1]].format(count)) for key, count in self._counts.items()]
+        values = [Repair(*key, count, _MESSAGES[key[1]].format(count)) for key, count in self._counts.items()]
         noticed = [repair for runs in self._runs.values() for repair in runs.repairs()]
-        return [*counted, *self._clock.repairs(), *noticed]
+        return [*left_out(self.losses), *values, *self._clock.repairs(), *noticed]
 
 
 _MESSAGES = {
-    "no-stamp": "{} rows without a time stamp were left out",
-    "duplicate": "{} rows repeat a time stamp; the first was kept",
-    "backward": "{} isolated rows whose time is out of order were left out",
-    "infinite": "{} infinite values became NaN",
+    "infinite": "{} infinite values, or beyond 1e30, became NaN",
     "nan": "{} values are missing (NaN)",
+    "tiny": "{} values are neither zero nor as large as 1e-30: computed, or damaged; kept",
     "spike": "{} spikes became NaN",
 }
 
@@ -184,6 +180,10 @@ def _join(held: Array | None, values: Array) -> Array:
     return values if held is None or not held.size else np.concatenate([held, values])
 
 
+def _within(where: NDArray[np.intp], start: int, end: int) -> NDArray[np.intp]:
+    return where[(where >= start) & (where < end)]
+
+
 def _without(values: Array, where: NDArray[np.intp]) -> Array:
     """Return ``values`` with NaN at ``where``; the same array where there is nothing to do."""
     if not where.size:
@@ -191,13 +191,3 @@ def _without(values: Array, where: NDArray[np.intp]) -> Array:
     values = values.copy()
     values[where] = np.nan
     return values
-
-
-def _out_of_line(time: Array) -> Mask:
-    """Mark single stamps that run ahead of both stamps after them, which themselves go on from the one before."""
-    wrong = np.zeros(time.size, dtype=np.bool_)
-    for i in np.flatnonzero(np.diff(time) < 0):
-        before = time[i - 1] if i else -np.inf
-        after = time[i + 1 : i + 3]
-        wrong[i] = bool(before < after[0] and after.size == 2 and after[0] < after[1] < time[i])
-    return wrong

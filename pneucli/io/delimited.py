@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Any, Literal, cast
@@ -16,6 +17,7 @@ from pneucli.io.raw import Ask, RawFile, Repair, Values
 from pneucli.io.text import Layout, PlainStream, layout
 
 BLOCK = 4 << 20
+TAIL = 1 << 16
 NULLS = [
     "",
     "-",
@@ -45,6 +47,8 @@ class DelimitedReader:
         self._look: Layout = layout(raw)
         self.names: Sequence[str] = self._look.names
         self.repairs: list[Repair] = []
+        self.rows = 0
+        self.losses: Counter[str] = Counter()
         if self._look.units_line:
             self.repairs.append(
                 Repair("", "units-line", 1, "the line below the header holds no number and was skipped")
@@ -57,11 +61,17 @@ class DelimitedReader:
         try:
             with PlainStream(self._raw.path, self._look) as stream:
                 for batch in self._open(stream, asks):
+                    self.rows += batch.num_rows
                     yield [self._values(batch.column(f"c{ask.position}"), ask) for ask in asks]
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
             raise self._explain(asks, str(error)) from error
         if self._bad:
             self._forgive_last_line(asks)
+        elif not stream.ended:
+            self._doubt_last_line()
+        if stream.comments:
+            message = f"{stream.comments} comment lines (#) among the rows were passed over"
+            self.repairs.append(Repair("", "comment", stream.comments, message))
 
     def place(self, row: int) -> str:
         """Return file and line of a data row."""
@@ -71,8 +81,6 @@ class DelimitedReader:
     def _open(self, stream: PlainStream, asks: Sequence[Ask]) -> Any:
         types = {f"c{ask.position}": pa.string() if self._as_text(ask) else pa.float64() for ask in asks}
         delimiter = "\t" if self._look.delimiter == " " else self._look.delimiter
-        if len(delimiter) > 1:
-            raise InputError(str(self._raw.path), f'delimiter "{delimiter}"', "one character", "change delimiter")
         return pcsv.open_csv(
             cast("Any", pa.PythonFile(stream, mode="r")),
             read_options=pcsv.ReadOptions(block_size=BLOCK, column_names=[f"c{n}" for n in range(len(self.names))]),
@@ -113,18 +121,35 @@ class DelimitedReader:
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Yield line number (from 1) and text of every data row."""
-        with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=None) as file:
+        with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=self._look.line_end) as file:
             for number, line in enumerate(file, 1):
                 if number > self._look.skip and line.strip() and not line.lstrip().startswith("#"):
-                    yield number, line.rstrip("\n")
+                    yield number, line.rstrip("\r\n")
+
+    def _tail(self) -> list[str]:
+        """Return the last rows, as far as they stand in the last bytes of the file."""
+        start = max(0, self._raw.path.stat().st_size - TAIL) & ~3  # whole characters
+        with self._raw.path.open("rb") as file:
+            file.seek(start)
+            text = file.read().decode(self._look.encoding, errors="replace")
+        lines = text.rstrip().split(self._look.line_end)[0 if start else self._look.skip :]
+        return [line.rstrip("\r") for line in lines[-50:] if line.strip() and not line.lstrip().startswith("#")]
 
     def _forgive_last_line(self, asks: Sequence[Ask]) -> None:
         """A logger that was cut off in its last line loses that line only; any other odd row is an error."""
-        *_, (number, last) = self._rows()
-        if len(self._look.split(last)) >= len(self.names) or self._look.split(last) != self._fields(self._bad[0]):
+        last = self._look.split(self._tail()[-1])
+        if len(last) >= len(self.names) or last != self._fields(self._bad[0]):
             raise self._explain(asks, "")
-        message = f"line {number}, the last, is cut off and was left out"
-        self.repairs.append(Repair("", "truncated", 1, message))
+        self.rows += 1
+        self.losses["truncated"] += 1
+        self.repairs.append(Repair("", "truncated", 1, "the last line is cut off and was left out"))
+
+    def _doubt_last_line(self) -> None:
+        """Say so where the last number may be cut off: its line has no end, and it is not as long as those above."""
+        decimals = {len(line.rpartition(self._look.decimal)[2]) for line in self._tail()}
+        if len(decimals) > 1:
+            message = "the last line has no end: its last number may be cut off; kept"
+            self.repairs.append(Repair("", "no-line-end", 1, message))
 
     def _fields(self, row: str) -> list[str]:
         return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))

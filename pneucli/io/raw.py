@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -66,10 +67,15 @@ class Repair:
 
 
 class Reader(Protocol):
-    """An opened raw file; ``names`` are its columns in order, ``repairs`` what had to be mended to read it."""
+    """An opened raw file; ``names`` are its columns in order, ``repairs`` what had to be mended to read it.
+
+    ``rows`` counts the rows of numbers that were read so far; ``losses`` those that the reader left out, by kind.
+    """
 
     names: Sequence[str]
     repairs: list[Repair]
+    rows: int
+    losses: Counter[str]
 
     def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
         """Yield the asked columns in batches of rows: float64, or text where asked."""
@@ -78,38 +84,21 @@ class Reader(Protocol):
         """Return where data row ``row`` (from 0) stands in the file."""
 
 
-@dataclass
-class Columns:
-    """A file whose columns are read whole, such as MATLAB's, HDF5, TDMS and MDF; ``fetch`` returns one column."""
+def position(path: Path, signal: str, column: Key, names: Sequence[str]) -> int | None:
+    """Return where ``column`` stands among ``names``: by number from 1, by name, or by the last part of a path.
 
-    path: Path
-    names: Sequence[str]
-    fetch: Callable[[str], Values]
-    repairs: list[Repair] = field(default_factory=list)
-
-    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
-        """Yield all rows at once; raises InputError where the columns differ in length."""
-        columns = [self.fetch(self.names[ask.position]) for ask in asks]
-        for ask, column in zip(asks, columns, strict=True):
-            if column.size != columns[0].size:
-                where = f'{self.path}, column "{self.names[ask.position]}"'
-                found = f'{column.size} values, but "{self.names[asks[0].position]}" has {columns[0].size}'
-                raise InputError(where, found, "columns of one length", "take signals of one clock only")
-        yield columns
-
-    def place(self, row: int) -> str:
-        """Return file and row (from 1)."""
-        return f"{self.path}, row {row + 1}"
-
-
-def position(column: Key, names: Sequence[str]) -> int | None:
-    """Return where ``column`` stands among ``names``: by number from 1, by name, or by the last part of a path."""
+    ``None`` where it is not there. Raises InputError where several columns are called so.
+    """
     if isinstance(column, int):
         return column - 1 if 1 <= column <= len(names) else None
     wanted = column.strip()
     for same in (_exact, _as_path, _last_part):
         hits = [index for index, name in enumerate(names) if same(name, wanted)]
-        if len(hits) == 1 or (hits and same is _exact):
+        if len(hits) > 1:
+            listed = ", ".join(f'"{names[hit]}" (column {hit + 1})' for hit in hits[:10])
+            mend = "name it in full or by its number, or rename it"
+            raise InputError(f"{path}, signal {signal}", f'{len(hits)} columns are called "{wanted}"', listed, mend)
+        if hits:
             return hits[0]
     return None
 

@@ -14,7 +14,7 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, read_table, schema_of
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
-from pneucli.recording import Recording
+from pneucli.recording import Array, Recording
 
 SIGNALS_FILE, RECORDINGS_FILE = "signals.parquet", "recordings.parquet"
 NOISE_FILE, REPAIRS_FILE = "noise.parquet", "repairs.parquet"
@@ -38,21 +38,21 @@ def load_recordings(folder: str | Path) -> list[Recording]:
     about = read_table(folder / RECORDINGS_FILE)
     rows = [dict(zip(about, row, strict=True)) for row in zip(*about.values(), strict=True)]
     noise = _noise(folder)
+    ends = np.cumsum([int(row["samples"]) for row in rows])
+    signals: list[dict[str, Array]] = [{} for _ in rows]
     try:
         file = pq.ParquetFile(folder / SIGNALS_FILE, memory_map=True)
-        table = file.read()
+        for name in file.schema_arrow.names[1:]:  # one after the other, so that little is held twice
+            column = np.asarray(file.read([name])[name].to_numpy(), dtype=np.float64)
+            for own, values in zip(signals, np.split(column, ends[:-1]), strict=True):
+                if np.isfinite(values).any():
+                    own[name] = values
     except (OSError, pa.ArrowInvalid) as error:
         raise InputError(str(folder / SIGNALS_FILE), f"{error}", "", "run ingest again") from error
-    starts = np.concatenate([[0], np.cumsum([int(row["samples"]) for row in rows])])
-    return [
-        _recording(row, table.slice(int(start), int(row["samples"])), noise.get(str(row["name"]), {}))
-        for row, start in zip(rows, starts[:-1], strict=True)
-    ]
+    return [_recording(row, own, noise.get(str(row["name"]), {})) for row, own in zip(rows, signals, strict=True)]
 
 
-def _recording(row: dict[str, Any], table: Any, noise: dict[str, NoiseModel]) -> Recording:
-    columns = {name: table[name] for name in table.column_names[1:] if table[name].null_count < table.num_rows}
-    signals = {name: np.asarray(column.to_numpy(), dtype=np.float64) for name, column in columns.items()}
+def _recording(row: dict[str, Any], signals: dict[str, Array], noise: dict[str, NoiseModel]) -> Recording:
     return Recording(
         name=str(row["name"]),
         experiment=row["experiment"],

@@ -1,92 +1,121 @@
-"""From raw columns to signals in SI, batch by batch; long tables are merged over all their time stamps."""
+"""From raw columns to signals in SI, batch by batch; long tables become one table over all their time stamps."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.io.formats import open_raw
-from pneucli.io.raw import Ask, Channel, Key, RawFile, Reader, Values, missing_column, position
+from pneucli.io.raw import Ask, Channel, Key, RawFile, Reader, Repair, Values, missing_column, position
+from pneucli.io.rows import Array, Table, join, left_out
 
-Array = NDArray[np.float64]
 Batch = dict[str, Array]
 
+BATCH = 1 << 17  # rows: as many in every format, so that what is judged batch by batch is judged alike
 
-@dataclass(frozen=True)
+
 class Opened:
-    """A raw file, its reader, and the position of each channel that it has a column for."""
+    """A raw file, its reader, and the position of each channel that it has a column for, ``time`` first."""
 
-    raw: RawFile
-    reader: Reader
-    positions: Mapping[str, int]
+    def __init__(self, raw: RawFile, reader: Reader, positions: Mapping[str, int]) -> None:
+        self.raw, self.reader, self.positions = raw, reader, positions
+        self._losses: Counter[str] = Counter()
+        self._rows: NDArray[np.intp] | None = None  # of the file, that the signals' rows come from
 
     @property
     def channels(self) -> dict[str, Channel]:
         """The channels that the file has, ``time`` first."""
         return {name: self.raw.channels[name] for name in self.positions}
 
+    @property
+    def rows(self) -> int:
+        """Rows of the file that were read so far."""
+        return self.reader.rows
+
+    @property
+    def losses(self) -> Counter[str]:
+        """Rows that were read so far and are none of :meth:`batches`, by kind."""
+        return self.reader.losses + self._losses
+
+    @property
+    def repairs(self) -> list[Repair]:
+        """What had to be mended or noticed to read the file."""
+        return [*self.reader.repairs, *left_out(self.losses)]
+
+    def place(self, row: int) -> str:
+        """Return where a row of :meth:`batches` stands in the file."""
+        return self.reader.place(row if self._rows is None or row >= self._rows.size else int(self._rows[row]))
+
     def batches(self) -> Iterator[Batch]:
-        """Yield signals in SI, ``time`` among them, in the file's order of rows."""
-        if any(channel.where for channel in self.channels.values()):
-            yield self._merged()
-            return
+        """Yield signals in SI, ``time`` among them, in the file's order of rows, BATCH rows at a time."""
+        long = any(channel.where for channel in self.channels.values())
+        yield from _even(iter([self._long()]) if long else self._flat(), list(self.positions))
+
+    def _flat(self) -> Iterator[Batch]:
         asks = [_ask(place, self.raw.channels[name]) for name, place in self.positions.items()]
         for columns in self.reader.batches(asks):
             pairs = zip(self.channels.items(), columns, strict=True)
             yield {name: _to_si(column, channel) for (name, channel), column in pairs}
 
-    def _merged(self) -> Batch:
+    def _long(self) -> Batch:
         keys = {channel.where[0]: None for channel in self.channels.values() if channel.where}
         places = [self._place("where", key) for key in keys]
         asks = [_ask(place, self.raw.channels[name]) for name, place in self.positions.items()]
         asks += [Ask(place, text=True) for place in places]
         whole = [np.concatenate(parts) for parts in zip(*self.reader.batches(asks), strict=True)]
-        values = dict(zip(self.positions, whole[: len(self.positions)], strict=True))
+        values = {
+            name: _to_si(column, channel)
+            for (name, channel), column in zip(self.channels.items(), whole[: len(self.positions)], strict=True)
+        }
         labels = dict(zip(keys, whole[len(self.positions) :], strict=True))
-        time = _to_si(values["time"], self.raw.channels["time"])
-        parts = {name: self._rows(name, values[name], time, labels) for name in self.positions if name != "time"}
-        clock = np.unique(np.concatenate([stamps for stamps, _ in parts.values()]))
-        return {"time": clock, **{name: _spread(clock, *part) for name, part in parts.items()}}
+        tables = [self._table(where, values, labels) for where in dict.fromkeys(self._wheres().values())]
+        taken = np.unique(np.concatenate([table.rows for table in tables])).size
+        table, losses = join(tables, self.reader.place)
+        self._rows = table.rows
+        self._losses = losses + Counter({"other-channel": values["time"].size - taken})
+        return {"time": table.time, **table.columns}
 
-    def _rows(self, name: str, values: Values, time: Array, labels: Mapping[Key, Values]) -> tuple[Array, Array]:
-        """Return the time stamps (rising) and values of the rows that belong to ``name``."""
-        channel = self.raw.channels[name]
-        chosen = np.isfinite(time)
-        if channel.where:
-            chosen &= _equal(labels[channel.where[0]], channel.where[1])
-        if not chosen.any():
-            label = channel.where and channel.where[1]
-            found = sorted({str(text) for column in labels.values() for text in column[:10_000]})
-            raise InputError(
-                f"{self.raw.path}, signal {name}", f'no row where the label is "{label}"', "", f"labels: {found}"
-            )
-        order = np.argsort(time[chosen], kind="stable")
-        stamps, first = np.unique(time[chosen][order], return_index=True)
-        return stamps, _to_si(values[chosen][order][first], channel)
+    def _wheres(self) -> dict[str, tuple[Key, str | float] | None]:
+        return {name: channel.where for name, channel in self.channels.items() if name != "time"}
 
-    def _place(self, name: str, column: Key) -> int:
-        place = position(column, self.reader.names)
+    def _table(
+        self, where: tuple[Key, str | float] | None, values: Mapping[str, Array], labels: Mapping[Key, Values]
+    ) -> Table:
+        """Return the rows that belong to the channels of one ``where``."""
+        names = [name for name, other in self._wheres().items() if other == where]
+        time = values["time"]
+        rows = np.flatnonzero(_equal(labels[where[0]], where[1])) if where else np.arange(time.size)
+        if where and not rows.size:
+            seen = sorted({str(text) for column in labels.values() for text in column[:10_000]})
+            found, mend = f'no row where the label is "{where[1]}"', f"labels: {', '.join(seen[:30])}"
+            raise InputError(f"{self.raw.path}, signal {names[0]}", found, "", mend)
+        return Table(time[rows], {name: values[name][rows] for name in names}, rows)
+
+    def _place(self, signal: str, column: Key) -> int:
+        place = position(self.raw.path, signal, column, self.reader.names)
         if place is None:
-            raise missing_column(self.raw.path, name, column, self.reader.names)
+            raise missing_column(self.raw.path, signal, column, self.reader.names)
         return place
 
 
 def open_signals(raw: RawFile) -> Opened:
     """Open ``raw`` and find the columns of its channels.
 
-    A channel without a column is passed over, unless it is required: then InputError lists the columns there are.
+    A channel without a column is passed over, unless it is required: then InputError lists the columns there are. It
+    is raised too where several columns are called alike, or one column is asked for two signals.
     """
     reader = open_raw(raw)
-    found = {name: position(channel.column, reader.names) for name, channel in raw.channels.items()}
+    found = {name: position(raw.path, name, channel.column, reader.names) for name, channel in raw.channels.items()}
     for name in sorted(raw.required):
         if found.get(name) is None:
             raise missing_column(raw.path, name, raw.channels[name].column, reader.names)
     places = {name: place for name, place in found.items() if place is not None}
     _require_own_columns(raw, places, reader.names)
+    reader.repairs += _same_names(reader)
     return Opened(raw, reader, {"time": places.pop("time"), **places})
 
 
@@ -100,29 +129,48 @@ def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequenc
             raise InputError(f"{raw.path}, signal {name}", found, "a column for each signal", mend)
 
 
+def _same_names(reader: Reader) -> list[Repair]:
+    often = Counter(name for name in reader.names if name)
+    alike = {name: count for name, count in often.items() if count > 1}
+    listed = ", ".join(f'{count} "{name}"' for name, count in list(alike.items())[:5])
+    return [Repair("", "same-name", sum(alike.values()), f"columns share a name: {listed}; none is taken")] * bool(
+        alike
+    )
+
+
+def _even(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
+    """Yield the same rows, BATCH at a time; at least one batch, which may be empty."""
+    waiting: Batch = {name: np.empty(0) for name in names}
+    for batch in batches:
+        joined = {
+            name: np.concatenate([rest, batch[name]]) if rest.size else batch[name] for name, rest in waiting.items()
+        }
+        whole = joined["time"].size // BATCH * BATCH
+        for start in range(0, whole, BATCH):
+            yield {name: values[start : start + BATCH] for name, values in joined.items()}
+        waiting = {name: values[whole:] for name, values in joined.items()}
+    yield waiting
+
+
 def _ask(place: int, channel: Channel) -> Ask:
     return Ask(place, decimal=channel.decimal, thousands=channel.thousands)
 
 
 def _to_si(column: Values, channel: Channel) -> Array:
-    values = column if channel.factor == 1.0 else column * channel.factor
-    return values if channel.offset == 0.0 else values + channel.offset
+    with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is counted as such
+        values = column if channel.factor == 1.0 else column * channel.factor
+        return values if channel.offset == 0.0 else values + channel.offset
 
 
 def _equal(labels: Values, wanted: str | float) -> NDArray[np.bool_]:
-    if isinstance(wanted, str):
-        return np.asarray(labels == wanted.strip())
-    return np.array([_number(label) == wanted for label in labels])
+    if isinstance(wanted, str) and labels.dtype == object:
+        return np.asarray(labels == wanted.strip(), dtype=np.bool_)
+    number = _number(wanted)
+    return np.array([_number(label) == number for label in labels], dtype=np.bool_)
 
 
-def _number(label: str) -> float | None:
+def _number(label: str | float) -> float | None:
     try:
         return float(label)
     except ValueError:
         return None
-
-
-def _spread(clock: Array, stamps: Array, values: Array) -> Array:
-    spread = np.full(clock.size, np.nan)
-    spread[np.searchsorted(clock, stamps)] = values
-    return spread

@@ -6,17 +6,21 @@ import codecs
 import csv
 import io
 import re
-from dataclasses import dataclass
+import string
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io.raw import RawFile
 
 HEAD = 1 << 18
+LONGEST = 16 << 20  # bytes of a line
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 _DELIMITERS = ("\t", ";", ",", " ")
+_BLANK = (" ", r"\s+", "whitespace")  # as some programs call blanks
+_DELIMITER_MARKS = (*_BLANK, "\t", *(mark for mark in string.punctuation if mark not in "\"#'+-."))
 
 
 @dataclass(frozen=True)
@@ -29,12 +33,17 @@ class Layout:
     skip: int
     names: tuple[str, ...]
     units_line: bool = False
+    line_end: str = "\n"
 
     def split(self, line: str) -> list[str]:
         """Return the fields of one line, without blanks around them."""
         if self.delimiter == " ":
             return line.split()
-        return [field.strip() for field in next(csv.reader([line], delimiter=self.delimiter), [])]
+        try:
+            fields = next(csv.reader([line], delimiter=self.delimiter), [])
+        except csv.Error:  # quotes left open, fields without end
+            fields = line.split(self.delimiter)
+        return [field.strip() for field in fields]
 
 
 def layout(raw: RawFile) -> Layout:
@@ -46,9 +55,12 @@ def layout(raw: RawFile) -> Layout:
         head = file.read(HEAD)
     if not head.strip():
         raise InputError(str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out")
+    _check_marks(raw)
     encoding = raw.encoding or _encoding(raw.path, head)
-    lines = _decode(raw.path, head, encoding).splitlines()
-    if len(head) == HEAD:
+    text = _decode(raw.path, head, encoding)
+    line_end = "\n" if "\n" in text else "\r"
+    lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
+    if len(head) == HEAD and len(lines) > 1:
         lines.pop()
     rows = [n for n, line in enumerate(lines) if n >= raw.skip_rows and line.strip() and not _is_comment(line)]
     if len(rows) < 1 + raw.header:
@@ -56,8 +68,8 @@ def layout(raw: RawFile) -> Layout:
         raise InputError(f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out")
     sample = [lines[n] for n in rows[:20]]
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
-    delimiter = " " if not delimiter.strip(" ") or delimiter in (r"\s+", "whitespace") else delimiter
-    plain = Layout(encoding, delimiter, ".", rows[raw.header], ())
+    delimiter = " " if delimiter in _BLANK else delimiter
+    plain = Layout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end)
     return _with_names(raw, plain, [plain.split(line) for line in sample], rows)
 
 
@@ -73,7 +85,19 @@ def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list
         raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
-    return Layout(plain.encoding, plain.delimiter, decimal, skip, tuple(names), units)
+    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units_line=units)
+
+
+def _check_marks(raw: RawFile) -> None:
+    """Raise InputError where a mark that the recording states cannot be one."""
+    marks = (("delimiter", raw.delimiter, _DELIMITER_MARKS), ("decimal", raw.decimal, (".", ",")))
+    for key, value, usable in marks:
+        if value is not None and value not in usable:
+            wanted = "a comma, a semicolon, a tab or the like" if key == "delimiter" else "a point or a comma"
+            raise InputError(f"{raw.path}, key {key}", f'"{value}"', wanted, f"change {key}")
+    if raw.decimal and raw.decimal in (raw.delimiter, raw.thousands):
+        found = f'"{raw.decimal}" is the decimal mark and another one'
+        raise InputError(f"{raw.path}, key decimal", found, "a mark for each", "change one of them")
 
 
 def _is_comment(line: str) -> bool:
@@ -108,14 +132,15 @@ def _encoding(path: Path, head: bytes) -> str:
 
 def _decode(path: Path, head: bytes, encoding: str) -> str:
     try:
+        b"".decode(encoding)  # there are codecs that are no encodings of text
         return codecs.getincrementaldecoder(encoding)().decode(head)
-    except LookupError as error:
-        raise InputError(
-            str(path), f'no encoding is called "{encoding}"', 'such as "utf-8"', "change encoding"
-        ) from error
     except UnicodeDecodeError as error:
         found = f"byte {head[error.start]:#04x} at position {error.start} is not {encoding}"
         raise InputError(str(path), found, "a text file", "check the file, or state its encoding") from error
+    except (LookupError, ValueError, TypeError) as error:
+        raise InputError(
+            str(path), f'no encoding is called "{encoding}"', 'such as "utf-8"', "change encoding"
+        ) from error
 
 
 def _delimiter(body: list[str], header: str) -> str:
@@ -139,17 +164,21 @@ class PlainStream(io.RawIOBase):
     """The rows of a text file as plain UTF-8 without comment lines; blanks as delimiters become one tab.
 
     Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
+    ``comments`` counts the comment lines among the rows; ``ended`` says whether the last row had an end of line.
     """
 
     def __init__(self, path: Path, look: Layout) -> None:
+        self._path = path
         self._file = path.open("rb", buffering=0)
-        encoded = look.encoding.lower().replace("_", "-")
-        same_bytes = encoded in ("utf-8", "ascii", "cp1252", "latin-1", "iso-8859-1", "iso8859-1", "iso-8859-15")
-        self._decoder = None if same_bytes else codecs.getincrementaldecoder(look.encoding)()
+        self._encoding = look.encoding
+        self._decoder = None if _is_ascii(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
         self._blanks = look.delimiter == " "
+        self._line_end = look.line_end.encode()
         self._skip = look.skip
         self._rest = b""
-        self._ended = False
+        self._over = False
+        self.comments = 0
+        self.ended = True
 
     def readable(self) -> bool:
         """Return True."""
@@ -157,32 +186,50 @@ class PlainStream(io.RawIOBase):
 
     def read(self, size: int = -1) -> bytes:
         """Return about ``size`` bytes of whole rows; nothing at the end."""
-        while not self._ended:
+        while not self._over:
             if block := self._plain(self._lines(max(size, HEAD))):
                 return block
         return b""
 
     def _lines(self, size: int) -> bytes:
         block = self._file.read(size)
-        self._ended = not block
+        self._over = not block
         if self._decoder:
-            block = self._decoder.decode(block, final=self._ended).encode()
-        if self._ended:
-            block, self._rest = self._rest, b""
+            block = self._decoder.decode(block, final=self._over).encode()
+        if self._line_end != b"\n":
+            block = block.replace(self._line_end, b"\n")
+        if self._over:
+            block, self._rest = self._rest + block, b""
+            self.ended = not block.strip()
             return block
         end = block.rfind(b"\n") + 1
         lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
+        if len(self._rest) > LONGEST:
+            found, mend = f"a line of more than {LONGEST >> 20} MB", "check the file, record or copy it again"
+            raise InputError(str(self._path), found, "rows of numbers", mend)
         return lines
 
     def _plain(self, block: bytes) -> bytes:
         while self._skip and block:
             block = block.partition(b"\n")[2]
             self._skip -= 1
+        if not self._decoder and not block.isascii():
+            block = block.decode(self._encoding, "replace").encode()
         if b"#" in block:
-            block = _COMMENT.sub(b"", block)
+            block, comments = _COMMENT.subn(b"", block)
+            self.comments += comments
         return _BLANKS.sub(b"\t", _EDGES.sub(b"", block)) if self._blanks else block
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
         super().close()
+
+
+def _is_ascii(encoding: str) -> bool:
+    """Return whether the first 128 characters are bytes as in ASCII: then lines may be told before they are decoded."""
+    plain = bytes(range(128))
+    try:
+        return plain.decode(encoding).encode() == plain
+    except UnicodeDecodeError:
+        return False

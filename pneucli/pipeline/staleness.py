@@ -44,7 +44,7 @@ def program_digest() -> str:
 
 @dataclass(frozen=True)
 class Stamp:
-    """A file's size in bytes, time of modification in ns, and SHA-256; ``size = -1`` where there is no such file."""
+    """A file's size in bytes, time of modification in ns, and SHA-256; ``size = -1`` where there is no regular file."""
 
     size: int
     mtime_ns: int

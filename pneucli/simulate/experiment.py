@@ -158,8 +158,8 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     inputs = smooth(raw, smoothers, fusion, recording.time)
     still = 0.0
     if "x" in raw:
-        drawn = smooth(_draw(noise, recording.time, np.random.default_rng(0)), smoothers, fusion, recording.time)
-        still = RESTING * float(np.std(drawn[:, at.IN_V]))
+        drawn = _draw(noise, recording.time, np.random.default_rng(0))
+        still = RESTING * float(np.std(_motion(drawn, smoothers, fusion, recording.time)[1]))
         inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
     _stand_ins(inputs, recording, rig)
     flags = _flags(recording, raw, noise)
@@ -177,12 +177,21 @@ def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion:
     for column, name in enumerate(at.INPUTS):
         if name in raw:
             inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
-    if fusion is not None:
-        inputs[:, at.IN_X], inputs[:, at.IN_V], _ = fusion(raw["x"], raw["a"])
-    elif "x" in raw and "v" not in raw:
-        slope = smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
-        inputs[:, at.IN_V] = slope
+    if "x" in raw:
+        inputs[:, at.IN_X], inputs[:, at.IN_V] = _motion(raw, smoothers, fusion, time)
     return inputs
+
+
+def _motion(
+    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array
+) -> tuple[Array, Array]:
+    """Return smoothed position and velocity, each (n,)."""
+    if fusion is not None:
+        return fusion(raw["x"], raw["a"])[:2]
+    x = smoothers["x"](raw["x"]) if "x" in smoothers else raw["x"]
+    if "v" in raw:
+        return x, raw["v"]
+    return x, smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
 
 
 def _stand_ins(inputs: Array, recording: Recording, rig: Rig) -> None:

@@ -7,18 +7,21 @@ Position and acceleration are fused into position and velocity by least squares,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import factorized
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
+Chosen = NDArray[np.int8]
+Index = NDArray[np.int64]
 HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
 AGREEMENT = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
 
@@ -46,15 +49,6 @@ class Window:
     value: Array
     slope: Array
 
-    def apply(self, weights: Array, y: Array) -> Array:
-        """Return the fits to y, shape (n,), by ``value`` or ``slope``."""
-        width, inner = weights.shape[0], y.size - self.half
-        out = np.empty(y.size)
-        out[: self.half] = weights[: self.half] @ y[:width]
-        out[self.half : inner] = np.correlate(y, weights[self.half])
-        out[inner:] = weights[self.half + 1 :] @ y[y.size - width :]
-        return out
-
 
 @lru_cache(maxsize=64)
 def window(half: int, degree: int) -> Window:
@@ -75,32 +69,54 @@ def deviations(noise: NoiseModel, half: int, degree: int) -> Array:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
+class Bank(NamedTuple):
+    """All windows that fit into a record, those of one degree after another, growing; laid out for compiled code.
+
+    ``degree`` and ``half`` have a number a window; ``value`` and ``slope`` hold the windows' weights, row by row, the
+    first of each window at ``first``; its rows begin at ``row`` among all rows.
+    """
+
+    degree: Index
+    half: Index
+    first: Index
+    row: Index
+    value: Array
+    slope: Array
+
+
+@lru_cache(maxsize=16)
+def bank(longest: int) -> Bank:
+    """Return the windows of at most ``longest`` samples."""
+    kinds = [(d, h) for d in (0, 1, 2) for h in HALF_WIDTHS if 2 * h + 1 <= longest and h >= d]
+    degree, half = np.array(kinds, dtype=np.int64).T
+    width = 2 * half + 1
+    windows = [window(h, d) for d, h in kinds]
+    return Bank(
+        degree,
+        half,
+        np.cumsum(width**2) - width**2,
+        np.cumsum(width) - width,
+        np.concatenate([w.value.ravel() for w in windows]),
+        np.concatenate([w.slope.ravel() for w in windows]),
+    )
+
+
 @dataclass(frozen=True)
 class LocalFits:
     """Which window each sample of a record takes, for its value and for its slope; linear once that is chosen."""
 
-    windows: tuple[Window, ...]
-    for_value: NDArray[np.int64]
-    for_slope: NDArray[np.int64]
+    bank: Bank
+    for_value: Chosen
+    for_slope: Chosen
     period: float
 
     def __call__(self, y: Array) -> Array:
         """Return the smoothed signal, shape (n,)."""
-        out = np.empty(y.size)
-        for w, mine in self._used(self.for_value):
-            out[mine] = w.apply(w.value, y)[mine]
-        return out
+        return np.asarray(_fits(y, self.for_value, self.bank.half, self.bank.first, self.bank.value))
 
     def slope(self, y: Array) -> Array:
         """Return the derivative of the smoothed signal in 1/s, shape (n,)."""
-        out = np.empty(y.size)
-        for w, mine in self._used(self.for_slope):
-            out[mine] = w.apply(w.slope, y)[mine] / self.period
-        return out
-
-    def _used(self, chosen: NDArray[np.int64]) -> Iterator[tuple[Window, NDArray[np.bool_]]]:
-        for i in np.unique(chosen):
-            yield self.windows[i], chosen == i
+        return np.asarray(_fits(y, self.for_slope, self.bank.half, self.bank.first, self.bank.slope) / self.period)
 
 
 def local_fits(y: Array, noise: NoiseModel, period: float) -> LocalFits:
@@ -108,76 +124,106 @@ def local_fits(y: Array, noise: NoiseModel, period: float) -> LocalFits:
 
     Constants, lines and parabolas are grown apart; each sample takes the surest, so that a rest is a rest.
     """
-    n = y.size
-    windows: list[Window] = []
-    value, slope = _Plan(n), _Plan(n)
-    for degree in (0, 1, 2):
-        low, high = np.full(n, -np.inf), np.full(n, np.inf)
-        growing = np.ones(n, dtype=bool)
-        for half in (h for h in HALF_WIDTHS if 2 * h + 1 <= n and h >= degree):
-            grown = window(half, degree)
-            estimate, deviation = grown.apply(grown.value, y), _along(deviations(noise, half, degree), n)
-            low = np.maximum(low, estimate - AGREEMENT * deviation)
-            high = np.minimum(high, estimate + AGREEMENT * deviation)
-            growing &= low <= high
-            value.offer(len(windows), growing, deviation)
-            if degree > 0:  # a constant has no slope to tell
-                slope.offer(len(windows), growing | ~np.isfinite(slope.deviation), deviation)
-            windows.append(grown)
-    return LocalFits(tuple(windows), value.chosen, slope.chosen, period)
+    windows = bank(min(y.size, 2 * HALF_WIDTHS[-1] + 1))
+    kinds = zip(windows.half.tolist(), windows.degree.tolist(), strict=True)
+    deviation = np.concatenate([deviations(noise, half, degree) for half, degree in kinds])
+    for_value, for_slope = np.zeros((2, y.size), dtype=np.int8)
+    _grow(np.ascontiguousarray(y), windows, deviation, AGREEMENT, for_value, for_slope)
+    return LocalFits(windows, for_value, for_slope, period)
 
 
-def _along(deviation: Array, n: int) -> Array:
-    """Return what goes by the place in a window as what goes by the sample of a record of n."""
-    half = deviation.size // 2
-    return np.concatenate([deviation[:half], np.full(n - 2 * half, deviation[half]), deviation[half + 1 :]])
+_compiled = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN and inf stay
 
 
-class _Plan:
-    """Which window each sample takes: the one with the smallest deviation among those offered."""
+@_compiled
+def _fit(y: Array, k: int, half: int, weights: Array) -> tuple[float, int]:
+    """Return the fit at sample k by the window whose ``weights`` these are, and the sample's place in the window."""
+    width = 2 * half + 1
+    begin = min(max(k - half, 0), y.size - width)
+    mine, around, total = weights[(k - begin) * width :], y[begin:], 0.0
+    for i in range(width):
+        total += mine[i] * around[i]
+    return total, k - begin
 
-    def __init__(self, n: int) -> None:
-        self.chosen = np.zeros(n, dtype=np.int64)
-        self.deviation = np.full(n, np.inf)
 
-    def offer(self, index: int, accepted: NDArray[np.bool_], deviation: Array) -> None:
-        better = accepted & (deviation < self.deviation)
-        self.chosen[better], self.deviation[better] = index, deviation[better]
+@_compiled
+def _fits(y: Array, chosen: Chosen, half: Index, first: Index, weights: Array) -> Array:
+    """Return the fits by each sample's chosen window, shape (n,)."""
+    out = np.empty(y.size)
+    for k in range(y.size):
+        out[k] = _fit(y, k, half[chosen[k]], weights[first[chosen[k]] :])[0]
+    return out
+
+
+@_compiled
+def _grow(y: Array, bank: Bank, deviation: Array, agreement: float, for_value: Chosen, for_slope: Chosen) -> None:
+    """Write which window each sample takes: of those that agree with all smaller ones the surest.
+
+    A constant has no slope to tell; the smallest window with one is taken where none agrees.
+    """
+    for k in range(y.size):
+        surest_value = surest_slope = low = np.inf
+        high, growing, degree = -np.inf, False, -1
+        for w in range(bank.half.size):
+            if bank.degree[w] != degree:
+                low, high, growing, degree = -np.inf, np.inf, True, bank.degree[w]
+            sloped = degree > 0 and surest_slope == np.inf
+            if not growing and not sloped:
+                continue
+            estimate, place = _fit(y, k, bank.half[w], bank.value[bank.first[w] :])
+            sure = deviation[bank.row[w] + place]
+            low, high = max(low, estimate - agreement * sure), min(high, estimate + agreement * sure)
+            growing = growing and low <= high
+            if growing and sure < surest_value:
+                for_value[k], surest_value = w, sure
+            if degree > 0 and (growing or surest_slope == np.inf) and sure < surest_slope:
+                for_slope[k], surest_slope = w, sure
 
 
 def kinematics(time: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, Array, float]]:
     """Return the map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
 
-    Least squares over x_k, v_k and one constant bias: x is measured, and each step obeys the integrated acceleration,
-    which errs by its noise and by what the sampling misses of a jerk.
+    Each step obeys the integrated acceleration, which errs by its noise and by what the sampling misses of a jerk.
     """
-    n = time.size
     dt = np.diff(time)
-    i = np.arange(n - 1)
     slack = np.sqrt(dt) * (3.0 * a_noise + 1e-3) * np.sqrt(np.median(dt))  # m/s a step
-    wx, wv, wp = 1.0 / x_noise, 1.0 / slack, 1.0 / (slack * dt)
-    rows = np.concatenate([np.arange(n), n + np.repeat(i, 3), 2 * n - 1 + np.repeat(i, 4)])
-    columns = np.concatenate(
-        [
-            np.arange(n),
-            np.column_stack([n + i, n + i + 1, np.full(n - 1, 2 * n)]).ravel(),
-            np.column_stack([i, i + 1, n + i, np.full(n - 1, 2 * n)]).ravel(),
-        ]
-    )
-    entries = np.concatenate(
-        [
-            np.full(n, wx),
-            np.column_stack([-wv, wv, dt * wv]).ravel(),
-            np.column_stack([-wp, wp, -dt * wp, 0.5 * dt**2 * wp]).ravel(),
-        ]
-    )
-    design = sparse.csc_matrix((entries, (rows, columns)), shape=(3 * n - 2, 2 * n + 1))
-    solve = factorized((design.T @ design).tocsc())
+    return integrated(dt, 1.0 / x_noise, 1.0 / slack, 1.0 / (slack * dt))
+
+
+def integrated(dt: Array, wx: float, wv: Array, wp: Array) -> Callable[[Array, Array], tuple[Array, Array, float]]:
+    """Return the map from x and a, shape (n,), to x, v and one constant bias of a, by least squares.
+
+    x is measured with the weight ``wx``; each of the n - 1 steps ``dt`` (s) obeys the acceleration, linear in between,
+    v with the weight ``wv`` and x with ``wp``. With x and v of a sample side by side the normal equations have five
+    diagonals, and the bias borders them.
+    """
+    n, place, speed = dt.size + 1, wp**2, wv**2
+    bands = np.zeros((3, 2 * n), order="F")  # above the diagonal by two and by one, and the diagonal itself
+    bands[0, 2::2], bands[0, 3::2] = -place, -speed
+    bands[1, 1:-1:2], bands[1, 2::2] = dt * place, -dt * place
+    bands[2, ::2] = wx**2
+    for part in (slice(0, -2), slice(2, None)):
+        bands[2, part] += np.column_stack([place, speed]).ravel()
+    bands[2, 1:-1:2] += dt**2 * place
+    border = np.zeros(2 * n)
+    for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
+        border[part] += pushed * np.column_stack([0.5 * dt**2 * place, dt * speed]).ravel()
+    border[1:-1:2] -= 0.5 * dt**3 * place
+    corner = float(np.sum(dt**2 * speed) + np.sum(0.25 * dt**4 * place))
+    factor = cholesky_banded(bands, overwrite_ab=True, check_finite=False), False
+    carried = cho_solve_banded(factor, border, check_finite=False)
+    stiffness = corner - float(border @ carried)
 
     def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
-        mean, first = 0.5 * (a[1:] + a[:-1]), (2.0 * a[:-1] + a[1:]) / 6.0
-        right = design.T @ np.concatenate([wx * x, wv * dt * mean, wp * dt**2 * first])
-        solution = solve(right)
-        return solution[:n], solution[n : 2 * n], float(solution[2 * n])
+        push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
+        right = np.zeros(2 * n)
+        right[::2] = wx**2 * x
+        for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
+            right[part] += pushed * np.column_stack([push, jump]).ravel()
+        right[1:-1:2] -= dt * push
+        free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
+        bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
+        free -= bias * carried
+        return free[::2].copy(), free[1::2].copy(), bias
 
     return smooth

@@ -8,10 +8,11 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_regions, overall_error
 from pneucli.compare.expected import expected_of_all
-from pneucli.io.artifacts import write_table
+from pneucli.io.artifacts import TableWriter, schema_of
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.stages import history
@@ -60,22 +61,26 @@ def _renamed(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
-    columns: dict[str, list[Any]] = {n: [] for n in ("recording", "use", "channel", "unit")}
-    numbers: dict[str, list[Any]] = {n: [] for n in ("time", "measured", "model", "residual", "segment")}
-    for c in comparisons:
-        n = c.experiment.time.size
-        for result in c.results:
-            texts = (result.recording, result.use, result.channel, SIGNALS[result.channel].unit)
-            for name, text in zip(columns, texts, strict=True):
-                columns[name] += [text] * n
-            residual = c.residual(result.channel)
-            parts = (c.experiment.time, c.measured[result.channel], c.modelled[result.channel], residual, c.segment)
-            for name, part in zip(numbers, parts, strict=True):
-                numbers[name].append(part)
-    write_table(
-        study.context.out / RESIDUALS,
-        {**columns, **{n: np.concatenate(parts).astype(np.float64) for n, parts in numbers.items()}},
+    types: dict[str, Any] = dict.fromkeys(("recording", "use", "channel", "unit"), pa.string())
+    types |= dict.fromkeys(("time", "measured", "model", "residual", "segment"), pa.float64())
+    schema = schema_of(
+        types,
         units={"time": "s", "segment": "1"} | dict.fromkeys(("measured", "model", "residual"), "see column unit"),
         schema="pneucli/compare/residuals/1",
         provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
     )
+    with TableWriter(study.context.out / RESIDUALS, schema) as writer:
+        for c in comparisons:
+            for result in c.results:
+                columns = {
+                    "recording": result.recording,
+                    "use": result.use,
+                    "channel": result.channel,
+                    "unit": SIGNALS[result.channel].unit,
+                    "time": c.experiment.time,
+                    "measured": c.measured[result.channel],
+                    "model": c.modelled[result.channel],
+                    "residual": c.residual(result.channel),
+                    "segment": c.segment.astype(np.float64),
+                }
+                writer.write(columns)

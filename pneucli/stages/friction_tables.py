@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.identify.friction import FrictionIdentification
+from pneucli.identify.friction.stickslip import Cut
 from pneucli.io.artifacts import Provenance, write_table
 
 MODEL_POINTS = 401
@@ -31,16 +32,27 @@ def write_friction(friction: FrictionIdentification, out: Path, provenance: Prov
     ]
     force = {"force": "N", "ci_low": "N", "ci_high": "N"}
     _write(out / "friction_curves.parquet", curves, {"v": "m/s", "count": "1", **force}, provenance)
-    cuts = [
-        {"recording": c.recording, "cut": float(i), "direction": float(c.direction), "time": t, "speed": s, "force": f}
-        for i, c in enumerate(friction.cuts)
-        for t, s, f in zip(c.time, c.speed, c.friction, strict=True)
-    ]
-    units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
-    _write(out / "friction_cuts.parquet", cuts, units, provenance)
+    _write_cuts(friction.cuts, out, provenance)
     _write_averages(friction, out, provenance)
     _write_tables(friction, out, provenance)
     _write_tp(friction, out, provenance)
+
+
+def _write_cuts(cuts: Sequence[Cut], out: Path, provenance: Provenance) -> None:
+    sizes = [c.time.size for c in cuts]
+    if not sum(sizes):
+        return
+    columns: dict[str, Any] = {
+        "recording": [c.recording for c in cuts for _ in range(c.time.size)],
+        "cut": np.repeat(np.arange(len(cuts), dtype=np.float64), sizes),
+        "direction": np.repeat([float(c.direction) for c in cuts], sizes),
+        "time": np.concatenate([c.time for c in cuts]),
+        "speed": np.concatenate([c.speed for c in cuts]),
+        "force": np.concatenate([c.friction for c in cuts]),
+    }
+    units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
+    schema = "pneucli/identify/friction_cuts/1"
+    write_table(out / "friction_cuts.parquet", columns, units=units, schema=schema, provenance=provenance)
 
 
 def _write_averages(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:

@@ -6,12 +6,13 @@ from typing import Any
 
 from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Estimate, Fit
+from pneucli.identify.fit import Estimate
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
+from pneucli.simulate.model import Model
 from pneucli.stages.friction_tables import write_friction
 from pneucli.stages.study import Study, save_model
 from pneucli.stages.valve_tables import iso_parameters, write_valve
@@ -34,13 +35,15 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("fitting the model", 0.3)
     guess = first_guess(train, study.rig, linear_valve=study.linear_valve)
     fitted = fit_model(guess, study.views("train"), study.effects, linear_valve=study.linear_valve)
+    model, found = fitted.model, fitted.estimates
+    del fitted  # of a long recording, what its tests need fills the memory
     context.progress("identifying the valve", 0.5)
     valve = _valve(study, warnings)
     context.progress("identifying friction", 0.7)
     friction = _friction(study, warnings)
-    estimates = [as_ratio(e, study) for e in fitted.estimates]
-    _write(study, fitted, estimates, valve, friction)
-    warnings += [AT_BOUND.format(e.name) for e in fitted.estimates if e.at_bound]
+    estimates = [as_ratio(e, study) for e in found]
+    _write(study, model, estimates, valve, friction)
+    warnings += [AT_BOUND.format(e.name) for e in found if e.at_bound]
     return _answer(study, estimates, valve, friction, warnings)
 
 
@@ -86,13 +89,13 @@ def as_ratio(estimate: Estimate, study: Study) -> Estimate:
 
 def _write(
     study: Study,
-    fitted: Fit,
+    model: Model,
     estimates: list[Estimate],
     valve: ValveIdentification | None,
     friction: FrictionIdentification | None,
 ) -> None:
     out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
-    save_model(fitted.model, out, provenance)
+    save_model(model, out, provenance)
     rows = [(e.name, e.value, e.unit, *e.ci95) for e in estimates]
     if valve is not None:
         write_valve(valve, out, provenance)

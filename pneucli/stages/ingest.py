@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
@@ -12,15 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.config import PipelineConfig, SignalTable, Source, sources
+from pneucli.config import PipelineConfig, RecordingTable, SignalTable, Source, sources
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw import Channel, RawFile, Repair
 from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, SIGNALS_FILE, signals_schema
+from pneucli.io.rows import LOSSES
 from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, pool
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.stages.ingest_looks import looked_at
 from pneucli.units import factor_and_offset, parse_quantity
@@ -28,7 +30,11 @@ from pneucli.units import factor_and_offset, parse_quantity
 NEEDED = {"valve": ("p1",), "friction": ("x",), "axis": ("u", "p1", "x")}
 NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
 FEWEST = 8  # samples that noise is estimated from
-WARNINGS = ("frozen", "saturated", "spike", "gap", "backward", "duplicate", "truncated")
+SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
+WARNINGS = (
+    *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
+    *("no-line-end", "empty", "reader"),
+)
 
 Array = NDArray[np.float64]
 
@@ -39,6 +45,7 @@ class Ingested:
 
     source: Source
     signals: list[str]
+    empty: set[str]  # of the signals that have columns, those without any value so far
     sha256: str = ""
     samples: int = 0
     period: float = float("nan")
@@ -46,6 +53,8 @@ class Ingested:
     end: float = float("nan")
     noise: dict[str, NoiseModel] = field(default_factory=dict)
     repairs: list[Repair] = field(default_factory=list)
+    rows: int = 0
+    losses: Counter[str] = field(default_factory=Counter)
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -56,21 +65,33 @@ def run(context: Context) -> dict[str, Any]:
     config = context.config
     found = sources(config)
     opened = [open_signals(_raw_file(source, config)) for source in found]
-    done = [Ingested(source, _present(source, file)) for source, file in zip(found, opened, strict=True)]
+    done = [Ingested(source, *_present(source, file)) for source, file in zip(found, opened, strict=True)]
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
         hashes = {path: threads.submit(sha256_of, path) for path in dict.fromkeys(source.path for source in found)}
         about = Provenance(None, {"pipeline": config.document})
         with TableWriter(context.out / SIGNALS_FILE, signals_schema(names, about)) as writer:
             for number, (one, file) in enumerate(zip(done, opened, strict=True)):
-                context.progress(f"reading {one.source.path.name}", number / len(done))
-                _ingest(one, file, writer, threads)
+                _ingest(one, file, writer, threads, _telling(context.progress, number / len(done)))
                 one.sha256 = hashes[one.source.path].result()
             about = Provenance({str(one.source.path): one.sha256 for one in done}, about.parameters)
             writer.add_inputs(about)
     _pool_noise(done)
     _write_tables(context.out, done, about)
     return _answer(config, done) | looked_at(context, found)
+
+
+def _telling(progress: Progress, fraction: float) -> Callable[[str], None]:
+    return lambda message: progress(message, fraction)
+
+
+def _left_out(one: dict[str, Any]) -> str:
+    kinds = ", ".join(f"{one[_column(kind)]} {words}" for kind, words in LOSSES.items() if one[_column(kind)])
+    return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
+
+
+def _column(kind: str) -> str:
+    return kind.replace("-", "_")
 
 
 def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
@@ -102,32 +123,42 @@ def _channel(name: str, signal: SignalTable, ambient: float) -> Channel:
     )
 
 
-def _present(source: Source, file: Opened) -> list[str]:
-    """Return the signals of a recording; raises InputError where the experiment cannot do without another one."""
+def _present(source: Source, file: Opened) -> tuple[list[str], set[str]]:
+    """Return the signals of a recording, and which of them have columns.
+
+    Raises InputError where the experiment cannot do without another one.
+    """
     table = source.table
     present = {*file.positions, *table.constants}
-    needed = set(NEEDED[table.experiment])
-    if table.experiment == "valve" and table.valve != "shut":
-        needed.add("u")
-    if table.experiment == "friction" and "force" not in present:
-        needed.add("p1")
-    for name in sorted(needed - present):
+    for name in sorted(_needed(table, present) - present):
         asked = source.signals.get(name)
         found = f'no column "{asked.column}" for {name}' if asked else f"{name} is not described"
         columns = ", ".join(f'"{column}"' for column in file.reader.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
         wanted = f"{name}, which a {table.experiment} recording needs (columns: {columns})"
         raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
-    return [name for name in SIGNALS if name in present]
+    return [name for name in SIGNALS if name in present], set(file.positions) - {"time"}
 
 
-def _ingest(one: Ingested, file: Opened, writer: TableWriter, threads: ThreadPoolExecutor) -> None:
+def _needed(table: RecordingTable, present: set[str]) -> set[str]:
+    """Return the signals that the experiment cannot do without."""
+    needed = set(NEEDED[table.experiment])
+    if table.experiment == "valve" and table.valve != "shut":
+        needed.add("u")
+    if table.experiment == "friction" and "force" not in present:
+        needed.add("p1")
+    return needed
+
+
+def _ingest(
+    one: Ingested, file: Opened, writer: TableWriter, threads: ThreadPoolExecutor, tell: Callable[[str], None]
+) -> None:
     """Clean one file batch by batch; a batch is written while the next one is read."""
-    cut = _Cut(one.source.table.from_, one.source.table.to, file.reader.place)
-    cleaner = Cleaner(cut.place, _stated_noise(one.source))
+    cleaner = Cleaner(file.place, _stated_noise(one.source), (one.source.table.from_, one.source.table.to))
     heads: list[dict[str, Array]] = []
     writing: Future[None] | None = None
-    for batch in _settled(cleaner, map(cut.apply, file.batches())):
+    for batch in _settled(cleaner, file.batches()):
+        tell(f"reading {one.source.path.name}: {file.rows} rows")
         rows = batch["time"].size
         if not rows:
             continue
@@ -136,16 +167,16 @@ def _ingest(one: Ingested, file: Opened, writer: TableWriter, threads: ThreadPoo
             heads.append({name: values[:NOISE_SAMPLES] for name, values in batch.items()})
             one.start = one.start if np.isfinite(one.start) else float(batch["time"][0])
         one.end = float(batch["time"][-1])
+        one.empty -= {name for name in one.empty if np.isfinite(batch[name]).any()}
         if writing:
             writing.result()
         writing = threads.submit(writer.write, {"recording": one.source.name, **batch})
     if writing:
         writing.result()
-    one.samples, one.period = cleaner.samples, cleaner.period
-    if one.samples < 2:
-        found, mend = f"{one.samples} usable rows", "check from, to and skip_rows"
-        raise InputError(str(one.source.path), found, "a recording of at least 2 samples", mend)
-    one.repairs = [*file.reader.repairs, *cleaner.repairs()]
+    one.samples, one.period, one.rows = cleaner.samples, cleaner.period, file.rows
+    one.losses = file.losses + cleaner.losses
+    one.repairs = [*file.repairs, *cleaner.repairs()]
+    _check(one)
     one.noise = _noise_of(one, heads)
 
 
@@ -155,26 +186,23 @@ def _settled(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[
     yield cleaner.finish()
 
 
-class _Cut:
-    """The stretch of a file between two instants (s)."""
-
-    def __init__(self, start: float | None, end: float | None, place: Callable[[int], str]) -> None:
-        self._start, self._end, self._place = start, end, place
-        self._before = 0
-
-    def apply(self, batch: dict[str, Array]) -> dict[str, Array]:
-        """Return the rows inside; rows without a stamp stay, to be counted by the cleaner."""
-        if self._start is None and self._end is None:
-            return batch
-        time = batch["time"]
-        inside = ~(time < (-np.inf if self._start is None else self._start))
-        self._before += int(np.count_nonzero(~inside))
-        inside &= ~(time > (np.inf if self._end is None else self._end))
-        return {name: values[inside] for name, values in batch.items()}
-
-    def place(self, row: int) -> str:
-        """Return where a row of the stretch stands in the file."""
-        return self._place(row + self._before)
+def _check(one: Ingested) -> None:
+    """Refuse a recording that holds nothing that can be used; every row must be accounted for."""
+    where, lost = str(one.source.path), sum(one.losses.values())
+    if one.rows != one.samples + lost:
+        raise RuntimeError(f"{where}: {one.rows} rows were read, {one.samples} samples and {lost} losses are known")
+    if one.samples < 2:
+        kinds = ", ".join(f"{count} {LOSSES[kind]}" for kind, count in one.losses.items() if count)
+        found = f"{one.samples} usable rows" + (f" ({kinds})" if kinds else "")
+        raise InputError(where, found, "a recording of at least 2 samples", "check from, to and skip_rows")
+    if not SHORTEST < one.period < LONGEST:
+        wanted = f"between {SHORTEST:g} and {LONGEST:g} s"
+        raise InputError(where, f"a sampling period of {one.period:g} s", wanted, "check the column and unit of time")
+    for name in sorted(one.empty & _needed(one.source.table, set(one.signals))):
+        found = f"no value in any of {one.samples} rows"
+        raise InputError(f"{where}, signal {name}", found, "a recorded signal", "check its column, or leave it out")
+    one.signals = [name for name in one.signals if name not in one.empty]
+    one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
 
 
 def _stated_noise(source: Source) -> dict[str, float]:
@@ -220,7 +248,7 @@ def _pool_noise(done: list[Ingested]) -> None:
 def _write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
     recordings = [_row(one) for one in done]
     columns = {key: [row[key] for row in recordings] for key in recordings[0]}
-    units = {"samples": "1", "period": "s"}
+    units = {"period": "s"} | dict.fromkeys(("rows_read", "samples", *map(_column, LOSSES)), "1")
     write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
     _write_noise(out, done, about)
     repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
@@ -241,7 +269,9 @@ def _row(one: Ingested) -> dict[str, Any]:
         "valve_shut": table.valve == "shut",
         "file": str(one.source.path),
         "sha256": one.sha256,
+        "rows_read": one.rows,
         "samples": one.samples,
+        **{_column(kind): one.losses[kind] for kind in LOSSES},
         "period": one.period,
     }
 
@@ -271,6 +301,7 @@ def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
         "schema": "pneucli/ingest/1",
         "pipeline": config.name,
         "recordings": [_summary(one) for one in done],
+        "left_out": [_left_out(row) for row in map(_row, done) if row["rows_read"] != row["samples"]],
         "repairs": repairs,
         "warnings": warnings,
     }

@@ -22,6 +22,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield ""
         yield from plausibility.looks(answer["looks"], {one["name"]: one["experiment"] for one in recordings})
         yield ""
+    for text in answer.get("left_out", []):
+        yield from labelled("left out", text)
     for one in answer["repairs"]:
         place = ", ".join(filter(None, (one["recording"], one["signal"])))
         yield from labelled("repair", f"{place}: {one['message']}")

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.integrate import cumulative_trapezoid
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
-from scipy.sparse.linalg import splu
 
 from pneucli.noise import NoiseModel
+from pneucli.simulate.smooth import integrated
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,16 +31,19 @@ def low_pass(time: Array, cutoff: float) -> Smoother:
     The minimiser of the squared deviation plus the squared third derivative; the stamps need not be equidistant.
     Source: E. Whittaker, Proc. Edinburgh Math. Soc. 41 (1923).
     """
-    n = time.size
-    operator, at = sparse.csc_array(sparse.eye_array(n)), time
+    operator, at = sparse.csc_array(sparse.eye_array(time.size)), time
     for _ in range(3):
         slope = np.stack([-1.0 / np.diff(at), 1.0 / np.diff(at)])
         difference = sparse.diags_array(slope, offsets=[0, 1], shape=(at.size - 1, at.size))
         operator = sparse.csc_array(difference @ operator)
         at = 0.5 * (at[1:] + at[:-1])
-    weight = (2 * np.pi * cutoff) ** -6.0
-    solve = splu((sparse.eye_array(n) + weight * operator.T @ operator).tocsc())
-    return lambda signal: np.asarray(solve.solve(signal))
+    normal = (2 * np.pi * cutoff) ** -6.0 * (operator.T @ operator)
+    bands = np.zeros((4, time.size))
+    for k in range(4):
+        bands[3 - k, k:] = normal.diagonal(k)
+    bands[3] += 1.0
+    factor = cholesky_banded(bands), False
+    return lambda signal: np.asarray(cho_solve_banded(factor, signal))
 
 
 def gentlest(time: Array, x: Array, noise: NoiseModel) -> Smoother:
@@ -62,24 +66,10 @@ def fuse(time: Array, a: Array, x_noise: float, a_noise: float) -> Callable[[Arr
     linear in between, but for its noise and for what the sampling misses where it jumps (break-away and stop happen
     between two samples): ``a`` says where.
     """
-    n, dt = time.size, np.diff(time)
+    dt = np.diff(time)
     slack = dt * (a_noise + MISSED * np.abs(np.diff(a)))  # m/s a step
-    i, column = np.arange(n - 1), np.full(n - 1, 2 * n)
-    wx, wv, wp = np.full(n, 1.0 / x_noise), 1.0 / slack, 2.0 / (slack * dt)
-    speeds = np.column_stack([-wv, wv, dt * wv]), np.column_stack([n + i, n + i + 1, column])
-    places = np.column_stack([-wp, wp, -dt * wp, 0.5 * dt**2 * wp]), np.column_stack([i, i + 1, n + i, column])
-    rows = np.concatenate([np.arange(n), n + np.repeat(i, 3), 2 * n - 1 + np.repeat(i, 4)])
-    columns = np.concatenate([np.arange(n), speeds[1].ravel(), places[1].ravel()])
-    entries = np.concatenate([wx, speeds[0].ravel(), places[0].ravel()])
-    design = sparse.csc_matrix((entries, (rows, columns)), shape=(3 * n - 2, 2 * n + 1))
-    solve = splu((design.T @ design).tocsc())
-
-    def velocity(x: Array, a: Array) -> tuple[Array, float]:
-        once, twice = 0.5 * (a[1:] + a[:-1]), (2.0 * a[:-1] + a[1:]) / 6.0
-        found = solve.solve(design.T @ np.concatenate([wx * x, wv * dt * once, wp * dt**2 * twice]))
-        return found[n : 2 * n], float(found[2 * n])
-
-    return velocity
+    path = integrated(dt, 1.0 / x_noise, 1.0 / slack, 2.0 / (slack * dt))
+    return lambda x, a: path(x, a)[1:]
 
 
 def integrate(time: Array, a: Array, rest: Mask) -> Array:

@@ -1,0 +1,72 @@
+"""One recording of 1,000,000 samples through ingest, identify and compare: ``python benchmarks/million.py [KIND] [N]``.
+
+KIND is axis, friction or valve. Prints processor seconds and peak memory of each stage, in a process of its own.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.rig.manoeuvres import closed_loop, valve_stairs, valve_step, wandering
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.rig.sensors import Sensors
+
+VESSEL = 160e-6  # m^3
+
+
+def make(folder: Path, kind: str, samples: int) -> None:
+    """Write a pipeline with one recording of ``samples`` rows at 1 kHz and, for an axis, a short test of its valve."""
+    rng = np.random.default_rng(4)
+    area = 0.0 if kind == "valve" else 8e-4
+    rig = Parameters(piston_area_1=area, piston_area_2=area, overlap=0.0 if kind == "friction" else 0.15)
+    bench = None if kind == "friction" else VESSEL
+    laboratory = Laboratory(kind, rig, Sensors(400.0, 0.5, 0.0), vessel=bench, has_cylinder=kind != "valve")
+    takes = []
+    if kind == "valve":
+        parts = [valve_stairs(laboratory.bench, 0.5, 1.6), *(valve_step(laboratory.bench, v) for v in (1.0, 3.5, 8.0))]
+        command = np.resize(np.concatenate([part.command for part in parts]), samples)
+        takes = [Take("long", "valve", "train", Manoeuvre(command))]
+    else:
+        driven = closed_loop(rig, wandering(rng, samples), 150.0, 1.7e5)
+        takes = [Take("long", "axis" if kind == "axis" else "friction", "train", driven)]
+    if kind == "axis":
+        takes += [Take(f"step_{v}", "valve", "train", valve_step(laboratory.bench, v)) for v in (0.5, 1.0, 3.5, 8.0)]
+    laboratory.record(folder / "raw", takes, rng)
+    (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))
+
+
+def main(kind: str, samples: int) -> None:
+    """Make the recording and time the three stages."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        maker = multiprocessing.get_context("spawn").Process(target=make, args=(folder, kind, samples))
+        maker.start()  # apart: what this process held would count as its children's
+        maker.join()
+        size = (folder / "raw" / "long.csv").stat().st_size / 1e6
+        print(f"{kind}: {samples} samples, {size:.0f} MB of CSV")
+        for stage in ("ingest", "identify", "compare"):
+            start = time.monotonic()
+            command = [sys.executable, "-m", "pneucli", stage, str(folder / "pipeline.toml"), "--quiet"]
+            child = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            _, status, used = os.wait4(child.pid, 0)
+            seconds, memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+            wall = time.monotonic() - start
+            print(
+                f"{stage:9} exit {os.waitstatus_to_exitcode(status)} {seconds:6.1f} s of processor time"
+                f" ({wall:.1f} s), {memory:5.0f} MB",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else "axis", int(sys.argv[2]) if len(sys.argv) > 2 else 1_000_000)

@@ -1,0 +1,63 @@
+"""HDF5 and MATLAB v7.3: datasets by their paths; a dataset is read only if one of its columns is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from pneucli.io.guard import check_size
+from pneucli.io.raw import Values
+from pneucli.io.whole import WholeReader, columns_of, library, split, vector
+
+NAME = "HDF5"
+
+
+def open_hdf5(path: Path) -> WholeReader:
+    """List the columns: a dataset, ``matrix/2``, or a field of a table, each below its path."""
+    h5py = library("h5py", "hdf5", path)
+    owner: dict[str, tuple[str, str | None]] = {}  # column -> dataset, field
+    with h5py.File(path, "r") as file:
+        for name, dataset in _datasets(h5py, file):
+            for field in dataset.dtype.names or [None]:
+                kind = (dataset.dtype[field] if field else dataset.dtype).kind
+                if kind in "fiub":
+                    own = f"{name}/{field}" if field else name
+                    owner |= dict.fromkeys(columns_of(own, dataset.shape), (name, field))
+
+    def fetch(wanted: Sequence[str]) -> list[Values]:
+        columns: dict[str, Values] = {}
+        with h5py.File(path, "r") as file:
+            parts = dict.fromkeys(owner[name] for name in wanted)
+            check_size(path, sum(file[name].size * file[name].dtype.itemsize for name, _ in parts))
+            for name, field in parts:
+                array = file[name][()] if field is None else file[name][field]
+                own = f"{name}/{field}" if field else name
+                columns |= {key: vector(part) for key, part in split(own, array).items() if key in wanted}
+        return [columns[name] for name in wanted]
+
+    return WholeReader(path, NAME, list(owner), fetch)
+
+
+def _datasets(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
+    """Yield path and dataset, in order; each group once, as groups may hold one another, and nothing of other files."""
+    seen = set()
+    waiting = [("", file)]
+    while waiting:
+        prefix, node = waiting.pop()
+        if isinstance(node, h5py.Dataset):
+            if node.shape is not None:
+                yield prefix, node
+            continue
+        address = h5py.h5o.get_info(node.id).addr
+        if address in seen:
+            continue
+        seen.add(address)
+        inner = [key for key in node if not key.startswith("#") and _is_own(h5py, node, key)]
+        waiting += [(f"{prefix}/{key}".lstrip("/"), node[key]) for key in reversed(inner)]
+
+
+def _is_own(h5py: Any, group: Any, key: str) -> bool:
+    if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
+        return False
+    return isinstance(group.get(key), h5py.Group | h5py.Dataset)

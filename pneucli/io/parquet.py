@@ -1,0 +1,83 @@
+"""Parquet, in batches; only the wanted columns are read."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pneucli.errors import InputError
+from pneucli.io.guard import check_size, reading
+from pneucli.io.raw import Ask, Repair, Values
+from pneucli.io.whole import seconds
+
+NAME = "Parquet"
+BATCH = 1 << 17
+
+
+class ParquetReader:
+    """A Parquet file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.names: Sequence[str] = pq.read_schema(path).names
+        self.repairs: list[Repair] = []
+        self.rows = 0
+        self.losses: Counter[str] = Counter()
+
+    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
+        """Yield the asked columns; time stamps of a calendar become seconds since the first of them."""
+        wanted = [self.names[ask.position] for ask in asks]
+        twice = [name for name in wanted if list(self.names).count(name) > 1]
+        if twice:
+            raise InputError(str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one")
+        first: dict[int, Any] = {}
+        with reading(self._path, NAME, self.repairs):
+            file = pq.ParquetFile(self._path, page_checksum_verification=True)
+            check_size(self._path, _size(file, wanted))
+            parts = file.iter_batches(BATCH, columns=list(dict.fromkeys(wanted)))
+        while True:
+            with reading(self._path, NAME, self.repairs):
+                batch = next(parts, None)
+            if batch is None:
+                return
+            self.rows += batch.num_rows
+            yield [self._values(batch, name, ask, first) for name, ask in zip(wanted, asks, strict=True)]
+
+    def place(self, row: int) -> str:
+        """Return file and row (from 1)."""
+        return f"{self._path}, row {row + 1}"
+
+    def _values(self, batch: Any, name: str, ask: Ask, first: dict[int, Any]) -> Values:
+        column = batch.column(name)
+        try:
+            if pa.types.is_dictionary(column.type):
+                column = column.dictionary_decode()
+            if ask.text:
+                return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
+            return _numbers(column, first, ask.position)
+        except (pa.ArrowException, UnicodeDecodeError, ValueError) as error:
+            where = f'{self._path}, column "{name}" of {column.type}'
+            raise InputError(where, str(error).splitlines()[0], "numbers", "export it as float64") from error
+
+
+def _numbers(column: Any, first: dict[int, Any], key: int) -> Values:
+    if pa.types.is_time(column.type):
+        return np.asarray(column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.float64()).to_numpy(False)) * 1e-9
+    if pa.types.is_temporal(column.type):
+        return seconds(column.to_numpy(zero_copy_only=False), first, key)
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+
+
+def _size(file: Any, wanted: Sequence[str]) -> int:
+    """Return how many bytes the wanted columns expand to, by the file's own account."""
+    meta = file.metadata
+    groups = [meta.row_group(number) for number in range(meta.num_row_groups)]
+    columns = [group.column(index) for group in groups for index in range(group.num_columns)]
+    stored = sum(one.total_uncompressed_size for one in columns if one.path_in_schema.split(".")[0] in wanted)
+    return max(int(stored), 8 * int(meta.num_rows) * len(set(wanted)))

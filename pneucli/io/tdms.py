@@ -1,0 +1,37 @@
+"""NI TDMS: ``group/channel``; a channel's values are read only if it is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pneucli.io.guard import check_size
+from pneucli.io.raw import Values
+from pneucli.io.whole import WholeReader, library, vector
+
+NAME = "TDMS"
+
+
+def open_tdms(path: Path) -> WholeReader:
+    """List the channels; a waveform's own clock is called ``time`` where no channel is."""
+    tdms = library("nptdms", "tdms", path).TdmsFile
+    with tdms.open(path) as file:
+        names = list(_columns(file))
+
+    def fetch(wanted: Sequence[str]) -> list[Values]:
+        with tdms.open(path) as file:
+            columns = _columns(file)
+            check_size(path, sum(8 * len(channel) for name, (channel, _) in columns.items() if name in wanted))
+            return [vector(columns[name][1]()) for name in wanted]
+
+    return WholeReader(path, NAME, names, fetch)
+
+
+def _columns(file: Any) -> dict[str, tuple[Any, Callable[[], Any]]]:
+    channels = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
+    columns: dict[str, tuple[Any, Callable[[], Any]]] = {name: (c, c.read_data) for name, c in channels.items()}
+    clocked = [channel for channel in channels.values() if "wf_increment" in channel.properties]
+    if clocked and not any(name.rsplit("/", 1)[-1] == "time" for name in columns):
+        columns["time"] = (clocked[0], clocked[0].time_track)
+    return columns
