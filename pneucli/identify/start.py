@@ -87,13 +87,11 @@ def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Arr
     flow = (slope * volume + rig.heat_capacity_ratio * p * area * e.inputs[:, at.IN_V]) / gas
     k = np.sqrt(2.0 / (rig.gas_constant * rig.gas_temperature))
     supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
-    unit = np.array(
-        [
-            orifice_flow(s, q, CRITICAL_RATIO, k, k) if c > 0 else -orifice_flow(q, ambient, CRITICAL_RATIO, k, k)
-            for c, q, s in zip(u, p, supply, strict=True)
-        ]
+    unit = (
+        orifice_flow(s, q, CRITICAL_RATIO, k, k) if c > 0 else -orifice_flow(q, ambient, CRITICAL_RATIO, k, k)
+        for c, q, s in zip(u, p, supply, strict=True)
     )
-    return flow, unit
+    return flow, np.fromiter(unit, np.float64, u.size)
 
 
 def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float], *, linear: bool) -> ValveArea:

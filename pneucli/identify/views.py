@@ -21,7 +21,7 @@ from pneucli.identify.restarts import carried, start_errors, volume, whitened
 from pneucli.identify.rests import STARTED, breakaways, unsure
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import U_MAX, Experiment, smooth
+from pneucli.simulate.experiment import U_MAX, Experiment, smooth_motion
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import base_vector, kernel_for, simulate
@@ -135,7 +135,7 @@ class View:
     def _turns(self) -> tuple[Array, NDArray[np.bool_]]:
         """Velocities at which the piston breaks away (n,), and where the direction of motion is not known (n,)."""
         e = self.experiment
-        smoothed = smooth(e.raw, e.smoothers, e.fusion, e.time)[:, at.IN_V]
+        smoothed = smooth_motion(e.raw, e.smoothers, e.fusion, e.time)[1]
         leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still)
         return leaving, unsure(e.inputs[:, at.IN_V], leaving)
 
@@ -162,8 +162,10 @@ class View:
         e = self.experiment
         parts = [share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.areas, strict=True) if n in e.noise]
         taken = float(np.mean(self._loads[1] ** 2))
-        drawn = smooth(e.draw_noise(np.random.default_rng(0)), e.smoothers, e.fusion, e.time)
-        force = e.rig.areas[0] * drawn[:, at.IN_P1] - e.rig.areas[1] * drawn[:, at.IN_P2]
+        drawn, force = e.draw_noise(np.random.default_rng(0)), np.zeros(e.time.size)
+        for name, share in (("p1", e.rig.areas[0]), ("p2", -e.rig.areas[1])):
+            if name in drawn:
+                force += share * (e.smoothers[name](drawn[name]) if name in e.smoothers else drawn[name])
         left = max(float(np.sum(np.square(parts))) - taken, 0.0)
         return np.array([np.sqrt(left), np.std(np.gradient(force, e.time))])
 

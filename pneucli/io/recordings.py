@@ -41,7 +41,7 @@ def load_recordings(folder: str | Path) -> list[Recording]:
     ends = np.cumsum([int(row["samples"]) for row in rows])
     signals: list[dict[str, Array]] = [{} for _ in rows]
     try:
-        file = pq.ParquetFile(folder / SIGNALS_FILE, memory_map=True)
+        file = pq.ParquetFile(folder / SIGNALS_FILE)
         for name in file.schema_arrow.names[1:]:  # one after the other, so that little is held twice
             column = np.asarray(file.read([name])[name].to_numpy(), dtype=np.float64)
             for own, values in zip(signals, np.split(column, ends[:-1]), strict=True):

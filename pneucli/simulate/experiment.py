@@ -159,7 +159,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     still = 0.0
     if "x" in raw:
         drawn = _draw(noise, recording.time, np.random.default_rng(0))
-        still = RESTING * float(np.std(_motion(drawn, smoothers, fusion, recording.time)[1]))
+        still = RESTING * float(np.std(smooth_motion(drawn, smoothers, fusion, recording.time)[1]))
         inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
     _stand_ins(inputs, recording, rig)
     flags = _flags(recording, raw, noise)
@@ -178,11 +178,11 @@ def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion:
         if name in raw:
             inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
     if "x" in raw:
-        inputs[:, at.IN_X], inputs[:, at.IN_V] = _motion(raw, smoothers, fusion, time)
+        inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, fusion, time)
     return inputs
 
 
-def _motion(
+def smooth_motion(
     raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array
 ) -> tuple[Array, Array]:
     """Return smoothed position and velocity, each (n,)."""

@@ -25,4 +25,4 @@ def outputs(
     if experiment.recording.imposed == "motion":
         return {"force": experiment.filtered(imposed_force(model, experiment, noise))}
     raw = simulate(model, experiment, inputs)
-    return {channel: experiment.filtered(raw[channel]) for channel in experiment.channels}
+    return {channel: experiment.filtered(raw[channel].copy()) for channel in experiment.channels}

@@ -185,9 +185,14 @@ def kinematics(time: Array, x_noise: float, a_noise: float) -> Callable[[Array, 
 
     Each step obeys the integrated acceleration, which errs by its noise and by what the sampling misses of a jerk.
     """
-    dt = np.diff(time)
-    slack = np.sqrt(dt) * (3.0 * a_noise + 1e-3) * np.sqrt(np.median(dt))  # m/s a step
-    return integrated(dt, 1.0 / x_noise, 1.0 / slack, 1.0 / (slack * dt))
+
+    def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
+        dt = np.diff(time)
+        slack = np.sqrt(dt) * (3.0 * a_noise + 1e-3) * np.sqrt(np.median(dt))  # m/s a step
+        # factorised each time, which takes no longer than the rest; to hold it takes more than all signals do
+        return integrated(dt, 1.0 / x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
+
+    return smooth
 
 
 def integrated(dt: Array, wx: float, wv: Array, wp: Array) -> Callable[[Array, Array], tuple[Array, Array, float]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smooth import autocovariance, kinematics, local_fits, window
+from pneucli.simulate.smooth import autocovariance, deviations, kinematics, local_fits, window
 
 N, PERIOD = 600, 1e-3
 TIME = PERIOD * np.arange(N)
@@ -43,9 +43,9 @@ def test_a_rest_is_averaged_long() -> None:
 
 def test_the_deviation_of_a_window_is_that_of_its_estimates() -> None:
     drawn = np.array([NOISE.draw(TIME, RNG) for _ in range(400)])
-    fit = window(8, 1)
-    estimates = np.array([fit.apply(fit.value, y) for y in drawn])
-    assert np.std(estimates[:, 300]) == pytest.approx(1 / np.sqrt(17), rel=0.15)  # the mean of 17 samples
+    estimates = drawn[:, 292:309] @ window(8, 1).value[8]  # for the sample in the middle of its window
+    assert np.std(estimates) == pytest.approx(1 / np.sqrt(17), rel=0.15)  # the mean of 17 samples
+    assert deviations(NOISE, 8, 1)[8] == pytest.approx(1 / np.sqrt(17), rel=1e-9)
 
 
 @pytest.mark.parametrize(

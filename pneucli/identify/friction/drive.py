@@ -11,25 +11,26 @@ Array = NDArray[np.float64]
 
 
 @compiled()
-def level(table: Array, step: float, speed: float) -> float:
-    """Return friction (N) at ``speed`` from ``table`` at speeds step/2, 3 step/2, ...; held beyond both ends."""
-    at = speed / step - 0.5
+def level(tables: Array, side: int, branch: int, step: float, speed: float) -> float:
+    """Return friction (N) at ``speed`` from a table at speeds step/2, 3 step/2, ...; held beyond both ends."""
+    at, last = speed / step - 0.5, tables.shape[2] - 1
     if at <= 0.0:
-        return float(table[0])
+        return float(tables[side, branch, 0])
     k = int(at)
-    if k >= table.size - 1:
-        return float(table[-1])
-    return float(table[k] + (at - k) * (table[k + 1] - table[k]))
+    if k >= last:
+        return float(tables[side, branch, last])
+    low = tables[side, branch, k]
+    return float(low + (at - k) * (tables[side, branch, k + 1] - low))
 
 
 @compiled()
-def net(along: float, speed: float, table: Array, step: float, speeding_up: bool) -> tuple[float, bool]:
-    """Return the net force along the motion (N) and the branch; ``table`` is (2, n): speeding up, slowing.
+def net(along: float, speed: float, tables: Array, side: int, step: float, speeding_up: bool) -> tuple[float, bool]:
+    """Return the net force along the motion (N) and the branch.
 
     Where the drive lies between both branches neither holds and the velocity stays (Filippov); where it would agree
     with both, the branch stays.
     """
-    rising, falling = level(table[0], step, speed), level(table[1], step, speed)
+    rising, falling = level(tables, side, 0, step, speed), level(tables, side, 1, step, speed)
     if along > rising and (along >= falling or speeding_up):
         return along - rising, True
     if along < falling:
@@ -39,12 +40,12 @@ def net(along: float, speed: float, table: Array, step: float, speeding_up: bool
 
 @compiled()
 def acceleration(drive: float, v: float, mass: float, tables: Array, step: float, speeding_up: bool) -> float:
-    """Return dv/dt in m/s^2; ``tables`` is (2, 2, n): toward +x and -x, then the branches. At rest it may hold."""
+    """Return dv/dt in m/s^2 (0 where friction holds); ``tables`` is (2, 2, n): toward +x, -x; speeding up, slowing."""
     toward = v if v != 0.0 else drive
     side, direction = (0, 1.0) if toward > 0.0 else (1, -1.0)
     if v == 0.0:
         return float(direction * max(direction * drive - tables[side, 0, 0], 0.0) / mass)
-    force, _ = net(direction * drive, direction * v, tables[side], step, speeding_up)
+    force, _ = net(direction * drive, direction * v, tables, side, step, speeding_up)
     return direction * force / mass
 
 
@@ -58,9 +59,9 @@ def advance(
         return 0.5 * h * (a + acceleration(drive, a * h, mass, tables, step, True)) if a != 0.0 else 0.0, True
     side, direction = (0, 1.0) if v > 0.0 else (1, -1.0)
     along, speed = direction * drive, direction * v
-    force, _ = net(along, speed, tables[side], step, speeding_up)
+    force, _ = net(along, speed, tables, side, step, speeding_up)
     middle = max(speed + 0.5 * h * force / mass, 0.0)
-    force, speeding_up = net(along, middle, tables[side], step, speeding_up)
+    force, speeding_up = net(along, middle, tables, side, step, speeding_up)
     return direction * max(speed + h * force / mass, 0.0), speeding_up
 
 
