@@ -47,7 +47,7 @@ _ALL = (
         "raw files -> checked SI signals",
         tables=("pipeline", "rig", "signals", "recordings"),
         files=("recordings", "file"),
-        answer=("recordings", "repairs", "warnings", "plausibility"),
+        answer=("recordings", "looks", "left_out", "repairs", "warnings", "plausibility"),
     ),
     Stage(
         "identify",
@@ -57,7 +57,7 @@ _ALL = (
         files=("model", "plugins"),
         answer=(
             *("model.effects", "model.parameters", "warnings"),
-            *("valve.overlap", "valve.iso", "friction.kinetic", "friction.deviations"),
+            *("valve.overlap", "valve.iso", "friction.warnings", "friction.kinetic", "friction.deviations"),
         ),
     ),
     Stage(
@@ -65,7 +65,10 @@ _ALL = (
         "model against recordings: how much, and where",
         parents=("identify",),
         tables=("pipeline", "compare"),
-        answer=("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
+        answer=(
+            *("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
+            *("data", "number", "when"),
+        ),
     ),
     Stage(
         "diagnose",
@@ -75,7 +78,8 @@ _ALL = (
         files=("model", "plugins"),
         answer=(
             *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
-            *("detectable", "moved", "unexplained", "discrepancy", "plausibility"),
+            *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
+            *("model.effects", "data", "excluded", "number", "when"),
         ),
     ),
     Stage(
@@ -91,7 +95,7 @@ _ALL = (
         parents=("identify",),
         optional=("design",),
         tables=("pipeline", "scenarios"),
-        answer=("open_loop", "closed_loop", "pid_alone", "robust"),
+        answer=("open_loop", "closed_loop", "pid_alone", "tolerance_um", "robust"),
     ),
     Stage(
         "report",
