@@ -23,6 +23,8 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
 
 MODEL_FILE = "model.parquet"
+FEWEST = 5  # samples within a horizon
+LONG = 1.0  # h of recordings in all: one run of the model through them takes a second and more
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ class Study:
         """Every recording made ready, restarted at the comparison's horizon."""
         compare = self.context.config.compare
         self._require_samples(compare.horizon)
+        if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG:
+            self.context.progress(f"{hours:.3g} h of recordings, if the unit of time is right: this takes long", 0.0)
         ready = []
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
@@ -78,13 +82,16 @@ class Study:
         return digest(read)
 
     def _require_samples(self, horizon: float) -> None:
-        """Raise InputError where a recording is sampled less often than once a horizon: simulating it took minutes."""
+        """Raise InputError where a horizon holds next to no samples, as with time in a wrong unit: it takes minutes."""
         for recording in self.recordings:
-            if recording.period > horizon:
+            if FEWEST * recording.period > horizon:
                 found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"
                 mend = 'state the unit of time, such as unit = "ms" in [signals] time, or else a longer horizon'
                 raise InputError(
-                    f"{self.context.path}, key compare.horizon", found, "many samples within a horizon", mend
+                    f"{self.context.path}, key compare.horizon",
+                    found,
+                    f"at least {FEWEST} samples within a horizon",
+                    mend,
                 )
 
     def views(self, use: str, *, whitened: bool = False) -> list[View]:

@@ -80,15 +80,30 @@ def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
     assert told[0].startswith("error ")
 
 
+@pytest.mark.parametrize("period", [2.0, 0.5, 0.2])
 def test_time_in_the_wrong_unit_is_refused_before_anything_is_simulated(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, period: float
 ) -> None:
-    """Milliseconds taken as seconds: one sample every 2 s, and a horizon of half a second."""
+    """Milliseconds taken as seconds: 0.5 to 5 kHz look like one sample every 2 s to 0.2 s; the horizon is 0.5 s."""
     monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: pytest.fail("it was simulated"))
-    time = 2.0 * np.arange(50)
+    time = period * np.arange(50)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path))
     monkeypatch.setitem(study.__dict__, "recordings", [slow])
-    with pytest.raises(InputError, match=r"slow has a sample every 2 s, the horizon is 0\.5 s") as error:
+    with pytest.raises(InputError, match=f"slow has a sample every {period:g} s, the horizon is 0.5 s") as error:
         _ = study.experiments
     assert 'unit = "ms"' in str(error.value)
+
+
+def test_hours_of_recordings_are_told_before_they_are_simulated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A horizon that is stated long enough is taken; but so is time in the wrong unit."""
+    told: list[str] = []
+    monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: None)
+    time = 0.1 * np.arange(72_000)
+    slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
+    study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message)))
+    monkeypatch.setitem(study.__dict__, "recordings", [slow])
+    _ = study.experiments
+    assert told[0] == "2 h of recordings, if the unit of time is right: this takes long"
