@@ -54,7 +54,8 @@ def _policy(scripts: Sequence[str]) -> str:
     """Return the content security policy: this page's own scripts and pictures, nothing from anywhere else."""
     hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     allowed = " ".join(f"'sha256-{one}'" for one in hashes) or "'none'"
-    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}; base-uri 'none'; form-action 'none'"
+    own = f"img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
+    return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
 
 
 def _zooms(sections: Sequence[Section]) -> Iterator[Zoom]:
