@@ -96,6 +96,7 @@ class Problem:
         self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views, self.at_once)
         self.start = np.array([f.inward(f.start) for f in self.free])
         self.tight = np.array([1.0 / f.prior for f in self.free])
+        self._last: tuple[Array, Array] | None = None  # coordinates and their residuals
 
     @property
     def at_once(self) -> int:
@@ -115,7 +116,9 @@ class Problem:
 
     def residuals(self, z: Array) -> Array:
         """Return all residuals (N + p,), what is known beforehand last."""
-        return np.concatenate([*self.data(self.model_at(z)), self.prior(z)])
+        if self._last is None or not np.array_equal(self._last[0], z):
+            self._last = z.copy(), np.concatenate([*self.data(self.model_at(z)), self.prior(z)])
+        return self._last[1]
 
     def prior(self, z: Array) -> Array:
         """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
@@ -124,8 +127,8 @@ class Problem:
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""
         base = self.model_at(z)
-        nominal = self.data(base)
-        offsets = np.concatenate([[0], np.cumsum([part.size for part in nominal])])
+        offsets = np.cumsum([0, *(view.experiment.time.size * len(view.channels) for view in self.views)])
+        nominal = np.split(self.residuals(z), offsets[1:])
         adding, known = Lock(), self.prior_jacobian(z)
         # column by column: of a view that does not feel a parameter, not a page is touched
         out = np.zeros((offsets[-1] + len(known), z.size), order="F")

@@ -83,7 +83,9 @@ class Experiment:
             return self.filtered(self.net_pressure_force())
         if channel == "v" and "v" not in self.raw:
             return self.filtered(self.inputs[:, at.IN_V])
-        return np.where(np.isnan(self.recording[channel]), np.nan, self.filtered(self.raw[channel]))
+        whole = self.raw[channel] is self.recording.signals.get(channel)
+        seen = self.filtered(self.raw[channel])
+        return seen if whole else np.where(np.isnan(self.recording[channel]), np.nan, seen)
 
     def net_pressure_force(self) -> Array:
         """Return the force of the measured pressures on the piston, toward +x, in N."""

@@ -27,16 +27,8 @@ def run(context: Context) -> dict[str, Any]:
     """
     study = Study(context)
     warnings: list[str] = []
-    train = [e for e in study.experiments if e.recording.use == "train"]
-    if not train:
-        raise InputError(
-            f"{context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
-        )
-    context.progress("fitting the model", 0.3)
-    guess = first_guess(train, study.rig, linear_valve=study.linear_valve)
-    fitted = fit_model(guess, study.views("train"), study.effects, linear_valve=study.linear_valve)
-    model, found = fitted.model, fitted.estimates
-    del fitted  # of a long recording, what its tests need fills the memory
+    model, found = _fitted(study)
+    study.forget_experiments()
     context.progress("identifying the valve", 0.5)
     valve = _valve(study, warnings)
     context.progress("identifying friction", 0.7)
@@ -45,6 +37,19 @@ def run(context: Context) -> dict[str, Any]:
     _write(study, model, estimates, valve, friction)
     warnings += [AT_BOUND.format(e.name) for e in found if e.at_bound]
     return _answer(study, estimates, valve, friction, warnings)
+
+
+def _fitted(study: Study) -> tuple[Model, tuple[Estimate, ...]]:
+    """Return model and parameters; what tests on them need fills the memory with a long recording, and ends here."""
+    train = [e for e in study.experiments if e.recording.use == "train"]
+    if not train:
+        raise InputError(
+            f"{study.context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
+        )
+    study.context.progress("fitting the model", 0.3)
+    guess = first_guess(train, study.rig, linear_valve=study.linear_valve)
+    fitted = fit_model(guess, study.views("train"), study.effects, linear_valve=study.linear_valve)
+    return fitted.model, fitted.estimates
 
 
 def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
@@ -72,7 +77,7 @@ def _friction(study: Study, warnings: list[str]) -> FrictionIdentification | Non
 
 def as_ratio(estimate: Estimate, study: Study) -> Estimate:
     """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
-    tested = any(e.vessel for e in study.experiments)
+    tested = any(r.experiment == "valve" for r in study.recordings)
     per_volume = tested and study.rig.vessel_volume is None and not study.rig.has_cylinder
     if not per_volume or not estimate.unit.startswith(("m^2", "m^3", "W/K", "kg")):
         return estimate

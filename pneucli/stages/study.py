@@ -94,6 +94,10 @@ class Study:
                     mend,
                 )
 
+    def forget_experiments(self) -> None:
+        """Free what the experiments hold; they are made anew where they are asked for again."""
+        self.__dict__.pop("experiments", None)
+
     def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""
         return views_of([e for e in self.experiments if e.recording.use == use], whitened=whitened)

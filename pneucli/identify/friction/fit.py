@@ -125,13 +125,13 @@ def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array
             residual, np.maximum(theta, low), bounds=(low, np.inf), loss="huber", f_scale=HUBER * scale, x_scale="jac"
         )
         theta, scale = found.x, _robust(residual(found.x))
+        del found  # its Jacobian is as large as all that comes
     r = residual(theta)
     jacobian = _jacobian(residual, theta)
     inside = np.abs(r) <= HUBER * scale
-    score = np.clip(r, -HUBER * scale, HUBER * scale)[:, None] * jacobian
+    clipped = np.clip(r, -HUBER * scale, HUBER * scale)
     _, block = np.unique(s.block, return_inverse=True)
-    sums = np.zeros((block.max() + 1, theta.size))
-    np.add.at(sums, block, score)
+    sums = np.column_stack([np.bincount(block, weights=clipped * column) for column in jacobian.T])
     bread = np.linalg.pinv((jacobian * inside[:, None]).T @ jacobian)
     few = len(sums) / max(len(sums) - theta.size, 1)
     return Fit(names, theta, few * bread @ (sums.T @ sums) @ bread, float(scale))
