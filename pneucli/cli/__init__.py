@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 import traceback
+import warnings
 
 # before numpy is loaded: on small matrices BLAS threads only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -26,6 +27,7 @@ def main() -> None:
 
     Who closes the pipe that is printed to has seen enough: that is 0.
     """
+    warnings.simplefilter("ignore", RuntimeWarning)  # of numbers on the way; what comes of them is checked
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without "×" shows "?", and the answer still comes

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.errors import InputError
 from pneucli.identify.fit import Fit, Problem, fit, joined
 from pneucli.identify.parameters import (
     OVERLAPS,
@@ -115,7 +116,11 @@ def scaled_start(effect: Effect, signature: Signature, model: Model, share: floa
 def fit_model(
     model: Model, views: Sequence[View], effects: Sequence[Effect], *, linear_valve: bool, rounds: int = 12
 ) -> Fit:
-    """Fit the base model, then with each effect in turn from its best start, all parameters together."""
+    """Fit the base model, then with each effect in turn from its best start, all parameters together.
+
+    Raises InputError where the model gives no finite numbers for a recording.
+    """
+    require_finite(model, views)
     experiments = [v.experiment for v in views]
     found = fit(
         replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds
@@ -124,6 +129,16 @@ def fit_model(
     for effect in effects:
         found = fit_added(found, views, effect, linear_valve=linear_valve, rounds=rounds)
     return found
+
+
+def require_finite(model: Model, views: Sequence[View]) -> None:
+    """Raise InputError where a first guess of the model cannot be held against a recording at all."""
+    for view in views:
+        for channel, residual in view.residual(replace(model, effects=())).items():
+            if not np.isfinite(residual).all():
+                found = f"with the rig as stated the model has no finite {channel} for {view.experiment.recording.name}"
+                wanted = "volumes, areas, pressures and commands that belong to one rig"
+                raise InputError("[rig] and [signals]", found, wanted, "see what pneucli ingest finds implausible")
 
 
 def fit_added(
@@ -197,7 +212,7 @@ def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit
     guessed = {}
     for sign, name in ((1.0, "valve.overlap_fill"), (-1.0, "valve.overlap_vent")):
         side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > 0.0)
-        if name in at_bound:
+        if name in at_bound and side:
             guessed[name] = overlap_of(*np.array(side).T)
     if not guessed:
         return found

@@ -65,6 +65,8 @@ def _step(
 ) -> tuple[Array, Array, float] | None:
     """Return the next z, its residuals and damping, None where no step lowers the sum."""
     gradient, curvature = j.T @ r, j.T @ j
+    if not np.isfinite(curvature).all():  # beyond what numbers hold: no step from here is to be trusted
+        return None
     held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | (np.diag(curvature) <= 0)
     free = np.flatnonzero(~held)
     if not free.size:

@@ -150,7 +150,7 @@ def ladder(material: Material) -> list[Step]:
     steps = [(label, m["error"][use], False) for label, m in zip(_labels(shown), shown, strict=True)]
     answer = material.answer("diagnose")
     if answer.get("missing"):
-        error = answer["ladder"][-1][f"error_{use}"]
+        error = diagnose.rung(answer)[f"error_{use}"]
         steps.append((f"+ {' + '.join(answer['missing'])}", error, True))
     most = max([2.0, *(error for _, error, _ in steps if error is not None)])
     return [Step(label, times(error), _length(error, most), only_if) for label, error, only_if in steps]

@@ -70,7 +70,16 @@ class Study:
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
+            self._require_noise(ready[-1])
         return ready
+
+    def _require_noise(self, experiment: Experiment) -> None:
+        """Raise InputError where a reading that the model is held against has no noise: errors count in units of it."""
+        for name in experiment.channels:
+            if name in experiment.noise and not experiment.noise[name].rms > 0.0:
+                found = f"{name} never changes in {experiment.recording.name} or any like it, so its noise is not known"
+                mend = f"leave {name} out of take if the sensor was dead, or state its noise in [signals] {name}"
+                raise InputError(f"{self.context.path}, recording {experiment.recording.name}", found, "", mend)
 
     @cached_property
     def data(self) -> str:

@@ -49,12 +49,18 @@ def sure(answer: Answer) -> str:
 
 def fall(answer: Answer) -> str:
     """Return how the error falls with what is named, on the recordings that it is judged by."""
-    first, last = answer["ladder"][0], answer["ladder"][-1]
+    first, last = answer["ladder"][0], rung(answer)
     use, before = judged({"train": first["error_train"], "test": first["error_test"]})
     on = "recordings that were not fitted" if use == "test" else "the fitted recordings (none was held out)"
     if first is last:
         return f"the error is {times(before)} × noise on {on}"
     return f"the error falls from {times(before)} to {times(last[f'error_{use}'])} × noise on {on}"
+
+
+def rung(answer: Answer) -> Answer:
+    """Return the rung with all that is named; what was tried after it does not count."""
+    first: Answer = answer["ladder"][0]
+    return next((step for step in reversed(answer["ladder"]) if step["add"] in answer["missing"]), first)
 
 
 def apart(answer: Answer) -> str:

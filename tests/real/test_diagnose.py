@@ -26,11 +26,11 @@ def diagnosis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Diagnosis:
     monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
 
     def run(name: str) -> dict[str, Any]:
-        path = ROOT / "pipelines" / f"{name}.toml"
+        path, answers = ROOT / "pipelines" / f"{name}.toml", dict[str, dict[str, Any]]()
         for folder, stage in (("ingest", ingest), ("diagnose", diagnose)):
             (tmp_path / folder).mkdir()
-            answer = stage.run(Context(path, load(path), tmp_path / folder, tmp_path))
-        return answer
+            answers[folder] = stage.run(Context(path, load(path), tmp_path / folder, tmp_path, answers=answers))
+        return answers["diagnose"]
 
     return run
 

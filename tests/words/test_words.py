@@ -124,6 +124,13 @@ def test_diagnose_says_what_is_missing_how_sure_what_changes_and_what_to_do() ->
     assert told.endswith("do pneucli add p.toml --suggested")
 
 
+def test_what_was_tried_after_the_named_effect_does_not_count_as_its_fall() -> None:
+    tried = [*DIAGNOSED["ladder"], {"add": "presliding", "error_train": 0.5, "error_test": 5.0}]
+    assert "from 18.1 to 0.83" in diagnose.sure(DIAGNOSED | {"verdict": "unexplained", "ladder": tried})
+    nothing = DIAGNOSED | {"verdict": "unexplained", "missing": [], "ladder": tried, "unexplained_share": None}
+    assert diagnose.sure(nothing) == "the error is 18.1 × noise on recordings that were not fitted"
+
+
 def test_twins_are_named() -> None:
     twin = {**DIAGNOSED["candidates"][0], "indistinguishable_from": ["dead-volume", "chamber-leak"]}
     told = diagnose.sure(DIAGNOSED | {"candidates": [twin]})

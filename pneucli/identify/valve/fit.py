@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
+from pneucli.errors import InputError
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.stretches import Stretches
 from pneucli.noise import NoiseModel
@@ -73,6 +74,14 @@ def sensitivities(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[Array
     return out, np.concatenate([np.ones((1, p.shape[1])), np.cumprod(decay, axis=0)])
 
 
+def inverse(hessian: Array) -> Array:
+    """Return the inverse of a Hessian (k, k); what no test shows, which makes it singular, gets none."""
+    try:
+        return np.asarray(np.linalg.inv(hessian), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(hessian, hermitian=True), dtype=np.float64)
+
+
 def whitener(covariance: Array) -> tuple[Array, float]:
     """Return the filter (1, -phi_1, ...) that whitens noise of these autocovariances, and its innovations' rms."""
     covariance = covariance * np.where(np.arange(covariance.size) == 0, 1 + 1e-6, 1.0)
@@ -86,7 +95,8 @@ def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
     e = np.where(valid, residual, 0.0)
     covariance = np.array([np.sum(e[k:] * e[: e.shape[0] - k]) for k in range(order + 1)])
     pairs = np.array([np.sum(valid[k:] & valid[: e.shape[0] - k]) for k in range(order + 1)])
-    return np.asarray(covariance / pairs)
+    known = np.maximum(pairs, 1)  # without a pair, as where every other sample is missing, the sum is 0 as well
+    return np.asarray(covariance / known)
 
 
 @dataclass(frozen=True)
@@ -131,9 +141,15 @@ class Round:
         cost, damping = self.cost(theta, simulated), 1e-4
         for _ in range(STEPS):
             gradient, hessian, cross, start_gradient = self.normal_equations(theta, simulated)
+            if not np.isfinite(hessian).all():
+                found, mend = (
+                    "no law of a valve fits them: it grows beyond all numbers",
+                    "see what ingest finds implausible",
+                )
+                raise InputError("the valve tests", found, "supply, volume and pressures of one rig", mend)
             gain = 0.0
             while damping < 1e8 and gain <= 0.0:
-                step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), -gradient)
+                step = -inverse(hessian + damping * np.diag(np.diag(hessian))) @ gradient
                 tried = np.clip(theta + step, *bounds)
                 tried_start = start - start_gradient - cross.T @ (tried - theta)
                 ahead = simulate(self.law, tried, tried_start, self.data)
@@ -168,7 +184,7 @@ def fit_law(law: Law, data: Stretches, guess: Array, sensor: NoiseModel) -> Fit:
         for name, members in groups.items():
             prior[members] = 1 / widths[name]
         theta, start, simulated, hessian = Round(law, data, whitening, noise, prior).solve(theta, start, bounds)
-        variance = np.diag(np.linalg.inv(hessian))
+        variance = np.diag(inverse(hessian))
         before = dict(widths)
         for name, members in groups.items():
             determined = members.size - np.sum(variance[members]) / widths[name] ** 2
@@ -178,7 +194,7 @@ def fit_law(law: Law, data: Stretches, guess: Array, sensor: NoiseModel) -> Fit:
             break
     whitening, noise = whitener(autocovariances(simulated - data.p, data.valid))
     hessian = Round(law, data, whitening, noise, prior).normal_equations(theta, simulated)[1]
-    return Fit(theta, np.asarray(np.linalg.inv(hessian)), simulated, whitening, noise, widths)
+    return Fit(theta, inverse(hessian), simulated, whitening, noise, widths)
 
 
 def _bounds(law: Law) -> tuple[Array, Array]:
