@@ -18,10 +18,9 @@ from scipy.stats import norm
 
 from pneucli.executors import workers
 from pneucli.identify.least_squares import minimise
-from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
+from pneucli.identify.parameters import STEP, Free, roughness, value_of, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import ValveArea
 
 Array = NDArray[np.float64]
 
@@ -283,18 +282,6 @@ def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool
     return _summary(
         problem, z, np.concatenate([residual, problem.prior(z)]), np.vstack([jacobian, problem.prior_jacobian(z)])
     )
-
-
-def roughness(valve: ValveArea) -> Array:
-    """Return how far each inner knot's log area lies off the line through its neighbours, over log(|u| - overlap)."""
-    rows = []
-    for sign, overlap in ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent)):
-        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > overlap)
-        x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, 1e-14) for _, a in side])
-        if x.size > 2:
-            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
-            rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
-    return np.concatenate(rows) if rows else np.zeros(0)
 
 
 def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import ValveArea
 
 Array = NDArray[np.float64]
 
@@ -138,3 +139,15 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
     if isinstance(parameter.null, str):
         return value_of(model, parameter.null)
     return None if parameter.null is None or math.isinf(parameter.null) else parameter.null
+
+
+def roughness(valve: ValveArea) -> Array:
+    """Return how far each inner knot's log area lies off the line through its neighbours, over log(|u| - overlap)."""
+    rows = []
+    for sign, overlap in ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent)):
+        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > overlap)
+        x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, 1e-14) for _, a in side])
+        if x.size > 2:
+            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+            rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
+    return np.concatenate(rows) if rows else np.zeros(0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class Order:
         self._place = place
         self._row = 0  # that the next batch begins with
         self._highest = -np.inf
-        self._late = 0  # rows in a row out of order, up to here
+        self._late: _Run | None = None  # that goes on where the next batch begins
 
     def fates(self, time: Array, judged: int) -> Fates:
         """Return what becomes of the first ``judged`` rows, by number in FATES; those after are only looked at.
@@ -64,7 +64,7 @@ class Order:
         if not judged:
             return fates
         if max(self._highest, -LARGEST) < time[0] and np.all(time[1:] > time[:-1]) and time[-1] <= LARGEST:
-            self._highest, self._late = float(time[judged - 1]), 0
+            self._highest, self._late = float(time[judged - 1]), None
             return fates
         usable = np.abs(time) <= LARGEST
         time = np.where(usable, time, np.nan)
@@ -89,18 +89,28 @@ class Order:
 
     def _refuse(self, same: Mask, back: Mask, before: Array, time: Array, first: int) -> None:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], back.view(np.int8), [0]])))
-        starts, lengths = edges[::2], edges[1::2] - edges[::2]
-        if starts.size and starts[0] == 0:
-            lengths[0] += self._late
-        self._late = int(lengths[-1]) if starts.size and edges[-1] == back.size else 0
-        if starts.size and (lengths.max() > ISOLATED or starts.size > max(ISOLATED, 0.01 * back.size)):
-            at = int(starts[np.argmax(lengths)])
-            found = f"the time goes back from {before[at]:g} s to {time[at]:g} s"
+        runs = [_Run(first + i, j - i, before[i], time[i]) for i, j in edges.reshape(-1, 2).tolist()]
+        if runs and runs[0].row == first and self._late:
+            runs[0] = replace(self._late, length=self._late.length + runs[0].length)
+        self._late = runs[-1] if runs and back[-1] else None
+        longest = max(runs, key=lambda run: run.length, default=None)
+        if longest and (longest.length > ISOLATED or len(runs) > max(ISOLATED, 0.01 * back.size)):
+            found = f"the time goes back from {longest.before:g} s to {longest.time:g} s"
             mend = "a clock that starts anew makes another recording: cut the file there, or use skip_rows"
-            raise InputError(self._place(first + at), found, "rising time stamps", mend)
+            raise InputError(self._place(longest.row), found, "rising time stamps", mend)
         if same.sum() > 0.5 * same.size > ISOLATED:
             where, found = self._place(first + int(np.argmax(same))), "more than half of the time stamps repeat"
             raise InputError(where, found, "a stamp for each row", "export the time with more digits")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Rows in a row whose stamps go back: the first of them, how many, the stamp before it and its own."""
+
+    row: int
+    length: int
+    before: float
+    time: float
 
 
 def counted(fates: Fates) -> Counter[str]:

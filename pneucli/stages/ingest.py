@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,16 +12,17 @@ from numpy.typing import NDArray
 
 from pneucli.config import PipelineConfig, RecordingTable, SignalTable, Source, sources
 from pneucli.errors import InputError
-from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
+from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw import Channel, RawFile, Repair
-from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, SIGNALS_FILE, signals_schema
+from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.rows import LOSSES
 from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, pool
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.stages.ingest_looks import looked_at
+from pneucli.stages.ingest_tables import Ingested, column_of, row_of, write_tables
 from pneucli.units import factor_and_offset, parse_quantity
 
 NEEDED = {"valve": ("p1",), "friction": ("x",), "axis": ("u", "p1", "x")}
@@ -37,24 +35,6 @@ WARNINGS = (
 )
 
 Array = NDArray[np.float64]
-
-
-@dataclass
-class Ingested:
-    """What came of one raw file."""
-
-    source: Source
-    signals: list[str]
-    empty: set[str]  # of the signals that have columns, those without any value so far
-    sha256: str = ""
-    samples: int = 0
-    period: float = float("nan")
-    start: float = float("nan")
-    end: float = float("nan")
-    noise: dict[str, NoiseModel] = field(default_factory=dict)
-    repairs: list[Repair] = field(default_factory=list)
-    rows: int = 0
-    losses: Counter[str] = field(default_factory=Counter)
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -77,7 +57,7 @@ def run(context: Context) -> dict[str, Any]:
             about = Provenance({str(one.source.path): one.sha256 for one in done}, about.parameters)
             writer.add_inputs(about)
     _pool_noise(done)
-    _write_tables(context.out, done, about)
+    write_tables(context.out, done, about)
     return _answer(config, done) | looked_at(context, found)
 
 
@@ -86,12 +66,8 @@ def _telling(progress: Progress, fraction: float) -> Callable[[str], None]:
 
 
 def _left_out(one: dict[str, Any]) -> str:
-    kinds = ", ".join(f"{one[_column(kind)]} {words}" for kind, words in LOSSES.items() if one[_column(kind)])
+    kinds = ", ".join(f"{one[column_of(kind)]} {words}" for kind, words in LOSSES.items() if one[column_of(kind)])
     return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
-
-
-def _column(kind: str) -> str:
-    return kind.replace("-", "_")
 
 
 def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
@@ -245,52 +221,6 @@ def _pool_noise(done: list[Ingested]) -> None:
             one.noise[name] = shared
 
 
-def _write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
-    recordings = [_row(one) for one in done]
-    columns = {key: [row[key] for row in recordings] for key in recordings[0]}
-    units = {"period": "s"} | dict.fromkeys(("rows_read", "samples", *map(_column, LOSSES)), "1")
-    write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
-    _write_noise(out, done, about)
-    repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
-    names = ("recording", "signal", "kind", "count", "message")
-    listed = dict(zip(names, zip(*repairs, strict=True), strict=True)) if repairs else dict.fromkeys(names, ())
-    table = {name: np.array(values, np.int64) if name == "count" else list(values) for name, values in listed.items()}
-    write_table(out / REPAIRS_FILE, table, units={"count": "1"}, schema="pneucli/ingest/repairs/1", provenance=about)
-
-
-def _row(one: Ingested) -> dict[str, Any]:
-    table = one.source.table
-    return {
-        "name": one.source.name,
-        "experiment": table.experiment,
-        "use": table.use,
-        "chamber_2": table.chamber_2 or "",
-        "imposed": table.imposed or "",
-        "valve_shut": table.valve == "shut",
-        "file": str(one.source.path),
-        "sha256": one.sha256,
-        "rows_read": one.rows,
-        "samples": one.samples,
-        **{_column(kind): one.losses[kind] for kind in LOSSES},
-        "period": one.period,
-    }
-
-
-def _write_noise(out: Path, done: list[Ingested], about: Provenance) -> None:
-    """Write a long table, its quantities mixed: the column ``unit`` says what each row is in."""
-    rows = [(one.source.name, name, model) for one in done for name, model in one.noise.items()]
-    numbers = ("white", "coloured", "pole", "period", "step")
-    columns: dict[str, Any] = {
-        "recording": [row[0] for row in rows],
-        "signal": [row[1] for row in rows],
-        "unit": [SIGNALS[row[1]].unit for row in rows],
-        **{key: np.array([getattr(row[2], key) for row in rows], np.float64) for key in numbers},
-        "lines": [json.dumps(row[2].lines) for row in rows],
-    }
-    units = {"white": "column unit", "coloured": "column unit", "pole": "1", "period": "s", "step": "column unit"}
-    write_table(out / NOISE_FILE, columns, units=units, schema="pneucli/ingest/noise/1", provenance=about)
-
-
 def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
     seen = {name for one in done for name in one.signals}
     unused = [name for name in config.signals.present() if name not in seen]
@@ -301,7 +231,7 @@ def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
         "schema": "pneucli/ingest/1",
         "pipeline": config.name,
         "recordings": [_summary(one) for one in done],
-        "left_out": [_left_out(row) for row in map(_row, done) if row["rows_read"] != row["samples"]],
+        "left_out": [_left_out(row) for row in map(row_of, done) if row["rows_read"] != row["samples"]],
         "repairs": repairs,
         "warnings": warnings,
     }
@@ -310,4 +240,4 @@ def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
 def _summary(one: Ingested) -> dict[str, Any]:
     noise = {name: {"rms": model.rms, "unit": SIGNALS[name].unit} for name, model in one.noise.items()}
     more = {"signals": one.signals, "from": one.start, "to": one.end, "noise": noise}
-    return {**_row(one), **more}
+    return {**row_of(one), **more}

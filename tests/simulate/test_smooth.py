@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smooth import autocovariance, deviations, kinematics, local_fits, window
+from pneucli.simulate.smooth import autocovariance, deviations, integrated, kinematics, local_fits, window
 
 N, PERIOD = 600, 1e-3
 TIME = PERIOD * np.arange(N)
@@ -42,10 +42,10 @@ def test_a_rest_is_averaged_long() -> None:
 
 
 def test_the_deviation_of_a_window_is_that_of_its_estimates() -> None:
-    drawn = np.array([NOISE.draw(TIME, RNG) for _ in range(400)])
-    estimates = drawn[:, 292:309] @ window(8, 1).value[8]  # for the sample in the middle of its window
-    assert np.std(estimates) == pytest.approx(1 / np.sqrt(17), rel=0.15)  # the mean of 17 samples
+    drawn = np.array([NOISE.draw(TIME[:17], RNG) for _ in range(400)])
+    estimates = drawn @ window(8, 1).value[8]
     assert deviations(NOISE, 8, 1)[8] == pytest.approx(1 / np.sqrt(17), rel=1e-9)
+    assert np.std(estimates) == pytest.approx(1 / np.sqrt(17), rel=0.15)  # the mean of 17 samples
 
 
 @pytest.mark.parametrize(
@@ -70,3 +70,34 @@ def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
     assert np.abs(found_v - v).max() < 0.01
     assert abs(np.mean((found_v - v)[-500:])) < 1e-3
     assert np.std(found_x - x) < x_noise
+
+
+def test_every_sample_takes_the_fit_of_its_own_window() -> None:
+    smoother = local_fits(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
+    y = RNG.standard_normal(N)
+    for k in (0, 3, 300, N - 2):
+        half, degree = (int(a[smoother.for_value[k]]) for a in (smoother.bank.half, smoother.bank.degree))
+        begin = min(max(k - half, 0), N - 2 * half - 1)
+        around = slice(begin, begin + 2 * half + 1)
+        line = np.polynomial.Polynomial.fit(TIME[around], y[around], degree)
+        assert smoother(y)[k] == pytest.approx(line(TIME[k]), abs=1e-12)
+
+
+def test_the_path_is_the_least_squares_of_all_readings_and_steps() -> None:
+    """The bands against numpy's own solution of the equations as they are written down."""
+    n, wx = 12, 3.0
+    dt, wv, wp = RNG.uniform(0.5, 2.0, (3, n - 1))
+    x, a = RNG.standard_normal((2, n))
+    rows, right = [], []
+    for k in range(n):
+        rows.append(np.eye(2 * n + 1)[k] * wx)
+        right.append(wx * x[k])
+    for k, h in enumerate(dt):
+        speed, place = np.zeros((2, 2 * n + 1))
+        speed[[n + k, n + k + 1, 2 * n]] = -1.0, 1.0, h
+        place[[k, k + 1, n + k, 2 * n]] = -1.0, 1.0, -h, 0.5 * h**2
+        rows += [wv[k] * speed, wp[k] * place]
+        right += [wv[k] * h * (a[k] + a[k + 1]) / 2, wp[k] * h**2 * (2 * a[k] + a[k + 1]) / 6]
+    expected = np.linalg.lstsq(np.array(rows), np.array(right))[0]
+    found_x, found_v, bias = integrated(dt, wx, wv, wp)(x, a)
+    assert np.concatenate([found_x, found_v, [bias]]) == pytest.approx(expected, abs=1e-9)
