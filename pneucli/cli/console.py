@@ -9,20 +9,12 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any, NamedTuple, TextIO
+from typing import Any, TextIO
 
 from pneucli.errors import InputError, printable
 from pneucli.pipeline.context import Progress, silent
 
 SILENCE = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
-
-
-class Shown(NamedTuple):
-    """How an answer is to be shown: ``--json``, ``--verbose``, ``--quiet``."""
-
-    json: bool
-    verbose: bool
-    quiet: bool
 
 
 def say(message: str) -> None:

@@ -40,10 +40,15 @@ def register(app: typer.Typer, stage: Stage) -> None:
 
 
 def bring_up(
-    name: str, file: Path, out: Path | None, shown: console.Shown, options: Mapping[str, Any] | None = None
+    name: str,
+    file: Path,
+    out: Path | None,
+    json: bool,
+    quiet: bool,
+    verbose: bool = False,
+    options: Mapping[str, Any] | None = None,
 ) -> None:
     """Bring the stage up to date and print its answer; without ``options`` those of its last run hold."""
-    json, verbose, quiet = shown
     say = console.hush if quiet else console.say
     pipeline = opened(file, out)
     with console.progress(quiet) as progress:
@@ -67,7 +72,7 @@ def _plain(name: str) -> Callable[..., None]:
     def command(
         pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
     ) -> None:
-        bring_up(name, pipeline, out, console.Shown(json, verbose, quiet))
+        bring_up(name, pipeline, out, json, quiet, verbose)
 
     return command
 
@@ -87,7 +92,9 @@ def _diagnose(
         "diagnose",
         pipeline,
         out,
-        console.Shown(json, verbose, quiet),
+        json,
+        quiet,
+        verbose,
         {"exclude": sorted(set(exclude))} if exclude else {},
     )
 
@@ -108,7 +115,7 @@ def _simulate(
 
         require_cluster(executor)
     options = {"executor": executor} if executor else None
-    bring_up("simulate", pipeline, out, console.Shown(json, verbose, quiet), options)
+    bring_up("simulate", pipeline, out, json, quiet, verbose, options)
 
 
 def _export(
@@ -123,7 +130,9 @@ def _export(
         "export",
         pipeline,
         out,
-        console.Shown(json, verbose, quiet),
+        json,
+        quiet,
+        verbose,
         {"to": _with_former(opened(pipeline, out).artifacts, to)},
     )
 

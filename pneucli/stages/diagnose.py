@@ -143,6 +143,12 @@ def _parameters(study: Study, state: State, effect: str) -> dict[str, Any]:
     return {name.partition(".")[2]: value for name, value in parameter_answer(mine).items()}
 
 
+def _settled(found: Diagnosis) -> State:
+    """Return the model with all that is named, before what was tried after it and is not."""
+    places = [i for i, name in enumerate(found.found.added, 1) if name in found.missing]
+    return found.found.rungs[max(places, default=0)]
+
+
 def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> dict[str, Any]:
     name = found.found.added[i]
     before, after = _error(rungs[i]), _error(rungs[i + 1])
@@ -163,7 +169,7 @@ def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float |
         "title": effect.title,
         "error_before": before,
         "error_after": after,
-        "parameters": _parameters(study, found.found.last, name),
+        "parameters": _parameters(study, _settled(found) if name in found.missing else found.found.last, name),
         "indistinguishable_from": equals,
         "supported": True,
         "why": f"{why} {effect.looks_like}",

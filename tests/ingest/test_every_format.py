@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pneucli import words
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
@@ -208,5 +209,5 @@ def test_rows_that_were_lost_are_printed(tmp_path: Path) -> None:
     data = clean()
     data["t"][40] = data["t"][39]
     answer, _ = ingested("long", data, tmp_path)
-    said = ingest.describe(answer)
+    said = " ".join(words.of("ingest", answer, "p.toml").split())
     assert "a: of 240 rows 119 became samples: 1 rows repeat a time stamp; the first was kept, 120 rows" in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,7 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
 ) -> None:
     """A horizon that is stated long enough is taken; but so is time in the wrong unit."""
     told: list[str] = []
-    monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: None)
+    monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: SimpleNamespace(channels=()))
     time = 0.1 * np.arange(72_000)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -124,3 +125,11 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
     (named,) = [c for c in answer["candidates"] if c["effect"] == name]
     assert {"constant-force", "pressure-offset"} <= {name, *named["indistinguishable_from"]}
     assert "Vent both chambers" in answer["next_experiment"]
+
+
+def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alone() -> None:
+    rungs = ("base", "with a", "with a and b", "with a, b and c")
+    found: Any = SimpleNamespace(missing=("a", "b"), found=SimpleNamespace(added=("a", "b", "c"), rungs=rungs))
+    assert diagnose._settled(found) == "with a and b"
+    found.missing = ()
+    assert diagnose._settled(found) == "base"
