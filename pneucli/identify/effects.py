@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.errors import InputError
 from pneucli.identify.fit import Fit, Problem, fit, joined
 from pneucli.identify.parameters import (
     OVERLAPS,
@@ -115,7 +116,14 @@ def scaled_start(effect: Effect, signature: Signature, model: Model, share: floa
 def fit_model(
     model: Model, views: Sequence[View], effects: Sequence[Effect], *, linear_valve: bool, rounds: int = 12
 ) -> Fit:
-    """Fit the base model, then with each effect in turn from its best start, all parameters together."""
+    """Fit the base model, then with each effect in turn from its best start, all parameters together.
+
+    Raises InputError where the recordings lack the part of an effect.
+    """
+    for effect in effects:
+        if not any(view.feels(effect) for view in views):
+            lacking = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
+            raise InputError("key model.effects", lacking, "effects that can show", "remove it, or record its part")
     experiments = [v.experiment for v in views]
     found = fit(
         replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds
