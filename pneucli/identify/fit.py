@@ -100,7 +100,7 @@ class Problem:
     @property
     def at_once(self) -> int:
         """How many simulations run at once: as many as there are cores, unless the recordings are very long."""
-        longest = max(view.experiment.time.size for view in self.views)
+        longest = max((view.experiment.time.size for view in self.views), default=1)
         return int(np.clip(MEMORY // (PER_SAMPLE * longest), 1, workers()))
 
     def model_at(self, z: Array) -> Model:

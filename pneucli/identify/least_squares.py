@@ -51,11 +51,11 @@ def minimise(
         step = _step(residuals, z, r, j, bounds, damping)
         if step is None:
             return Solution(z, r, j, done)
-        before = float(r @ r)
+        before = _cost(r)
         z, r, damping = step
         del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
-        if before - float(r @ r) < tolerance * before:
+        if before - _cost(r) < tolerance * before:
             return Solution(z, r, j, done)
     return Solution(z, r, j, rounds)
 
@@ -64,29 +64,36 @@ def _step(
     residuals: Callable[[Array], Array], z: Array, r: Array, j: Array, bounds: tuple[Array, Array], damping: float
 ) -> tuple[Array, Array, float] | None:
     """Return the next z, its residuals and damping, None where no step lowers the sum."""
-    gradient, curvature = j.T @ r, j.T @ j
-    if not np.isfinite(curvature).all():  # beyond what numbers hold: no step from here is to be trusted
-        return None
-    held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | (np.diag(curvature) <= 0)
+    with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away has no derivatives
+        gradient, curvature = j.T @ r, j.T @ j
+    told = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
+    held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~told
     free = np.flatnonzero(~held)
     if not free.size:
         return None
-    cost, inner, g = float(r @ r), curvature[np.ix_(free, free)], gradient[free]
+    cost, inner, g = _cost(r), curvature[np.ix_(free, free)], gradient[free]
     for _ in range(TRIES):
         moved = z.copy()
         moved[free] -= np.linalg.lstsq(inner + damping * np.diag(np.diag(inner)), g, rcond=1e-14)[0]
         moved = np.clip(moved, *bounds)
         tried = residuals(moved)
-        if np.isfinite(tried).all() and float(tried @ tried) < cost:
+        if _cost(tried) < cost:
             step = (moved - z)[free]
             promised = -float(2.0 * g @ step + step @ inner @ step)
-            if cost - float(tried @ tried) > SHY * promised:
+            if cost - _cost(tried) > SHY * promised:
                 moved, tried = _further(residuals, z, moved, tried, bounds)
             return moved, tried, max(damping / 9.0, 1e-9)
         damping = max(damping * 8.0, 1e-4)
         if damping > MOST_DAMPING:
             break
     return None
+
+
+def _cost(residual: Array) -> float:
+    """Return the sum of squares; infinite for a model that runs away."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        cost = float(residual @ residual)
+    return cost if np.isfinite(cost) else np.inf
 
 
 def _further(
@@ -99,7 +106,7 @@ def _further(
     for _ in range(DOUBLINGS):
         beyond = np.clip(2.0 * moved - z, *bounds)
         more = residuals(beyond)
-        if not np.isfinite(more).all() or float(more @ more) >= float(tried @ tried):
+        if not _cost(more) < _cost(tried):
             break
         moved, tried = beyond, more
     return moved, tried

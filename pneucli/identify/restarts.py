@@ -41,7 +41,7 @@ def carried(model: Model, experiment: Experiment, errors: dict[str, tuple[float,
     nudged, e, out = experiment.inputs.copy(), experiment, {}
     nudged[:, list(COLUMNS.values())] += NUDGE  # all along: a delay makes a start of later readings
     plain, moved = simulate(model, e), simulate(model, e, nudged)
-    for channel in (c for c in COLUMNS if c in e.smoothers and c in e.channels):
+    for channel in (c for c in COLUMNS if c in e.smoothers and c in e.channels and e.noise[c].rms):
         value, rate = errors[channel]
         error = float(np.hypot(value, model.total("sensor_lag") * rate)) / e.noise[channel].rms
         out[channel] = error * (moved[channel] - plain[channel]) / NUDGE

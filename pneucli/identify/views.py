@@ -30,6 +30,7 @@ from pneucli.simulate.valve_area import POINTS
 Array = NDArray[np.float64]
 Kind = Literal["chambers", "forces", "imposed", "whole"]
 
+FAR = 1e9  # times the noise: more than any model errs that does not run away
 # ports by the view in which they show; sensors of pressure show in both
 MECHANICAL = {"dry_rise", "slowing", "dry_factor", "static_factor", "viscous_factor", "force", "mass"} | {
     "bristle_stiffness",
@@ -58,12 +59,12 @@ class View:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """The channels whose residuals the view holds."""
+        """The channels whose residuals the view holds; one without any noise has no measure for them."""
+        e = self.experiment
         if self.kind == "forces":
-            return ("force", "a") if "a" in self.experiment.raw else ("force",)
-        if self.kind == "chambers":
-            return tuple(c for c in self.experiment.channels if c in ("p1", "p2", "temperature"))
-        return self.experiment.channels
+            return ("force", "a") if "a" in e.raw and e.noise["a"].rms else ("force",)
+        chosen = ("p1", "p2", "temperature") if self.kind == "chambers" else e.channels
+        return tuple(c for c in e.channels if c in chosen and (c not in e.noise or e.noise[c].rms))
 
     def feels(self, effect: Effect) -> bool:
         """Whether the effect can show in this view."""
@@ -86,7 +87,7 @@ class View:
         if self.kind == "forces":
             return self.balance(model, e.inputs)
         modelled = simulate(model, e) if self.kind == "chambers" else outputs(model, e)
-        residual = {c: np.nan_to_num(self._measured[c] - modelled[c]) for c in self.channels}
+        residual = {c: _difference(self._measured[c], modelled[c], self.noise[c]) for c in self.channels}
         return self.settled(residual, self.carried(model) if errors is None else errors)
 
     def carried(self, model: Model) -> dict[str, Array]:
@@ -201,6 +202,14 @@ class View:
         return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
 
 
+def _difference(measured: Array, modelled: Array, noise: float) -> Array:
+    """Return measured minus model (n,), 0 where nothing was measured; of a model that runs away, very much."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        difference = measured - modelled
+    difference[np.isnan(measured)] = 0.0
+    return np.clip(np.nan_to_num(difference, copy=False, nan=FAR * noise), -FAR * noise, FAR * noise)
+
+
 def resting_reading(model: Model, experiment: Experiment) -> float:
     """Return what the model's accelerometer reads at rest in m/s^2."""
     reading = 0.0
@@ -228,4 +237,4 @@ def views_of(experiments: Sequence[Experiment], *, whitened: bool = False) -> li
             given = e.flags.copy()
             given[at.MECHANICS] = 0.0
             found.append(View(replace(e, flags=given), "chambers", whitened))
-    return found
+    return [view for view in found if view.channels]

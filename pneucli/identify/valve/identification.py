@@ -128,6 +128,9 @@ def identify_valve(recordings: Sequence[Recording], rig: Rig) -> ValveIdentifica
     data = cut(train, rig.supply_pressure)
     law, guess = _start(data, rig)
     sensor = pool([r.noise.get("p1") or estimate(r.time, r["p1"]) for r in train])
+    if not sensor.rms:
+        found = "p1 has no noise at all: a sensor that is dead, or a computed signal"
+        raise InputError("valve tests", found, "a recorded p1", 'check its column, or state its noise = "1 mbar"')
     fit = fit_law(law, data, guess, sensor)
     top = {d.sign: float(d.nodes[-1]) for d in law.directions}
     u = np.linspace(-top.get(-1, 0.0), top.get(1, 0.0), GRID)
