@@ -234,3 +234,20 @@ def test_setting_effects_changes_nothing_else(tmp_path: Path) -> None:
     set_effects(path, ["stribeck", "piston-leak"])
     assert path.read_text() == BASE.replace("effects = []", 'effects = ["stribeck", "piston-leak"]')
     assert list(tmp_path.glob(".pipeline*")) == []
+
+
+def test_many_recordings_cost_one_look_at_the_file(tmp_path: Path) -> None:
+    from pneucli.config.load import _lines
+
+    recordings = "".join(
+        f'[[recordings]]\nname = "r{k}"\nfile = "raw/a_2.csv"\nexperiment = "valve"\nuse = "train"\n'
+        for k in range(300)
+    )
+    config = load(write(tmp_path, BASE.replace("[model]", recordings + "[model]")))
+    _lines.cache_clear()
+    found = sources(config)
+    assert _lines.cache_info().misses == 1
+    text = config.path.read_text().splitlines()
+    for k, source in enumerate(found[-300:]):
+        line = int(source.where.split("line ")[1].split(",")[0])
+        assert text[line - 2 : line] == [f'name = "r{k}"', 'file = "raw/a_2.csv"']

@@ -29,3 +29,15 @@ def test_a_bound_holds_though_the_sum_falls_beyond_it():
     bounds = (np.array([0.0]), np.array([2.0]))
     found = minimise(line, lambda z: (ONES + ROUGH)[:, None], np.zeros(1), bounds, rounds=12, tolerance=1e-9)
     assert found.z[0] == 2.0
+
+
+def test_a_model_that_runs_away_is_no_step_and_a_parameter_that_makes_it_so_is_held() -> None:
+    def residuals(z: np.ndarray) -> np.ndarray:
+        far = 1e300 if abs(z[0]) > 2.0 else 1.0
+        return np.array([z[0] - 1.0, far * (z[0] + 1.0), z[1] - 3.0])
+
+    def jacobian(z: np.ndarray) -> np.ndarray:
+        return np.array([[1.0, 0.0, np.nan], [1.0, 0.0, np.inf], [0.0, 1.0, 1e300]])
+
+    found = minimise(residuals, jacobian, np.zeros(3), (np.full(3, -9.0), np.full(3, 9.0)), rounds=9, tolerance=1e-9)
+    np.testing.assert_allclose(found.z, [0.0, 3.0, 0.0], atol=1e-3)

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.rests import breakaways, unsure
-from pneucli.identify.views import View, views_of
+from pneucli.identify.views import FAR, View, _difference, views_of
+from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
@@ -129,3 +131,25 @@ def test_starts_that_err_more_cost_their_volume(chamber: View):
         falls.append(float(few @ few - many @ many))
     assert np.mean(falls) > 0.0
     assert np.mean(falls) < chamber.volume(lagging).sum() - chamber.volume(plain).sum()
+
+
+def test_a_channel_that_never_changes_has_no_measure_and_is_left_out():
+    e = ideal("axis", clock(1.0), {"u": 1.0, "p1": 2e5, "p2": 2e5, "x": 0.1})
+    noise = dict.fromkeys(("p1", "p2", "x"), NoiseModel(white=1.0))
+    dead = replace(e, noise={**noise, "p2": NoiseModel(white=0.0)})
+    (chambers,) = [view for view in views_of([dead]) if view.kind == "chambers"]
+    assert chambers.channels == ("p1",)
+    both = replace(dead, noise={**dead.noise, "p1": NoiseModel(white=0.0)})
+    assert [view.kind for view in views_of([both])] == ["forces"]
+
+
+def test_a_model_that_runs_away_errs_very_much_and_is_finite():
+    measured = np.array([1.0, np.nan, 2.0, 3.0])
+    left = _difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
+    np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * FAR, 0.1 * FAR])
+
+
+def test_an_effect_whose_part_no_recording_has_is_refused():
+    e = ideal("valve", clock(1.0), {"u": 1.0, "p1": 2e5})
+    with pytest.raises(InputError, match=r"stribeck.*no training recording has \(cylinder\)"):
+        fit_model(model(), views_of([e]), [catalogue()["stribeck"]], linear_valve=False)

@@ -158,6 +158,14 @@ def test_without_a_volume_areas_are_per_volume(base):
         found.scale_to_volume(1e-4)
 
 
+def test_a_dead_sensor_is_the_users_to_mend():
+    (one, *_) = recordings(0)
+    signals = {**one.signals, "p1": np.full(one.time.size, 3e5)}
+    dead = Recording("dead", "valve", "train", one.time, signals, {"p1": NoiseModel(0.0)})
+    with pytest.raises(InputError, match="p1 has no noise at all"):
+        identify_valve([dead], RIG)
+
+
 def test_missing_signals_and_tests_are_the_users_to_mend():
     one = recordings(1)[0]
     with pytest.raises(InputError, match="no valve test"):

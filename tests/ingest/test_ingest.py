@@ -141,6 +141,38 @@ def test_two_rows_of_a_long_table_may_share_a_column(tmp_path: Path) -> None:
     assert {"p1", "x"} <= set(ingested(tmp_path / "two.toml", tmp_path / "ingest")[1][1].signals)
 
 
+def test_every_row_has_a_column_for_what_became_of_it(two: Path, tmp_path: Path) -> None:
+    answer, _ = ingested(two, tmp_path / "ingest")
+    table = read_table(tmp_path / "ingest" / "recordings.parquet")
+    counts = [name for name, values in table.items() if np.asarray(values).dtype == np.int64]
+    assert counts[:2] == ["rows_read", "samples"]
+    for k, row in enumerate(answer["recordings"]):
+        assert table["rows_read"][k] == 100 == sum(int(table[name][k]) for name in counts[1:])
+        assert {name: row[name] for name in counts} == {name: int(table[name][k]) for name in counts}
+    assert answer["recordings"][0]["outside"] == 29
+    assert "charge: of 100 rows 71 became samples: 29 rows lie outside from and to" in answer["left_out"]
+
+
+def test_a_signal_without_any_value_is_refused_where_it_is_needed_and_else_left_out(two: Path, tmp_path: Path) -> None:
+    rows = "\n".join(f"{t},6.5,{t * t}" for t in range(100))
+    (tmp_path / "stroke.csv").write_text("t,P,X\n" + rows.replace(",6.5,", ",,") + "\n")
+    with pytest.raises(InputError, match=r"stroke\.csv, signal p1: no value in any of 100 rows"):
+        ingested(two, tmp_path / "ingest")
+    two.write_text(PIPELINE + 'force = "3 N"\n')
+    answer, (_, stroke) = ingested(two, tmp_path / "ingest")
+    assert "p1" not in stroke
+    assert answer["recordings"][1]["signals"] == ["time", "x", "force"]
+    assert ("p1", "empty", 100) in {(one["signal"], one["kind"], one["count"]) for one in answer["repairs"]}
+
+
+@pytest.mark.parametrize("unit", ["ns", "d"])
+def test_a_sampling_period_that_no_logger_has_is_refused(two: Path, tmp_path: Path, unit: str) -> None:
+    scaled = PIPELINE.replace('from = "10 ms"\nto = "80 ms"', "").replace('unit = "ms"', f'unit = "{unit}"')
+    two.write_text(scaled.replace("unit =", "scale = 1e-2, unit =" if unit == "ns" else "scale = 1e3, unit =", 1))
+    with pytest.raises(InputError, match="a sampling period of"):
+        ingested(two, tmp_path / "ingest")
+
+
 @needs_real
 @pytest.mark.real
 @pytest.mark.parametrize("path", REAL, ids=lambda path: path.stem)

@@ -1,7 +1,9 @@
 """The same recording in every format that is read, and text in the ways in which labs write it."""
 
 import gc
-from collections.abc import Callable
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.io import guard, mat
 from pneucli.io.raw import Channel, RawFile
 from pneucli.io.signals import open_signals
 
@@ -202,3 +205,232 @@ def test_columns_of_different_length_are_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"t": T, "p": P[:7]})
     with pytest.raises(InputError, match="7 values"):
         read(RawFile(tmp_path / "a.mat", CHANNELS))
+
+
+def damaged_page(path: Path) -> None:
+    write_parquet(path)
+    content = bytearray(path.read_bytes())
+    content[20:60] = bytes(40)
+    path.write_bytes(bytes(content))
+
+
+def nested(path: Path) -> None:
+    pq.write_table(pa.table({"t": T, "p": [[v] for v in P]}), path)
+
+
+def twice(path: Path) -> None:
+    table = pa.table([pa.array(T), pa.array(P), pa.array(P)], names=["t", "p", "p"])
+    pq.write_table(table, path)
+
+
+def words(path: Path) -> None:
+    pq.write_table(pa.table({"t": T, "p": ["fault"] * T.size}), path)
+
+
+def without_a_clock(path: Path) -> None:
+    from asammdf import MDF, Signal
+
+    with MDF(version="4.10") as mdf:
+        mdf.append([Signal(P, T, name="p")])
+        mdf.append([Signal(P, T, name="p")])
+        path = mdf.save(path.with_suffix(".mf4"), overwrite=True).rename(path)
+
+
+@pytest.mark.parametrize(
+    ("write", "says"),
+    [
+        (damaged_page, "cannot be read as Parquet"),
+        (nested, r'column "p" of list<.*numbers'),
+        (twice, r'2 columns are called "p".*"p" \(column 2\), "p" \(column 3\)'),
+        (words, r'column "p" of string.*float64'),
+        (without_a_clock, r'2 columns are called "p".*"0/p" \(column 1\), "1/p"'),
+    ],
+)
+def test_what_a_binary_file_holds_wrongly_is_said(tmp_path: Path, write: Callable[[Path], None], says: str) -> None:
+    write(tmp_path / "a")
+    channels = {"time": Channel("time" if write is without_a_clock else "t"), "p1": Channel("p")}
+    with pytest.raises(InputError, match=f"(?s){says}"):
+        read(RawFile(tmp_path / "a", channels))
+
+
+def test_a_dictionary_column_is_read(tmp_path: Path) -> None:
+    labels = pa.array(["p", "x"] * 25).dictionary_encode()
+    pq.write_table(pa.table({"t": pa.array(T).dictionary_encode(), "v": P, "channel": labels}), tmp_path / "a")
+    signals = read(RawFile(tmp_path / "a", {"time": Channel("t"), "p1": Channel("v", where=("channel", "p"))}))
+    np.testing.assert_array_equal(signals["p1"], P[::2])
+    np.testing.assert_array_equal(signals["time"], T[::2])
+
+
+def test_one_column_for_two_signals_is_refused(tmp_path: Path) -> None:
+    write_parquet(tmp_path / "a")
+    with pytest.raises(InputError, match='column "p": asked for p1 and for p2'):
+        open_signals(RawFile(tmp_path / "a", {**CHANNELS, "p2": Channel(2)}))
+
+
+@pytest.mark.parametrize("name", ["pipe", "folder"])
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path: Path, name: str) -> None:
+    import os
+
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match=r"a folder|no regular file"):
+        open_signals(RawFile(tmp_path / name, CHANNELS))
+
+
+@contextmanager
+def peak_below(limit: float) -> Iterator[None]:
+    """Hold what is done inside to so many bytes at once."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < limit
+    finally:
+        tracemalloc.stop()
+
+
+HUGE = 400_000_000  # values: 3.2 GB
+
+
+def hdf5_bomb(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:  # chunks that were never written: a few kB
+        file.create_dataset("t", shape=(HUGE,), chunks=(1 << 20,), dtype="f8", compression="gzip")
+        file["p"] = P
+
+
+def parquet_bomb(path: Path) -> None:
+    rows = pa.table({"t": np.zeros(1 << 20), "p": np.zeros(1 << 20)})
+    with pq.ParquetWriter(path, rows.schema) as writer:
+        for _ in range(8):
+            writer.write_table(rows)
+
+
+def mat_bomb(path: Path) -> None:
+    """A vector of 63 MB of zeros, which zlib makes 0.06 MB of."""
+    import struct
+    import zlib
+
+    def element(kind: int, *parts: bytes) -> bytes:
+        content = b"".join(parts)
+        return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+    def numbers(name: bytes, count: int) -> list[bytes]:
+        shape = element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", 1, count)) + element(1, name)
+        return [struct.pack("<II", 14, len(shape) + 8 + 8 * count) + shape + struct.pack("<II", 9, 8 * count)]
+
+    stream, blank = zlib.compressobj(9), bytes(1 << 20)
+    body = stream.compress(numbers(b"t", 60 << 17)[0])
+    body += b"".join(stream.compress(blank) for _ in range(60)) + stream.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path.write_bytes(head + struct.pack("<II", 15, len(body)) + body)
+
+
+@pytest.mark.parametrize(
+    ("write", "most"),
+    [(hdf5_bomb, 5e6), (parquet_bomb, 5e6), (mat_bomb, 150e6)],  # scipy expands 128 kB at a time
+)
+def test_what_a_file_expands_to_is_bounded_and_said(
+    tmp_path: Path, write: Callable[[Path], None], most: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (guard, mat):
+        monkeypatch.setattr(module, "LEAST", 32 << 20)
+    write(tmp_path / "a")
+    assert (tmp_path / "a").stat().st_size < 300_000
+    with (
+        peak_below(most),
+        pytest.raises(InputError, match=r"expand to (3200|67|63) MB, from a file of 0\.\d+ MB"),
+    ):
+        read(RawFile(tmp_path / "a", {"time": Channel("t")}))
+
+
+def with_image(write: str, path: Path) -> None:
+    image = np.zeros((1500, 1500))
+    if write == "hdf5":
+        import h5py
+
+        with h5py.File(path, "w") as file:
+            file["t"], file["p"], file["camera/image"] = T, P, image
+    elif write == "mat":
+        from scipy.io import savemat
+
+        savemat(path, {"t": T, "p": P, "image": image})
+    else:
+        from nptdms import ChannelObject, TdmsWriter
+
+        with TdmsWriter(path) as writer:
+            columns = {"t": T, "p": P, "image": image.ravel()}
+            writer.write_segment([ChannelObject("g", name, values) for name, values in columns.items()])
+
+
+@pytest.mark.parametrize("write", ["hdf5", "mat", "tdms"])
+def test_only_what_is_wanted_is_read(tmp_path: Path, write: str) -> None:
+    with_image(write, tmp_path / "a")
+    read(RawFile(tmp_path / "a", CHANNELS))  # the libraries themselves are loaded
+    with peak_below(3e6):  # the image: 18 MB
+        signals = read(RawFile(tmp_path / "a", CHANNELS))
+    np.testing.assert_array_equal(signals["p1"], P * 1e5 + 1e5)
+
+
+def test_hdf5_groups_that_hold_one_another_are_walked_once(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "a", "w") as file:
+        file["t"], file["data/p"] = T, P
+        file["data/again"] = file["/"]
+        file["data/elsewhere"] = h5py.ExternalLink("other.h5", "/p")
+        file["data/broken"] = h5py.SoftLink("/nowhere")
+    opened = open_signals(RawFile(tmp_path / "a", CHANNELS))
+    assert list(opened.reader.names) == ["data/p", "t"]
+
+
+NOTED = {
+    "comments among the rows": (b"t,p\n0,1\n# 1,2\n2,3\n", {("comment", 1)}),
+    "a last line without end": (b"t,p\n0,1.25\n1,2.5", {("no-line-end", 1)}),
+    "a last line without end, of fixed format": (b"t,p\n0,1.25\n1,2.50", set()),
+    "a last line cut off": (b"t,p,q\n0,1,1\n1,2,1\n2,3", {("truncated", 1)}),
+    "columns of one name": (b"t,p,q,q\n0,1,1,1\n1,2,1,1\n", {("same-name", 2)}),
+}
+
+
+@pytest.mark.parametrize("way", NOTED)
+def test_what_is_odd_in_a_text_is_noted(tmp_path: Path, way: str) -> None:
+    content, expected = NOTED[way]
+    (tmp_path / "a.csv").write_bytes(content)
+    opened = open_signals(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))
+    rows = sum(batch["time"].size for batch in opened.batches())
+    assert {(one.kind, one.count) for one in opened.repairs} == expected
+    assert opened.rows == rows + sum(opened.losses.values())
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"delimiter": "ab"}, 'key delimiter: "ab"'),
+        ({"delimiter": "5"}, 'key delimiter: "5"'),
+        ({"decimal": "é"}, "wanted: a point or a comma"),
+        ({"decimal": ",", "delimiter": ","}, "is the decimal mark and another one"),
+        ({"encoding": "rot13"}, 'no encoding is called "rot13"'),
+        ({"encoding": "a\0b"}, "no encoding is called"),
+    ],
+)
+def test_marks_and_codecs_that_are_none_are_refused(tmp_path: Path, options: dict[str, str], says: str) -> None:
+    (tmp_path / "a.csv").write_bytes(b"t,p\n0,1\n1,2\n")
+    with pytest.raises(InputError, match=says):
+        read(RawFile(tmp_path / "a.csv", {"time": Channel("t")}, **options))
+
+
+def test_old_line_ends_and_separators_in_names_lose_no_row(tmp_path: Path) -> None:
+    for content in (b"t,p\r0,1\r1,2\r", "t,p\u2028x\u2029\x0c\n0,1\n1,2\n".encode()):
+        (tmp_path / "a.csv").write_bytes(content)
+        signals = read(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel(2)}))
+        np.testing.assert_array_equal(signals["p1"], [1, 2])
+
+
+def test_a_line_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pneucli.io import text
+
+    monkeypatch.setattr(text, "LONGEST", 1 << 19)
+    (tmp_path / "a.csv").write_bytes(b"t,p\n0,1\n1,2\n" + b"9" * (2 << 20))
+    with pytest.raises(InputError, match="a line of more than"):
+        read(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))

@@ -310,3 +310,9 @@ def test_the_real_graph_runs_parents_first_and_reads_only_stages_it_knows() -> N
         assert {*stage.parents, *stage.optional} <= set(STAGES)
         assert all(order.index(parent) < order.index(name) for parent in stage.parents)
     assert upstream(["compare"]) == ["ingest", "identify", "compare"]
+
+
+def test_a_pipe_has_no_stamp_and_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert stamp(tmp_path / "pipe") == Stamp(-1, 0, "")
+    assert stamp(tmp_path).size == -1
