@@ -120,11 +120,11 @@ def fit_model(
 
     Raises InputError where the recordings lack the part of an effect, or the model has no finite numbers for them.
     """
-    require_finite(model, views)
     for effect in effects:
         if not any(view.feels(effect) for view in views):
             lacking = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
             raise InputError("key model.effects", lacking, "effects that can show", "remove it, or record its part")
+    require_finite(model, views)
     experiments = [v.experiment for v in views]
     found = fit(
         replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds

@@ -74,12 +74,17 @@ class Study:
         return ready
 
     def _require_noise(self, experiment: Experiment) -> None:
-        """Raise InputError where a reading that the model is held against has no noise: errors count in units of it."""
+        """Raise InputError where a reading that the model is held against has no noise: errors count in units of it.
+
+        An open chamber may well stand still at ambient pressure; it is only not fitted.
+        """
+        recording = experiment.recording
+        still = ("p2",) if recording.chamber_2 == "open" else ()
         for name in experiment.channels:
-            if name in experiment.noise and not experiment.noise[name].rms > 0.0:
-                found = f"{name} never changes in {experiment.recording.name} or any like it, so its noise is not known"
+            if name in experiment.noise and name not in still and not experiment.noise[name].rms > 0.0:
+                found = f"{name} never changes in {recording.name} or any like it, so its noise is not known"
                 mend = f"leave {name} out of take if the sensor was dead, or state its noise in [signals] {name}"
-                raise InputError(f"{self.context.path}, recording {experiment.recording.name}", found, "", mend)
+                raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend)
 
     @cached_property
     def data(self) -> str:

@@ -263,7 +263,7 @@ def test_a_dictionary_column_is_read(tmp_path: Path) -> None:
 
 def test_one_column_for_two_signals_is_refused(tmp_path: Path) -> None:
     write_parquet(tmp_path / "a")
-    with pytest.raises(InputError, match='column "p": asked for p1 and for p2'):
+    with pytest.raises(InputError, match='p1 and p2 are both column "p"'):
         open_signals(RawFile(tmp_path / "a", {**CHANNELS, "p2": Channel(2)}))
 
 

@@ -14,6 +14,7 @@ from pneucli import words
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
+from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
 from pneucli.quantities import CHANNELS, LOCATORS
 from pneucli.recording import Recording
@@ -108,3 +109,15 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
     monkeypatch.setitem(study.__dict__, "recordings", [slow])
     _ = study.experiments
     assert told[0] == "2 h of recordings, if the unit of time is right: this takes long"
+
+
+def test_a_dead_sensor_is_refused_but_an_open_chamber_may_stand_still(tmp_path: Path) -> None:
+    study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path))
+    dead: Any = SimpleNamespace(channels=("p2",), noise={"p2": NoiseModel(0.0)})
+    for chamber_2, refused in (("closed", True), ("open", False)):
+        dead.recording = SimpleNamespace(name="axis_1", chamber_2=chamber_2)
+        if refused:
+            with pytest.raises(InputError, match="p2 never changes in axis_1"):
+                study._require_noise(dead)
+        else:
+            study._require_noise(dead)
