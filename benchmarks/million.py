@@ -1,4 +1,4 @@
-"""One recording of 1,000,000 samples through ingest, identify and compare: ``python benchmarks/million.py [KIND] [N]``.
+"""One recording of 1,000,000 samples through ingest, identify and compare: ``python -m benchmarks.million [KIND] [N]``.
 
 KIND is axis, friction or valve. Prints processor seconds and peak memory of each stage, in a process of its own.
 """
