@@ -6,25 +6,20 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
+from pneucli.exam.arrangement import arranged
 from pneucli.exam.conditions import USUAL, Conditions, parse
 from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE, Hidden
-from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_stairs, valve_step, wandering
-from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.programme import Programme
+from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.similar import Similar
 
-Kind = Literal["valve", "friction", "axis"]
-KINDS: tuple[Kind, ...] = ("valve", "friction", "axis")
 SEALED = ".sealed"
-STEPS = ((0.6, 1.2, 2.5, 4.0, 6.0, 8.0, 10.0), (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0))
-STAIRS = ((0.5, 1.6), (0.7, 1.2))
 
 
 def write_exam(
@@ -73,13 +68,18 @@ def generate_case(
     ``size``. Raises InputError where a name is unknown or does not show on this kind of rig.
     """
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
-    rng = np.random.default_rng(seed)
-    linear = kind == "axis" and ("valve-deadband" in hidden or rng.random() < 0.15)
+    rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    is_usual = conditions.valve is None and conditions.load is None and not conditions.switching
+    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and is_usual))
     baseline = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
-    par = _rig(kind, linear, rng)
-    similar = Similar.of(par, conditions.bore, conditions.supply)
-    for effect in [*(BY_NAME[name] for name in baseline), *effects]:
-        par = effect.set(par, size if effect in effects else 1.0, rng)
+    base = _rig(kind, linear, rng)
+    known, loads = arranged(base, conditions, apart)
+    for name in baseline:
+        known = BY_NAME[name].set(known, 1.0, rng)
+    par = known
+    for effect in effects:
+        par = effect.set(par, size, rng)
+    similar = Similar.of(base, conditions.bore, conditions.supply, conditions.command)
     sensors = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
     laboratory = Laboratory(
         folder.name,
@@ -87,14 +87,22 @@ def generate_case(
         replace(similar.sensors(sensors), rate=conditions.rate),
         vessel=None if kind == "friction" or linear else rng.uniform(120e-6, 250e-6) * similar.length * similar.area,
         has_cylinder=kind != "valve",
-        supply_recorded="supply-droop" not in hidden and rng.random() > 0.15,
+        supply_recorded=("supply-droop" not in hidden and rng.random() > 0.15) or conditions.tank,
         linear_valve=linear,
-        effects=baseline,
+        effects=(*baseline, *loads),
+        null=conditions.null_stated,
+        stroke_stated=_stated(similar.rig(known).stroke, apart) if conditions.ends else None,
     )
-    takes = _takes(kind, laboratory, similar, rng)
-    laboratory.record(folder / "raw", takes, rng)
+    takes = Programme(laboratory, similar.rig(known), similar, conditions, rng).takes(kind)
+    at_ends = laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
-    return _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
+    truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
+    return truth | {"share_at_ends": at_ends}
+
+
+def _stated(stroke: float, rng: np.random.Generator) -> float | None:
+    """What is stated of a stroke (m): in half of the cases a few thousandths too much or too little."""
+    return stroke * (1.0 + rng.uniform(-5e-3, 5e-3)) if rng.random() < 0.5 else None
 
 
 @dataclass(frozen=True)
@@ -110,33 +118,34 @@ class Planned:
 
 def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[Planned]:
     rng = np.random.default_rng(seed)
-    singles, strangers = _endless(CATALOGUE, rng), _endless(OUTSIDE, rng)
+    singles, strangers = (_endless(effects, conditions, rng) for effects in (CATALOGUE, OUTSIDE))
     for k in range(cases + nulls):
         hidden: tuple[str, ...] = ()
         outside = ""
         if k < cases and k % 6 == 5:
-            hidden = _pair(rng)
+            hidden = _pair(conditions, rng)
         elif k < cases and k % 5 == 4:
             outside = next(strangers)
         elif k < cases:
             hidden = (next(singles),)
-        kind = str(rng.choice(_kinds([*hidden, *([outside] if outside else [])])))
-        yield Planned(kind, hidden, outside, int(rng.integers(2**31)), conditions)
+        kinds = _kinds([*hidden, *([outside] if outside else [])], conditions)
+        yield Planned(str(rng.choice(kinds)), hidden, outside, int(rng.integers(2**31)), conditions)
 
 
-def _endless(effects: Sequence[Hidden], rng: np.random.Generator) -> Iterator[str]:
+def _endless(effects: Sequence[Hidden], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
     while True:
-        yield from (effects[i].name for i in rng.permutation(len(effects)))
+        order = [effects[i].name for i in rng.permutation(len(effects))]
+        yield from (name for name in order if conditions.allows(name) and _kinds([name], conditions))
 
 
-def _pair(rng: np.random.Generator) -> tuple[str, ...]:
-    kind = str(rng.choice(KINDS))
-    names = [effect.name for effect in CATALOGUE if kind in effect.kinds]
+def _pair(conditions: Conditions, rng: np.random.Generator) -> tuple[str, ...]:
+    kind = str(rng.choice(conditions.kinds))
+    names = [effect.name for effect in CATALOGUE if kind in effect.kinds and conditions.allows(effect.name)]
     return tuple(str(name) for name in rng.choice(names, 2, replace=False))
 
 
-def _kinds(names: Sequence[str]) -> list[str]:
-    return [kind for kind in KINDS if all(kind in BY_NAME[name].kinds for name in names)]
+def _kinds(names: Sequence[str], conditions: Conditions) -> list[str]:
+    return [kind for kind in conditions.kinds if all(kind in BY_NAME[name].kinds for name in names)]
 
 
 def _effect(name: str, kind: str) -> Hidden:
@@ -168,37 +177,12 @@ def _hum(rng: np.random.Generator) -> float:
     return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
 
 
-def _takes(kind: str, laboratory: Laboratory, similar: Similar, rng: np.random.Generator) -> list[Take]:
-    par, bench = laboratory.parameters, laboratory.bench
-    takes: list[Take] = []
-    if laboratory.vessel is not None:
-        steps = STEPS[int(rng.integers(len(STEPS)))]
-        tested = steps[3] if kind == "valve" else None
-        takes += [Take(f"step_+{v}V", "valve", "test" if v == tested else "train", valve_step(bench, v)) for v in steps]
-        takes += [
-            Take(f"stairs_{i}", "valve", "test" if i == 2 else "train", valve_stairs(bench, *levels))
-            for i, levels in enumerate(STAIRS, 1)
-        ]
-    if kind == "friction":
-        rates = (rng.uniform(5e3, 8e3), rng.uniform(9e3, 14e3))
-        moves = [stick_slip(par, rate * similar.pressure, 0.15 * par.stroke) for rate in rates]
-        takes += [
-            Take(f"stickslip_{i}", "friction", "test" if i == 2 else "train", move) for i, move in enumerate(moves, 1)
-        ]
-        moves = [_driven(par, 6000, similar, rng) for _ in range(3)]
-        takes += [
-            Take(f"driven_{i}", "friction", "test" if i == 3 else "train", move) for i, move in enumerate(moves, 1)
-        ]
-    if kind == "axis":
-        moves = [_driven(par, 8000, similar, rng) for _ in range(4)]
-        takes += [Take(f"axis_{i}", "axis", "test" if i == 4 else "train", move) for i, move in enumerate(moves, 1)]
-    return takes
-
-
-def _driven(par: Parameters, samples: int, similar: Similar, rng: np.random.Generator) -> Manoeuvre:
-    reference = wandering(rng, samples, par.stroke)
-    gain, gauge = rng.uniform(100.0, 200.0), rng.uniform(1.3e5, 2.2e5)
-    return closed_loop(par, reference, gain / similar.length, gauge * similar.pressure)
+def _second(par: Parameters) -> dict[str, float]:
+    return {
+        "effective_area_2_at_10V": par.effective_area_2,
+        "overlap_2_V": par.overlap_2,
+        "area_exponent_2": par.exponent_2,
+    }
 
 
 def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, conditions: Conditions) -> dict[str, object]:
@@ -215,6 +199,8 @@ def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, condi
             "effective_area_at_10V": par.effective_area,
             "overlap_V": par.overlap,
             "area_exponent": par.exponent,
+            "null_V": par.command_null,
+            **({} if par.arrangement == ONE_CHAMBER else _second(par)),
         },
         "sensor_noise_pressure_Pa": laboratory.sensors.pressure,
     }

@@ -47,8 +47,8 @@ def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.
     ``truth`` is at ``sensors.fine_rate``.
     """
     kept = slice(None, None, sensors.kept)
-    u, x, a = (truth[name][kept] for name in ("u", "x", "a"))
-    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "x": _rounded(x, sensors.position_step)}
+    u, u2, x, a = (truth[name][kept] for name in ("u", "u2", "x", "a"))
+    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "u2": u2, "x": _rounded(x, sensors.position_step)}
     seen["p_supply"] = truth["p_supply"][kept] - par.ambient + _pressure_noise(sensors, u.size, rng)
     for name in ("p1", "p2"):
         shown = _pressure(par, truth[name], 1.0 / sensors.fine_rate, name == "p1")[kept]
