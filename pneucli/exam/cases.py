@@ -11,7 +11,7 @@ import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.exam.arrangement import arranged
-from pneucli.exam.conditions import USUAL, Conditions, parse
+from pneucli.exam.conditions import USUAL, WIDE, Conditions, drawn, parse
 from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE, Hidden
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.programme import Programme
@@ -79,12 +79,21 @@ def generate_case(
     par = known
     for effect in effects:
         par = effect.set(par, size, rng)
+    mess = _mess(kind, outside, conditions, apart) if conditions.messy else {}
+    for small, share in mess.items():
+        par = BY_NAME[small].set(par, share, apart)
     similar = Similar.of(base, conditions.bore, conditions.supply, conditions.command)
     sensors = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
     laboratory = Laboratory(
         folder.name,
         similar.rig(par),
-        replace(similar.sensors(sensors), rate=conditions.rate),
+        replace(
+            similar.sensors(sensors),
+            rate=conditions.rate,
+            bits=conditions.bits,
+            drift=conditions.drift,
+            outliers=conditions.outliers,
+        ),
         vessel=None if kind == "friction" or linear else rng.uniform(120e-6, 250e-6) * similar.length * similar.area,
         has_cylinder=kind != "valve",
         supply_recorded=("supply-droop" not in hidden and rng.random() > 0.15) or conditions.tank,
@@ -92,12 +101,27 @@ def generate_case(
         effects=(*baseline, *loads),
         null=conditions.null_stated,
         stroke_stated=_stated(similar.rig(known).stroke, apart) if conditions.ends else None,
+        absent=conditions.absent,
     )
     takes = Programme(laboratory, similar.rig(known), similar, conditions, rng).takes(kind)
     at_ends = laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
     truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
-    return truth | {"share_at_ends": at_ends}
+    return truth | {"mess": mess, "share_at_ends": at_ends}
+
+
+def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
+    """Three or four small effects from outside the catalogue, and their sizes over the usual."""
+    taken = set(BY_NAME[outside].scaled) if outside else set()
+    mess: dict[str, float] = {}
+    wanted = int(rng.integers(3, 5))
+    for i in rng.permutation(len(OUTSIDE)):
+        effect = OUTSIDE[i]
+        fits = kind in effect.kinds and conditions.allows(effect.name) and not taken & set(effect.scaled)
+        if fits and len(mess) < wanted:
+            mess[effect.name] = float(rng.uniform(0.05, 0.25))
+            taken |= set(effect.scaled)
+    return mess
 
 
 def _stated(stroke: float, rng: np.random.Generator) -> float | None:
@@ -117,7 +141,7 @@ class Planned:
 
 
 def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[Planned]:
-    rng = np.random.default_rng(seed)
+    rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     singles, strangers = (_endless(effects, conditions, rng) for effects in (CATALOGUE, OUTSIDE))
     for k in range(cases + nulls):
         hidden: tuple[str, ...] = ()
@@ -128,8 +152,11 @@ def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator
             outside = next(strangers)
         elif k < cases:
             hidden = (next(singles),)
-        kinds = _kinds([*hidden, *([outside] if outside else [])], conditions)
-        yield Planned(str(rng.choice(kinds)), hidden, outside, int(rng.integers(2**31)), conditions)
+        names = [*hidden, *([outside] if outside else [])]
+        of_case = conditions
+        while WIDE in of_case.names and (of_case is conditions or not _kinds(names, of_case)):
+            of_case = drawn(apart, names)
+        yield Planned(str(rng.choice(_kinds(names, of_case))), hidden, outside, int(rng.integers(2**31)), of_case)
 
 
 def _endless(effects: Sequence[Hidden], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
@@ -191,8 +218,11 @@ def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, condi
         "hidden": {effect.name: effect.truth(par) for effect in hidden},
         "outside_the_catalogue": outside or None,
         "baseline": list(laboratory.effects),
+        "part": BY_NAME[outside].part if outside else None,
+        "over": BY_NAME[outside].over if outside else None,
         "conditions": list(conditions.names) or [USUAL],
         "verdict": "unexplained" if outside else "missing-effect" if hidden else "adequate",
+        "unexplained_is_right": bool(outside) or conditions.allows_unexplained,
         "base": {
             "coulomb": par.coulomb,
             "viscous": par.viscous,

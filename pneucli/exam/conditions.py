@@ -6,17 +6,37 @@ Names joined by ``+`` hold at once. Where nothing is said, things are as usual: 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pneucli.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Kind = Literal["valve", "friction", "axis"]
 KINDS: tuple[Kind, ...] = ("valve", "friction", "axis")
 MOTION: tuple[Kind, ...] = ("friction", "axis")
 VALVES: tuple[Kind, ...] = ("valve", "axis")
-USUAL = "usual"
+USUAL, WIDE = "usual", "wide"
+
+# of each line of what "wide" draws from, one is taken, most often the first
+DRAWN = (
+    ("usual", "bore-6mm", "bore-12mm", "bore-50mm", "bore-100mm", "bore-200mm"),
+    ("usual", "supply-3bar", "supply-5bar", "supply-12bar", "supply-50bar"),
+    ("usual", "rate-200Hz", "rate-500Hz", "rate-2000Hz", "rate-5000Hz", "rate-10000Hz"),
+    ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves"),
+    ("usual", "usual", "usual", "switching"),
+    ("usual", "usual", "return-spring", "hanging-load", "differential"),
+    ("usual", "ends"),
+    ("usual", "messy"),
+    ("usual", "usual", "bits-8", "bits-10", "bits-12", "bits-16"),
+    ("usual", "usual", "no-acceleration"),
+    ("usual", "usual", "no-p2"),
+    ("usual", "usual", "usual", "drift"),
+    ("usual", "usual", "usual", "outliers"),
+)
 
 # there is no overlap to look for where the valve is mapped, and no map where it switches
 MAPPED = frozenset({"valve-deadband"})
@@ -43,8 +63,18 @@ class Conditions:
     load: str | None = None  # "spring" or "weight"
     differential: bool = False
     tank: bool = False
+    messy: bool = False  # several small unknown effects act besides
+    bits: int = 0  # of the converters; 0: finer than the noise
+    drift: float = 0.0  # of the sensors' zeros over a recording, over their noise
+    outliers: float = 0.0  # share of the samples
+    absent: frozenset[str] = frozenset()  # signals that are not recorded
     kinds: tuple[Kind, ...] = KINDS  # of rigs, on which all of this makes sense
     excluded: frozenset[str] = frozenset()  # effects that mean nothing, or nothing of their own, under this
+
+    @property
+    def allows_unexplained(self) -> bool:
+        """Whether something stays that nothing in the catalogue accounts for, in every case."""
+        return self.messy or self.drift > 0.0
 
     def allows(self, effect: str) -> bool:
         """Whether the effect may be hidden under these conditions."""
@@ -123,6 +153,19 @@ CONDITIONS = (
         kinds=("valve",),
         excluded=PIPED,
     ),
+    Condition("messy", "several small unknown effects in every case", _always(messy=True)),
+    Condition("bits-#", "converters of so many bits", lambda bits: {"bits": int(bits)}, 8, 16),
+    Condition(
+        "no-acceleration",
+        "not measured",
+        _always(absent=frozenset({"a"})),
+        kinds=MOTION,
+        excluded=frozenset({"acceleration-bias"}),
+    ),
+    Condition("no-p2", "not measured", _always(absent=frozenset({"p2"})), kinds=("axis",)),
+    Condition("drift", "zeros of sensors wander", _always(drift=4.0)),
+    Condition("outliers", "one sample in 2000 is wrong", _always(outliers=5e-4)),
+    Condition(WIDE, "any of these, drawn anew for each case", _always()),
 )
 
 
@@ -132,14 +175,26 @@ def parse(text: str) -> Conditions:
     found = [_find(name) for name in names]
     changes: dict[str, Any] = {}
     for _, change in found:
-        if taken := set(change) & set(changes):
+        if taken := set(change) & set(changes) - {"absent"}:
             raise InputError("--condition", text, f"one condition for {', '.join(sorted(taken))}")
-        changes |= change
+        changes |= change | {"absent": changes.get("absent", frozenset()) | change.get("absent", frozenset())}
     kinds = tuple(kind for kind in KINDS if all(kind in condition.kinds for condition, _ in found))
     if not kinds:
         raise InputError("--condition", text, "conditions that hold on one kind of rig")
     excluded = frozenset[str]().union(*(condition.excluded for condition, _ in found))
     return replace(Conditions(names, kinds=kinds, excluded=excluded), **changes)
+
+
+def drawn(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
+    """Conditions of many kinds at once, under which these effects may be hidden."""
+    while True:
+        names = [str(rng.choice(line)) if rng.random() < 0.6 else USUAL for line in DRAWN]
+        try:
+            conditions = parse("+".join(dict.fromkeys([WIDE, *(name for name in names if name != USUAL)])))
+        except InputError:  # they exclude each other
+            continue
+        if all(conditions.allows(effect) for effect in effects):
+            return conditions
 
 
 def listed() -> str:

@@ -41,7 +41,8 @@ class Laboratory:
 
     ``vessel`` is the fixed chamber of the valve's bench, ``has_cylinder`` whether there is a cylinder; without
     ``supply_recorded`` the files have no p_supply; ``effects`` are those that the pipeline already knows of.
-    ``null`` is what it says of the valve's null, ``stroke_stated`` (m) of the stroke, where that is not exact.
+    ``null`` is what it says of the valve's null, ``stroke_stated`` (m) of the stroke, where that is not exact;
+    signals in ``absent`` are not recorded.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Laboratory:
     effects: tuple[str, ...] = ()
     null: str | None = None
     stroke_stated: float | None = None
+    absent: frozenset[str] = frozenset()
 
     @property
     def bench(self) -> Parameters:
@@ -72,7 +74,7 @@ class Laboratory:
 
     def signals(self, experiment: Experiment) -> tuple[str, ...]:
         """The recorded signals of an experiment."""
-        absent = set() if self.supply_recorded else {"p_supply"}
+        absent = set(self.absent) if self.supply_recorded else {"p_supply", *self.absent}
         if self.parameters.arrangement != TWO_VALVES:
             absent.add("u2")
         return tuple(signal for signal in SIGNALS[experiment] if signal not in absent)

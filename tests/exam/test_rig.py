@@ -151,6 +151,28 @@ def test_pressure_noise_has_its_level_and_colour(pole):
     assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(pole, abs=0.02)
 
 
+def quiet(n: int = 20_000) -> dict[str, np.ndarray]:
+    """A rig at which nothing happens."""
+    signals = {name: np.zeros(n) for name in ("u", "u2", "x", "a")}
+    return signals | {p: np.full(n, 3e5) for p in ("p1", "p2", "p_supply")}
+
+
+def test_a_drifting_zero_wanders_slowly_and_by_a_few_times_the_noise():
+    seen = measure(Parameters(), Sensors(pressure=400.0, drift=4.0), quiet(), np.random.default_rng(3))
+    for name in ("p1", "p2", "p_supply"):
+        course = seen[name].reshape(20, -1).mean(axis=1) - seen[name][:1000].mean()
+        assert 400.0 < np.max(np.abs(course)) < 4000.0
+        assert np.max(np.abs(np.diff(course))) < 1200.0
+
+
+def test_outliers_are_few_and_far_out():
+    still = measure(Parameters(), Sensors(), quiet(), np.random.default_rng(3))
+    seen = measure(Parameters(), Sensors(outliers=1e-3), quiet(), np.random.default_rng(3))
+    wrong = np.abs(seen["p1"] - still["p1"])
+    assert 5 < np.count_nonzero(wrong) < 50
+    assert np.min(wrong[wrong > 0.0]) > 20 * 400.0
+
+
 USUAL = Similar()
 SILENT = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
 

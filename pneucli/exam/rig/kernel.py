@@ -87,12 +87,19 @@ def chamber(
 
 
 @compiled()
+def relief(par: Parameters, p: float) -> float:
+    """Area in m^2 of a leak that opens with the pressure."""
+    above = p - par.ambient - par.relief_pressure
+    return par.relief_area * max(above, 0.0) / (par.supply - par.ambient)
+
+
+@compiled()
 def gas(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
     """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
     if held == 2:
         return
     wall = par.temperature
-    lost = flow(par.leak_area, s[P1], s[T1], par.ambient, LEAK_RATIO)
+    lost = flow(par.leak_area + relief(par, s[P1]), s[P1], s[T1], par.ambient, LEAK_RATIO)
     drawn = flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
     over = flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
     back = flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
@@ -117,6 +124,7 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     factor = 1.0 + par.pressure_gain * (s[P1] + s[P2] - 2.0 * par.ambient)
     if par.position_from <= s[X] <= par.position_to:
         factor *= 1.0 + par.position_gain
+    factor *= 1.0 + par.bent_guide * s[X] / par.stroke
     factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / SETTLING)))
     rise = max(par.static - par.coulomb, 0.0) / (1.0 + (s[V] / par.stribeck_velocity) ** 2)
     rising = factor * (par.coulomb + rise)

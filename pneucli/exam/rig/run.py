@@ -101,8 +101,9 @@ def _spool(par: Parameters, h: float, u: float, spool: float, opening: float) ->
     """Spool (lag, stiction) and opening (play) in V after one step."""
     if par.spool_stiction > 0.0:
         spool = u if abs(u - spool) > par.spool_stiction else spool
-    elif par.valve_lag > 0.0:
-        spool = u + (spool - u) * math.exp(-h / par.valve_lag)
+    elif par.valve_lag > 0.0 or par.sluggish_opening > 0.0:
+        slow = par.valve_lag + (par.sluggish_opening if abs(u) > abs(spool) else 0.0)
+        spool = u + (spool - u) * math.exp(-h / slow) if slow > 0.0 else u
     else:
         spool = u
     width = par.valve_half_width
