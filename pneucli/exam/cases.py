@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.similar import Similar
 
 SEALED = ".sealed"
+EXAM = "exam.json"  # there: what was asked for, and where the seed came from
 
 
 def write_exam(
@@ -29,17 +31,21 @@ def write_exam(
     size: float = 1.0,
     seed: int = 1,
     conditions: Sequence[str] = (USUAL,),
+    about: Mapping[str, Any] | None = None,
 ) -> list[str]:
     """Write ``cases`` cases with something hidden and ``nulls`` without, for each of the ``conditions``.
 
     Every sixth case hides two effects of the catalogue, every fifth one from outside; the others go through the
     catalogue in random order. Conditions get the same rigs with the same effects as far as these show under them, so
-    that what a condition costs is seen. The names of the folders, which are returned, do not tell which is which.
-    Raises InputError where the directory holds something already, or for an unknown condition.
+    that what a condition costs is seen. What was asked for is sealed with what there is to say ``about`` the exam. The
+    names of the folders, which are returned, do not tell which is which. Raises InputError where the directory holds
+    something already, or for an unknown condition.
     """
     each = [parse(text) for text in conditions]
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
+    asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
+    _seal(directory, EXAM, asked | dict(about or {"seed_from": "given"}))
     plan = [planned for one in each for planned in _plan(cases, nulls, one, seed)]
     names = [f"case-{k:03d}" for k in range(1, len(plan) + 1)]
     for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
@@ -47,10 +53,14 @@ def write_exam(
         truth = generate_case(
             directory / name, planned.kind, planned.hidden, planned.outside, size, planned.seed, planned.conditions
         )
-        sealed = directory / SEALED / f"{name}.json"
-        sealed.parent.mkdir(exist_ok=True)
-        sealed.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+        _seal(directory, f"{name}.json", truth)
     return names
+
+
+def _seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:
+    sealed = directory / SEALED / name
+    sealed.parent.mkdir(parents=True, exist_ok=True)
+    sealed.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def generate_case(
