@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,6 +114,15 @@ def test_unknown_effects_are_of_more_than_a_dozen_kinds_and_say_where_they_act()
     assert {effect.part for effect in OUTSIDE} == {"force", "flow", "sensor"}
     assert all(effect.over in ("time", "x", "v", "u", "p1") for effect in OUTSIDE)
     assert not {effect.name for effect in OUTSIDE} & {effect.name for effect in CATALOGUE}
+
+
+def test_the_page_of_the_exam_tells_every_condition_and_every_unknown_effect():
+    page = (Path(__file__).parents[2] / "docs" / "exam.md").read_text()
+    names = [condition.form.partition("#")[0] for condition in CONDITIONS]
+    assert [name for name in names if f"`{name}" not in page] == []
+    rows = [f"{effect.part} | {effect.over} |" for effect in OUTSIDE if effect.name in page]
+    assert len(rows) == len(OUTSIDE)
+    assert all(row in page for row in rows)
 
 
 def test_wide_draws_other_conditions_for_each_case_and_records_them(tmp_path):
