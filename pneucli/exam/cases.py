@@ -78,14 +78,9 @@ def generate_case(
     ``size``. Raises InputError where a name is unknown or does not show on this kind of rig.
     """
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
+    # what came with the conditions is drawn apart, so that the rest of a rig does not depend on them
     rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    is_usual = conditions.valve is None and conditions.load is None and not conditions.switching
-    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and is_usual))
-    baseline = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
-    base = _rig(kind, linear, rng)
-    known, loads = arranged(base, conditions, apart)
-    for name in baseline:
-        known = BY_NAME[name].set(known, 1.0, rng)
+    base, known, baseline = _known(kind, hidden, conditions, rng, apart)
     par = known
     for effect in effects:
         par = effect.set(par, size, rng)
@@ -93,22 +88,15 @@ def generate_case(
     for small, share in mess.items():
         par = BY_NAME[small].set(par, share, apart)
     similar = Similar.of(base, conditions.bore, conditions.supply, conditions.command)
-    sensors = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
     laboratory = Laboratory(
         folder.name,
         similar.rig(par),
-        replace(
-            similar.sensors(sensors),
-            rate=conditions.rate,
-            bits=conditions.bits,
-            drift=conditions.drift,
-            outliers=conditions.outliers,
-        ),
-        vessel=None if kind == "friction" or linear else rng.uniform(120e-6, 250e-6) * similar.length * similar.area,
+        _sensors(conditions, similar, rng),
+        vessel=None if kind == "friction" or _is_linear(base, kind) else _vessel(similar, rng),
         has_cylinder=kind != "valve",
         supply_recorded=("supply-droop" not in hidden and rng.random() > 0.15) or conditions.tank,
-        linear_valve=linear,
-        effects=(*baseline, *loads),
+        linear_valve=_is_linear(base, kind),
+        effects=baseline,
         null=conditions.null_stated,
         stroke_stated=_stated(similar.rig(known).stroke, apart) if conditions.ends else None,
         absent=conditions.absent,
@@ -118,6 +106,39 @@ def generate_case(
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
     truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
     return truth | {"mess": mess, "share_at_ends": at_ends}
+
+
+def _known(
+    kind: str, hidden: Sequence[str], conditions: Conditions, rng: np.random.Generator, apart: np.random.Generator
+) -> tuple[Parameters, Parameters, tuple[str, ...]]:
+    """The usual rig, what the conditions and known effects make of it, and the names of these effects."""
+    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
+    friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
+    base = _rig(kind, linear, rng)
+    known, loads = arranged(base, conditions, apart)
+    for name in friction:
+        known = BY_NAME[name].set(known, 1.0, rng)
+    return base, known, (*friction, *loads)
+
+
+def _is_linear(base: Parameters, kind: str) -> bool:
+    """Whether the valve is described by one gain: an axis without a valve test."""
+    return kind == "axis" and base.overlap == 0.0
+
+
+def _sensors(conditions: Conditions, similar: Similar, rng: np.random.Generator) -> Sensors:
+    usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
+    sensors = replace(usual, bits=conditions.bits, drift=conditions.drift, outliers=conditions.outliers)
+    return replace(similar.sensors(sensors), rate=conditions.rate)
+
+
+def _hum(rng: np.random.Generator) -> float:
+    return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
+
+
+def _vessel(similar: Similar, rng: np.random.Generator) -> float:
+    """Volume in m^3 of the vessel on the valve's bench."""
+    return rng.uniform(120e-6, 250e-6) * similar.length * similar.area
 
 
 def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
@@ -208,10 +229,6 @@ def _rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
         overlap=0.0 if kind == "friction" or linear else rng.uniform(0.08, 0.3),
         exponent=1.0 if linear else rng.uniform(1.0, 1.25),
     )
-
-
-def _hum(rng: np.random.Generator) -> float:
-    return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
 
 
 def _second(par: Parameters) -> dict[str, float]:

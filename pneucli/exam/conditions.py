@@ -76,6 +76,11 @@ class Conditions:
         """Whether something stays that nothing in the catalogue accounts for, in every case."""
         return self.messy or self.drift > 0.0
 
+    @property
+    def allows_linear(self) -> bool:
+        """Whether the valve may be described by one gain."""
+        return self.allows("valve-deadband")
+
     def allows(self, effect: str) -> bool:
         """Whether the effect may be hidden under these conditions."""
         return effect not in self.excluded
