@@ -10,7 +10,9 @@ from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
 
 
-def arranged(par: Parameters, conditions: Conditions, rng: np.random.Generator) -> tuple[Parameters, tuple[str, ...]]:
+def arranged(
+    par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
+) -> tuple[Parameters, tuple[str, ...]]:
     """Return the usual rig with these valves, loads and ends, and the effects that its pipeline file knows by this."""
     par = _ends(_valves(par, conditions, rng), rng)
     force = (par.supply - par.ambient) * par.piston_area_1
@@ -21,7 +23,8 @@ def arranged(par: Parameters, conditions: Conditions, rng: np.random.Generator) 
         return par._replace(spring_stiffness=stiffness, spring_rest=-preload / stiffness), ("spring-force",)
     if conditions.load == "weight":
         weight = force * rng.uniform(0.08, 0.16)
-        side = float(rng.choice([-1.0, 1.0]))
+        # a chamber 1 that fills beside an open chamber 2 cannot hold what pulls outward
+        side = 1.0 if kind == "friction" else float(rng.choice([-1.0, 1.0]))
         return par._replace(constant_force=side * weight, mass=par.mass + weight / 9.81), ("constant-force",)
     if conditions.tank:
         # litres against a vessel of about 0.2, and a hose of metres

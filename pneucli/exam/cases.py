@@ -115,7 +115,7 @@ def _known(
     linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
     friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
     base = _rig(kind, linear, rng)
-    known, loads = arranged(base, conditions, apart)
+    known, loads = arranged(base, kind, conditions, apart)
     for name in friction:
         known = BY_NAME[name].set(known, 1.0, rng)
     return base, known, (*friction, *loads)

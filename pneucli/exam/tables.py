@@ -101,7 +101,7 @@ def _origin(result: dict[str, Any]) -> list[str]:
         words += "from the hash of the program that answers: nobody can have looked."
     else:
         words += "from the hash of another program than the one that answered: the cases may have been seen."
-    return [f"{words} Program: {about['program']}", ""]
+    return [f"{words} Program: {about.get('program', 'not stated')}", ""]
 
 
 def _sizes(result: dict[str, Any]) -> list[str]:

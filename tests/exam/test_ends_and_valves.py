@@ -187,6 +187,21 @@ def test_springs_and_weights_are_known_to_the_pipeline_and_carried_at_the_start(
     assert not parse("return-spring").allows("spring-force")
 
 
+def test_no_chamber_is_below_ambient_where_a_friction_test_begins(tmp_path):
+    for seed in (1, 2, 3):
+        generate_case(tmp_path / str(seed), "friction", [], "", 1.0, seed, parse("hanging-load"))
+        table = np.genfromtxt(tmp_path / str(seed) / "raw" / "stickslip_1.csv", delimiter=",", skip_header=3)
+        assert np.mean(table[:50, 1]) > -0.02  # bar, above ambient
+
+
+def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
+    leaking = Parameters(leak_area=1e-8, relief_area=1e-7, piston_leak_area=1e-8)
+    bench = Laboratory("rig", leaking, Sensors(), vessel=1e-4).bench
+    assert (bench.leak_area, bench.relief_area, bench.piston_leak_area) == (0.0, 0.0, 0.0)
+    alone = Laboratory("rig", leaking, Sensors(), vessel=1e-4, has_cylinder=False).bench
+    assert (alone.leak_area, alone.relief_area) == (1e-8, 1e-7)
+
+
 @pytest.mark.parametrize(("name", "least"), [("ends", 0.2), ("5/3+ends", 0.2), ("return-spring+ends", 0.4)])
 def test_the_piston_rests_at_its_ends_and_the_truth_says_how_long(tmp_path, name, least):
     truth = generate_case(tmp_path / "case", "axis", [], "", 1.0, 6, parse(name))
