@@ -22,7 +22,7 @@ def state(cost: float) -> Any:
 
 def bench(*, held_out: bool = True, falls: bool = True) -> Any:
     return SimpleNamespace(
-        held_out=[1] if held_out else [],
+        checked=held_out,
         effects=catalogue(),
         falls=lambda before, after: falls,
         train=[
@@ -40,7 +40,8 @@ def left(ratio: float, kind: type[View] = Forces) -> list[Remainder]:
 
 
 def named(effect: str, before: float, after: float, remaining: list[Remainder], **how: bool) -> bool:
-    return stand_ins.stands(bench(**how), state(after), remaining, effect, state(before), state(after))
+    trial: Any = SimpleNamespace(effect=catalogue()[effect], before=state(before), state=state(after))
+    return stand_ins.beside(bench(**how), state(after), remaining, trial) == "supported"
 
 
 @pytest.fixture(autouse=True)
