@@ -49,8 +49,8 @@ class Search:
 
     @property
     def added(self) -> list[str]:
-        """The effects found, in the order to add them."""
-        return self.last.names[len(self.rungs[0].names) :]
+        """The effects found, in the order to add them: that of the rungs, which may not be that of the last model."""
+        return [next(n for n in after.names if n not in before.names) for before, after in pairwise(self.rungs)]
 
     @property
     def adequate(self) -> bool:
@@ -224,8 +224,7 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
 
     No rung raises the error that the user sees: what does so wherever it is added is left out.
     """
-    steps = pairwise(known)
-    if [s.names for s in known] and known[-1] is last and not any(bench.raises(a, b) for a, b in steps):
+    if known[-1] is last and not any(bench.raises(before, after) for before, after in pairwise(known)):
         return list(known), []
     rungs, refused = [base], []
     waiting = [e for e in last.model.effects if e.name not in base.names]

@@ -154,6 +154,13 @@ def test_everything_that_was_screened_has_one_decision():
     assert all(d.trial is not None for d in found)
 
 
+def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first():
+    """A swap puts the newcomer last in the model, though it explains most and is the first rung."""
+    rungs = (state(), state([MASS]), state([LAG, MASS]))
+    found = search.Search(rungs, {}, (), (), ())
+    assert found.added == [MASS, LAG]
+
+
 def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
     """Beside a promise of 5000 one of 40 is no start worth a fit."""
     promises = [(catalogue()["extra-mass"], 5000.0), (catalogue()["stribeck"], 40.0)]

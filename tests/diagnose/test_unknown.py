@@ -64,5 +64,7 @@ def test_what_is_not_replayed_has_no_period_of_restarts():
         replayed = False
 
     wave = np.sin(2 * np.pi * 2.0 * TIME)
-    found = describe(None, [Balance(("p1",), wave)], Remainder(Balance, "p1", 3.0, 3.0, ()))
-    assert "period 0.5 s" in found.character
+    balance = Balance(("p1",), wave)
+    del balance.experiment.raw["x"]
+    found = describe(None, [balance], Remainder(Balance, "p1", 3.0, 3.0, ()))
+    assert "period 0.50" in found.character
