@@ -47,7 +47,7 @@ class Detectable:
 
 def detectable(bench: Bench, state: State) -> list[Detectable]:
     """Return, for every effect that the model lacks, the size that would have been seen."""
-    lacking = [e for e in bench.effects.values() if e.name not in state.names and bench.can_show(e)]
+    lacking = bench.lacking(state)
     ranked = {e.name: found for e, found in bench.screened(state, lacking)}
     return [_size(effect, ranked.get(effect.name, []), state) for effect in lacking]
 

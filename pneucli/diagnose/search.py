@@ -128,8 +128,8 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
     least = min((t.state.cost for t in trials), default=0.0)
     promising = [t.state.cost < CLOSE * least and t.train.total > MATERIAL * float(state.train.sum()) for t in trials]
     ended = [bench.polished(state, t) if more else t for t, more in zip(trials, promising, strict=True)]
-    fitted = [t.effect.name for t in ended]
-    others = [Decision(e, "not-promising") for e, _ in screened if e.name not in fitted]
+    settled = {*without, *(t.effect.name for t in ended)}
+    others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in settled]
     return judged(bench, state, sorted(ended, key=lambda t: t.state.cost)) + others
 
 

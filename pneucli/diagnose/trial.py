@@ -77,10 +77,13 @@ class Bench:
         test = costs(self.held_out, drawn_noise(found.model, self.held_out), residual, problem.errors)
         return State(found, train, test, np.concatenate([train, test]), seen + int(np.count_nonzero(residual)))
 
+    def lacking(self, state: State) -> list[Effect]:
+        """Return the effects that a state lacks and that can show."""
+        return [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
+
     def screen(self, state: State) -> list[Screened]:
         """Return the effects that the state lacks with their signatures, by what the best one promises."""
-        lacking = [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
-        ranked = [(e, found) for e, found in self.screened(state, lacking) if found[0].gain > 0.0]
+        ranked = [(e, found) for e, found in self.screened(state, self.lacking(state)) if found[0].gain > 0.0]
         return sorted(ranked, key=lambda pair: -pair[1][0].gain)
 
     def screened(self, state: State, effects: Sequence[Effect]) -> list[Screened]:

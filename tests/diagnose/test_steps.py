@@ -173,9 +173,12 @@ def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Bench, "screen", lambda self, state: ranked)
     monkeypatch.setattr(Bench, "added", lambda self, before, effect, found: trial(effect.name, before=before))
     monkeypatch.setattr(Bench, "polished", lambda self, before, tried: tried)
-    decisions = search.tried(bench(), BEFORE)
-    assert [(d.effect.name, d.reason) for d in decisions] == [
-        ("extra-mass", "supported"),
-        ("stribeck", "not-promising"),
-    ]
-    assert [d.effect.name for d in search.tried(bench(), BEFORE, ["extra-mass"])] == ["stribeck"]
+    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
+    where.__dict__["hypotheses"] = 50
+    assert {d.effect.name: d.reason for d in search.tried(where, BEFORE)} == {
+        "extra-mass": "supported",
+        "stribeck": "not-promising",
+        "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
+    }
+    beside = search.tried(where, BEFORE, ["extra-mass"])
+    assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}
