@@ -75,3 +75,10 @@ def test_what_recordings_contradict_or_raises_the_error_is_not_named():
 def test_bounds_are_no_name_for_a_force_that_remains():
     assert not named("friction-hysteresis", 101.0, 3.0, left(2.0))
     assert named("friction-hysteresis", 101.0, 3.0, left(2.0, kind=Chambers))
+
+
+def test_the_reason_tells_a_stand_in_from_what_raises_the_error():
+    trial: Any = SimpleNamespace(effect=catalogue()["extra-mass"], before=state(101.0), state=state(3.0))
+    assert stand_ins.beside(bench(falls=False), state(3.0), left(2.0), trial) == "raises-error"
+    trial.state = state(91.0)
+    assert stand_ins.beside(bench(falls=False), state(91.0), left(2.0), trial) == "explained-by-unknown"

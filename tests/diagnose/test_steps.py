@@ -128,6 +128,22 @@ def test_rungs_that_are_known_and_sound_are_kept():
     assert search._ladder(where, known[0], known[1], known) == (known, [])
 
 
+def test_what_the_others_make_needless_is_dropped_with_that_reason(monkeypatch: pytest.MonkeyPatch):
+    """Without the lag nothing is missed, without the mass very much."""
+    where = climbing(("", 9000.0, 9.0, 9.0), (MASS, 5000.0, 5.0, 5.0), (LAG, 8000.0, 8.0, 8.0))
+    last = state([MASS, LAG], 4999.0)
+    monkeypatch.setattr(
+        Climbing,
+        "without",
+        lambda self, state, effect: self.of(tuple(n for n in state.names if n != effect.name)),
+        raising=False,
+    )
+    monkeypatch.setattr(search, "supported", lambda bench, before, trials: [])
+    kept, refused = search._without_needless(where, where.of(()), last)
+    assert kept.names == [MASS]
+    assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")]
+
+
 def test_everything_that_was_screened_has_one_decision():
     names = ["extra-mass", "stribeck", "pressure-lag", "time-skew", "constant-force", "end-cushion"]
     mass, rise, lag, skew, force, cushion = (trial(n) for n in names)
