@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.trial import Bench, State
 from pneucli.identify.effects import Signature
 from pneucli.identify.parameters import null_value
@@ -45,9 +47,15 @@ class Detectable:
 
 def detectable(bench: Bench, state: State) -> list[Detectable]:
     """Return, for every effect that the model lacks, the size that would have been seen."""
-    lacking = [e for e in bench.effects.values() if e.name not in state.names and bench.can_show(e)]
+    lacking = bench.lacking(state)
     ranked = {e.name: found for e, found in bench.screened(state, lacking)}
     return [_size(effect, ranked.get(effect.name, []), state) for effect in lacking]
+
+
+def cannot_show(bench: Bench, sizes: Sequence[Detectable]) -> list[Decision]:
+    """Return the effects that no recording feels, and those of which no plausible size would have shown."""
+    unfelt = [e for e in bench.effects.values() if not bench.can_show(e)]
+    return [Decision(e, "cannot-show") for e in [*(d.effect for d in sizes if not d.plausible), *unfelt]]
 
 
 def _size(effect: Effect, found: list[Signature], state: State) -> Detectable:

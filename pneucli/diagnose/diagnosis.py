@@ -8,19 +8,20 @@ from typing import Literal
 
 import numpy as np
 
-from pneucli.diagnose.detectable import Detectable, detectable
+from pneucli.diagnose.decision import Decision
+from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
+from pneucli.diagnose.equals import equal
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.replay import astray
-from pneucli.diagnose.search import Search, as_good, remains, search
-from pneucli.diagnose.stand_ins import stands
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.search import Search, remains, search
+from pneucli.diagnose.stand_ins import beside
+from pneucli.diagnose.trial import Bench
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained"]
 
-SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 
 
@@ -40,10 +41,12 @@ class Diagnosis:
     """What the recordings say, and what they cannot say.
 
     ``missing`` in the order to add them; ``equals`` names for each what explains these recordings equally well.
+    ``decisions``: one for every effect that the model lacked, those that were added first.
     """
 
     verdict: Verdict
     missing: tuple[str, ...]
+    decisions: tuple[Decision, ...]
     equals: Mapping[str, tuple[str, ...]]
     found: Search
     moved: tuple[Moved, ...]
@@ -56,29 +59,31 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     start = bench.state(base)
     found = search(bench, start)
     left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
-    steps = zip(found.added, found.rungs, found.rungs[1:], strict=False)
-    missing = [
-        name for name, before, after in steps if not left or stands(bench, found.last, left, name, before, after)
-    ]
-    equals = {
-        n: tuple(t.effect.name for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left))
-        for n in missing
-    }
+    added = [_added(bench, found, left, i) for i in range(len(found.added))]
+    missing = [d.effect.name for d in added if d.supported]
+    twins = {n: [t for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left)] for n in missing}
+    equals = {n: tuple(t.effect.name for t in trials) for n, trials in twins.items()}
+    alike = [Decision(t.effect, "supported", t) for trials in twins.values() for t in trials]
+    sizes = detectable(bench, found.last)
+    decisions = _one_each([*added, *alike, *found.decisions, *cannot_show(bench, sizes)])
     verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
     unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
-    return Diagnosis(verdict, tuple(missing), equals, found, moved, tuple(detectable(bench, found.last)), unknown)
+    return Diagnosis(verdict, tuple(missing), decisions, equals, found, moved, tuple(sizes), unknown)
 
 
-def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
-    """Whether the data cannot tell an effect's rival from it.
+def _added(bench: Bench, found: Search, left: Sequence[Remainder], i: int) -> Decision:
+    """Return the decision about the i-th effect that was added: it stands, or stands in for what is left."""
+    trial = bench.trial(found.rungs[i], found.rungs[i + 1], bench.effects[found.added[i]])
+    return Decision(trial.effect, beside(bench, found.last, left, trial) if left else "supported", trial)
 
-    It costs no more for certain; or, where noise alone is left, so little more that what is known of the noise and of
-    the state at each restart does not decide.
-    """
-    more, gained = rival.state.cost - best.cost, rival.train.total + rival.test.total
-    slight = more < SLIGHTLY * min(best.cost, gained + more)
-    return as_good(rival.state, best) or (noise_alone and slight)
+
+def _one_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:
+    """Return the first decision about each effect, those that a fit can prove before those that a screen left out."""
+    first: dict[str, Decision] = {}
+    for d in sorted(decisions, key=lambda d: d.reason == "not-promising"):
+        first.setdefault(d.effect.name, d)
+    return tuple(first.values())
 
 
 def unknown_of(bench: Bench, found: Search, left: Sequence[Remainder], *, named: bool) -> Unknown:

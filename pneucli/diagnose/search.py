@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from pneucli.diagnose.evidence import gain, holm
+from pneucli.diagnose.decision import Decision, Reason, passed
+from pneucli.diagnose.equals import foremost, replaces
+from pneucli.diagnose.evidence import gain
+from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Array, Bench, State, Trial
-from pneucli.identify.parameters import null_value
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
@@ -18,27 +21,24 @@ REFITS = 6  # of the effects that the screen ranks highest
 PAIRS = 3
 WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
 HOPELESS = 0.01  # of what the best signature promises
-ALPHA = 0.02  # of naming any effect where none is, before it is held out
-SURE = 1e-4  # the same for what shows so rarely that the data held out cannot be certain
-FEW = 5.0  # blocks in which it shows there
-MATERIAL = 0.004  # of the cost: less does not change what the user sees
-SECOND = 0.02  # the same once effects were found and what is left is noise: their own form errs by as much
-RESOLUTION = 0.5  # of a sampling period: a time shorter than this may be the clock's, or the model's own step
-NOISE = 1.05  # times as much as sensors' noise alone would leave
 CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
+
+
+Round = list[Decision]  # about the effects that a rung lacks
 
 
 @dataclass(frozen=True)
 class Search:
     """The way taken: ``rungs`` from the model as it is to the last, each with one effect more.
 
-    ``rounds`` holds what was tried from each rung; ``rivals`` for every effect named what was tried in its place.
+    ``rivals`` holds for every effect named what passed in its place; ``decisions`` what became of the others that were
+    screened, one for each.
     """
 
     rungs: tuple[State, ...]
-    rounds: tuple[tuple[Trial, ...], ...]
     rivals: dict[str, tuple[Trial, ...]]
+    decisions: tuple[Decision, ...]
     train: tuple[Remainder, ...]
     test: tuple[Remainder, ...]
 
@@ -49,8 +49,8 @@ class Search:
 
     @property
     def added(self) -> list[str]:
-        """The effects found, in the order to add them."""
-        return self.last.names[len(self.rungs[0].names) :]
+        """The effects found, in the order to add them: that of the rungs, which may not be that of the last model."""
+        return [next(n for n in after.names if n not in before.names) for before, after in pairwise(self.rungs)]
 
     @property
     def adequate(self) -> bool:
@@ -61,18 +61,34 @@ class Search:
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
     rungs, rounds = _forward(bench, [base], [])
-    judged = rungs[-1]
-    left = remains(bench, judged)
+    judged_by = rungs[-1]
+    left = remains(bench, judged_by)
     if too_much(*left):
         whole = _explaining_all(bench, rungs[-1], rounds[-1]) if len(rounds) == len(rungs) else None
         if whole is not None:
             rungs = [*rungs, whole.state]
         elif len(rungs) <= 2:
             rungs, rounds = _pairs(bench, rungs, rounds)
-    rungs, rivals = _revise(bench, rungs, rounds)
-    if rungs[-1] is not judged:
+    rungs, rivals, refused = _revise(bench, rungs, rounds)
+    if rungs[-1] is not judged_by:
         left = remains(bench, rungs[-1])
-    return Search(tuple(rungs), tuple(map(tuple, rounds)), rivals, tuple(left[0]), tuple(left[1]))
+    decisions = decided(rounds, refused, rungs[-1].names)
+    return Search(tuple(rungs), rivals, decisions, tuple(left[0]), tuple(left[1]))
+
+
+def decided(rounds: Sequence[Round], refused: Sequence[Decision], names: Sequence[str]) -> tuple[Decision, ...]:
+    """Return the decision about each effect that was screened and is not among ``names``.
+
+    What was ``refused`` after it was taken stays so; else the first fit decides, against the model that lacked most.
+    What passed and is not in the last model is needless there: the last round found nothing left for it.
+    """
+    tried = [d for each in rounds for d in each]
+    ranked = [*refused, *(d for d in tried if d.trial is not None), *(d for d in tried if d.trial is None)]
+    found: dict[str, Decision] = {}
+    for d in ranked:
+        if d.effect.name not in names:
+            found.setdefault(d.effect.name, replace(d, reason="needless") if d.supported else d)
+    return tuple(found.values())
 
 
 def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder]]:
@@ -80,30 +96,31 @@ def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder
     return remainders(state.model, bench.train), remainders(state.model, bench.held_out)
 
 
-def _forward(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tuple[list[State], list[list[Trial]]]:
+def _forward(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
     while len(rungs) <= MOST_EFFECTS:
-        trials = tried(bench, rungs[-1])
-        rounds.append(trials)
-        leader = leading(bench, rungs[-1], trials)
+        leader, decisions = leading(bench, tried(bench, rungs[-1]))
+        rounds.append(decisions)
         if leader is None:
             break
         rungs.append(leader.state)
     return rungs, rounds
 
 
-def _explaining_all(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:
+def _explaining_all(bench: Bench, before: State, decisions: Round) -> Trial | None:
     """Return the best trial that leaves nothing over, where something is left for certain.
 
     That there is something needs no proof then, only what it is: the chance is not adjusted for the family, but both
     the fitted and the held-out cost must fall for certain.
     """
-    able = supported(bench, before, [t for t in trials if t.train.certain and t.test.certain], hypotheses=1)
-    able = sorted(bench.no_worse(before, able), key=lambda t: t.state.cost)
-    return able[0] if able and not too_much(*remains(bench, able[0].state)) else None
+    fitted = [d.trial for d in decisions if d.trial is not None]
+    able = supported(bench, before, [t for t in fitted if t.train.certain and t.test.certain], hypotheses=1)
+    able = [t for t in able if not bench.raises(before, t.state)]
+    best = min(able, key=lambda t: t.state.cost, default=None)
+    return best if best is not None and not too_much(*remains(bench, best.state)) else None
 
 
-def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial]:
-    """Refit with the effects that the screen ranks highest, likeliest first."""
+def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
+    """Decide on every effect that the state lacks: the best of the screen are refitted and come first."""
     screened = [(e, s) for e, s in bench.screen(state) if e.name not in without]
     least = max(WORTH, HOPELESS * screened[0][1][0].gain) if screened else WORTH
     likely = [(e, s) for e, s in screened if s[0].gain > least][:REFITS]
@@ -111,132 +128,120 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> list[Trial
     least = min((t.state.cost for t in trials), default=0.0)
     promising = [t.state.cost < CLOSE * least and t.train.total > MATERIAL * float(state.train.sum()) for t in trials]
     ended = [bench.polished(state, t) if more else t for t, more in zip(trials, promising, strict=True)]
-    return sorted(ended, key=lambda t: t.state.cost)
+    settled = {*without, *(t.effect.name for t in ended)}
+    others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in settled]
+    return judged(bench, state, sorted(ended, key=lambda t: t.state.cost)) + others
 
 
-def supported(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: int | None = None) -> list[Trial]:
-    """Return the trials that are significant in the family of all, hold on data not seen, and matter."""
-    adjusted = holm([t.p_value for t in trials], max(hypotheses or bench.hypotheses, len(trials)))
-    return [
-        t
-        for t, p in zip(trials, adjusted, strict=True)
-        if p < ALPHA
-        and t.train.total > _material(bench, before) * float(before.train.sum())
-        and (t.test.certain or not bench.held_out or _rarely_shown(t, p))
-        and not _too_short(bench, t)
-        and not _out_of_bounds(t)
-    ]
+def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
+    """Return the foremost trial that passes and that the user sees the good of, and what is decided with that."""
+    while able := passed(decisions):
+        first = foremost(able)
+        refused = unseen(bench, first)
+        if refused is None:
+            return first, decisions
+        decisions = [replace(d, reason=refused) if d.trial is first else d for d in decisions]
+    return None, decisions
 
 
-def _rarely_shown(trial: Trial, p_value: float) -> bool:
-    """Whether the data held out show the effect too rarely to be certain, do not contradict it, and the fitted are.
+def unseen(bench: Bench, trial: Trial) -> Reason | None:
+    """Return why the error that the user sees speaks against a trial, None where it does not.
 
-    Such as a break-away after a long rest: one or two blocks decide, and a bootstrap may draw neither.
+    Where no more than noise is left, it must fall by more than chance moves it: a sure and tiny effect is one that the
+    rig's description, the smoothing or the clock may have as well.
     """
-    return trial.test.number < FEW and trial.test.total > 0.0 and trial.train.certain and p_value < SURE
-
-
-def _out_of_bounds(trial: Trial) -> bool:
-    """Whether a parameter stands at the bound of what is plausible, other than its null."""
-    model = trial.state.model
-    nulls = {
-        f"{trial.effect.name}.{p.name}": null_value(p, model) for p in trial.effect.parameters if p.null is not None
-    }
-    return any(e.at_bound and e.name in nulls and e.value != nulls[e.name] for e in trial.state.fit.estimates)
-
-
-def _material(bench: Bench, before: State) -> float:
-    at_noise = before.cost < NOISE * before.samples
-    return SECOND if at_noise and set(before.names) - set(bench.given) else MATERIAL
-
-
-def _too_short(bench: Bench, trial: Trial) -> bool:
-    """Whether the effect is but a time that the sampling cannot tell from none."""
-    period = max(view.experiment.recording.period for view in bench.train)
-    times = [
-        trial.state.model.values[f"{trial.effect.name}.{p.name}"]
-        for p in trial.effect.parameters
-        if p.unit == "s" and p.null == 0.0
-    ]
-    return len(times) == len(trial.effect.parameters) and all(abs(t) < RESOLUTION * period for t in times)
-
-
-def leading(bench: Bench, before: State, trials: Sequence[Trial]) -> Trial | None:
-    """Return the supported trial that leaves least, the simplest of those that leave as little."""
-    able = bench.no_worse(before, supported(bench, before, trials))
-    if not able:
-        return None
-    best = min(able, key=lambda t: t.state.cost)
-    equal = [t for t in able if as_good(t.state, best.state)]
-    # the simpler one, and a sensor's fault last: sensors are calibrated, rigs are not
-    return min(equal, key=lambda t: (len(t.effect.parameters), t.effect.part == "sensor", t.state.cost))
-
-
-def as_good(state: State, best: State) -> bool:
-    """Whether the data cannot tell that ``state`` explains them less well than ``best``."""
-    return not gain(state.costs, best.costs).certain
+    if bench.raises(trial.before, trial.state):
+        return "raises-error"
+    return "immaterial" if at_noise(trial.before) and not bench.lowers(trial.before, trial.state) else None
 
 
 def _revise(
-    bench: Bench, rungs: list[State], rounds: list[list[Trial]]
-) -> tuple[list[State], dict[str, tuple[Trial, ...]]]:
-    """Drop what later additions made needless, put better rivals in place of effects, and keep the equals."""
-    base, last = rungs[0], _without_needless(bench, rungs[0], rungs[-1])
+    bench: Bench, rungs: list[State], rounds: list[Round]
+) -> tuple[list[State], dict[str, tuple[Trial, ...]], Round]:
+    """Drop what later additions made needless, put better rivals in place of effects, and keep the equals.
+
+    Returns the rungs, what passed in place of each effect, and what was refused after it was taken.
+    """
+    base = rungs[0]
+    last, refused = _without_needless(bench, base, rungs[-1])
+    rungs, raising = _ladder(bench, base, last, rungs)
+    refused += raising
     for swaps in range(SWAPS + 1):
-        rivals: dict[str, tuple[Trial, ...]] = {}
-        better: list[Trial] = []
-        names = last.names[len(base.names) :]
-        for name in names:
-            before = base if len(names) == 1 else bench.without(last, bench.effects[name])
-            trials = rounds[0] if len(names) == 1 and swaps == 0 else tried(bench, before, [name])
-            rivals[name] = tuple(t for t in supported(bench, before, trials) if t.effect.name != name)
-            better = [t for t in rivals[name] if gain(last.costs, t.state.costs).certain]
-            if better:
-                break
-        if not better or swaps == SWAPS:
+        known = rounds[0] if swaps == 0 else None
+        rivals, better = _rivals(bench, base, rungs[-1], known, [d.effect.name for d in refused])
+        if better is None or swaps == SWAPS:
             break
-        last = min(better, key=lambda t: t.state.cost).state
-    return _ladder(bench, base, last, rungs), rivals
+        swapped, raising = _ladder(bench, base, better.state, rungs)
+        if raising:
+            refused.append(Decision(better.effect, "raises-error", better))
+        else:
+            rungs = swapped
+    return rungs, rivals, refused
 
 
-def _without_needless(bench: Bench, base: State, last: State) -> State:
-    """Return the state without effects that are not supported beside the others, the least missed first.
+def _rivals(
+    bench: Bench, base: State, last: State, known: Round | None, barred: Sequence[str]
+) -> tuple[dict[str, tuple[Trial, ...]], Trial | None]:
+    """Return what passes in place of each effect, up to the first one that should stand there itself."""
+    rivals: dict[str, tuple[Trial, ...]] = {}
+    names = last.names[len(base.names) :]
+    for name in names:
+        before = base if len(names) == 1 else bench.without(last, bench.effects[name])
+        decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name])
+        rivals[name] = tuple(t for t in passed(decisions) if t.effect.name != name)
+        named = bench.trial(before, last, bench.effects[name])
+        better = [t for t in rivals[name] if t.effect.name not in barred and replaces(bench, t, named)]
+        if better:
+            return rivals, foremost(better)
+    return rivals, None
+
+
+def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round]:
+    """Return the state without effects that are not supported beside the others, the least missed first; and these.
 
     What the data would certainly and noticeably miss stays: it may not be supported alone, and yet carry the others.
     """
+    refused: Round = []
     while len(names := last.names[len(base.names) :]) > 1:
-        states = {name: bench.without(last, bench.effects[name]) for name in names}
-        needless = [
-            before
-            for name, before in states.items()
-            if not supported(bench, before, [bench.trial(before, last, bench.effects[name])])
-            and not _missed(bench, before, last)
-        ]
+        effects = [bench.effects[name] for name in names]
+        trials = [bench.trial(bench.without(last, effect), last, effect) for effect in effects]
+        needless = [t for t in trials if not supported(bench, t.before, [t]) and not _missed(t.before, last)]
         if not needless:
             break
-        last = min(needless, key=lambda state: state.cost)
-    return last
+        least = min(needless, key=lambda t: t.before.cost)
+        refused.append(Decision(least.effect, "needless", least))
+        last = least.before
+    return last, refused
 
 
-def _missed(bench: Bench, before: State, last: State) -> bool:
+def _missed(before: State, last: State) -> bool:
     missed = gain(before.costs, last.costs)
-    return missed.certain and missed.total > _material(bench, before) * before.cost
+    return missed.certain and missed.total > material(before) * before.cost
 
 
-def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> list[State]:
-    """Return the states from base to last, the effect that explains most first."""
-    if [s.names for s in known] and known[-1] is last:
-        return list(known)
-    rungs, waiting = [base], [e for e in last.model.effects if e.name not in base.names]
-    while len(waiting) > 1:
-        trials = [bench.added(rungs[-1], effect) for effect in waiting]
-        first = min(trials, key=lambda t: t.state.cost)
+def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> tuple[list[State], Round]:
+    """Return the states from base to last, the effect that explains most first, and what no rung can take.
+
+    No rung raises the error that the user sees: what does so wherever it is added is left out.
+    """
+    if known[-1] is last and not any(bench.raises(before, after) for before, after in pairwise(known)):
+        return list(known), []
+    rungs, refused = [base], []
+    waiting = [e for e in last.model.effects if e.name not in base.names]
+    while waiting:
+        ended = len(waiting) == 1
+        trials = [bench.trial(rungs[-1], last, waiting[0])] if ended else [bench.added(rungs[-1], e) for e in waiting]
+        able = [t for t in trials if not bench.raises(t.before, t.state)]
+        if not able:
+            refused += [Decision(t.effect, "raises-error", t) for t in trials]
+            break
+        first = min(able, key=lambda t: t.state.cost)
         rungs.append(first.state)
-        waiting = [e for e in waiting if e.name != first.effect.name]
-    return [*rungs, last] if waiting else rungs
+        waiting.remove(first.effect)
+    return rungs, refused
 
 
-def _pairs(bench: Bench, rungs: list[State], rounds: list[list[Trial]]) -> tuple[list[State], list[list[Trial]]]:
+def _pairs(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
     """Try the pairs that promise most together, where single effects led nowhere."""
     base = rungs[0]
     ranked = bench.screen(base)[:8]

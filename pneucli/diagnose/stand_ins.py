@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pneucli.diagnose.decision import Reason
 from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.trial import Bench, State
+from pneucli.diagnose.trial import Bench, State, Trial
 
 MUCH = 3.5  # times the expected rms: where so much is left, more than one thing acts
 EXPLAINS = 0.25  # of what exceeds noise, where much is left
@@ -17,18 +18,20 @@ EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict i
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 
 
-def stands(bench: Bench, last: State, left: Sequence[Remainder], name: str, before: State, after: State) -> bool:
-    """Whether the effect added from ``before`` to ``after`` is more than a stand-in for what ``left`` shows.
+def beside(bench: Bench, last: State, left: Sequence[Remainder], trial: Trial) -> Reason:
+    """Return whether an effect that was added is more than a stand-in for what ``left`` shows.
 
     It took its share of what exceeds noise, the recordings agree on its size, it states a law where something is left,
     and the error of the ladder falls.
     """
-    share = explained(before, after)
-    if not bench.held_out:
+    name, share = trial.effect.name, explained(trial.before, trial.state)
+    if not bench.checked:
         enough = share > EXPLAINS_ALONE
     else:
         enough = share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
-    return enough and agreed(bench, last, name) and lawful(bench, name, left) and bench.falls(before, after)
+    if not (enough and agreed(bench, last, name) and lawful(bench, name, left)):
+        return "explained-by-unknown"
+    return "supported" if bench.falls(trial.before, trial.state) else "raises-error"
 
 
 def lawful(bench: Bench, name: str, left: Sequence[Remainder]) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
 from pneucli.diagnose.remainder import drawn_rms
+from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit, Problem, block_numbers
@@ -23,17 +24,18 @@ Array = NDArray[np.float64]
 
 ROUNDS = 5  # of a first fit, which only ranks
 KNOWN = 0.8  # of the noise's power, at least
-RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts
+RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts; a fall by as much is chance too
 Screened = tuple[Effect, list[Signature]]
+Errors = Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
 class Bench:
     """The data of a diagnosis: views to fit, views held out, and the effects that may be missing.
 
+    Where none is held out, ``turns`` has for each fitted view the turn in which it is (:mod:`pneucli.diagnose.turns`).
     ``covered`` are parts whose effects the model's valve shows already; ``given`` names the effects that the model had
-    before; ``errors`` is the error that the user sees, of a model, by
-    use: an effect that raises it is not added; ``shown`` is the same over each model's own noise.
+    before; ``shown`` is the error that the user sees, by use.
     """
 
     train: Sequence[View]
@@ -42,8 +44,13 @@ class Bench:
     covered: frozenset[Part] = frozenset()
     given: tuple[str, ...] = ()
     progress: Callable[[str], None] = field(default=lambda _: None)
-    errors: Callable[[Model], Mapping[str, float | None]] | None = None
-    shown: Callable[[Model], Mapping[str, float | None]] | None = None
+    turns: tuple[int, ...] = ()
+    shown: Callable[[Model], Errors] | None = None
+
+    @property
+    def checked(self) -> bool:
+        """Whether there are data that a fit has not seen."""
+        return bool(self.held_out or self.turns)
 
     @cached_property
     def hypotheses(self) -> int:
@@ -56,17 +63,27 @@ class Bench:
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        train = costs(found.model, self.train, found.residual, found.errors)
+        drawn = drawn_noise(found.model, self.train)
+        train = costs(self.train, drawn, found.residual, found.errors)
+        seen = int(np.count_nonzero(found.residual))
+        if self.turns:
+            residual = held_out_by_turns(found, self.train, self.turns)
+            turned = costs(self.train, drawn, residual, found.errors)
+            return State(found, train, turned, turned, seen)
         if not self.held_out:
-            return State(found, train, np.zeros(0), np.zeros(0))
+            return State(found, train, np.zeros(0), train, seen)
         problem = Problem(found.model, self.held_out, ())
-        test = np.concatenate(problem.data(found.model))
-        return State(found, train, test, costs(found.model, self.held_out, test, problem.errors))
+        residual = np.concatenate(problem.data(found.model))
+        test = costs(self.held_out, drawn_noise(found.model, self.held_out), residual, problem.errors)
+        return State(found, train, test, np.concatenate([train, test]), seen + int(np.count_nonzero(residual)))
+
+    def lacking(self, state: State) -> list[Effect]:
+        """Return the effects that a state lacks and that can show."""
+        return [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
 
     def screen(self, state: State) -> list[Screened]:
         """Return the effects that the state lacks with their signatures, by what the best one promises."""
-        lacking = [e for e in self.effects.values() if self.can_show(e) and e.name not in state.names]
-        ranked = [(e, found) for e, found in self.screened(state, lacking) if found[0].gain > 0.0]
+        ranked = [(e, found) for e, found in self.screened(state, self.lacking(state)) if found[0].gain > 0.0]
         return sorted(ranked, key=lambda pair: -pair[1][0].gain)
 
     def screened(self, state: State, effects: Sequence[Effect]) -> list[Screened]:
@@ -94,46 +111,56 @@ class Bench:
         """Refit without one of the effects."""
         return self.state(fit_without(state.fit, self.train, effect))
 
-    def no_worse(self, before: State, trials: Sequence[Trial]) -> list[Trial]:
-        """Return the trials whose simulation, which the user sees, does not err more than that of ``before``.
-
-        In the mean of fitted and held-out recordings.
-        """
-        if self.errors is None or not trials:
-            return list(trials)
-        old = self.errors(before.model)
-
-        def raised(new: Mapping[str, float | None]) -> bool:
-            ratios = [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
-            return bool(ratios) and float(np.prod(ratios)) > RISE ** len(ratios)
-
-        return [t for t in trials if not raised(self.errors(t.state.model))]
+    def raises(self, before: State, after: State) -> bool:
+        """Whether the error that the user sees rises: for all uses, or in their mean by more than chance may."""
+        ratios = self._ratios(before, after)
+        return bool(ratios) and (min(ratios) > 1.0 or float(np.prod(ratios)) > RISE ** len(ratios))
 
     def falls(self, before: State, after: State) -> bool:
-        """Whether the error over its own model's noise, which the ladder shows, falls in the mean of both uses."""
+        """Whether the error that the user sees falls in the mean of all uses."""
+        return self.shown is None or float(np.prod(self._ratios(before, after))) < 1.0
+
+    def lowers(self, before: State, after: State) -> bool:
+        """Whether it falls in that mean by more than chance may."""
+        ratios = self._ratios(before, after)
+        return not ratios or float(np.prod(ratios)) < RISE ** -len(ratios)
+
+    def _ratios(self, before: State, after: State) -> list[float]:
+        """Return the error that the user sees after over that before, for each use that has one."""
         if self.shown is None:
-            return True
+            return []
         old, new = self.shown(before.model), self.shown(after.model)
-        ratios = [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
-        return float(np.prod(ratios)) < 1.0
+        return [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
 
     def trial(self, before: State, after: State, effect: Effect) -> Trial:
         """Return what the step from one state to the other is worth."""
         train = gain(before.train, after.train)
         p_value = wald(after.fit, effect)
         return Trial(
-            effect, after, train, gain(before.test, after.test), train.p_value if np.isnan(p_value) else p_value
+            effect,
+            before,
+            after,
+            train,
+            gain(before.test, after.test),
+            train.p_value if np.isnan(p_value) else p_value,
         )
 
 
-def costs(model: Model, views: Sequence[View], residual: Array, errors: Sequence[Mapping[str, Array]]) -> Array:
+def drawn_noise(model: Model, views: Sequence[View]) -> list[dict[str, float]]:
+    """Return for each view the rms by channel that a correct model of this kind would show of noise."""
+    return [drawn_rms(model, view, view.carried(model)) for view in views]
+
+
+def costs(
+    views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array, errors: Sequence[Mapping[str, Array]]
+) -> Array:
     """Return the cost by block of residuals (N,): their squares, and the volume of what the starts may err by."""
     blocks = block_numbers(views)
     volume = np.concatenate([view.volume(mine) for view, mine in zip(views, errors, strict=True)])
-    return block_costs(allowed(model, views, residual), blocks) + np.bincount(blocks, weights=volume)
+    return block_costs(allowed(views, drawn, residual), blocks) + np.bincount(blocks, weights=volume)
 
 
-def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
+def allowed(views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array) -> Array:
     """Return residuals (N,) scaled, channel by channel, for what a correct model of this kind would show of noise.
 
     A model that undoes a lag amplifies noise, one that smooths over it (a lag in the balance of forces, a delay by half
@@ -141,13 +168,12 @@ def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
     channel is made smaller than the sensors' noise only so far as that is not known better.
     """
     parts, first = [], 0
-    for view in views:
-        drawn = drawn_rms(model, view, view.carried(model))
+    for view, noises in zip(views, drawn, strict=True):
         for channel in view.channels:
             part = residual[first : first + view.experiment.time.size]
             first += part.size
             cost, noise = float(part @ part), float(np.count_nonzero(part))
-            more = max(drawn[channel] ** 2, KNOWN)
+            more = max(noises[channel] ** 2, KNOWN)
             fair = max(cost - (more - 1.0) * min(noise, cost / more), KNOWN * min(cost, noise))
             parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
     return np.concatenate(parts)
@@ -155,12 +181,17 @@ def allowed(model: Model, views: Sequence[View], residual: Array) -> Array:
 
 @dataclass(frozen=True)
 class State:
-    """A fitted model and what it leaves over: costs by block of the training and of the held-out views."""
+    """A fitted model and what it leaves over, as costs by block: ``train`` as fitted, ``test`` held out.
+
+    ``costs`` counts each reading once, held out where it is; ``samples`` are the residuals behind them, zeros of what
+    does not count left out.
+    """
 
     fit: Fit
     train: Array
-    test_residual: Array
     test: Array
+    costs: Array
+    samples: int
 
     @property
     def model(self) -> Model:
@@ -173,26 +204,20 @@ class State:
         return [e.name for e in self.fit.model.effects]
 
     @property
-    def samples(self) -> int:
-        """How many residuals there are, trained and held out, zeros of what does not count left out."""
-        return int(np.count_nonzero(self.fit.residual) + np.count_nonzero(self.test_residual))
-
-    @property
-    def costs(self) -> Array:
-        """All blocks' costs, trained and held out."""
-        return np.concatenate([self.train, self.test])
-
-    @property
     def cost(self) -> float:
-        """Their sum."""
+        """The sum of all costs."""
         return float(self.costs.sum())
 
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect added to a state: gains on trained and held-out data; ``p_value`` of its parameters, not adjusted."""
+    """The step from ``before`` to ``state`` by one effect.
+
+    With its gains on trained and held-out data, and ``p_value`` of its parameters, not adjusted.
+    """
 
     effect: Effect
+    before: State
     state: State
     train: Gain
     test: Gain

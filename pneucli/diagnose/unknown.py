@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 PERIODIC = 0.3  # share of the squared residual that one sine must hold
 TELLING = 0.05  # share that means over a variable must hold to be spoken of
 MOST_SAMPLES = 4000
+RESOLVED = 0.5  # cycles over a range, by which two sines can be told apart
 REPLAYED = "only where all is simulated together: by itself each subsystem fits"
 LAWS: dict[str, Callable[[Array], list[Array]]] = {
     "a constant": lambda q: [np.ones_like(q)],
@@ -105,6 +106,22 @@ def _line(view: View, model: Model, channel: str, variable: str) -> tuple[float,
         return None
     y, q = residual[seen] - residual[seen].mean(), q[seen]
     cycles = np.linspace(2.0, 40.0, 300)  # over the range; fewer cannot be told from a drift
+    if variable == "time" and view.replayed:
+        cycles = cycles[~_of_restarts(cycles, q, e.time[e.restarts])]
+        if not cycles.size:
+            return None
     power = lombscargle(q, y, 2 * np.pi * cycles / np.ptp(q), normalize=True)
     best = int(np.argmax(power))
     return float(power[best]), float(np.ptp(q) / cycles[best])
+
+
+def _of_restarts(cycles: Array, time: Array, starts: Array) -> NDArray[np.bool_]:
+    """Return which numbers of cycles over the time are those of the restarts or a multiple, as far as it resolves them.
+
+    What grows from restart to restart has their period: it is the comparison's, not the rig's.
+    """
+    if starts.size < 2:
+        return np.zeros(cycles.size, dtype=bool)
+    each = np.ptp(time) / float(np.median(np.diff(starts)))
+    away = np.abs(cycles - each * np.maximum(np.round(cycles / each), 1.0))
+    return np.asarray(away < RESOLVED)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from pneucli.simulate.valve_area import ValveArea
 Array = NDArray[np.float64]
 
 EDGED_STARTS = 4
+SCANNED = 32  # values of a time, from the least typical one to its bound
 
 
 @dataclass(frozen=True)
@@ -74,19 +75,27 @@ def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model
     return replace(model.with_values(values), effects=(*others, effect))
 
 
-def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signature]:
-    """Return the effect's signatures at its typical values, best first; only the views that feel it are run."""
+def changes(effect: Effect, found: Fit, views: Sequence[View], starts: Sequence[dict[str, float]]) -> Iterator[Array]:
+    """Yield what each set of the effect's values changes in the residuals (N,); only the views that feel it are run."""
     felt = [i for i, view in enumerate(views) if view.feels(effect)]
     sizes = [view.experiment.time.size * len(view.channels) for view in views]
     nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
     problem = Problem(found.model, [views[i] for i in felt], (), [found.errors[i] for i in felt])
-    out = []
-    for values in starts(effect, found.model, views) if felt else []:
+    for values in starts if felt else ():
         part = problem.data(with_effect(found.model, effect, values))
         parts = [np.zeros(n) for n in sizes]
         for i, residual in zip(felt, part, strict=True):
             parts[i] = residual - nominal[i]
-        out.append(_signature(values, np.concatenate(parts), found, nested=effect.nested))
+        yield np.concatenate(parts)
+
+
+def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signature]:
+    """Return the effect's signatures at its typical values, best first."""
+    typical = starts(effect, found.model, views)
+    out = [
+        _signature(values, change, found, nested=effect.nested)
+        for values, change in zip(typical, changes(effect, found, views, typical), strict=False)
+    ]
     return sorted(out, key=lambda s: -s.gain)
 
 
@@ -158,19 +167,43 @@ def fit_added(
     chosen, names = _touched(found, views, effect)
     felt = [view for view, mine in zip(views, chosen, strict=True) if mine]
 
-    def refitted(signature: Signature, share: float) -> Fit:
-        started = with_effect(model, effect, scaled_start(effect, signature, model, share))
+    def ended(started: Model) -> Fit:
         free = free_parameters(started, views)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
         part = _from_coarse_to_fine(started, felt, free, rounds=rounds)
         return joined(found, _with_overlap_anew(part, felt, rounds=rounds), views, chosen)
 
+    def refitted(signature: Signature, share: float) -> Fit:
+        return ended(with_effect(model, effect, scaled_start(effect, signature, model, share)))
+
     if any(p.step for p in effect.parameters):  # an edge sees no further than its neighbourhood
         return min((refitted(s, 1.0) for s in ranked[:EDGED_STARTS]), key=lambda f: f.cost)
     first = refitted(ranked[0], 1.0)
-    if first.cost <= found.cost:
-        return first
-    return refitted(ranked[0], 0.05)  # the promised step led astray: from nearly nothing
+    if first.cost > found.cost:  # the promised step led astray: from nearly nothing
+        first = refitted(ranked[0], 0.05)
+    other = lower_elsewhere(first, views, effect)
+    return first if other is None else min(first, ended(first.model.with_values(other)), key=lambda f: f.cost)
+
+
+def lower_elsewhere(found: Fit, views: Sequence[View], effect: Effect) -> dict[str, float] | None:
+    """Return the value of an effect that is one time at which its profile is lowest, None where that is where it is.
+
+    A residual over a shift in time is like a correlation: it has more minima than one, and a fit ends in the nearest.
+    The profile is the cost over that time, all other parameters adjusting as their derivatives tell.
+    """
+    if [(p.unit, p.null) for p in effect.parameters] != [("s", 0.0)]:
+        return None
+    (time,) = effect.parameters
+    name, least = f"{effect.name}.{time.name}", min(typical_values(time, found.model, views))
+    values = [{name: float(t)} for t in np.geomspace(least, time.upper, SCANNED)]
+    others = replace(found, jacobian=found.jacobian[:, [f.name != name for f in found.free]])
+    profile = [_cost(others.beyond(found.residual + change)) for change in changes(effect, found, views, values)]
+    lowest = int(np.argmin(profile))
+    return values[lowest] if profile[lowest] < _cost(others.unexplained) else None
+
+
+def _cost(residual: Array) -> float:
+    return float(residual @ residual)
 
 
 def _touched(found: Fit, views: Sequence[View], effect: Effect) -> tuple[NDArray[np.bool_], set[str]]:

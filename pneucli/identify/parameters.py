@@ -115,3 +115,11 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
     if isinstance(parameter.null, str):
         return value_of(model, parameter.null)
     return None if parameter.null is None or math.isinf(parameter.null) else parameter.null
+
+
+def absent_value(parameter: Parameter, model: Model) -> float | None:
+    """Return the value at which the effect is as good as absent: its null, or the bound toward an infinite one."""
+    if parameter.null is None:
+        return None
+    null = null_value(parameter, model)
+    return parameter.upper if null is None else null

@@ -79,7 +79,7 @@ _ALL = (
         answer=(
             *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
-            *("model.effects", "data", "excluded", "number", "when"),
+            *("model.effects", "data", "held_out", "excluded", "number", "when"),
         ),
     ),
     Stage(

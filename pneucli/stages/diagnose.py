@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
-from pneucli.diagnose.errors import Errors, shown_error
+from pneucli.diagnose.errors import ShownErrors
 from pneucli.diagnose.manoeuvres import separation
-from pneucli.diagnose.search import WORTH, supported
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.trial import Bench, Errors, State
+from pneucli.diagnose.turns import turns_of
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.effects import fit_model
 from pneucli.identify.start import first_guess
-from pneucli.identify.views import View
 from pneucli.pipeline.context import Context
 from pneucli.stages import history
 from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
 from pneucli.stages.study import Study
+from pneucli.words.diagnose import why
 
-HELD_OUT = 3  # without test recordings, every third is held out
+BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
+NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted recordings alone"
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -39,9 +42,8 @@ def run(context: Context) -> dict[str, Any]:
     fitted = [view.experiment for view in bench.train]
     guess = first_guess(fitted, study.rig, study.valve)
     base = fit_model(guess, bench.train, study.effects)
-    bench = replace(bench, covered=guess.valve.covers)
-    errors = Errors.seen_by(base.model, study.experiments)
-    found = diagnose(replace(bench, errors=errors.of, shown=lambda model: shown_error(model, study.experiments)), base)
+    bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments))
+    found = diagnose(bench, base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
     answer["warnings"] = warnings
@@ -52,13 +54,8 @@ def run(context: Context) -> dict[str, Any]:
 
 def _bench(study: Study) -> tuple[Bench, list[str]]:
     train, test = (study.views(use, whitened=True) for use in ("train", "test"))
-    warnings = []
-    if not test and len(train) >= HELD_OUT:
-        train, test = _without_every_third(train)
-        names = ", ".join(sorted({v.experiment.recording.name for v in test}))
-        warnings.append(f'no recording has use = "test": {names} held out from the fits instead')
-    elif not test:
-        warnings.append("no recording to hold out: what is found rests on the fitted recordings alone")
+    turns = () if test else turns_of(train)
+    warnings = [] if test else [BY_TURNS if turns else NONE_HELD_OUT]
     excluded = study.context.options.get("exclude", [])
     for name in excluded:
         if name not in study.known_effects:
@@ -72,27 +69,17 @@ def _bench(study: Study) -> tuple[Bench, list[str]]:
         study.context.progress(text, 0.25 + 0.65 * n / (n + 40.0))  # how many steps there are, the data decide
 
     given = tuple(e.name for e in study.effects)
-    return Bench(train, test, effects, given=given, progress=progress), warnings
-
-
-def _without_every_third(views: list[View]) -> tuple[list[View], list[View]]:
-    names = list(dict.fromkeys(v.experiment.recording.name for v in views))
-    held = set(names[HELD_OUT - 1 :: HELD_OUT])
-    return (
-        [v for v in views if v.experiment.recording.name not in held],
-        [v for v in views if v.experiment.recording.name in held],
-    )
+    return Bench(train, test, effects, given=given, progress=progress, turns=turns), warnings
 
 
 def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
-    first = Errors.seen_by(found.found.rungs[0].model, study.experiments)
-    rungs = [shown_error(state.model, study.experiments) for state in found.found.rungs]
+    assert bench.shown is not None
+    rungs = [dict(bench.shown(state.model)) for state in found.found.rungs]
     ladder = [
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
         for add, e in zip([None, *found.found.added], rungs, strict=True)
     ]
-    candidates = [_named(study, found, i, rungs) for i in range(len(found.found.added))]
-    candidates += _others(study, bench, found, first, rungs[0])
+    candidates = [_candidate(study, bench, found, decision) for decision in found.decisions]
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
     following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
@@ -100,6 +87,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         "pipeline": study.context.config.name,
         "model": {"effects": [e.name for e in study.effects]},
         "data": study.data,
+        "held_out": held_out(bench),
         "excluded": study.context.options.get("exclude", []),
         "verdict": found.verdict,
         "missing": list(found.missing),
@@ -136,7 +124,7 @@ def _detectable(one: Detectable) -> dict[str, Any]:
     }
 
 
-def _error(errors: dict[str, float | None]) -> float | None:
+def _error(errors: Errors) -> float | None:
     return errors["train"] if errors["test"] is None else errors["test"]
 
 
@@ -151,72 +139,38 @@ def _settled(found: Diagnosis) -> State:
     return found.found.rungs[max(places, default=0)]
 
 
-def _named(study: Study, found: Diagnosis, i: int, rungs: list[dict[str, float | None]]) -> dict[str, Any]:
-    name = found.found.added[i]
-    before, after = _error(rungs[i]), _error(rungs[i + 1])
-    effect = next(e for e in found.found.last.model.effects if e.name == name)
-    equals = list(found.equals.get(name, ()))
-    why = f"{effect.title}: adding it takes the error from {_number(before)} to {_number(after)} times the noise "
-    why += (
-        "on recordings that were not fitted."
-        if found.found.rungs[0].test.size
-        else "on recordings that were fitted; none was held out."
-    )
-    if name not in found.missing:
-        why += (
-            " It may only stand in for something unknown: it takes too little, recordings disagree, or the error rises."
-        )
-    return {
+def _candidate(study: Study, bench: Bench, found: Diagnosis, decision: Decision) -> dict[str, Any]:
+    assert bench.shown is not None
+    name, trial = decision.effect.name, decision.trial
+    state = trial.state if trial else found.found.rungs[0]
+    before, after = (bench.shown(s.model) for s in ((trial.before, state) if trial else (state, state)))
+    unchanged = decision.reason == "cannot-show"
+    said = {
         "effect": name,
-        "title": effect.title,
-        "error_before": before,
-        "error_after": after,
-        "parameters": _parameters(study, _settled(found) if name in found.missing else found.found.last, name),
-        "indistinguishable_from": equals,
-        "supported": True,
-        "why": f"{why} {effect.looks_like}",
+        "title": decision.effect.title,
+        "error_before": _error(before),
+        "error_after": _error(after) if trial or unchanged else None,
+        "parameters": _parameters(study, _settled(found) if name in found.missing else state, name),
+        "indistinguishable_from": _alike(found, name),
+        "supported": decision.supported,
+        "reason": decision.reason,
     }
+    return said | {"why": why(said, found.missing, held_out(bench), decision.effect.looks_like)}
 
 
-def _others(
-    study: Study, bench: Bench, found: Diagnosis, errors: Errors, before: dict[str, float | None]
-) -> list[dict[str, Any]]:
-    trials = [
-        t for t in (found.found.rounds[0] if found.found.rounds else ()) if t.effect.name not in found.found.added
-    ]
-    start = found.found.rungs[0]
-    able = {t.effect.name for t in supported(bench, start, trials)}
-    return [
-        {
-            "effect": t.effect.name,
-            "title": t.effect.title,
-            "error_before": _error(before),
-            "error_after": _error(errors.of(t.state.model)),
-            "parameters": _parameters(study, t.state, t.effect.name),
-            "indistinguishable_from": [],
-            "supported": t.effect.name in able,
-            "why": _why_not(t, found, supported=t.effect.name in able),
-        }
-        for t in trials
-    ]
+def _alike(found: Diagnosis, name: str) -> list[str]:
+    """Return what explains the recordings as well as an effect that is named, or that stands beside a named one."""
+    if name in found.missing:
+        return list(found.equals[name])
+    return next(([n, *(e for e in equals if e != name)] for n, equals in found.equals.items() if name in equals), [])
 
 
-def _why_not(trial: Trial, found: Diagnosis, *, supported: bool) -> str:
-    title = f"Adding {trial.effect.name}"
-    if any(trial.effect.name in equals for equals in found.equals.values()):
-        return f"{title} instead explains these recordings as well; they cannot tell."
-    if supported and found.missing:
-        return f"{title} helps alone, but beside {' and '.join(found.missing)} it is not needed."
-    if supported:
-        return f"{title} helps, but less than what was taken instead."
-    if trial.train.total < WORTH:
-        return f"{title} does not lower the error at all."
-    if trial.state.test.size and not trial.test.certain:
-        return f"{title} helps where it was fitted, but not for certain on recordings that were not fitted."
-    return f"{title} changes no more than chance would."
+def held_out(bench: Bench) -> str:
+    """Return how recordings were held out: apart, by turns, or none."""
+    return "apart" if bench.held_out else "by turns" if bench.turns else "none"
 
 
-def _left(first: dict[str, float | None], last: dict[str, float | None]) -> float | None:
+def _left(first: Errors, last: Errors) -> float | None:
     """The share of the squared error beyond noise that remains."""
     before, after = _error(first), _error(last)
     if before is None or after is None:
@@ -254,7 +208,7 @@ def _next(bench: Bench, found: Diagnosis) -> str | None:
     return None
 
 
-def sentence(found: Diagnosis, rungs: list[dict[str, float | None]]) -> str:
+def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
     """Return the verdict as an engineer would say it."""
     before, after = _number(_error(rungs[0])), _number(_error(rungs[-1]))
     titles = {e.name: e.title.lower() for e in found.found.last.model.effects}

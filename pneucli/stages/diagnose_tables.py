@@ -30,16 +30,17 @@ def write_diagnosis(study: Study, bench: Bench, found: Diagnosis, answer: dict[s
     candidates = [
         (
             *(c["effect"], c["error_before"], c["error_after"], name, p["value"], p["unit"], *p["ci95"]),
-            *(c["supported"], c["effect"] in answer["missing"], ", ".join(c["indistinguishable_from"]), c["why"]),
+            *(c["supported"], c["effect"] in answer["missing"], ", ".join(c["indistinguishable_from"])),
+            *(c["reason"], c["why"]),
         )
         for c in answer["candidates"]
-        for name, p in c["parameters"].items()
+        for name, p in (c["parameters"] or NOT_FITTED).items()
     ]
     _write(
         study,
         "candidates",
         "effect error_before error_after parameter value unit ci_low ci_high supported missing "
-        "indistinguishable_from why",
+        "indistinguishable_from reason why",
         candidates,
         {"error_before": "1", "error_after": "1"} | dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
         inputs,
@@ -52,7 +53,12 @@ def write_diagnosis(study: Study, bench: Bench, found: Diagnosis, answer: dict[s
     _write(study, "shape", columns, shapes, values | {"value": "SI"}, inputs)
 
 
-TEXTS = {"effect", "parameter", "unit", "indistinguishable_from", "why", "add", "recording", "channel", "variable"}
+TEXTS = {"effect", "parameter", "unit", "indistinguishable_from", "reason", "why", "add"} | {
+    "recording",
+    "channel",
+    "variable",
+}
+NOT_FITTED: dict[str, Any] = {"": {"value": None, "unit": "", "ci95": (None, None)}}
 FLAGS = {"supported", "missing"}
 
 

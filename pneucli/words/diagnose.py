@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.words import labelled, table, warnings
@@ -51,10 +51,10 @@ def fall(answer: Answer) -> str:
     """Return how the error falls with what is named, on the recordings that it is judged by."""
     first, last = answer["ladder"][0], rung(answer)
     use, before = judged({"train": first["error_train"], "test": first["error_test"]})
-    on = "recordings that were not fitted" if use == "test" else "the fitted recordings (none was held out)"
+    on = HELD_OUT["apart" if use == "test" else answer.get("held_out", "none")]
     if first is last:
-        return f"the error is {times(before)} × noise on {on}"
-    return f"the error falls from {times(before)} to {times(last[f'error_{use}'])} × noise on {on}"
+        return f"the error is {times(before)} × noise {on}"
+    return f"the error falls from {times(before)} to {times(last[f'error_{use}'])} × noise {on}"
 
 
 def rung(answer: Answer) -> Answer:
@@ -105,6 +105,42 @@ def limit(one: Answer) -> str:
     return f"{one['effect']} ({one['parameter']} {quantity(one['size'], one['unit'], 2)})"
 
 
+WHY_NOT = {
+    "cannot-show": "These recordings could not show it: no recording feels it, or none would at any plausible size.",
+    "not-promising": "The residual holds too little of what it would leave there; it was not fitted.",
+    "vanishes": "Fitted, it vanishes: the recordings want none of it.",
+    "at-bound": "It would have to be larger or smaller than is plausible: fitted, it stands at a bound.",
+    "below-resolution": "Fitted, it is a time shorter than the sampling can tell from none.",
+    "not-significant": "Adding it changes no more than chance would.",
+    "immaterial": "What it takes off the error is too little to matter.",
+    "not-on-held-out": "It helps where it was fitted, but not for certain on recordings that were not fitted.",
+    "raises-error": "It fits each part by itself, but the error of the whole model rises with it.",
+    "needless": "It helps alone, but beside what was taken nothing is left for it.",
+    "explained-by-unknown": (
+        "It may only stand in for something unknown that remains: it takes too little, recordings disagree on its "
+        "size, or it states no force where one is left."
+    ),
+}
+"""What is said of an effect that is not named, by its ``reason``: the only place."""
+HELD_OUT = {
+    "apart": "on recordings that were not fitted",
+    "by turns": "on the fitted recordings (each held out in turn)",
+    "none": "on the fitted recordings (none was held out)",
+}
+
+
+def why(candidate: Answer, missing: Sequence[str], held_out: str, looks_like: str = "") -> str:
+    """Return why a candidate is named or not, in a sentence that a person understands."""
+    if not candidate["supported"]:
+        return f"{candidate['title']}. {WHY_NOT[candidate['reason']]}"
+    if candidate["effect"] not in missing:
+        alike = joined([n for n in candidate["indistinguishable_from"] if n in missing])
+        return f"{candidate['title']}: in place of {alike} it explains these recordings as well; they cannot tell."
+    errors = [number(candidate[f"error_{when}"], 3) for when in ("before", "after")]
+    text = f"{candidate['title']}: adding it takes the error from {errors[0]} to {errors[1]} times the noise"
+    return f"{text} {HELD_OUT[held_out]}. {looks_like}".rstrip()
+
+
 def _named(answer: Answer) -> list[Answer]:
     return [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
 
@@ -116,9 +152,14 @@ def _ladder(answer: Answer) -> Iterator[str]:
 
 
 def _candidates(answer: Answer) -> Iterator[str]:
-    for c in answer["candidates"]:
+    fitted = [c for c in answer["candidates"] if c["parameters"]]
+    for c in fitted:
         yield ""
         yield from labelled("named" if c["effect"] in answer["missing"] else "tried", c["effect"])
         yield from labelled("", f"{parameters(c['parameters'])}; error with it {number(c['error_after'], 3)} × noise")
         yield from labelled("", c["why"])
     yield ""
+    others = [c for c in answer["candidates"] if not c["parameters"]]
+    for reason in dict.fromkeys(c["reason"] for c in others):
+        alike = joined([c["effect"] for c in others if c["reason"] == reason])
+        yield from labelled("untried", f"{alike}. {WHY_NOT[reason]}")

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.evidence import Gain, gain
-from pneucli.diagnose.search import supported
+from pneucli.diagnose.judge import supported
 from pneucli.diagnose.trial import State, Trial
 from pneucli.physics.effects import catalogue
 from tests.simulate.benches import model
 
 VIEW = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
-BENCH: Any = SimpleNamespace(hypotheses=50, held_out=[VIEW], train=[VIEW], given=())
+BENCH: Any = SimpleNamespace(hypotheses=50, checked=True, train=[VIEW], given=())
 BEFORE: Any = SimpleNamespace(train=np.full(40, 100.0), cost=8000.0, samples=4000, names=[])
 SURELY = Gain(400.0, 300.0, 1e-9, 30.0)
 RARELY = Gain(90.0, 0.0, 0.16, 1.0)  # one block of many
@@ -25,8 +25,8 @@ WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
 
 def trial(test: Gain, p_value: float) -> Trial:
     fitted: Any = SimpleNamespace(estimates=(), model=model(["dwell-breakaway"]))
-    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.zeros(0))
-    return Trial(catalogue()["dwell-breakaway"], state, SURELY, test, p_value)
+    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), 4000)
+    return Trial(catalogue()["dwell-breakaway"], BEFORE, state, SURELY, test, p_value)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ def state(cost: float) -> Any:
 
 def bench(*, held_out: bool = True, falls: bool = True) -> Any:
     return SimpleNamespace(
-        held_out=[1] if held_out else [],
+        checked=held_out,
         effects=catalogue(),
         falls=lambda before, after: falls,
         train=[
@@ -40,7 +40,8 @@ def left(ratio: float, kind: type[View] = Forces) -> list[Remainder]:
 
 
 def named(effect: str, before: float, after: float, remaining: list[Remainder], **how: bool) -> bool:
-    return stand_ins.stands(bench(**how), state(after), remaining, effect, state(before), state(after))
+    trial: Any = SimpleNamespace(effect=catalogue()[effect], before=state(before), state=state(after))
+    return stand_ins.beside(bench(**how), state(after), remaining, trial) == "supported"
 
 
 @pytest.fixture(autouse=True)
@@ -74,3 +75,10 @@ def test_what_recordings_contradict_or_raises_the_error_is_not_named():
 def test_bounds_are_no_name_for_a_force_that_remains():
     assert not named("friction-hysteresis", 101.0, 3.0, left(2.0))
     assert named("friction-hysteresis", 101.0, 3.0, left(2.0, kind=Chambers))
+
+
+def test_the_reason_tells_a_stand_in_from_what_raises_the_error():
+    trial: Any = SimpleNamespace(effect=catalogue()["extra-mass"], before=state(101.0), state=state(3.0))
+    assert stand_ins.beside(bench(falls=False), state(3.0), left(2.0), trial) == "raises-error"
+    trial.state = state(91.0)
+    assert stand_ins.beside(bench(falls=False), state(91.0), left(2.0), trial) == "explained-by-unknown"

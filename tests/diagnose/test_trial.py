@@ -10,7 +10,7 @@ import pytest
 from pneucli.diagnose import trial
 
 TIME = np.arange(4000) * 1e-3
-VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME), carried=lambda model: {})
+VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME))
 
 
 @pytest.mark.parametrize(
@@ -28,14 +28,12 @@ VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME
         (1.5, 4.0, np.sqrt(0.8)),
     ],
 )
-def test_what_noise_explains_is_taken_off(monkeypatch: pytest.MonkeyPatch, rms: float, expected: float, left: float):
+def test_what_noise_explains_is_taken_off(rms: float, expected: float, left: float):
     """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
-    monkeypatch.setattr(trial, "drawn_rms", lambda model, view, errors: {"force": expected})
     residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
-    seen = trial.allowed(None, [VIEW], residual)
+    seen = trial.allowed([VIEW], [{"force": expected}], residual)
     assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
 
 
-def test_samples_that_do_not_count_stay_out(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(trial, "drawn_rms", lambda model, view, errors: {"force": 2.0})
-    assert not trial.allowed(None, [VIEW], np.zeros(TIME.size)).any()
+def test_samples_that_do_not_count_stay_out():
+    assert not trial.allowed([VIEW], [{"force": 2.0}], np.zeros(TIME.size)).any()

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.unknown import describe
@@ -24,7 +25,8 @@ class Seen(Chambers):
         self.__dict__.update(channels=channels, left=left)
         inputs = np.zeros((TIME.size, len(at.INPUTS)))
         inputs[:, at.IN_X] = TIME
-        self.__dict__["experiment"] = SimpleNamespace(time=TIME, inputs=inputs, raw={"x": TIME})
+        each = np.arange(0, TIME.size, 500)
+        self.__dict__["experiment"] = SimpleNamespace(time=TIME, inputs=inputs, raw={"x": TIME}, restarts=each)
 
     def residual(self, _model: object) -> dict[str, Any]:
         return dict.fromkeys(self.channels, self.left)
@@ -37,3 +39,32 @@ def test_a_ripple_of_p2_is_found_though_a_vessel_has_no_p2():
     assert (found.channel, found.law) == ("p2", "a sine")
     assert "periodic" in found.character
     assert "period 0.14" in found.character  # 1 / 7 Hz
+
+
+def test_what_grows_from_restart_to_restart_is_the_comparisons_and_no_period_of_the_rig():
+    """An error that grows after each of the restarts, 0.5 s apart, and is set back at the next."""
+    saw = 50.0 * (TIME % 0.5) + np.random.default_rng(1).normal(size=TIME.size)
+    vessel = Seen(("p1",), saw)
+    del vessel.experiment.raw["x"]
+    found = describe(None, [vessel], Remainder(Seen, "p1", 3.0, 3.0, ()))
+    assert "periodic" not in found.character
+
+
+@pytest.mark.parametrize("frequency", [1.3, 3.0, 7.0])
+def test_a_period_of_the_rig_is_found_whatever_the_restarts(frequency: float):
+    wave = 5.0 * np.sin(2 * np.pi * frequency * TIME) + np.random.default_rng(1).normal(size=TIME.size)
+    found = describe(None, [Seen(("p1",), wave)], Remainder(Seen, "p1", 3.0, 3.0, ()))
+    assert f"period {1 / frequency:.2g}" in found.character
+
+
+def test_what_is_not_replayed_has_no_period_of_restarts():
+    """A balance of forces starts nowhere anew: a force that swings at 2 Hz is the rig's, though restarts do so too."""
+
+    class Balance(Seen):
+        replayed = False
+
+    wave = np.sin(2 * np.pi * 2.0 * TIME)
+    balance = Balance(("p1",), wave)
+    del balance.experiment.raw["x"]
+    found = describe(None, [balance], Remainder(Balance, "p1", 3.0, 3.0, ()))
+    assert "period 0.50" in found.character

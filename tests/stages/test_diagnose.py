@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from pneucli.config import load
+from pneucli.diagnose.decision import Reason
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
 from pneucli.io.artifacts import read_table
+from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
 from tests.stages.chain import known_as_declared
@@ -48,7 +51,16 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
     assert wanted <= answer.keys()
     assert answer["plausibility"] == []
     assert all(step.keys() == {"add", "error_train", "error_test"} for step in answer["ladder"])
-    keys = {"effect", "error_before", "error_after", "parameters", "indistinguishable_from", "supported", "why"}
+    keys = {
+        "effect",
+        "error_before",
+        "error_after",
+        "parameters",
+        "indistinguishable_from",
+        "supported",
+        "reason",
+        "why",
+    }
     for candidate in answer["candidates"]:
         assert keys <= candidate.keys()
         for parameter in candidate["parameters"].values():
@@ -88,13 +100,16 @@ def test_the_tables_say_what_the_answer_says(hysteresis: Diagnosed) -> None:
         for c in answer["candidates"]
         for name, p in c["parameters"].items()
     ]
-    assert list(rows) == said
+    assert [row for row in rows if row[1]] == said
+    assert dict(zip(table["effect"], table["reason"], strict=True)) == {
+        c["effect"]: c["reason"] for c in answer["candidates"]
+    }
 
 
 def test_what_is_excluded_is_not_named(tmp_path: Path) -> None:
     """Something else may help, but nothing of the catalogue explains the loop as well: something remains."""
     answer = diagnosed(FIXTURES / "friction_hysteresis" / "pipeline.toml", tmp_path, "friction-hysteresis")
-    tried = [c["effect"] for c in answer["candidates"]]
+    tried = [c["effect"] for c in answer["candidates"] if c["parameters"]]
     assert tried
     assert "friction-hysteresis" not in [*tried, *answer["missing"], *(d["effect"] for d in answer["detectable"])]
     assert answer["verdict"] == "unexplained"
@@ -133,3 +148,33 @@ def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alo
     assert diagnose._settled(found) == "with a and b"
     found.missing = ()
     assert diagnose._settled(found) == "base"
+
+
+def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:
+    answer = hysteresis[1]
+    for before, after in pairwise(answer["ladder"]):
+        assert any(after[error] <= before[error] for error in ("error_train", "error_test"))
+    effects = [c["effect"] for c in answer["candidates"]]
+    assert len(effects) == len(set(effects))
+    given = set(answer["model"]["effects"])
+    assert set(effects) == set(catalogue()) - given  # nothing is passed over in silence
+    for c in answer["candidates"]:
+        assert c["reason"] in get_args(Reason)
+        assert c["supported"] == (c["reason"] == "supported")
+    felt = {c["effect"]: c for c in answer["candidates"] if c["reason"] == "cannot-show"}
+    assert "valve-lag" in felt  # pressures were imposed: no valve
+    assert felt["valve-lag"]["error_after"] == felt["valve-lag"]["error_before"]
+
+
+def test_without_test_recordings_each_is_held_out_in_turn(tmp_path: Path) -> None:
+    """In one of them the piston hardly moves: held out alone, it would contradict everything and support nothing."""
+    source = FIXTURES / "friction_hysteresis"
+    text = (source / "pipeline.toml").read_text().replace('use = "test"', 'use = "train"')
+    for raw in source.glob("*.csv"):
+        (tmp_path / raw.name).write_bytes(raw.read_bytes())
+    (tmp_path / "pipeline.toml").write_text(text)
+    answer = diagnosed(tmp_path / "pipeline.toml", tmp_path / "out")
+    assert (answer["verdict"], answer["missing"]) == ("missing-effect", ["friction-hysteresis"])
+    assert answer["held_out"] == "by turns"
+    assert "held out in turn" in answer["warnings"][0]
+    assert all(step["error_test"] is None for step in answer["ladder"])

@@ -28,6 +28,7 @@ class Forces(View):
     sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
     base: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
     states_force: ClassVar[bool] = True
+    replayed: ClassVar[bool] = False
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

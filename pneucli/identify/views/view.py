@@ -28,7 +28,8 @@ class View(ABC):
     """One experiment seen through one subsystem.
 
     ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show, ``base`` the
-    groups of base parameters that matter. ``states_force``: an error of it is one of a force.
+    groups of base parameters that matter. ``states_force``: an error of it is one of a force. ``replayed``: it is
+    simulated from each restart on, so that errors grow until the next.
     """
 
     experiment: Experiment
@@ -36,6 +37,7 @@ class View(ABC):
     sides: ClassVar[frozenset[Side]]
     base: ClassVar[frozenset[str]]
     states_force: ClassVar[bool] = False
+    replayed: ClassVar[bool] = True
 
     @property
     def name(self) -> str:

@@ -35,3 +35,4 @@ class Imposed(Whole):
     sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
     base: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
     states_force: ClassVar[bool] = False
+    replayed: ClassVar[bool] = False

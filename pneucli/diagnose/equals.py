@@ -1,0 +1,59 @@
+"""Of effects that explain the data alike: which one to name, and which are told beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pneucli.diagnose.evidence import gain
+from pneucli.diagnose.judge import ALPHA, material
+from pneucli.diagnose.trial import Bench, State, Trial
+
+SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
+
+
+def foremost(trials: Sequence[Trial]) -> Trial:
+    """Return the trial that leaves least, or the simplest of those that leave as little.
+
+    A sensor's fault comes last of equals: sensors are calibrated, rigs are not.
+    """
+    best = min(trials, key=lambda t: t.state.cost)
+    alike = [t for t in trials if as_good(t.state, best.state) or simpler(t, best)]
+    return min(alike, key=lambda t: (len(t.effect.parameters), t.effect.part == "sensor", t.state.cost))
+
+
+def as_good(state: State, best: State) -> bool:
+    """Whether the data cannot tell that ``state`` explains them less well than ``best``."""
+    return not gain(state.costs, best.costs).certain
+
+
+def simpler(trial: Trial, best: Trial) -> bool:
+    """Whether a trial has fewer parameters and leaves no more than does not matter.
+
+    However certain: one parameter more takes up what the true law leaves of the rig's imperfections.
+    """
+    more = trial.state.cost - best.state.cost
+    matters = min(material(best.state) * best.state.cost, SLIGHTLY * (trial.before.cost - trial.state.cost))
+    return len(trial.effect.parameters) < len(best.effect.parameters) and more < matters
+
+
+def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
+    """Whether a trial should stand in place of one that is named: simpler and as good, or surely better.
+
+    As sure as if it were added: of all that could stand there, chance makes one better more often than one of one.
+    """
+    if len(trial.effect.parameters) < len(named.effect.parameters):
+        return as_good(trial.state, named.state) or simpler(trial, named)
+    better = gain(named.state.costs, trial.state.costs)
+    sure = better.certain and better.p_value * bench.hypotheses < ALPHA
+    return sure and better.total > material(named.state) * named.state.cost
+
+
+def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
+    """Whether the data cannot tell an effect's rival from it.
+
+    It costs no more for certain; or, where noise alone is left, so little more that what is known of the noise and of
+    the state at each restart does not decide.
+    """
+    more, gained = rival.state.cost - best.cost, rival.before.cost - rival.state.cost
+    slight = more < SLIGHTLY * min(best.cost, gained + more)
+    return as_good(rival.state, best) or (noise_alone and slight)

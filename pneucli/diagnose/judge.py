@@ -1,0 +1,92 @@
+"""The tests that a trial must pass to be supported, and the reason where it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from pneucli.diagnose.decision import Decision, Reason, passed
+from pneucli.diagnose.evidence import holm
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.identify.parameters import absent_value
+
+ALPHA = 0.02  # of naming any effect where none is, before it is held out
+SURE = 1e-4  # the same for what shows so rarely that the data held out cannot be certain
+FEW = 5.0  # blocks in which it shows there
+MATERIAL = 0.004  # of the cost: less does not change what the user sees
+AT_NOISE = 0.02  # the same where noise is left: the laws of the base, smoothing and clock err by as much
+RESOLUTION = 0.5  # of a sampling period: a time shorter than this may be the clock's, or the model's own step
+NOISE = 1.05  # times as much as sensors' noise alone would leave
+
+
+def judged(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: int | None = None) -> list[Decision]:
+    """Decide on each trial: significant in the family of all, material, and held by data not seen?"""
+    adjusted = holm([t.p_value for t in trials], max(hypotheses or bench.hypotheses, len(trials)))
+    return [Decision(t.effect, _reason(bench, before, t, p), t) for t, p in zip(trials, adjusted, strict=True)]
+
+
+def supported(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: int | None = None) -> list[Trial]:
+    """Return the trials that pass all tests."""
+    return passed(judged(bench, before, trials, hypotheses))
+
+
+def _reason(bench: Bench, before: State, trial: Trial, p_value: float) -> Reason:
+    """Return why a trial passes or not; where it ended comes before chance, which a bound distorts."""
+    ends = _ends(trial)
+    unlikely, certain = p_value < ALPHA, trial.test.certain or not bench.checked
+    failed: list[tuple[bool, Reason]] = [
+        (bool(ends) and set(ends) == {"null"}, "vanishes"),
+        ("bound" in ends, "at-bound"),
+        (_too_short(bench, trial), "below-resolution"),
+        (not unlikely, "at-bound" if _at_any_bound(trial) else "not-significant"),
+        (not trial.train.total > material(before) * float(before.train.sum()), "immaterial"),
+        (not certain and not _rarely_shown(trial, p_value), "not-on-held-out"),
+    ]
+    return next((reason for fails, reason in failed if fails), "supported")
+
+
+def _rarely_shown(trial: Trial, p_value: float) -> bool:
+    """Whether the data held out show the effect too rarely to be certain, do not contradict it, and the fitted are.
+
+    Such as a break-away after a long rest: one or two blocks decide, and a bootstrap may draw neither.
+    """
+    return trial.test.number < FEW and trial.test.total > 0.0 and trial.train.certain and p_value < SURE
+
+
+def _ends(trial: Trial) -> list[Literal["null", "bound", "inside"]]:
+    """Return where each parameter with a null ended: at its null, at another bound of what is plausible, or inside."""
+    model, effect = trial.state.model, trial.effect
+    values = {f"{effect.name}.{p.name}": absent_value(p, model) for p in effect.parameters}
+    nulls = {name: value for name, value in values.items() if value is not None}
+    return [
+        "null" if np.isclose(e.value, nulls[e.name], rtol=1e-5, atol=0.0) else "bound" if e.at_bound else "inside"
+        for e in trial.state.fit.estimates
+        if e.name in nulls
+    ]
+
+
+def _at_any_bound(trial: Trial) -> bool:
+    return any(e.at_bound and e.name.startswith(f"{trial.effect.name}.") for e in trial.state.fit.estimates)
+
+
+def material(before: State) -> float:
+    """Return the share of the cost that an effect must take to matter."""
+    return AT_NOISE if at_noise(before) else MATERIAL
+
+
+def at_noise(state: State) -> bool:
+    """Whether sensors' noise alone would leave about as much."""
+    return state.cost < NOISE * state.samples
+
+
+def _too_short(bench: Bench, trial: Trial) -> bool:
+    """Whether the effect is but a time that the sampling cannot tell from none."""
+    period = max(view.experiment.recording.period for view in bench.train)
+    times = [
+        trial.state.model.values[f"{trial.effect.name}.{p.name}"]
+        for p in trial.effect.parameters
+        if p.unit == "s" and p.null == 0.0
+    ]
+    return len(times) == len(trial.effect.parameters) and all(abs(t) < RESOLUTION * period for t in times)

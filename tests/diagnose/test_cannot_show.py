@@ -1,0 +1,38 @@
+"""Effects that these recordings could not have shown are told, with that reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+from pneucli.diagnose.decision import Decision
+from pneucli.diagnose.detectable import Detectable, cannot_show
+from pneucli.diagnose.diagnosis import _one_each
+from pneucli.physics.effects import catalogue
+from tests.diagnose.trials import VIEW, bench, trial
+
+KNOWN = catalogue()
+
+
+def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
+    deaf: Any = SimpleNamespace(**vars(VIEW) | {"feels": lambda effect: effect.name != "valve-lag"})
+    names = ("valve-lag", "extra-mass", "stribeck")
+    where = replace(bench(), train=[deaf], effects={n: KNOWN[n] for n in names})
+    sizes = [
+        Detectable(KNOWN["extra-mass"], KNOWN["extra-mass"].parameters[0], 90.0, plausible=False),
+        Detectable(KNOWN["stribeck"], KNOWN["stribeck"].parameters[0], 0.1, plausible=True),
+    ]
+    found = cannot_show(where, sizes)
+    assert {d.effect.name: d.reason for d in found} == {"valve-lag": "cannot-show", "extra-mass": "cannot-show"}
+
+
+def test_that_it_cannot_show_says_more_than_that_the_screen_left_it_out_and_less_than_a_fit() -> None:
+    mass, lag = KNOWN["extra-mass"], KNOWN["valve-lag"]
+    said = [
+        Decision(mass, "not-promising"),
+        Decision(lag, "vanishes", trial("valve-lag")),
+        Decision(mass, "cannot-show"),
+        Decision(lag, "cannot-show"),
+    ]
+    assert {d.effect.name: d.reason for d in _one_each(said)} == {"extra-mass": "cannot-show", "valve-lag": "vanishes"}

@@ -1,0 +1,79 @@
+"""Of equals the simpler one is named, at first and after later rounds; what is told beside it are its equals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pneucli.diagnose.equals import as_good, equal, foremost, replaces, simpler
+from pneucli.diagnose.trial import Trial
+from tests.diagnose.trials import bench, shaky, state, trial
+
+BEFORE = state(cost=400_000.0)
+CONSTANT = trial("constant-force", 100_000.0, before=BEFORE)
+
+
+def rival(effect: str, fall: float, scatter: float = 0.0, than: Trial = CONSTANT) -> Trial:
+    """A trial of the same start that leaves ``fall`` less than another, in every block or by scattered ones."""
+    return replace(trial(effect, before=BEFORE), state=shaky(than.state, fall, scatter, [effect]))
+
+
+def test_a_spring_does_not_lead_by_what_the_force_leaves_of_small_imperfections():
+    """300 of the 300 000 that the force takes, the same in every block: sure, and no reason for one parameter more."""
+    spring = rival("spring-force", 300.0)
+    assert not as_good(CONSTANT.state, spring.state)
+    assert foremost([spring, CONSTANT]) is CONSTANT
+
+
+def test_a_spring_leads_where_it_leaves_much_less():
+    spring = rival("spring-force", 40_000.0)
+    assert foremost([CONSTANT, spring]) is spring
+
+
+def test_of_equals_with_as_many_parameters_a_sensor_comes_last():
+    offset = rival("pressure-offset", 0.0)
+    assert foremost([offset, CONSTANT]) is CONSTANT
+
+
+def test_a_sensor_that_is_surely_better_is_no_equal():
+    offset = rival("pressure-offset", 300.0)
+    assert foremost([offset, CONSTANT]) is offset
+
+
+def test_less_than_matters_is_a_part_of_the_cost_and_of_what_the_effect_takes():
+    """4 thousandths of 99 700 beyond noise; of a small effect 5 hundredths."""
+    assert simpler(CONSTANT, rival("spring-force", 390.0))
+    assert not simpler(CONSTANT, rival("spring-force", 410.0))
+    faint = trial("constant-force", 399_000.0, before=BEFORE)
+    assert simpler(faint, rival("spring-force", 49.0, than=faint))
+    assert not simpler(faint, rival("spring-force", 51.0, than=faint))
+    assert not simpler(rival("spring-force", -10.0), CONSTANT)  # it has one parameter more
+
+
+@pytest.mark.parametrize(
+    ("fall", "scatter", "better"),
+    [
+        (4000.0, 200.0, False),  # 4 %, certain by a bootstrap, and not beyond what chance does once in 2500
+        (4000.0, 20.0, True),
+        (300.0, 0.1, False),  # sure, and less than matters
+    ],
+)
+def test_an_effect_is_replaced_by_what_is_as_sure_as_if_it_were_added(fall: float, scatter: float, better: bool):
+    """A spring beside other effects and something unknown leaves 4 % less than the force, in some blocks only."""
+    spring = rival("spring-force", fall, scatter)
+    assert replaces(bench(), spring, CONSTANT) == better
+
+
+def test_a_simpler_equal_replaces_what_was_named():
+    spring = rival("spring-force", 300.0)
+    assert replaces(bench(), CONSTANT, spring)
+    assert not replaces(bench(), spring, CONSTANT)  # so that no two replace each other for ever
+
+
+def test_equals_are_told_where_noise_alone_decides():
+    worse = rival("friction-asymmetry", -4000.0)
+    assert not equal(worse, CONSTANT.state, noise_alone=False)
+    assert equal(worse, CONSTANT.state, noise_alone=True)
+    assert not equal(rival("friction-asymmetry", -6000.0), CONSTANT.state, noise_alone=True)
+    assert equal(rival("friction-asymmetry", -100.0, 200.0), CONSTANT.state, noise_alone=False)

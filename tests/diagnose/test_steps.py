@@ -1,0 +1,200 @@
+"""Each step of the search: who leads, what is dropped, which rungs stand, and what becomes of every effect tried."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pneucli.diagnose import search
+from pneucli.diagnose.decision import Decision
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.physics.effects import catalogue
+from tests.diagnose.trials import bench, state, trial
+
+BEFORE = state()
+
+
+def decision(tried: Trial) -> Decision:
+    return Decision(tried.effect, "supported", tried)
+
+
+@pytest.mark.parametrize(
+    ("after", "reason"),
+    [
+        ((2.0, 2.1), "supported"),
+        ((10.1, 12.1), "raises-error"),  # both rise, if by little
+        ((9.0, 30.0), "raises-error"),  # one falls and the mean rises by far more than chance
+        ((9.9, 12.1), "supported"),  # one rises by what chance may
+        ((2.0, None), "supported"),
+        ((10.1, None), "raises-error"),
+    ],
+)
+def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[float, float | None], reason: str):
+    tried = trial("extra-mass", before=BEFORE)
+    where = bench([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.state, *after)])
+    leader, (decided,) = search.leading(where, [decision(tried)])
+    assert decided.reason == reason
+    assert (leader is tried) == (reason == "supported")
+
+
+@pytest.mark.parametrize(
+    ("cost", "after", "reason"),
+    [
+        (4000.0, (1.06, 1.06), "immaterial"),  # noise is left: from 1.10 to 1.06 the error moves by itself
+        (4000.0, (1.0, 1.0), "supported"),
+        (8000.0, (1.06, 1.06), "supported"),
+    ],
+)
+def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(cost: float, after, reason: str):
+    """A healthy model: less friction while slowing by 0.5 %, for sure, and nothing that a user would see."""
+    start = state(cost=cost)
+    tried = trial("friction-hysteresis", 0.9 * cost, before=start, ends={"drop": (0.005, False)})
+    where = bench([(start, 1.1, 1.1), (tried.state, *after)])
+    assert search.leading(where, [decision(tried)])[1][0].reason == reason
+
+
+def test_the_next_best_leads_where_the_best_raises_the_error():
+    best, second = trial("extra-mass", 3000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
+    where = bench([(BEFORE, 10.0, 10.0), (best.state, 11.0, 11.0), (second.state, 5.0, 5.0)])
+    leader, decisions = search.leading(where, [decision(best), decision(second)])
+    assert leader is second
+    assert [d.reason for d in decisions] == ["raises-error", "supported"]
+
+
+def test_without_a_supported_trial_nobody_leads():
+    tried = trial("extra-mass", before=BEFORE)
+    assert search.leading(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
+
+
+class Climbing(Bench):
+    """A bench on which every set of effects has its state, and adding is looking it up."""
+
+    def of(self, names: tuple[str, ...]) -> State:
+        return self.__dict__["states"][frozenset(names)]
+
+    def added(self, before: State, effect, ranked=None) -> Trial:
+        after = self.of((*before.names, effect.name))
+        return replace(trial(effect.name, before=before), state=after)
+
+    def trial(self, before: State, after: State, effect) -> Trial:
+        return replace(trial(effect.name, before=before), state=after)
+
+
+def climbing(*rows: tuple[str, float, float, float]) -> Climbing:
+    """A bench of rows: effects, cost, errors on training and on test."""
+    states = {frozenset(names.split()): state(names.split(), cost) for names, cost, _, _ in rows}
+    shown = [(states[frozenset(names.split())], train, test) for names, _, train, test in rows]
+    made = bench(shown)
+    lent = Climbing(made.train, made.held_out, made.effects, shown=made.shown)
+    lent.__dict__["states"] = states
+    return lent
+
+
+MASS, LAG = "extra-mass", "pressure-lag"
+
+
+def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
+    """The lag alone leaves less cost and raises both errors; after the mass it lowers them."""
+    where = climbing(
+        ("", 9000.0, 10.0, 10.0),
+        (MASS, 6000.0, 8.0, 8.0),
+        (LAG, 5000.0, 11.0, 11.0),
+        (f"{MASS} {LAG}", 4000.0, 1.0, 1.0),
+    )
+    base, last = where.of(()), where.of((MASS, LAG))
+    rungs, refused = search._ladder(where, base, last, [base, where.of((LAG,)), last])
+    assert [s.names for s in rungs] == [[], [MASS], [MASS, LAG]]
+    assert refused == []
+
+
+def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():
+    """As on a rig with several small unknowns: each step fits better by itself, and the whole gets worse."""
+    where = climbing(
+        ("", 9000.0, 87.3, 72.6),
+        (MASS, 6000.0, 32.6, 29.4),
+        (LAG, 8000.0, 90.0, 80.0),
+        (f"{MASS} {LAG}", 4000.0, 38.0, 34.1),
+    )
+    base, last = where.of(()), where.of((MASS, LAG))
+    rungs, refused = search._ladder(where, base, last, [base, where.of((MASS,)), last])
+    assert [s.names for s in rungs] == [[], [MASS]]
+    assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "raises-error")]
+
+
+def test_rungs_that_are_known_and_sound_are_kept():
+    where = climbing(("", 9000.0, 10.0, 10.0), (MASS, 6000.0, 8.0, 8.0))
+    known = [where.of(()), where.of((MASS,))]
+    assert search._ladder(where, known[0], known[1], known) == (known, [])
+
+
+def test_what_the_others_make_needless_is_dropped_with_that_reason(monkeypatch: pytest.MonkeyPatch):
+    """Without the lag nothing is missed, without the mass very much."""
+    where = climbing(("", 9000.0, 9.0, 9.0), (MASS, 5000.0, 5.0, 5.0), (LAG, 8000.0, 8.0, 8.0))
+    last = state([MASS, LAG], 4999.0)
+    monkeypatch.setattr(
+        Climbing,
+        "without",
+        lambda self, state, effect: self.of(tuple(n for n in state.names if n != effect.name)),
+        raising=False,
+    )
+    monkeypatch.setattr(search, "supported", lambda bench, before, trials: [])
+    kept, refused = search._without_needless(where, where.of(()), last)
+    assert kept.names == [MASS]
+    assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")]
+
+
+def test_everything_that_was_screened_has_one_decision():
+    names = ["extra-mass", "stribeck", "pressure-lag", "time-skew", "constant-force", "end-cushion"]
+    mass, rise, lag, skew, force, cushion = (trial(n) for n in names)
+    first = [
+        decision(mass),
+        decision(rise),
+        Decision(lag.effect, "at-bound", lag),
+        Decision(cushion.effect, "not-promising"),
+    ]
+    second = [
+        Decision(lag.effect, "not-significant", lag),
+        Decision(skew.effect, "vanishes", skew),
+        Decision(cushion.effect, "immaterial", cushion),
+    ]
+    refused = [Decision(force.effect, "needless", force)]
+    found = search.decided([first, second], refused, ["extra-mass"])
+    assert {d.effect.name: d.reason for d in found} == {
+        "constant-force": "needless",  # it was taken, and dropped later
+        "stribeck": "needless",  # it passed alone
+        "pressure-lag": "at-bound",  # against the model that lacked most
+        "end-cushion": "immaterial",  # a fit says more than a screen
+        "time-skew": "vanishes",
+    }
+    assert all(d.trial is not None for d in found)
+
+
+def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first():
+    """A swap puts the newcomer last in the model, though it explains most and is the first rung."""
+    rungs = (state(), state([MASS]), state([LAG, MASS]))
+    found = search.Search(rungs, {}, (), (), ())
+    assert found.added == [MASS, LAG]
+
+
+def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
+    """Beside a promise of 5000 one of 40 is no start worth a fit."""
+    promises = [(catalogue()["extra-mass"], 5000.0), (catalogue()["stribeck"], 40.0)]
+    signature = type("Signature", (), {})
+    ranked = []
+    for effect, promise in promises:
+        one = signature()
+        one.gain = promise
+        ranked.append((effect, [one]))
+    monkeypatch.setattr(Bench, "screen", lambda self, state: ranked)
+    monkeypatch.setattr(Bench, "added", lambda self, before, effect, found: trial(effect.name, before=before))
+    monkeypatch.setattr(Bench, "polished", lambda self, before, tried: tried)
+    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
+    where.__dict__["hypotheses"] = 50
+    assert {d.effect.name: d.reason for d in search.tried(where, BEFORE)} == {
+        "extra-mass": "supported",
+        "stribeck": "not-promising",
+        "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
+    }
+    beside = search.tried(where, BEFORE, ["extra-mass"])
+    assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}

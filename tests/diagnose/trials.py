@@ -1,0 +1,73 @@
+"""Trials and benches made by hand: what a step of the selection sees, without a rig behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pneucli.diagnose.evidence import Gain
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.physics.effects import catalogue
+from tests.simulate.benches import model
+
+BLOCKS, SAMPLES = 40, 4000
+SURE = Gain(400.0, 300.0, 1e-9, 30.0)
+UNSURE = Gain(90.0, -10.0, 0.16, 30.0)
+VIEW: Any = SimpleNamespace(
+    experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3, name="one"), time=np.zeros(SAMPLES)),
+    channels=("force",),
+    feels=lambda effect: True,
+)
+
+
+def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
+    """A fit with effects that costs the same in every block."""
+    fitted: Any = SimpleNamespace(model=model(names), estimates=())
+    costs = np.full(BLOCKS, cost / BLOCKS)
+    return State(fitted, costs, np.zeros(0), costs, SAMPLES)
+
+
+def shaky(before: State, fall: float, scatter: float, names: Sequence[str] = ()) -> State:
+    """A state that costs less in all, by some blocks' falls and other blocks' rises."""
+    turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
+    costs = before.costs - fall / BLOCKS - turns
+    return State(state(names).fit, costs, np.zeros(0), costs, SAMPLES)
+
+
+def trial(
+    effect: str,
+    cost: float = 4000.0,
+    *,
+    before: State | None = None,
+    ends: Mapping[str, tuple[float, bool]] | None = None,
+    p_value: float = 1e-9,
+    train: Gain | None = None,
+    test: Gain = SURE,
+) -> Trial:
+    """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
+    before = before or state()
+    after = state([effect], cost)
+    ended = ends or {p.name: (p.typical[0], False) for p in catalogue()[effect].parameters}
+    values = {f"{effect}.{name}": value for name, (value, _) in ended.items()}
+    fitted: Any = SimpleNamespace(
+        model=model([effect], values),
+        estimates=tuple(
+            SimpleNamespace(name=f"{effect}.{name}", value=value, at_bound=at_bound)
+            for name, (value, at_bound) in ended.items()
+        ),
+    )
+    after = State(fitted, after.train, after.test, after.costs, after.samples)
+    fall = before.cost - cost
+    return Trial(catalogue()[effect], before, after, train or Gain(fall, 0.9 * fall, p_value, 30.0), test, p_value)
+
+
+def bench(errors: Sequence[tuple[State, float, float | None]] = (), *, held_out: bool = True, **changes: Any) -> Bench:
+    """A bench with one view; ``errors`` are those that the user sees of a state, on training and on test."""
+    seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
+    shown = (lambda m: seen[id(m)]) if errors else None
+    made = Bench([VIEW], [VIEW] if held_out else [], catalogue(), shown=shown, **changes)
+    made.__dict__["hypotheses"] = 50
+    return made
