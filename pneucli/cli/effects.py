@@ -13,6 +13,7 @@ from pneucli.cli.options import Json
 
 if TYPE_CHECKING:
     from pneucli.physics.declaration import Effect, Parameter
+    from pneucli.physics.scales import Quantity
 
 HEAD = """# The catalogue of effects
 
@@ -80,9 +81,18 @@ def index(effects: Iterable[Effect]) -> str:
 def _row(parameter: Parameter) -> tuple[str, ...]:
     p = parameter
     absent = "-" if p.null is None else f"{p.null:g}" if isinstance(p.null, float) else p.null
-    of = {"": "", "x": " of the range of x"}.get(p.of, f" x {p.of}")
-    typical = ", ".join(f"{value:g}" for value in p.typical) + of
-    return (p.name, p.unit, p.title, absent, f"{p.lower:g} to {p.upper:g}", typical)
+    bounds = _together((p.lower, p.upper), " to ")
+    return (p.name, p.unit, p.title, absent, bounds, _together(p.typical, ", "))
+
+
+def _together(quantities: Sequence[Quantity], between: str) -> str:
+    """Return quantities with the scale that they share named once."""
+    parts = [f"{q:g}" if not isinstance(q, str) else q for q in quantities]
+    scales = [part.partition(" ")[2] for part in parts]
+    return between.join(
+        part.partition(" ")[0] if scale == following else part
+        for part, scale, following in zip(parts, scales, [*scales[1:], ""], strict=True)
+    )
 
 
 def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:

@@ -23,8 +23,9 @@ from pneucli.identify.parameters import (
 )
 from pneucli.identify.start import overlap_of
 from pneucli.identify.views import View
-from pneucli.physics.declaration import Effect, Parameter
-from pneucli.simulate import layout as at
+from pneucli.physics.declaration import Effect
+from pneucli.physics.scales import SCALES, Facts
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -47,22 +48,10 @@ class Signature:
     error: float
 
 
-def typical_values(parameter: Parameter, model: Model, views: Sequence[View]) -> list[float]:
-    """Return the values from which a fit may start, in the parameter's unit; none where their scale is not known."""
-    if parameter.of == "x":
-        x = np.concatenate([v.experiment.inputs[:, at.IN_X] for v in views if "x" in v.experiment.raw] or [np.zeros(1)])
-        low, high = float(x.min()), float(x.max())
-        return [low + share * (high - low) for share in parameter.typical]
-    scale = value_of(model, parameter.of) if parameter.of else 1.0
-    if not np.isfinite(scale):
-        return []
-    return [float(np.clip(scale * t, parameter.lower, parameter.upper)) for t in parameter.typical]
-
-
-def starts(effect: Effect, model: Model, views: Sequence[View]) -> list[dict[str, float]]:
-    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order."""
+def starts(effect: Effect, facts: Facts) -> list[dict[str, float]]:
+    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order; none where not known."""
     names = [f"{effect.name}.{p.name}" for p in effect.parameters]
-    lists = [typical_values(p, model, views) for p in effect.parameters]
+    lists = [p.on(facts).typical for p in effect.parameters]
     combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
     stretch = (f"{effect.name}.from", f"{effect.name}.to")
     return [c for c in combinations if stretch[0] not in c or c[stretch[0]] < c[stretch[1]]]
@@ -81,7 +70,7 @@ def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signat
     nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
     problem = Problem(found.model, [views[i] for i in felt], (), [found.errors[i] for i in felt])
     out = []
-    for values in starts(effect, found.model, views) if felt else []:
+    for values in starts(effect, facts_of(found.model, [v.experiment for v in views])) if felt else []:
         part = problem.data(with_effect(found.model, effect, values))
         parts = [np.zeros(n) for n in sizes]
         for i, residual in zip(felt, part, strict=True):
@@ -102,14 +91,17 @@ def _signature(values: dict[str, float], change: Array, found: Fit, *, nested: b
     return Signature(values, change, step * step * power, step, error)
 
 
-def scaled_start(effect: Effect, signature: Signature, model: Model, share: float = 1.0) -> dict[str, float]:
+def scaled_start(
+    effect: Effect, signature: Signature, model: Model, facts: Facts, share: float = 1.0
+) -> dict[str, float]:
     """Return the signature's values, those with a null moved by a share of the promised step (within 0.05 to 5)."""
     step = share * float(np.clip(signature.step, 0.05, 5.0))
     values = dict(signature.values)
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
         if (null := null_value(p, model)) is not None:  # steps between the typical values, no further
-            values[name] = float(np.clip(null + step * (values[name] - null), p.lower, p.upper))
+            size = p.on(facts)
+            values[name] = float(np.clip(null + step * (values[name] - null), size.lower, size.upper))
     return values
 
 
@@ -155,16 +147,16 @@ def fit_added(
     ranked: Sequence[Signature] | None = None,
 ) -> Fit:
     """Refit with one more effect, from its best signatures (``ranked``, where they are known already)."""
-    model = found.model
+    model, facts = found.model, facts_of(found.model, [v.experiment for v in views])
     ranked = signatures(effect, found, views) if ranked is None else ranked
     if not ranked:
-        return replace(found, model=replace(model, effects=(*model.effects, effect)))
+        raise _without_size(effect, facts)
 
     chosen, names = _touched(found, views, effect)
     felt = [view for view, mine in zip(views, chosen, strict=True) if mine]
 
     def refitted(signature: Signature, share: float) -> Fit:
-        started = with_effect(model, effect, scaled_start(effect, signature, model, share))
+        started = with_effect(model, effect, scaled_start(effect, signature, model, facts, share))
         free = free_parameters(started, views, linear_valve=linear_valve)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
         part = _from_coarse_to_fine(started, felt, free, rounds=rounds)
@@ -176,6 +168,16 @@ def fit_added(
     if first.cost <= found.cost:
         return first
     return refitted(ranked[0], 0.05)  # the promised step led astray: from nearly nothing
+
+
+def _without_size(effect: Effect, facts: Facts) -> InputError:
+    """Return what to say of an effect whose size nothing tells on this rig."""
+    names = {
+        q.partition(" ")[2] for p in effect.parameters if not p.on(facts).typical for q in p.typical if str(q) == q
+    }
+    told = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
+    found = f'the size of "{effect.name}" is counted in what this rig does not tell ({told})'
+    return InputError("key model.effects", found, "a rig that is known", "state it in [rig], or remove the effect")
 
 
 def _touched(found: Fit, views: Sequence[View], effect: Effect) -> tuple[NDArray[np.bool_], set[str]]:
@@ -227,10 +229,11 @@ def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit
 
 def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) -> list[Free]:
     """Return all free parameters of a model, base and effects, starting from its values."""
-    free = base_parameters(model, [v.experiment for v in views], linear_valve=linear_valve)
+    experiments = [v.experiment for v in views]
+    free, facts = base_parameters(model, experiments, linear_valve=linear_valve), facts_of(model, experiments)
     for effect in model.effects:
         if any(view.feels(effect) for view in views):
-            free += effect_parameters(effect, model)
+            free += effect_parameters(effect, model, facts)
     return free
 
 

@@ -9,8 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.physics.base import BASE
 from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.scales import Facts
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
 
@@ -20,6 +23,7 @@ AREA = "valve.effective_area"
 OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
 GAIN = "valve.gain"
 STEP = 1e-4  # of a parameter's scale, for differences
+TINY = 1e-30  # stands for nothing where one divides or takes a logarithm
 LARGEST_OVERLAP = 0.95  # of the smallest command with a knot
 
 
@@ -86,51 +90,70 @@ def with_parameters(model: Model, values: dict[str, float]) -> Model:
 
 def base_parameters(model: Model, experiments: Sequence[Experiment], *, linear_valve: bool) -> list[Free]:
     """Return the base model's free parameters that these experiments can tell, starting from the model's values."""
+    facts = facts_of(model, experiments)
     free: list[Free] = []
     moving = [e for e in experiments if e.recording.experiment != "valve"]
     driven = [e for e in experiments if e.flags[1] > 0 and not e.recording.valve_shut]
     if moving:
-        coulomb = max(value_of(model, "friction.coulomb"), 1e-3)
-        viscous = max(value_of(model, "friction.viscous"), 1e-3)
-        free.append(Free("friction.coulomb", "N", coulomb, 0.0, 1e5, coulomb))
-        free.append(Free("friction.viscous", "N s/m", viscous, 0.0, 1e6, viscous))
+        free += [_base(name, value_of(model, name), facts) for name in ("friction.coulomb", "friction.viscous")]
         if model.rig.moving_mass is None:
-            mass = value_of(model, "rig.moving_mass")
-            free.append(Free("rig.moving_mass", "kg", mass, 1e-3, 1e5, mass))
+            free.append(_base("rig.moving_mass", value_of(model, "rig.moving_mass"), facts))
     if driven:
-        free += _valve(model, linear_valve=linear_valve)
+        free += _valve(model, facts, linear_valve=linear_valve)
     return free
 
 
-def _valve(model: Model, *, linear_valve: bool) -> list[Free]:
+def _base(name: str, start: float, facts: Facts) -> Free:
+    """Return a base parameter as declared, sized by its start; where that is nearly nothing, by what is plausible."""
+    declared = BASE[name]
+    size = declared.on(facts)
+    start = max(start, size.lower, 1e-4 * size.typical[0] if size.typical else 1e-9)
+    return Free(name, declared.unit, start, max(size.lower, 0.0), size.upper, start)
+
+
+def _valve(model: Model, facts: Facts, *, linear_valve: bool) -> list[Free]:
+    area = BASE[AREA].on(facts)
+    lower = max(area.lower, TINY)
     if linear_valve:
         gain = value_of(model, GAIN)
-        return [Free(GAIN, "m^2/V", gain, 1e-12, 1e-3, 1.0, logarithmic=True)]
+        bounds = lower / facts.command, area.upper / facts.command
+        return [Free(GAIN, "m^2/V", gain, *bounds, 1.0, logarithmic=True)]
     valve = model.valve
     areas = [
-        Free(area_name(c), "m^2", a, 1e-12, 1e-2, 1.0, logarithmic=True)
+        Free(area_name(c), "m^2", a, lower, area.upper, 1.0, logarithmic=True)
         for c, a in zip(valve.commands, valve.areas, strict=True)
     ]
     lowest = min((abs(c) for c in valve.commands), default=0.0)
+    overlap = BASE["valve.overlap"].on(facts)
     overlaps = [
-        Free(name, "V", getattr(valve, field), 0.0, LARGEST_OVERLAP * lowest, 0.1, prior=10.0)
+        Free(
+            name,
+            "V",
+            getattr(valve, field),
+            overlap.lower,
+            LARGEST_OVERLAP * lowest,
+            overlap.typical[0] if overlap.typical else lowest,
+            prior=10.0,
+        )
         for name, field in OVERLAPS.items()
     ]
     return areas + overlaps
 
 
-def effect_parameters(effect: Effect, model: Model, starts: dict[str, float] | None = None) -> list[Free]:
-    """Return an effect's free parameters, starting from given, present or typical values."""
+def effect_parameters(effect: Effect, model: Model, facts: Facts, starts: dict[str, float] | None = None) -> list[Free]:
+    """Return an effect's free parameters, starting from given, present or typical values, on the rig of these facts."""
     free = []
     for p in effect.parameters:
-        name = f"{effect.name}.{p.name}"
-        start = (starts or {}).get(name, model.values.get(name, p.typical[0]))
-        start = float(np.clip(start, p.lower, p.upper))
+        name, size = f"{effect.name}.{p.name}", p.on(facts)
+        typical = size.typical[0] if size.typical else 0.0
+        start = (starts or {}).get(name, model.values.get(name, typical))
+        start = float(np.clip(start, size.lower, size.upper))
         null = null_value(p, model)
-        logarithmic = null is None and p.lower > 0.0
-        scale = max(abs(start - (null or 0.0)), abs(p.typical[0]) * 0.1, 1e-12)
-        step = max(p.step / scale, STEP)
-        free.append(Free(name, p.unit, start, p.lower, p.upper, scale, logarithmic=logarithmic, step=step))
+        logarithmic = null is None and size.lower > 0.0
+        away = [abs(value - (null or 0.0)) for value in (start, *size.typical)]
+        scale = max(away[0], 0.1 * max(away), TINY)
+        step = max(size.step / scale, STEP)
+        free.append(Free(name, p.unit, start, size.lower, size.upper, scale, logarithmic=logarithmic, step=step))
     return free
 
 

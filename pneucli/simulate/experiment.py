@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,18 @@ SHORTEST = 20  # samples between restarts: fewer leave the model nothing to say
 U_MAX = 10.0  # V, half the range of the area's table
 Fusion = Callable[[Array, Array], tuple[Array, Array, float]]
 STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's longest step
+
+
+class Extent(NamedTuple):
+    """How far one recording's signals go, SI: what a rig's scales are worked out from; 0 for what was not recorded."""
+
+    command: float
+    pressure: float
+    force: float
+    speed: float
+    low: float
+    high: float
+    period: float
 
 
 @dataclass(frozen=True)
@@ -76,6 +89,20 @@ class Experiment:
             compared = tuple(c for c in compared if c != "p2")
         known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
         return tuple(c for c in (*compared, "temperature") if c in known)
+
+    @cached_property
+    def extent(self) -> Extent:
+        """The largest command, pressure, force and speed, the range of x, and the sampling period."""
+
+        def largest(*columns: int) -> float:
+            mine = [c for c in columns if at.INPUTS[c] in self.raw]
+            return float(np.abs(self.inputs[:, mine]).max()) if mine else 0.0
+
+        x = self.inputs[:, at.IN_X] if "x" in self.raw else np.zeros(1)
+        speed = float(np.abs(self.inputs[:, at.IN_V]).max())
+        command, pressure = largest(at.IN_U, at.IN_U2), largest(at.IN_SUPPLY, at.IN_P1, at.IN_P2)
+        bounds = float(x.min()), float(x.max())
+        return Extent(command, pressure, largest(at.IN_FORCE), speed, *bounds, self.recording.period)
 
     def measured(self, channel: str) -> Array:
         """Return the measured channel, NaN where it was not measured; filtered where the comparison asks for it."""

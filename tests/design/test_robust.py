@@ -13,6 +13,7 @@ from pneucli.design.robust import Axes, Study, run_study, success_rates
 from pneucli.errors import InputError
 from pneucli.executors import executor_from
 from pneucli.physics.effects import catalogue
+from pneucli.simulate.facts import facts_of
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
@@ -47,7 +48,8 @@ def test_every_effect_takes_its_turn_at_a_plausible_size() -> None:
         for name, size in AXES.draw(0, k)[2].items():
             effect, parameter = name.split(".")
             declared = next(p for p in catalogue()[effect].parameters if p.name == parameter)
-            assert declared.lower <= size <= declared.upper
+            bounds = declared.on(facts_of(AXES.model))
+            assert bounds.lower <= size <= bounds.upper
 
 
 def test_threads_give_the_same_rows_as_one_after_the_other(tmp_path: Path) -> None:
