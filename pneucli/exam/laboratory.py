@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,8 +73,9 @@ class Laboratory:
         """Simulate every take and write ``folder/NAME.csv``."""
         for take in takes:
             par = self.bench if take.experiment == "valve" else self.parameters
-            seen = measure(par, self.sensors, run(par, take.manoeuvre), rng)
-            write_csv(folder / f"{take.name}.csv", self.name, seen, self.signals(take.experiment))
+            seen = measure(par, self.sensors, run(par, take.manoeuvre, self.sensors.fine_rate), rng)
+            names = self.signals(take.experiment)
+            write_csv(folder / f"{take.name}.csv", self.name, seen, names, self.sensors.position_step)
 
     def pipeline(self, takes: Sequence[Take], folder: str, checks: str = "") -> str:
         """Return the pipeline file's text; ``folder`` is where its recordings lie, relative to it."""
@@ -94,13 +96,15 @@ class Laboratory:
         text += f'supply_pressure = "{par.supply / 1e5:.4f} bar"     # absolute; the regulator\'s setting\n'
         if self.has_cylinder:
             text += (
-                f'\n[rig.cylinder]\npiston_area_1 = "{par.piston_area_1 * 1e4:.4f} cm^2"\n'
-                f'piston_area_2 = "{par.piston_area_2 * 1e4:.4f} cm^2"\nstroke = "{par.stroke * 1e3:.1f} mm"\n'
-                f'dead_volume_1 = "{par.dead_volume_1 * 1e6:.3f} cm^3"\n'
-                f'dead_volume_2 = "{par.dead_volume_2 * 1e6:.3f} cm^3"\nmoving_mass = "{par.mass:.4f} kg"\n'
+                f'\n[rig.cylinder]\npiston_area_1 = "{_number(par.piston_area_1 * 1e4, 4)} cm^2"\n'
+                f'piston_area_2 = "{_number(par.piston_area_2 * 1e4, 4)} cm^2"\n'
+                f'stroke = "{_number(par.stroke * 1e3, 1)} mm"\n'
+                f'dead_volume_1 = "{_number(par.dead_volume_1 * 1e6, 3)} cm^3"\n'
+                f'dead_volume_2 = "{_number(par.dead_volume_2 * 1e6, 3)} cm^3"\n'
+                f'moving_mass = "{_number(par.mass, 4)} kg"\n'
             )
         if self.vessel is not None:
-            text += f'\n[rig.vessel]\nvolume = "{self.vessel * 1e6:.3f} cm^3"\n'
+            text += f'\n[rig.vessel]\nvolume = "{_number(self.vessel * 1e6, 3)} cm^3"\n'
         return text
 
     def _columns(self, takes: Sequence[Take]) -> str:
@@ -118,6 +122,11 @@ class Laboratory:
         effects = ", ".join(f'"{effect}"' for effect in self.effects)
         valve = 'valve = "linear"\n' if self.linear_valve else ""
         return f'[model]\neffects = [{effects}]\n{valve}\n[compare]\nhorizon = "{horizon}"\n'
+
+
+def _number(value: float, decimals: int) -> str:
+    """As many decimals as given, and more where fewer than four digits would be left."""
+    return f"{value:.{max(decimals, 3 - math.floor(math.log10(value)))}f}"
 
 
 def _recording(take: Take, folder: str, signals: tuple[str, ...]) -> str:

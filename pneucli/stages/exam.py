@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import write_exam
+from pneucli.exam.conditions import USUAL
 from pneucli.exam.grading import SECONDS, to_markdown
 from pneucli.exam.grading import grade as grade_answers
 from pneucli.io.artifacts import atomic_path
@@ -22,14 +24,28 @@ GRADES, SUMMARY = "grades.json", "grades.md"
 FAILED = "failed"
 
 
-def write(directory: Path, cases: int = 60, nulls: int = 20, size: float = 1.0, seed: int = 1) -> dict[str, Any]:
+def write(
+    directory: Path,
+    cases: int = 60,
+    nulls: int = 20,
+    size: float = 1.0,
+    seed: int = 1,
+    conditions: Sequence[str] = (USUAL,),
+) -> dict[str, Any]:
     """Write an exam into an empty or new folder; the truths lie sealed in its hidden folder.
 
-    ``cases`` have something hidden, of ``size`` times the usual, ``nulls`` have nothing. Raises InputError where
-    the folder holds something already.
+    Of each of the ``conditions``, ``cases`` have something hidden, of ``size`` times the usual, and ``nulls`` have
+    nothing. Raises InputError where the folder holds something already, or for an unknown condition.
     """
-    names = write_exam(directory, cases, nulls, size, seed)
-    return {"schema": "pneucli/exam-written/1", "directory": str(directory), "size": size, "seed": seed, "cases": names}
+    names = write_exam(directory, cases, nulls, size, seed, conditions)
+    return {
+        "schema": "pneucli/exam-written/1",
+        "directory": str(directory),
+        "size": size,
+        "seed": seed,
+        "conditions": list(conditions),
+        "cases": names,
+    }
 
 
 def answer(directory: Path, progress: Progress = silent) -> dict[str, Any]:

@@ -115,3 +115,15 @@ def test_a_folder_that_is_no_exam_is_the_users_error(pneucli: Command, tmp_path:
     result = pneucli("exam", tmp_path, what)
     assert result.code == 2
     assert "pneucli exam" in result.err or "write an exam" in result.err
+
+
+def test_conditions_are_asked_for_by_name_and_a_wrong_one_is_the_users_error(pneucli: Command, exam: Path) -> None:
+    wrong = pneucli("exam", exam, "--condition", "rate-20kHz")
+    assert wrong.code == 2
+    assert "rate-#Hz" in wrong.err
+    result = pneucli(
+        "exam", exam, "--cases", 1, "--nulls", 0, "--condition", "usual", "--condition", "rate-200Hz", "--json"
+    )
+    written = json.loads(result.out)
+    assert written["conditions"] == ["usual", "rate-200Hz"]
+    assert len(written["cases"]) == 2

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from pneucli.exam.hidden import CATALOGUE, OUTSIDE
 from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, P1, PS, T1, flow, valve_flow
-from pneucli.exam.rig.manoeuvres import stick_slip, valve_step
+from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_step, wandering
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.exam.similar import DIMENSIONS, Similar
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
@@ -147,6 +149,89 @@ def test_pressure_noise_has_its_level_and_colour(pole):
     noise = measure(Parameters(), Sensors(pressure=400.0, pole=pole), truth, np.random.default_rng(2))["p1"]
     assert np.std(noise) == pytest.approx(400.0, rel=0.05)
     assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(pole, abs=0.02)
+
+
+USUAL = Similar()
+SILENT = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
+
+
+def moved(par: Parameters, similar: Similar = USUAL, rate: float = 1000.0) -> dict[str, np.ndarray]:
+    reference = wandering(np.random.default_rng(1), 1500, par.stroke)
+    return run(par, closed_loop(par, reference, 150.0 / similar.length, 1.8e5 * similar.pressure), rate)
+
+
+def shown(par: Parameters, similar: Similar = USUAL) -> dict[str, np.ndarray]:
+    """What sensors without noise show of that motion, in the usual rig's sizes."""
+    seen = measure(par, SILENT, moved(par, similar), np.random.default_rng(1))
+    return {"p1": seen["p1"] / similar.pressure, "x": seen["x"] / similar.length, "a": seen["a"] / similar.length}
+
+
+def everything_hidden(*but: str) -> Parameters:
+    par = Parameters(overlap=0.2)
+    for effect in CATALOGUE + OUTSIDE:
+        if effect.name not in ("valve-deadband", *but):
+            par = effect.set(par, 0.5, np.random.default_rng(6))
+    return par
+
+
+@pytest.mark.parametrize("rate", [200.0, 500.0, 5000.0, 10_000.0])
+def test_another_rate_records_the_same_motion(rate):
+    usual, sensors = moved(Parameters()), Sensors(rate=rate)
+    other = moved(Parameters(), rate=sensors.fine_rate)
+    thinned = {name: signal[:: max(1, round(rate / 1e3))] for name, signal in other.items()}
+    for name in ("u", "p1", "x", "v"):
+        assert np.array_equal(thinned[name], usual[name]), name
+    seen = measure(Parameters(), sensors, other, np.random.default_rng(1))
+    assert seen["time"] == pytest.approx(np.arange(1.5 * rate) / rate)
+    assert np.array_equal(seen["u"], other["u"][:: sensors.kept])
+
+
+def test_the_loop_has_its_own_clock_so_that_commands_change_between_samples_or_stand_over_many():
+    usual = moved(Parameters())["u"]
+    assert np.all(np.diff(usual[5:200]) != 0.0)
+    quick = moved(Parameters(), rate=10_000.0)["u"].reshape(-1, 10)
+    assert np.all(quick == quick[:, :1])
+
+
+def test_a_rate_that_does_not_divide_the_loops_changes_the_motion_little():
+    odd = moved(Parameters(), rate=Sensors(rate=330.0).fine_rate)
+    time = np.arange(odd["x"].size) / Sensors(rate=330.0).fine_rate
+    usual = np.interp(time, np.arange(1500) * 1e-3, moved(Parameters())["x"])
+    assert odd["x"] == pytest.approx(usual, abs=1e-3)
+
+
+def test_slow_sensors_are_followed_finely_before_the_logger_thins_them():
+    sensors = Sensors(pressure=0.0, rate=100.0)
+    par = Parameters(pressure_lag=0.02)
+    step = par.ambient + 1e5 * (np.arange(1000) >= 305)
+    truth = {name: np.zeros(1000) for name in ("u", "x", "a")} | dict.fromkeys(("p1", "p2", "p_supply"), step)
+    seen = measure(par, sensors, truth, np.random.default_rng(1))["p2"]
+    assert seen[31:40] == pytest.approx(1e5 * (1 - np.exp(-(10 * np.arange(31, 40) - 304.5) / 20)), rel=1e-3)
+
+
+@pytest.mark.parametrize("bore", [6e-3, 200e-3])
+def test_a_rig_of_another_bore_moves_as_the_usual_one_does(bore):
+    """With all that can be hidden at once: a quantity whose dimension is wrong or forgotten would show."""
+    par = everything_hidden()
+    similar = Similar.of(par, bore, None)
+    assert np.pi / 4 * bore**2 == pytest.approx(similar.rig(par).piston_area_1)
+    for name, other in shown(similar.rig(par), similar).items():
+        usual = shown(par)[name]
+        assert other == pytest.approx(usual, abs=1e-6 * np.ptp(usual)), name
+
+
+def test_a_rig_of_another_pressure_moves_so_in_thicker_air():
+    par = everything_hidden("heat-transfer")
+    similar = Similar(pressure=5.0, supply=5.0)
+    there = similar.rig(par)._replace(ambient=5.0 * par.ambient, supply=5.0 * par.supply)
+    for name, other in shown(there, similar).items():
+        usual = shown(par)[name]
+        assert other == pytest.approx(usual, abs=1e-6 * np.ptp(usual)), name
+
+
+def test_supplies_are_what_was_asked_for():
+    assert Similar.of(Parameters(), None, 50e5).rig(Parameters()).supply == pytest.approx(50e5)
+    assert set(DIMENSIONS) < set(Parameters._fields)
 
 
 TRANSLATED = {

@@ -1,8 +1,8 @@
 """The rig's own equations and integrator, compiled; no code is shared with the simulator that it examines.
 
-One fixed step of ``STEP`` holds the valve's area, takes the midpoint rule for gas and motion with the sign of the
-friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves the
-breakaway level.
+One fixed step, ``STEP`` at most, holds the valve's area, takes the midpoint rule for gas and motion with the sign of
+the friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves
+the breakaway level.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from pneucli.exam.rig.parameters import Parameters
 
 Array = NDArray[np.float64]
 
-STEP = 25e-6
-SAMPLE = 1e-3
+STEP = 25e-6  # s, the longest
 KAPPA = 1.4
 GAS_CONSTANT = 287.0
 PSI_MAX = 0.484

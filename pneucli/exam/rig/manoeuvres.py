@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, PSI_MAX, SAMPLE, Array
+from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, PSI_MAX, Array
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.rig.run import LOOP, Manoeuvre
 
 STAIRS = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0])
 
@@ -51,13 +51,13 @@ def closed_loop(par: Parameters, reference: Array, gain: float, gauge: float) ->
     )
 
 
-def wandering(rng: np.random.Generator, samples: int) -> Array:
-    """A position reference in m, shape (samples,): two sines around 0.1 m that begin there, within 0.02 to 0.19 m."""
-    time = SAMPLE * np.arange(samples)
+def wandering(rng: np.random.Generator, samples: int, stroke: float = 0.2) -> Array:
+    """A position reference in m, shape (samples,): two sines from the middle, within 0.1 to 0.95 of ``stroke`` (m)."""
+    time = LOOP * np.arange(samples)
     slow, fast = rng.uniform(0.045, 0.065), rng.uniform(0.005, 0.02)
     period, ratio = rng.uniform(2.0, 4.0), rng.uniform(2.2, 3.7)
     phase = 2 * np.pi * time / period * rng.choice([-1.0, 1.0])
-    return np.asarray(0.1 + slow * np.sin(phase) + fast * np.sin(ratio * phase))
+    return np.asarray((0.1 + slow * np.sin(phase) + fast * np.sin(ratio * phase)) * (stroke / 0.2))
 
 
 def _bench(par: Parameters, command: Array) -> Manoeuvre:

@@ -1,4 +1,7 @@
-"""Running the rig: spool, line and controller around the kernel's equations, one row a sample."""
+"""Running the rig: spool, line and controller around the kernel's equations, one row a sample.
+
+The controller has a clock of its own, so that commands may change between two samples, or stand over many.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,6 @@ from pneucli.exam.rig.kernel import (
     P1,
     P2,
     PS,
-    SAMPLE,
     STEP,
     T1,
     T2,
@@ -29,14 +31,15 @@ from pneucli.exam.rig.parameters import Parameters
 
 COLUMNS = ("u", "p_supply", "p1", "p2", "x", "v", "a", "temperature")
 NOTHING = np.empty((0, 2))
+LOOP = 1e-3  # s, the period of the commands
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What is done to the rig: ``command`` holds one value a sample (1 ms), held until the next.
+    """What is done to the rig: ``command`` holds one value a period of the loop (``LOOP``), held until the next.
 
     With ``gain`` (V/m) above zero the command is a position reference in m, and u = gain (reference - x) within 10 V.
-    ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the samples.
+    ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the commands.
     """
 
     command: Array
@@ -49,12 +52,15 @@ class Manoeuvre:
     imposed: Array = field(default_factory=lambda: NOTHING)
 
 
-def run(par: Parameters, manoeuvre: Manoeuvre) -> dict[str, Array]:
-    """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... ms."""
+def run(par: Parameters, manoeuvre: Manoeuvre, rate: float = 1000.0) -> dict[str, Array]:
+    """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... over ``rate`` (Hz)."""
     m = manoeuvre
+    every = math.ceil(1.0 / (rate * STEP) - 1e-9)  # steps a sample, then a command
+    step = 1.0 / (rate * every)
+    hold = round(LOOP / step)
     start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
     held = 2 if m.imposed.size else int(m.chamber_2_open)
-    rows = _run(par, m.command, m.gain, held, start, m.imposed)
+    rows = _run(par, m.command, m.gain, held, start, m.imposed, step, hold, every)
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
@@ -71,31 +77,33 @@ def _step(
 
 
 @compiled()
-def _advance(par: Parameters, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array) -> float:
-    """Advance ``s`` by STEP, cut where the piston comes to rest; returns the time at rest in s."""
+def _advance(
+    par: Parameters, t: float, h: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array
+) -> float:
+    """Advance ``s`` by h (s), cut where the piston comes to rest; returns the time at rest in s."""
     mode = mode_at(par, t, s, rest)
     before = work[2]
     before[:] = s
-    _step(par, t, STEP, s, mode, q, held, work)
+    _step(par, t, h, s, mode, q, held, work)
     if mode != 0.0 and s[V] * mode < 0.0 and par.bristle_stiffness == 0.0:
         part = before[V] / (before[V] - s[V])
         s[:] = before
-        _step(par, t, part * STEP, s, mode, q, held, work)
+        _step(par, t, part * h, s, mode, q, held, work)
         s[V] = 0.0
         mode = mode_at(par, t, s, 0.0)
-        _step(par, t, (1.0 - part) * STEP, s, mode, q, held, work)
+        _step(par, t, (1.0 - part) * h, s, mode, q, held, work)
     if s[X] < 0.0 or s[X] > par.stroke:
         s[X], s[V] = min(max(s[X], 0.0), par.stroke), 0.0
-    return rest + STEP if mode == 0.0 else 0.0
+    return rest + h if mode == 0.0 else 0.0
 
 
 @compiled()
-def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[float, float]:
+def _spool(par: Parameters, h: float, u: float, spool: float, opening: float) -> tuple[float, float]:
     """Spool (lag, stiction) and opening (play) in V after one step."""
     if par.spool_stiction > 0.0:
         spool = u if abs(u - spool) > par.spool_stiction else spool
     elif par.valve_lag > 0.0:
-        spool = u + (spool - u) * math.exp(-STEP / par.valve_lag)
+        spool = u + (spool - u) * math.exp(-h / par.valve_lag)
     else:
         spool = u
     width = par.valve_half_width
@@ -111,27 +119,39 @@ def _row(
 
 
 @compiled()
-def _run(par: Parameters, command: Array, gain: float, held: int, start: Array, imposed: Array) -> Array:
-    n, substeps = command.size, round(SAMPLE / STEP)
-    s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty((n, 8))
+def _run(
+    par: Parameters,
+    command: Array,
+    gain: float,
+    held: int,
+    start: Array,
+    imposed: Array,
+    step: float,
+    hold: int,
+    every: int,
+) -> Array:
+    """Rows of the true signals, one every ``every`` steps of ``step`` (s); a command is held for ``hold`` steps."""
+    steps = command.size * hold
+    s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty(((steps - 1) // every + 1, 8))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
     s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
-    line = np.zeros((round(par.line_delay / STEP) + 1, 2))
-    spool, opening, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0)
-    for k in range(n):
-        u = command[k]
-        if gain > 0.0:
-            u = round(min(max(gain * (command[k] - s[X]), -10.0), 10.0), 4)
-        rows[k] = _row(par, u, k * SAMPLE, s, rest, q, held, work)
-        for j in range(substeps):
-            i, t = k * substeps + j, k * SAMPLE + j * STEP
-            if imposed.size:
-                s[P1 : P2 + 1 : 2] = _between(imposed, k, (j + 0.5) / substeps)
-            spool, opening = _spool(par, u, spool, opening)
-            line[i % len(line)] = valve_flow(par, valve_area(par, opening, t), t, s)
-            late = line[(i + 1) % len(line)]
-            q = (late[0], late[1])
-            rest = _advance(par, t, s, rest, q, held, work)
+    line = np.zeros((round(par.line_delay / step) + 1, 2))
+    u, spool, opening, rest, q = 0.0, 0.0, 0.0, 0.0, (0.0, 0.0)
+    for i in range(steps):
+        k, t = i // hold, i * step
+        if i % hold == 0:
+            u = command[k]
+            if gain > 0.0:
+                u = round(min(max(gain * (command[k] - s[X]), -10.0), 10.0), 4)
+        if i % every == 0:
+            rows[i // every] = _row(par, u, t, s, rest, q, held, work)
+        if imposed.size:
+            s[P1 : P2 + 1 : 2] = _between(imposed, k, (i % hold + 0.5) / hold)
+        spool, opening = _spool(par, step, u, spool, opening)
+        line[i % len(line)] = valve_flow(par, valve_area(par, opening, t), t, s)
+        late = line[(i + 1) % len(line)]
+        q = (late[0], late[1])
+        rest = _advance(par, t, step, s, rest, q, held, work)
     return rows
 
 
