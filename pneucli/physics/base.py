@@ -1,4 +1,4 @@
-"""The base model's parameters that a fit varies: declared as an effect's are, since they are sized by the rig as well."""
+"""The base model's parameters that a fit varies: declared as an effect's are, and sized by the rig as they are."""
 
 from __future__ import annotations
 
