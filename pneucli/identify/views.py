@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.restarts import carried, start_errors, volume, whitened
-from pneucli.identify.rests import STARTED, breakaways, unsure
+from pneucli.identify.rests import RESTED, STARTED, breakaways, unsure
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import U_MAX, Experiment, smooth_motion
@@ -137,8 +137,9 @@ class View:
         """Velocities at which the piston breaks away (n,), and where the direction of motion is not known (n,)."""
         e = self.experiment
         smoothed = smooth_motion(e.raw, e.smoothers, e.fusion, e.time)[1]
-        leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still)
-        return leaving, unsure(e.inputs[:, at.IN_V], leaving)
+        smeared = max(round(e.smear / e.recording.period), 1)
+        leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still, round(RESTED * smeared))
+        return leaving, unsure(e.inputs[:, at.IN_V], leaving, smeared)
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -15,18 +15,19 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.smooth import LocalFits, kinematics, local_fits
+from pneucli.simulate.smooth import Kinematics, LocalFits, local_fits
 
 Array = NDArray[np.float64]
 
 PRESSURES = ("p1", "p2", "p_supply")
 OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T}
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
+FINEST = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
+SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
 SHORTEST = 20  # samples between restarts: fewer leave the model nothing to say
 U_MAX = 10.0  # V, half the range of the area's table
-Fusion = Callable[[Array, Array], tuple[Array, Array, float]]
 STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's longest step
 
 
@@ -56,7 +57,7 @@ class Experiment:
     raw: Mapping[str, Array]
     noise: Mapping[str, NoiseModel]
     smoothers: Mapping[str, LocalFits]
-    fusion: Fusion | None
+    fusion: Kinematics | None
     inputs: Array
     restarts: NDArray[np.int64]
     flags: Array
@@ -89,6 +90,12 @@ class Experiment:
             compared = tuple(c for c in compared if c != "p2")
         known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
         return tuple(c for c in (*compared, "temperature") if c in known)
+
+    @cached_property
+    def smear(self) -> float:
+        """The time in s on either side of a stop or a break-away in which neither smoothing nor sampling tells it."""
+        smoother = self.fusion or self.smoothers.get("x")
+        return self.recording.period + (SMEARING * smoother.memory if smoother else 0.0)
 
     @cached_property
     def extent(self) -> Extent:
@@ -183,7 +190,8 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     }
     fusion = None
     if enough and "x" in raw and "a" in raw:
-        fusion = kinematics(recording.time, max(noise["x"].rms, 1e-9), max(noise["a"].rms, 1e-9))
+        sure = {n: max(noise[n].rms, share * float(np.std(raw[n]))) for n, share in FINEST.items()}
+        fusion = Kinematics(recording.time, sure["x"], sure["a"])
     inputs = smooth(raw, smoothers, fusion, recording.time)
     still = 0.0
     if "x" in raw:
@@ -200,7 +208,9 @@ def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator
     return {name: model.draw(time, rng) for name, model in noise.items()}
 
 
-def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array) -> Array:
+def smooth(
+    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Kinematics | None, time: Array
+) -> Array:
     """Return the kernel's inputs (n, 10) from raw signals, which may be readings or draws of their noise."""
     inputs = np.zeros((time.size, len(at.INPUTS)))
     for column, name in enumerate(at.INPUTS):
@@ -212,7 +222,7 @@ def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion:
 
 
 def smooth_motion(
-    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array
+    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Kinematics | None, time: Array
 ) -> tuple[Array, Array]:
     """Return smoothed position and velocity, each (n,)."""
     if fusion is not None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smooth import autocovariance, deviations, integrated, kinematics, local_fits, window
+from pneucli.simulate.smooth import Kinematics, autocovariance, deviations, integrated, local_fits, window
 
 N, PERIOD = 600, 1e-3
 TIME = PERIOD * np.arange(N)
@@ -64,7 +64,7 @@ def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
     time = PERIOD * np.arange(5000)
     x, v, a = 0.05 * np.sin(6 * time), 0.3 * np.cos(6 * time), -1.8 * np.sin(6 * time)
     noisy_x, noisy_a = x + x_noise * RNG.standard_normal(5000), a + bias + a_noise * RNG.standard_normal(5000)
-    found_x, found_v, found_bias = kinematics(time, x_noise, a_noise)(noisy_x, noisy_a)
+    found_x, found_v, found_bias = Kinematics(time, x_noise, a_noise)(noisy_x, noisy_a)
     assert found_bias == pytest.approx(bias, abs=0.01)
     # integrated alone, the bias would be 2 m/s off after 5 s
     assert np.abs(found_v - v).max() < 0.01
