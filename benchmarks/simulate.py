@@ -49,7 +49,7 @@ RIG = Rig(
     moving_mass=2.2,
 )
 FRICTION = {"friction.coulomb": 14.0, "friction.viscous": 45.0}
-AREAS = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2).table()
+AREAS = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2).table(10.0)
 BASE = np.array([Model(RIG, (), FRICTION).base()[name] for name in at.BASE])
 PERIOD, N, BATCH = 1e-3, 10_000, 256
 TIME = PERIOD * np.arange(N)

@@ -16,7 +16,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import STEP, U_MAX
+from pneucli.simulate.experiment import STEP
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
         kernel.vector(model.effect_values()),
         kernel.switches([e.name for e in model.effects]),
         _flags(controller),
-        model.valve.table(),
+        model.valve.table(controller.values["C_U_MAX"]),
         STEP["axis"],
         state,
         np.concatenate([controller.vector(), [bench.quantum_x, bench.quantum_p, bench.delay]]),
@@ -123,5 +123,5 @@ def _flags(controller: Controller) -> Array:
     flags = np.zeros(at.FLAGS)
     flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0
     flags[at.CHAMBER_2] = at.VALVE_2 if controller.values["C_TWO_VALVES"] > 0.5 else at.CLOSED
-    flags[at.U_MAX] = U_MAX
+    flags[at.U_MAX] = controller.values["C_U_MAX"]
     return flags

@@ -14,14 +14,10 @@ from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import Facts
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.facts import facts_of
-from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import ValveArea
+from pneucli.simulate.model import Model, Valve
 
 Array = NDArray[np.float64]
 
-AREA = "valve.effective_area"
-OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
-GAIN = "valve.gain"
 STEP = 1e-4  # of a parameter's scale, for differences
 TINY = 1e-30  # stands for nothing where one divides or takes a logarithm
 LARGEST_OVERLAP = 0.95  # of the smallest command with a knot
@@ -58,48 +54,33 @@ class Free:
         return value if self.logarithmic else self.scale
 
 
-def area_name(command: float) -> str:
-    """Return the parameter's name of the effective area at a command in V."""
-    return f"{AREA}({command:+.4g} V)"
-
-
 def value_of(model: Model, name: str) -> float:
     """Return the value of any parameter of a model by its name."""
-    if name in OVERLAPS:
-        return float(getattr(model.valve, OVERLAPS[name]))
-    if name.startswith(AREA):
-        names = [area_name(c) for c in model.valve.commands]
-        return model.valve.areas[names.index(name)]
-    if name == GAIN:
-        return model.valve.areas[-1] / model.valve.commands[-1]
+    named = model.valve.named()
+    if name in named:
+        return named[name][0]
     return model.values[name] if name in model.values else model.base()[name]
 
 
 def with_parameters(model: Model, values: dict[str, float]) -> Model:
     """Return the model with parameters of any kind replaced."""
-    valve = model.valve
-    areas = [values.get(area_name(c), a) for c, a in zip(valve.commands, valve.areas, strict=True)]
-    if GAIN in values:
-        areas = [values[GAIN] * abs(c) for c in valve.commands]
-    fill, vent = (values.get(name, getattr(valve, field)) for name, field in OVERLAPS.items())
-    rest = {n: v for n, v in values.items() if n not in OVERLAPS and n != GAIN and not n.startswith(AREA)}
-    return replace(
-        model.with_values(rest), valve=replace(valve, areas=tuple(areas), overlap_fill=fill, overlap_vent=vent)
-    )
+    valve = model.valve.named()
+    rest = {name: v for name, v in values.items() if name not in valve}
+    return replace(model.with_values(rest), valve=model.valve.with_named(values))
 
 
-def base_parameters(model: Model, experiments: Sequence[Experiment], *, linear_valve: bool) -> list[Free]:
+def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[Free]:
     """Return the base model's free parameters that these experiments can tell, starting from the model's values."""
     facts = facts_of(model, experiments)
     free: list[Free] = []
-    moving = [e for e in experiments if e.recording.experiment != "valve"]
-    driven = [e for e in experiments if e.flags[1] > 0 and not e.recording.valve_shut]
+    moving = [e for e in experiments if e.recording.kind.cylinder]
+    driven = [e for e in experiments if e.recording.kind.valve and not e.recording.valve_shut]
     if moving:
         free += [_base(name, value_of(model, name), facts) for name in ("friction.coulomb", "friction.viscous")]
         if model.rig.moving_mass is None:
             free.append(_base("rig.moving_mass", value_of(model, "rig.moving_mass"), facts))
     if driven:
-        free += _valve(model, facts, linear_valve=linear_valve)
+        free += _valve(model.valve, facts)
     return free
 
 
@@ -107,37 +88,24 @@ def _base(name: str, start: float, facts: Facts) -> Free:
     """Return a base parameter as declared, sized by its start; where that is nearly nothing, by what is plausible."""
     declared = BASE[name]
     size = declared.on(facts)
-    start = max(start, size.lower, 1e-4 * size.typical[0] if size.typical else 1e-9)
+    start = max(start, size.lower, 1e-4 * size.typical[0] if size.typical else TINY)
     return Free(name, declared.unit, start, max(size.lower, 0.0), size.upper, start)
 
 
-def _valve(model: Model, facts: Facts, *, linear_valve: bool) -> list[Free]:
-    area = BASE[AREA].on(facts)
-    lower = max(area.lower, TINY)
-    if linear_valve:
-        gain = value_of(model, GAIN)
-        bounds = lower / facts.command, area.upper / facts.command
-        return [Free(GAIN, "m^2/V", gain, *bounds, 1.0, logarithmic=True)]
-    valve = model.valve
-    areas = [
-        Free(area_name(c), "m^2", a, lower, area.upper, 1.0, logarithmic=True)
-        for c, a in zip(valve.commands, valve.areas, strict=True)
-    ]
+def _valve(valve: Valve, facts: Facts) -> list[Free]:
+    """Return the valve's free parameters: areas (or a gain) as logarithms, an overlap short of the smallest knot."""
     lowest = min((abs(c) for c in valve.commands), default=0.0)
-    overlap = BASE["valve.overlap"].on(facts)
-    overlaps = [
-        Free(
-            name,
-            "V",
-            getattr(valve, field),
-            overlap.lower,
-            LARGEST_OVERLAP * lowest,
-            overlap.typical[0] if overlap.typical else lowest,
-            prior=10.0,
-        )
-        for name, field in OVERLAPS.items()
-    ]
-    return areas + overlaps
+    area, overlap = BASE["valve.effective_area"].on(facts), BASE["valve.overlap"].on(facts)
+    free = []
+    for name, (value, unit) in valve.named().items():
+        if unit == "V":
+            scale = overlap.typical[0] if overlap.typical else lowest
+            free.append(Free(name, unit, value, 0.0, LARGEST_OVERLAP * lowest, scale, prior=10.0))
+        else:
+            a_volt = facts.command if unit == "m^2/V" else 1.0
+            bounds = max(area.lower, TINY) / a_volt, area.upper / a_volt
+            free.append(Free(name, unit, value, *bounds, 1.0, logarithmic=True))
+    return free
 
 
 def effect_parameters(effect: Effect, model: Model, facts: Facts, starts: dict[str, float] | None = None) -> list[Free]:
@@ -162,15 +130,3 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
     if isinstance(parameter.null, str):
         return value_of(model, parameter.null)
     return None if parameter.null is None or math.isinf(parameter.null) else parameter.null
-
-
-def roughness(valve: ValveArea) -> Array:
-    """Return how far each inner knot's log area lies off the line through its neighbours, over log(|u| - overlap)."""
-    rows = []
-    for sign, overlap in ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent)):
-        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > overlap)
-        x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, 1e-14) for _, a in side])
-        if x.size > 2:
-            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
-            rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
-    return np.concatenate(rows) if rows else np.zeros(0)

@@ -2,42 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from pneucli.identify.parameters import LARGEST_OVERLAP
+from pneucli.identify.parameters import LARGEST_OVERLAP, TINY
 from pneucli.physics.gas import CRITICAL_RATIO, orifice_flow
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed import motion
-from pneucli.simulate.model import Model
+from pneucli.simulate.linear_valve import LinearValve
+from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 
 Array = NDArray[np.float64]
 
 MOVING = 0.02  # of the largest speed, below which friction is not told by motion
-HELD = 5  # samples after a change of the command that are left out
-FEWEST_KNOTS = 3
-HELD_FOR = 0.3  # s for which a command must be held in all to have a knot of its own
+SETTLING = 0.01  # of the time for which a command is held, at its start, that is left out
+FEWEST_KNOTS, MOST_LEVELS = 3, 40
+HELD = 0.005  # of all the time, for which a command must be held to have a knot of its own
+LEVELS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the largest command: knots where none is held
+SAME = 1e-4  # of the largest command: nearer commands are one level
 STAND_IN_VOLUME = 1e-3  # m^3, of a vessel of unknown volume: only areas over it mean anything
-LEAST_MASS = 0.01  # kg, where the motion is too slow to show any
+LEAST_MASS = 1e-3  # of the forces over the accelerations, where the motion is too slow to show any
 CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
 
 
-def first_guess(experiments: Sequence[Experiment], rig: Rig, *, linear_valve: bool) -> Model:
-    """Return the base model as the measurements suggest it directly."""
-    values = friction_guess([e for e in experiments if e.recording.experiment != "valve"], rig)
+def first_guess(experiments: Sequence[Experiment], rig: Rig, valve: str = "map") -> Model:
+    """Return the base model as the measurements suggest it directly, with a valve of one of the ``FORMS``."""
+    values = friction_guess([e for e in experiments if e.recording.kind.cylinder], rig)
     if rig.vessel_volume is not None:
         values["rig.vessel_volume"] = rig.vessel_volume
     driven = [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
     if any(e.vessel for e in experiments) and rig.vessel_volume is None:
         values["rig.vessel_volume"] = STAND_IN_VOLUME
-    valve = valve_guess(driven, rig, values, linear=linear_valve) if driven else NO_VALVE
-    return Model(rig, (), values, valve)
+    return Model(rig, (), values, FORMS[valve](driven, rig, values) if driven else NO_VALVE)
 
 
 def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
@@ -62,7 +64,8 @@ def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     found = lsq_linear(design, target, bounds=(lower, np.inf)).x
     values = {"friction.coulomb": float(found[0]), "friction.viscous": float(found[1])}
     if rig.moving_mass is None:
-        values["rig.moving_mass"] = max(float(found[2]), LEAST_MASS)
+        least = LEAST_MASS * float(np.abs(target).max() / max(np.abs(design[:, 2]).max(), TINY))
+        values["rig.moving_mass"] = max(float(found[2]), least)
     return values
 
 
@@ -94,36 +97,66 @@ def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Arr
     return flow, np.fromiter(unit, np.float64, u.size)
 
 
-def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float], *, linear: bool) -> ValveArea:
-    """Return the valve's area at the commands that were held longest (or one gain for all)."""
+def _flows(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> tuple[Array, Array, Array]:
+    """Return commands in V, mass flow, and flow per effective area (:func:`mass_flow`) where the valve has settled."""
     u, flow, unit = [], [], []
     for e in experiments:
         q, per_area = mass_flow(e, rig, values.get("rig.vessel_volume", STAND_IN_VOLUME))
-        settled = np.convolve(np.abs(np.diff(e.inputs[:, at.IN_U], prepend=0.0)) > 0, np.ones(HELD))[: q.size] == 0
-        keep = settled if e.vessel else np.ones(q.size, dtype=bool)
+        keep = _settled(e.inputs[:, at.IN_U]) if e.vessel else np.ones(q.size, dtype=bool)
         u.append(e.inputs[keep, at.IN_U])
         flow.append(q[keep])
         unit.append(per_area[keep])
-    command, q, per_area = np.concatenate(u), np.concatenate(flow), np.concatenate(unit)
-    if linear:
-        gain = float(np.sum(q * per_area * np.abs(command)) / np.sum((per_area * command) ** 2))
-        return ValveArea((-10.0, 10.0), (10 * max(gain, 1e-12),) * 2)
-    enough = int(HELD_FOR / float(np.median([e.recording.period for e in experiments])))
-    sides = [_side(command, q, per_area, sign, enough) for sign in (-1.0, 1.0)]
+    return np.concatenate(u), np.concatenate(flow), np.concatenate(unit)
+
+
+def _settled(command: Array) -> NDArray[np.bool_]:
+    """Return where a command (n,) has been held for a while, at least one sample."""
+    starts = np.flatnonzero(np.diff(command, prepend=np.nan) != 0.0)
+    lengths = np.diff(np.append(starts, command.size))
+    since = np.arange(command.size) - np.repeat(starts, lengths)
+    return np.asarray(since >= 1.0 + np.repeat(SETTLING * lengths, lengths))
+
+
+def _largest(experiments: Sequence[Experiment]) -> float:
+    return float(max(e.flags[at.U_MAX] for e in experiments))
+
+
+def guess_gain(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> LinearValve:
+    """Return the valve with one gain for all commands."""
+    command, q, per_area = _flows(experiments, rig, values)
+    power = float(np.sum((per_area * command) ** 2))
+    gain = max(float(np.sum(q * per_area * np.abs(command))) / max(power, TINY), TINY)
+    return LinearValve(gain, _largest(experiments))
+
+
+def guess_map(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> ValveArea:
+    """Return the valve's area at the commands that were held longest."""
+    command, q, per_area = _flows(experiments, rig, values)
+    largest, samples = _largest(experiments), HELD * sum(e.time.size for e in experiments)
+    sides = [_side(command, q, per_area, sign * largest, samples) for sign in (-1.0, 1.0)]
     knots = [(c, a) for commands, areas, _ in sides for c, a in zip(commands, areas, strict=True)]
     knots.sort()
     return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), sides[1][2], sides[0][2])
 
 
+FORMS: dict[str, Callable[[Sequence[Experiment], Rig, dict[str, float]], Valve]] = {
+    "map": guess_map,
+    "linear": guess_gain,
+}  # of the valve, by what the pipeline file says
+
+
 def _side(
-    command: Array, q: Array, per_area: Array, sign: float, enough: int
+    command: Array, q: Array, per_area: Array, largest: float, enough: float
 ) -> tuple[list[float], list[float], float]:
-    """Return knots (V), areas (m^2) and overlap (V) of one direction."""
-    mine = sign * command > 0
-    levels, times = np.unique(np.round(command[mine], 3), return_counts=True)
-    held = times.astype(np.float64)
-    if levels.size > 40:  # commands of a closed loop: no level was held
-        levels, held = sign * np.array([0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]), np.ones(7)
+    """Return knots (V), areas (m^2) and overlap (V) of one direction, that of the ``largest`` command (V).
+
+    A command that is held for ``enough`` samples has a knot.
+    """
+    mine, quantum = largest * command > 0, SAME * abs(largest)
+    levels, times = np.unique(np.round(command[mine] / quantum), return_counts=True)
+    levels, held = quantum * levels, times.astype(np.float64)
+    if levels.size > MOST_LEVELS:  # commands of a closed loop: no level was held
+        levels, held = largest * np.array(LEVELS), np.ones(len(LEVELS))
     elif np.sum(held >= enough) >= FEWEST_KNOTS:
         levels, held = levels[held >= enough], held[held >= enough]
     knots: list[float] = []

@@ -52,7 +52,7 @@ def facts_of(model: Model, experiments: Sequence[Experiment] = ()) -> Facts:
 
 def _without_gaps(facts: Facts, experiments: Sequence[Experiment]) -> Facts:
     """Return facts with what follows from others: a leak in the place of the valve, the speed that a valve allows."""
-    shut = [e.time[-1] - e.time[0] for e in experiments if e.recording.experiment != "friction"]
+    shut = [e.time[-1] - e.time[0] for e in experiments if e.recording.kind.valve]
     if math.isnan(facts.valve) and shut:
         unit = replace(facts, valve=1.0)
         facts = replace(facts, valve=unit.fill_time / (LEAKING * max(shut)))

@@ -50,7 +50,7 @@ def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Ar
         kernel.vector(model.effect_values()),
         kernel.switches(active),
         experiment.flags,
-        model.valve.table(),
+        model.valve.table(experiment.flags[at.U_MAX]),
         experiment.step,
         np.zeros(1),
         np.zeros(2),

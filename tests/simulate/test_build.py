@@ -65,7 +65,7 @@ def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.n
         kernel.vector(which.effect_values()),
         kernel.switches(experiment.active(which.effects)),
         given["flags"],
-        which.valve.table(),
+        which.valve.table(given["flags"][at.U_MAX]),
         experiment.step,
         np.zeros(1),
         given["cp"],
