@@ -16,7 +16,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import STEP
+from pneucli.simulate.experiment import longest_step
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
         kernel.switches([e.name for e in model.effects]),
         _flags(controller),
         model.valve.table(controller.values["C_U_MAX"]),
-        STEP["axis"],
+        longest_step(model.rig, controller.period),
         state,
         np.concatenate([controller.vector(), [bench.quantum_x, bench.quantum_p, bench.delay]]),
         out,

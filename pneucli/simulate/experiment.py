@@ -23,12 +23,15 @@ Array = NDArray[np.float64]
 PRESSURES = ("p1", "p2", "p_supply")
 OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T}
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
+USUALLY = 0.99  # of the samples: what is faster is noise or an instant
 FINEST = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
 SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
-SHORTEST = 20  # samples between restarts: fewer leave the model nothing to say
-STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's longest step
+SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
+STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
+FILLING = 200.0  # while a vessel would be filled at the highest rate seen
+PARTS = 4.0  # of a sampling period, where neither is known
 
 
 class Extent(NamedTuple):
@@ -80,10 +83,15 @@ class Experiment:
         recorded = "p_supply" in self.recording
         return self.recording.kind.parts(cylinder_known=self.rig.has_cylinder, supply_recorded=recorded)
 
-    @property
+    @cached_property
     def step(self) -> float:
         """The longest step of the kernel in s."""
-        return STEP[self.recording.experiment]
+        if not self.vessel:
+            return longest_step(self.rig, self.recording.period)
+        half, p = 2.0 / PARTS * self.recording.period, self.inputs[:, at.IN_P1]
+        slopes = np.abs(self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time))
+        fastest = float(np.quantile(slopes, USUALLY))
+        return min(half, float(p.max()) / (FILLING * fastest)) if fastest > 0.0 else half
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -172,7 +180,7 @@ class Experiment:
 
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""
-        return replace(self, restarts=restarts(self.time, horizon))
+        return replace(self, restarts=restarts(self.time, horizon, SHORTEST * self.smear))
 
 
 def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: float | None = None) -> Experiment:
@@ -195,8 +203,9 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
         inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
     _stand_ins(inputs, recording, rig)
     flags = _flags(recording, raw, noise)
-    starts = restarts(recording.time, horizon)
-    return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass, still)
+    once = restarts(recording.time, None)
+    ready = Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, once, flags, low_pass, still)
+    return ready.with_restarts(horizon)
 
 
 def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
@@ -259,14 +268,22 @@ def _initial_opening(raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) 
     return float(raw["u"][0]) if moving else 0.0
 
 
-def restarts(time: Array, horizon: float | None) -> NDArray[np.int64]:
+def longest_step(rig: Rig, period: float) -> float:
+    """Return the longest step of the kernel in s, where a piston moves; from the sampling ``period`` (s) if need be."""
+    if not (rig.supply_pressure and rig.piston_area_1 and rig.stroke and rig.moving_mass):
+        return period / PARTS
+    force = abs(rig.supply_pressure - rig.ambient_pressure) * rig.piston_area_1
+    return float(np.sqrt(rig.moving_mass * rig.stroke / force)) / STEPS if force > 0.0 else period / PARTS
+
+
+def restarts(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:
     """Return the samples at which the model starts anew: every ``horizon`` s, and after each gap in the record.
 
-    A horizon of fewer than ``SHORTEST`` sampling periods counts as that many.
+    A horizon below the ``shortest`` (s) counts as that.
     """
     period = float(np.median(np.diff(time)))
     gaps = 1 + np.flatnonzero(np.diff(time) > GAP * period)
-    grid = np.arange(0.0, time[-1] - time[0], max(horizon, SHORTEST * period)) if horizon else np.zeros(1)
+    grid = np.arange(0.0, time[-1] - time[0], max(horizon, shortest)) if horizon else np.zeros(1)
     return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
 
 

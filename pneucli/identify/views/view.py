@@ -108,12 +108,8 @@ class View(ABC):
     @cached_property
     def openings(self) -> slice:
         """The part of the valve's table that its opening may pass through, from rest to the largest commands."""
-        u = self.experiment.inputs[:, at.IN_U]
-        place = (
-            (np.array([min(u.min(), 0.0), max(u.max(), 0.0)]) / self.experiment.flags[at.U_MAX] + 1.0)
-            * 0.5
-            * (POINTS - 1)
-        )
+        share = self.experiment.inputs[:, at.IN_U] / self.experiment.flags[at.U_MAX]
+        place = (np.array([min(share.min(), 0.0), max(share.max(), 0.0)]) + 1.0) * 0.5 * (POINTS - 1)
         return slice(max(int(place[0]), 0), int(place[1]) + 2)
 
     @cached_property
