@@ -89,7 +89,9 @@ class Experiment:
         if not self.vessel:
             return longest_step(self.rig, self.recording.period)
         half, p = 2.0 / PARTS * self.recording.period, self.inputs[:, at.IN_P1]
-        slopes = np.abs(self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time))
+        slopes = np.abs(
+            self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time)
+        )
         fastest = float(np.quantile(slopes, USUALLY))
         return min(half, float(p.max()) / (FILLING * fastest)) if fastest > 0.0 else half
 
