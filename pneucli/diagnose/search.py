@@ -10,6 +10,7 @@ import numpy as np
 from pneucli.diagnose.evidence import gain, holm
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Array, Bench, State, Trial
+from pneucli.identify.least_squares import inverse
 from pneucli.identify.parameters import null_value
 from pneucli.physics.declaration import Effect
 
@@ -258,7 +259,7 @@ def _joint(target: Array, a: Array, b: Array) -> float:
     """Return the fall of the cost that two signatures promise together, all three without what the base can do."""
     both = np.column_stack([a, b])
     score = both.T @ target
-    return float(score @ np.linalg.pinv(both.T @ both, hermitian=True) @ score)
+    return float(score @ inverse(both.T @ both) @ score)
 
 
 def _both(bench: Bench, base: State, a: Effect, b: Effect) -> list[State] | None:

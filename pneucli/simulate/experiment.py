@@ -26,6 +26,7 @@ SMOOTHED_FROM = 80  # samples; fewer are taken as they are
 USUALLY = 0.99  # of the samples: what is faster is noise or an instant
 FINEST = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
 SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
+STILL = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
 SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
@@ -89,10 +90,8 @@ class Experiment:
         if not self.vessel:
             return longest_step(self.rig, self.recording.period)
         half, p = 2.0 / PARTS * self.recording.period, self.inputs[:, at.IN_P1]
-        slopes = np.abs(
-            self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time)
-        )
-        fastest = float(np.quantile(slopes, USUALLY))
+        slope = self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time)
+        fastest = float(np.quantile(np.abs(slope), USUALLY))
         return min(half, float(p.max()) / (FILLING * fastest)) if fastest > 0.0 else half
 
     @cached_property
@@ -195,7 +194,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     }
     fusion = None
     if enough and "x" in raw and "a" in raw:
-        sure = {n: max(noise[n].rms, share * float(np.std(raw[n]))) for n, share in FINEST.items()}
+        sure = {n: max(noise[n].rms, share * float(np.std(raw[n])) or STILL[n]) for n, share in FINEST.items()}
         fusion = Kinematics(recording.time, sure["x"], sure["a"])
     inputs = smooth(raw, smoothers, fusion, recording.time)
     still = 0.0

@@ -243,3 +243,12 @@ def test_base_parameters_are_bounded_by_the_rig() -> None:
         free = {f.name: f for f in base_parameters(model, [driven(model)])}
         assert free["friction.coulomb"].upper == pytest.approx(10.0 * facts.force)
         assert free["friction.viscous"].upper > 100.0 * model.values["friction.viscous"]
+
+
+def test_a_motionless_reading_is_made_ready_without_a_fault() -> None:
+    """It has neither noise nor spread; whether that is refused, who asks for a fit decides."""
+    flat = np.ones(400)
+    signals = {"x": 0.1 * flat, "a": 0.0 * flat, "p1": 3e5 * flat, "p2": 3e5 * flat}
+    ready = prepare(Recording("still", "friction", "train", clock(0.399), signals), RIG, None)
+    assert np.isfinite(ready.inputs).all()
+    assert ready.inputs[:, 6] == pytest.approx(0.1)
