@@ -26,6 +26,22 @@ experiment tells them apart. Made by `make docs` from the declarations in `pneuc
 """
 TAIL = """
 An effect of your own is the same declaration in a Python file that the pipeline file names (`[model] plugins`).
+
+## Sizes
+
+Bounds, typical values (from which a fit starts) and steps are plain numbers in the parameter's unit, or numbers of a
+scale, so that they hold for a bore of 6 mm at 3 bar as for one of 200 mm at 50 bar:
+
+```python
+Parameter("force", "N", 0.0, "-10 supply forces", "10 supply forces", ("0.02 supply forces",), "force toward x = 0")
+```
+
+A scale is worked out from `[rig]`, from what the recordings show, and from the model as fitted. Where that is not
+enough it neither bounds nor starts anything: `diagnose` passes over such an effect, `identify` refuses it by name.
+The base model's parameters are sized in the same way (`pneucli/physics/base.py`).
+
+| scale | unit | what it is |
+| --- | --- | --- |
 """
 PICTURED = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
@@ -70,12 +86,15 @@ def page(effect: Effect) -> str:
 
 def index(effects: Iterable[Effect]) -> str:
     """Return the page of all effects in Markdown."""
+    from pneucli.physics.scales import SCALES
+
     rows = [
         f"| [{e.name}](effects/{e.name}.md) | {e.title} | {e.part} | "
         f"{', '.join(f'{p.name} ({p.unit})' for p in e.parameters)} | {e.shows_over} | {', '.join(e.twins)} |"
         for e in effects
     ]
-    return HEAD + "\n".join(rows) + "\n" + TAIL
+    scales = [f"| {s.name} | {s.unit} | {s.meaning} |" for s in SCALES.values()]
+    return HEAD + "\n".join(rows) + "\n" + TAIL + "\n".join(scales) + "\n"
 
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
