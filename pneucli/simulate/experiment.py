@@ -16,7 +16,7 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.smooth import Kinematics, LocalFits, local_fits
+from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 
 Array = NDArray[np.float64]
 
@@ -196,6 +196,8 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     if enough and "x" in raw and "a" in raw:
         sure = {n: max(noise[n].rms, share * float(np.std(raw[n])) or STILL[n]) for n, share in FINEST.items()}
         fusion = Kinematics(recording.time, sure["x"], sure["a"])
+        if late := lateness(raw["x"], raw["a"], recording.period, fusion.memory):
+            raw["a"] = np.append(raw["a"][late:], np.full(late, raw["a"][-1]))
     inputs = smooth(raw, smoothers, fusion, recording.time)
     still = 0.0
     if "x" in raw:
