@@ -119,10 +119,15 @@ class Axes:
 
 
 def plausible(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
-    """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign)."""
+    """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign).
+
+    Raises InputError where the rig does not tell it.
+    """
     facts, sizes = facts_of(model), {}
     for p in effect.parameters:
         size = p.on(facts)
+        if not size.typical:
+            raise effect.without_size(facts)
         low, high = min(size.typical), max(size.typical)
         share = rng.random()
         sizes[f"{effect.name}.{p.name}"] = (

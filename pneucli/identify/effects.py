@@ -23,7 +23,7 @@ from pneucli.identify.parameters import (
 from pneucli.identify.start import overlap_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
-from pneucli.physics.scales import SCALES, Facts
+from pneucli.physics.scales import Facts
 from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import OVERLAPS, ValveArea
@@ -145,7 +145,7 @@ def fit_added(
     model, facts = found.model, facts_of(found.model, [v.experiment for v in views])
     ranked = signatures(effect, found, views) if ranked is None else ranked
     if not ranked:
-        raise _without_size(effect, facts)
+        raise effect.without_size(facts)
 
     chosen, names = _touched(found, views, effect)
     felt = [view for view, mine in zip(views, chosen, strict=True) if mine]
@@ -163,16 +163,6 @@ def fit_added(
     if first.cost <= found.cost:
         return first
     return refitted(ranked[0], 0.05)  # the promised step led astray: from nearly nothing
-
-
-def _without_size(effect: Effect, facts: Facts) -> InputError:
-    """Return what to say of an effect whose size nothing tells on this rig."""
-    names = {
-        q.partition(" ")[2] for p in effect.parameters if not p.on(facts).typical for q in p.typical if str(q) == q
-    }
-    told = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
-    found = f'the size of "{effect.name}" is counted in what this rig does not tell ({told})'
-    return InputError("key model.effects", found, "a rig that is known", "state it in [rig], or remove the effect")
 
 
 def _touched(found: Fit, views: Sequence[View], effect: Effect) -> tuple[NDArray[np.bool_], set[str]]:

@@ -13,8 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from pneucli.errors import InputError
 from pneucli.experiments import Part
-from pneucli.physics.scales import Facts, Quantity, counted, sized
+from pneucli.physics.scales import SCALES, Facts, Quantity, counted, sized
 
 Combine = Literal["sum", "chain", "factor", "state"]
 Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
@@ -166,3 +167,11 @@ class Effect:
     def bounds(self) -> bool:
         """Whether it states a set of possible forces, where a law states one."""
         return any(PORTS[port].bounds for port in self.ports)
+
+    def without_size(self, facts: Facts) -> InputError:
+        """Return what to say where a rig does not tell in what the effect's sizes are counted."""
+        lacking = [p for p in self.parameters if not p.on(facts).typical]
+        names = {quantity.partition(" ")[2] for p in lacking for quantity in p.typical if isinstance(quantity, str)}
+        told = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
+        found = f'the size of "{self.name}" is counted in what this rig does not tell ({told})'
+        return InputError("[rig]", found, "a rig that is known", f'state it in [rig], or leave "{self.name}" out')
