@@ -31,6 +31,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.kernel import area_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
@@ -49,7 +50,8 @@ RIG = Rig(
 )
 STEP = 2.5e-4  # s, the kernel's longest
 FRICTION = {"friction.coulomb": 14.0, "friction.viscous": 45.0}
-AREAS = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2).table(10.0)
+VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2)
+AREAS = VALVE.table(10.0)
 BASE = np.array([Model(RIG, (), FRICTION).base()[name] for name in at.BASE])
 PERIOD, N, BATCH = 1e-3, 10_000, 256
 TIME = PERIOD * np.arange(N)
@@ -101,8 +103,8 @@ def inputs(reference: Array) -> Array:
 
 def typical(effects: dict[str, Effect]) -> dict[str, float]:
     """The first typical value of every parameter."""
-    scales = dict(zip(at.BASE, BASE, strict=True)) | {"x": RIG.stroke, "": 1.0}
-    return {f"{e.name}.{p.name}": p.typical[0] * scales[p.of] for e in effects.values() for p in e.parameters}
+    facts = facts_of(Model(RIG, (), FRICTION, VALVE))
+    return {f"{e.name}.{p.name}": p.on(facts).typical[0] for e in effects.values() for p in e.parameters}
 
 
 def closed_loop(
@@ -114,7 +116,7 @@ def closed_loop(
     switches, gains = flags(), np.array([GAIN, LIMIT])
 
     def run() -> Array:
-        kernel.run(TIME, given.copy(), starts, base, th, on, switches, AREAS, step, np.zeros(1), gains, out)
+        kernel.run(TIME, given, starts, base, th, on, switches, AREAS, step, np.zeros(1), gains, out)
         return out
 
     return run

@@ -30,7 +30,15 @@ def _exam(
         int, typer.Option("--nulls", min=0, help="Cases with nothing hidden (20), for each condition.")
     ] = 20,
     size: Annotated[float, typer.Option("--size", min=0.0, help="Of what is hidden, over the usual (1).")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Another seed gives another exam (1).")] = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            min=0,
+            help="Another seed gives another exam; default: one from the hash of this program, which nobody chose.",
+            show_default=False,
+        ),
+    ] = None,
     condition: Annotated[
         list[str] | None,
         typer.Option(

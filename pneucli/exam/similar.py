@@ -1,4 +1,4 @@
-"""Rigs of another size: the usual one with all its lengths, areas and pressures changed, and its times kept.
+"""Rigs of another size: the usual one with all its lengths, areas, pressures and commands changed, and its times kept.
 
 Every quantity follows by its dimension, what is hidden included, so that a rig of any size moves as the usual one
 does. Only the ambient pressure stays: at 3 bar less of the flow is choked than at 50 bar.
@@ -13,12 +13,18 @@ import numpy as np
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
 
-# powers of: the lengths along the stroke, the piston's area, the gauge pressures, the absolute supply
-LENGTH, AREA, PRESSURE = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0)
-VOLUME = OPENING = (1, 1, 0, 0)  # an opening fills the volume in the same time
-FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0), (-1, 1, 1, 0), (-2, 1, 1, 0)
+# powers of: the lengths along the stroke, the piston's area, the gauge pressures, the absolute supply, the commands
+LENGTH, AREA, PRESSURE, VOLTAGE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 0, 1)
+VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same time
+FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
 MASS = DAMPING = STIFFNESS  # times are kept
-PER_PRESSURE, HEAT, FLOW_PER_PRESSURE, PER_FLOW = (0, 0, -1, 0), (1, 1, 0, 1), (1, 1, -1, 1), (-1, -1, 0, -1)
+PER_LENGTH = (-1, 0, 0, 0, 0)
+PER_PRESSURE, HEAT, FLOW_PER_PRESSURE, PER_FLOW = (
+    (0, 0, -1, 0, 0),
+    (1, 1, 0, 1, 0),
+    (1, 1, -1, 1, 0),
+    (-1, -1, 0, -1, 0),
+)
 
 DIMENSIONS = {
     "piston_area_1": AREA,
@@ -63,33 +69,47 @@ DIMENSIONS = {
     "ripple": PRESSURE,
     "silencer": PER_FLOW,
     "pressure_curvature": PER_PRESSURE,
+    "relief_area": OPENING,
+    "relief_pressure": PRESSURE,
+    "position_curvature": PER_LENGTH,
+    "effective_area_2": OPENING,
+    "stop_stiffness": STIFFNESS,
+    "stop_damping": DAMPING,
+    "overlap": VOLTAGE,
+    "overlap_2": VOLTAGE,
+    "valve_half_width": VOLTAGE,
+    "spool_stiction": VOLTAGE,
+    "command_range": VOLTAGE,
 }
-"""The dimension of every field of ``Parameters`` that has one beside time, temperature and voltage."""
+"""The dimension of every field of ``Parameters`` that has one beside time and temperature."""
 
 
 @dataclass(frozen=True)
 class Similar:
-    """The ratios (1) of a rig's lengths, piston areas, gauge pressures and absolute supply to the usual one's."""
+    """The ratios (1) of a rig's lengths, piston areas, gauge pressures, absolute supply and commands to the usual's."""
 
     length: float = 1.0
     area: float = 1.0
     pressure: float = 1.0
     supply: float = 1.0
+    command: float = 1.0
 
     @classmethod
-    def of(cls, par: Parameters, bore: float | None, supply: float | None) -> Similar:
-        """Return what makes ``par`` a rig of that bore (m) and supply (Pa, absolute); None keeps either.
+    def of(cls, par: Parameters, bore: float | None, supply: float | None, command: float = 10.0) -> Similar:
+        """Return what makes ``par`` a rig of that bore (m) and supply (Pa, absolute), whose valve is fully open at
+        ``command`` (V from its null); None keeps either.
 
         The stroke grows as the root of the bore, about as in catalogues of cylinders, in whole millimetres.
         """
         area = 1.0 if bore is None else 0.25 * np.pi * bore**2 / par.piston_area_1
         length = round(par.stroke * area**0.25, 3) / par.stroke
         wanted = par.supply if supply is None else supply
-        return cls(length, area, (wanted - par.ambient) / (par.supply - par.ambient), wanted / par.supply)
+        pressure = (wanted - par.ambient) / (par.supply - par.ambient)
+        return cls(length, area, pressure, wanted / par.supply, command / par.command_range)
 
     def rig(self, par: Parameters) -> Parameters:
         """Return the similar rig."""
-        ratios = (self.length, self.area, self.pressure, self.supply)
+        ratios = (self.length, self.area, self.pressure, self.supply, self.command)
         factors = {
             field: float(np.prod([ratio**power for ratio, power in zip(ratios, powers, strict=True)]))
             for field, powers in DIMENSIONS.items()

@@ -132,7 +132,7 @@ def test_the_compiled_loop_is_the_python_text() -> None:
         flags = closed_loop._flags(CONTROLLER)
         kernel.run(
             TIME[:200], closed_loop._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.vector({}),
-            kernel.switches(()), flags, MODEL.valve.table(flags[at.U_MAX]),
+            kernel.switches(()), flags, *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.second)),
             longest_step(MODEL.rig, CONTROLLER.period), state, cp, out,
         )  # fmt: skip
         outs.append(out)

@@ -12,6 +12,7 @@ from pneucli.exam.rig.kernel import Array
 # column, factor from SI, decimals
 LAYOUT = {
     "u": ("U_valve [V]", 1.0, 4),
+    "u2": ("U_valve_2 [V]", 1.0, 4),
     "p_supply": ("P_supply [bar]", 1e-5, 5),
     "p1": ("P1 [bar]", 1e-5, 5),
     "p2": ("P2 [bar]", 1e-5, 5),

@@ -20,7 +20,9 @@ class Sensors:
     """Noise of the pressure sensors (Pa) with its AR(1) ``pole`` per ms, mains ``hum`` (Pa) and the other channels.
 
     Positions (m) are rounded to ``position_step``; accelerations have white noise (m/s^2). ``rate`` (Hz) is that of
-    the logger: of what the sensors show it keeps every n-th value, unfiltered.
+    the logger: of what the sensors show it keeps every n-th value, unfiltered. ``bits``: of the converter, over the
+    range that a laboratory would choose; 0 for one that is finer than the noise. ``drift``: how far a zero wanders over
+    a recording, over the noise. ``outliers``: the share of samples that are wrong.
     """
 
     pressure: float = 400.0
@@ -29,6 +31,9 @@ class Sensors:
     position_step: float = 1e-6
     acceleration: float = 0.05
     rate: float = 1000.0
+    bits: int = 0
+    drift: float = 0.0
+    outliers: float = 0.0
 
     @property
     def kept(self) -> int:
@@ -47,14 +52,49 @@ def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.
     ``truth`` is at ``sensors.fine_rate``.
     """
     kept = slice(None, None, sensors.kept)
-    u, x, a = (truth[name][kept] for name in ("u", "x", "a"))
-    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "x": _rounded(x, sensors.position_step)}
+    u, u2, x, a = (truth[name][kept] for name in ("u", "u2", "x", "a"))
+    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "u2": u2, "x": _rounded(x, sensors.position_step)}
     seen["p_supply"] = truth["p_supply"][kept] - par.ambient + _pressure_noise(sensors, u.size, rng)
     for name in ("p1", "p2"):
         shown = _pressure(par, truth[name], 1.0 / sensors.fine_rate, name == "p1")[kept]
         seen[name] = shown + _pressure_noise(sensors, u.size, rng)
     seen["a"] = a + par.acceleration_bias + sensors.acceleration * rng.standard_normal(u.size)
+    seen["x"] = seen["x"] + par.position_curvature * x * (par.stroke - x)
+    return _converted(par, sensors, _disturbed(sensors, seen, rng))
+
+
+def _disturbed(sensors: Sensors, seen: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+    """Zeros that wander and samples that are wrong; the noise of a position is taken as ten of its steps."""
+    noises = dict.fromkeys(("p_supply", "p1", "p2"), sensors.pressure)
+    noises |= {"x": 10 * sensors.position_step, "a": sensors.acceleration}
+    for name, noise in noises.items():
+        signal = seen[name]
+        if sensors.drift > 0.0:
+            turns = rng.uniform(0.2, 0.6) * np.linspace(0.0, 1.0, signal.size) + rng.random()
+            signal = signal + sensors.drift * noise * (np.sin(2 * np.pi * turns) - np.sin(2 * np.pi * turns[0]))
+        if sensors.outliers > 0.0:
+            wrong = rng.random(signal.size) < sensors.outliers
+            wrong[:5] = False
+            size = noise * rng.uniform(30.0, 300.0, signal.size) * rng.choice([-1.0, 1.0], signal.size)
+            signal = np.where(wrong, signal + size, signal)
+        seen[name] = signal
     return seen
+
+
+def _converted(par: Parameters, sensors: Sensors, seen: dict[str, Array]) -> dict[str, Array]:
+    """What a converter of that many bits leaves of every sensor, over a range that holds what is measured."""
+    if sensors.bits == 0:
+        return seen
+    gauge = 1.25 * (par.supply - par.ambient)
+    spans = {"p_supply": gauge, "p1": gauge, "p2": gauge, "x": 1.1 * par.stroke}
+    spans["a"] = 2 * _range(float(np.max(np.abs(seen["a"]), initial=1e-9)))
+    return seen | {name: _rounded(seen[name], span / 2**sensors.bits) for name, span in spans.items()}
+
+
+def _range(largest: float) -> float:
+    """The smallest of 1, 2, 5, 10, ... that holds it."""
+    decade = 10.0 ** math.floor(math.log10(largest))
+    return next(decade * step for step in (1.0, 2.0, 5.0, 10.0) if decade * step >= largest)
 
 
 def _pressure(par: Parameters, p: Array, period: float, is_first: bool) -> Array:
