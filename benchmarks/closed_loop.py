@@ -30,6 +30,7 @@ from pneucli.design.scenarios import start_at
 from pneucli.executors import executor_from
 from pneucli.physics.effects import catalogue, select
 from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.stages.design import bench_of, load_controller
 from pneucli.stages.study import load_model
@@ -126,17 +127,14 @@ def effects_table(model: Model, controller: Controller, bench: Bench) -> None:
     print("\nController designed without the effect; each figure at the effect's first / last typical size:")
     heads = ("steady um", "cycle um", "sine um", "recovery s", "estimate")
     print(f"{'effect':22s} " + " ".join(f"{head:>15s}" for head in heads))
-    base = model.base()
+    facts = facts_of(model)
     active = {e.name for e in model.effects}
     for effect in catalogue().values():
         if effect.name in active:
             continue
         both = []
         for end in (0, -1):
-            sizes = {
-                f"{effect.name}.{p.name}": p.typical[end] * (base["rig.stroke"] if p.of == "x" else base.get(p.of, 1.0))
-                for p in effect.parameters
-            }
+            sizes = {f"{effect.name}.{p.name}": p.on(facts).typical[end] for p in effect.parameters}
             axis = replace(model, effects=(*model.effects, effect)).with_values(sizes)
             both.append(all_figures(axis, controller, bench))
         print(f"{effect.name:22s} " + " ".join(f"{a:>7.3g}/{b:<7.3g}" for a, b in zip(*both, strict=True)))

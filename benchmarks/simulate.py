@@ -31,7 +31,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import STEP
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.kernel import area_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
@@ -48,8 +48,10 @@ RIG = Rig(
     dead_volume_2=30e-6,
     moving_mass=2.2,
 )
+STEP = 2.5e-4  # s, the kernel's longest
 FRICTION = {"friction.coulomb": 14.0, "friction.viscous": 45.0}
-AREAS = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2).table()
+VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2)
+AREAS = VALVE.table(10.0)
 BASE = np.array([Model(RIG, (), FRICTION).base()[name] for name in at.BASE])
 PERIOD, N, BATCH = 1e-3, 10_000, 256
 TIME = PERIOD * np.arange(N)
@@ -101,12 +103,12 @@ def inputs(reference: Array) -> Array:
 
 def typical(effects: dict[str, Effect]) -> dict[str, float]:
     """The first typical value of every parameter."""
-    scales = dict(zip(at.BASE, BASE, strict=True)) | {"x": RIG.stroke, "": 1.0}
-    return {f"{e.name}.{p.name}": p.typical[0] * scales[p.of] for e in effects.values() for p in e.parameters}
+    facts = facts_of(Model(RIG, (), FRICTION, VALVE))
+    return {f"{e.name}.{p.name}": p.on(facts).typical[0] for e in effects.values() for p in e.parameters}
 
 
 def closed_loop(
-    kernel: Kernel, effects: dict[str, Effect] | None = None, step: float = STEP["axis"], base: Array = BASE
+    kernel: Kernel, effects: dict[str, Effect] | None = None, step: float = STEP, base: Array = BASE
 ) -> Callable[[], Array]:
     """The loop as a call without arguments, which returns the kernel's output."""
     th, on = kernel.vector(typical(effects or {})), kernel.switches(effects or {})
@@ -120,7 +122,7 @@ def closed_loop(
     return run
 
 
-def positions(kernel: Kernel, step: float = STEP["axis"]) -> Array:
+def positions(kernel: Kernel, step: float = STEP) -> Array:
     return closed_loop(kernel, step=step)()[:, at.X].copy()
 
 
@@ -131,7 +133,7 @@ def creep(kernel: Kernel) -> float:
     switches[[at.LOOP, at.PNEUMATICS]] = 0.0
     th, on = kernel.vector({}), kernel.switches(())
     starts = np.zeros(1, dtype=np.int64)
-    kernel.run(TIME, given, starts, BASE, th, on, switches, AREAS, STEP["axis"], np.zeros(1), np.zeros(2), out)
+    kernel.run(TIME, given, starts, BASE, th, on, switches, AREAS, STEP, np.zeros(1), np.zeros(2), out)
     return float(np.ptp(out[:, at.X]))
 
 

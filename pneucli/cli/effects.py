@@ -13,6 +13,7 @@ from pneucli.cli.options import Json
 
 if TYPE_CHECKING:
     from pneucli.physics.declaration import Effect, Parameter
+    from pneucli.physics.scales import Quantity
 
 HEAD = """# The catalogue of effects
 
@@ -25,6 +26,22 @@ experiment tells them apart. Made by `make docs` from the declarations in `pneuc
 """
 TAIL = """
 An effect of your own is the same declaration in a Python file that the pipeline file names (`[model] plugins`).
+
+## Sizes
+
+Bounds, typical values (from which a fit starts) and steps are plain numbers in the parameter's unit, or numbers of a
+scale, so that they hold for a bore of 6 mm at 3 bar as for one of 200 mm at 50 bar:
+
+```python
+Parameter("force", "N", 0.0, "-10 supply forces", "10 supply forces", ("0.02 supply forces",), "force toward x = 0")
+```
+
+A scale is worked out from `[rig]`, from what the recordings show, and from the model as fitted. Where that is not
+enough it neither bounds nor starts anything: `diagnose` passes over such an effect, `identify` refuses it by name.
+The base model's parameters are sized in the same way (`pneucli/physics/base.py`).
+
+| scale | unit | what it is |
+| --- | --- | --- |
 """
 PICTURED = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
@@ -69,20 +86,32 @@ def page(effect: Effect) -> str:
 
 def index(effects: Iterable[Effect]) -> str:
     """Return the page of all effects in Markdown."""
+    from pneucli.physics.scales import SCALES
+
     rows = [
         f"| [{e.name}](effects/{e.name}.md) | {e.title} | {e.part} | "
         f"{', '.join(f'{p.name} ({p.unit})' for p in e.parameters)} | {e.shows_over} | {', '.join(e.twins)} |"
         for e in effects
     ]
-    return HEAD + "\n".join(rows) + "\n" + TAIL
+    scales = [f"| {s.name} | {s.unit} | {s.meaning} |" for s in SCALES.values()]
+    return HEAD + "\n".join(rows) + "\n" + TAIL + "\n".join(scales) + "\n"
 
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
     p = parameter
     absent = "-" if p.null is None else f"{p.null:g}" if isinstance(p.null, float) else p.null
-    of = {"": "", "x": " of the range of x"}.get(p.of, f" x {p.of}")
-    typical = ", ".join(f"{value:g}" for value in p.typical) + of
-    return (p.name, p.unit, p.title, absent, f"{p.lower:g} to {p.upper:g}", typical)
+    bounds = _together((p.lower, p.upper), " to ")
+    return (p.name, p.unit, p.title, absent, bounds, _together(p.typical, ", "))
+
+
+def _together(quantities: Sequence[Quantity], between: str) -> str:
+    """Return quantities with the scale that they share named once."""
+    parts = [f"{q:g}" if not isinstance(q, str) else q for q in quantities]
+    scales = [part.partition(" ")[2] for part in parts]
+    return between.join(
+        part.partition(" ")[0] if scale == following else part
+        for part, scale, following in zip(parts, scales, [*scales[1:], ""], strict=True)
+    )
 
 
 def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:

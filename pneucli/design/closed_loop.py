@@ -16,7 +16,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import STEP, U_MAX
+from pneucli.simulate.experiment import longest_step
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -91,9 +91,8 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
         kernel.vector(model.effect_values()),
         kernel.switches([e.name for e in model.effects]),
         _flags(controller),
-        model.valve.table(),
-        model.second.table(),
-        STEP["axis"],
+        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
+        longest_step(model.rig, controller.period),
         state,
         np.concatenate([controller.vector(), [bench.quantum_x, bench.quantum_p, bench.delay]]),
         out,
@@ -125,5 +124,5 @@ def _flags(controller: Controller) -> Array:
     flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0
     two, mirrored = (controller.values[name] > 0.5 for name in ("C_TWO_VALVES", "C_MIRRORED"))
     flags[at.CHAMBER_2] = at.MIRRORED if mirrored else at.VALVE_2 if two else at.CLOSED
-    flags[at.U_MAX] = U_MAX
+    flags[at.U_MAX] = controller.values["C_U_MAX"]
     return flags

@@ -27,6 +27,7 @@ from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.build import source
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.layout import BASE
 from pneucli.simulate.model import Model
 
@@ -118,15 +119,20 @@ class Axes:
 
 
 def plausible(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
-    """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign)."""
-    base = model.base()
-    sizes = {}
+    """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign).
+
+    Raises InputError where the rig does not tell it.
+    """
+    facts, sizes = facts_of(model), {}
     for p in effect.parameters:
-        scale = base["rig.stroke"] if p.of == "x" else base.get(p.of, 1.0)
-        low, high = min(p.typical) * scale, max(p.typical) * scale
+        size = p.on(facts)
+        if not size.typical:
+            raise effect.without_size(facts)
+        low, high = min(size.typical), max(size.typical)
         share = rng.random()
-        both = low * (high / low) ** share if low * high > 0.0 else low + share * (high - low)
-        sizes[f"{effect.name}.{p.name}"] = float(min(max(both, p.lower), p.upper))
+        sizes[f"{effect.name}.{p.name}"] = (
+            low * (high / low) ** share if low * high > 0.0 else low + share * (high - low)
+        )
     return sizes
 
 

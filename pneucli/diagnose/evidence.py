@@ -16,6 +16,7 @@ from scipy.stats import t as student
 from statsmodels.stats.multitest import multipletests
 
 from pneucli.identify.fit import Fit
+from pneucli.identify.least_squares import inverse
 from pneucli.identify.parameters import null_value, value_of
 from pneucli.physics.declaration import Effect
 
@@ -104,9 +105,9 @@ def wald(found: Fit, effect: Effect) -> float:
 
 def _tail(found: Fit, jacobian: Array, contrast: Array, distance: Array) -> float:
     """Return the chance of a distance (q,) or a larger one; contrast (q, k) of the coordinates of jacobian (N, k)."""
-    influence = jacobian @ (np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) @ contrast.T)
+    influence = jacobian @ (inverse(jacobian.T @ jacobian) @ contrast.T)
     scores = np.array([np.bincount(found.blocks, weights=column * found.residual) for column in influence.T])
-    tested = np.linalg.pinv(scores @ scores.T, hermitian=True) @ distance
+    tested = inverse(scores @ scores.T) @ distance
     statistic = float(distance @ tested) / len(distance)
     return float(fisher.sf(statistic, len(distance), effective_number(tested @ scores)))
 
@@ -125,7 +126,7 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
                 size[j] = 1.0 if null is None else f.inward(value_of(found.model, f.name)) - f.inward(null)
     rest = found.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in found.free]]
     change = found.jacobian @ size
-    change -= rest @ (np.linalg.pinv(rest.T @ rest, hermitian=True) @ (rest.T @ change))
+    change -= rest @ (inverse(rest.T @ rest) @ (rest.T @ change))
     known = np.bincount(recordings, change**2)
     wanted = np.bincount(recordings, change * found.residual)[known > 0.0] / known[known > 0.0]
     return float(np.sqrt(np.average(wanted**2, weights=known[known > 0.0]))) if wanted.size else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -58,7 +59,9 @@ def _rarely_shown(trial: Trial, p_value: float) -> bool:
 def _ends(trial: Trial) -> list[Literal["null", "bound", "inside"]]:
     """Return where each parameter with a null ended: at its null, at another bound of what is plausible, or inside."""
     model, effect = trial.state.model, trial.effect
-    values = {f"{effect.name}.{p.name}": absent_value(p, model) for p in effect.parameters}
+    upper = {f.name: f.upper for f in trial.state.fit.free}
+    names = {f"{effect.name}.{p.name}": p for p in effect.parameters}
+    values = {name: absent_value(p, model, upper.get(name, math.inf)) for name, p in names.items()}
     nulls = {name: value for name, value in values.items() if value is not None}
     return [
         "null" if np.isclose(e.value, nulls[e.name], rtol=1e-5, atol=0.0) else "bound" if e.at_bound else "inside"

@@ -14,6 +14,7 @@ from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Array, Bench, State, Trial
+from pneucli.identify.least_squares import inverse
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
@@ -263,7 +264,7 @@ def _joint(target: Array, a: Array, b: Array) -> float:
     """Return the fall of the cost that two signatures promise together, all three without what the base can do."""
     both = np.column_stack([a, b])
     score = both.T @ target
-    return float(score @ np.linalg.pinv(both.T @ both, hermitian=True) @ score)
+    return float(score @ inverse(both.T @ both) @ score)
 
 
 def _both(bench: Bench, base: State, a: Effect, b: Effect) -> list[State] | None:

@@ -56,5 +56,5 @@ def without(found: Fit, problem: Problem, out: NDArray[np.bool_]) -> Array:
 def _sizes(found: Fit, z: Array) -> Array:
     """Return by how much each parameter of an effect is off the value at which it is absent (k,), 0 without one."""
     declared = {f"{e.name}.{p.name}": p for e in found.model.effects for p in e.parameters}
-    absent = [absent_value(declared[f.name], found.model) if f.name in declared else None for f in found.free]
+    absent = [absent_value(declared[f.name], found.model, f.upper) if f.name in declared else None for f in found.free]
     return np.array([0.0 if n is None else c - f.inward(n) for n, f, c in zip(absent, found.free, z, strict=True)])

@@ -22,8 +22,9 @@ from pneucli.identify.parameters import (
 )
 from pneucli.identify.start import overlap_of
 from pneucli.identify.views import View
-from pneucli.physics.declaration import Effect, Parameter
-from pneucli.simulate import layout as at
+from pneucli.physics.declaration import Effect
+from pneucli.physics.scales import Facts
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
 
@@ -48,22 +49,10 @@ class Signature:
     error: float
 
 
-def typical_values(parameter: Parameter, model: Model, views: Sequence[View]) -> list[float]:
-    """Return the values from which a fit may start, in the parameter's unit; none where their scale is not known."""
-    if parameter.of == "x":
-        x = np.concatenate([v.experiment.inputs[:, at.IN_X] for v in views if "x" in v.experiment.raw] or [np.zeros(1)])
-        low, high = float(x.min()), float(x.max())
-        return [low + share * (high - low) for share in parameter.typical]
-    scale = value_of(model, parameter.of) if parameter.of else 1.0
-    if not np.isfinite(scale):
-        return []
-    return [float(np.clip(scale * t, parameter.lower, parameter.upper)) for t in parameter.typical]
-
-
-def starts(effect: Effect, model: Model, views: Sequence[View]) -> list[dict[str, float]]:
-    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order."""
+def starts(effect: Effect, facts: Facts) -> list[dict[str, float]]:
+    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order; none where not known."""
     names = [f"{effect.name}.{p.name}" for p in effect.parameters]
-    lists = [typical_values(p, model, views) for p in effect.parameters]
+    lists = [p.on(facts).typical for p in effect.parameters]
     combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
     stretch = (f"{effect.name}.from", f"{effect.name}.to")
     return [c for c in combinations if stretch[0] not in c or c[stretch[0]] < c[stretch[1]]]
@@ -91,7 +80,7 @@ def changes(effect: Effect, found: Fit, views: Sequence[View], starts: Sequence[
 
 def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signature]:
     """Return the effect's signatures at its typical values, best first."""
-    typical = starts(effect, found.model, views)
+    typical = starts(effect, facts_of(found.model, [v.experiment for v in views]))
     out = [
         _signature(values, change, found, nested=effect.nested)
         for values, change in zip(typical, changes(effect, found, views, typical), strict=False)
@@ -111,14 +100,17 @@ def _signature(values: dict[str, float], change: Array, found: Fit, *, nested: b
     return Signature(values, change, step * step * power, step, error)
 
 
-def scaled_start(effect: Effect, signature: Signature, model: Model, share: float = 1.0) -> dict[str, float]:
+def scaled_start(
+    effect: Effect, signature: Signature, model: Model, facts: Facts, share: float = 1.0
+) -> dict[str, float]:
     """Return the signature's values, those with a null moved by a share of the promised step (within 0.05 to 5)."""
     step = share * float(np.clip(signature.step, 0.05, 5.0))
     values = dict(signature.values)
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
         if (null := null_value(p, model)) is not None:  # steps between the typical values, no further
-            values[name] = float(np.clip(null + step * (values[name] - null), p.lower, p.upper))
+            size = p.on(facts)
+            values[name] = float(np.clip(null + step * (values[name] - null), size.lower, size.upper))
     return values
 
 
@@ -159,10 +151,10 @@ def fit_added(
     ranked: Sequence[Signature] | None = None,
 ) -> Fit:
     """Refit with one more effect, from its best signatures (``ranked``, where they are known already)."""
-    model = found.model
+    model, facts = found.model, facts_of(found.model, [v.experiment for v in views])
     ranked = signatures(effect, found, views) if ranked is None else ranked
     if not ranked:
-        return replace(found, model=replace(model, effects=(*model.effects, effect)))
+        raise effect.without_size(facts)
 
     chosen, names = _touched(found, views, effect)
     felt = [view for view, mine in zip(views, chosen, strict=True) if mine]
@@ -174,18 +166,18 @@ def fit_added(
         return joined(found, _with_overlap_anew(part, felt, rounds=rounds), views, chosen)
 
     def refitted(signature: Signature, share: float) -> Fit:
-        return ended(with_effect(model, effect, scaled_start(effect, signature, model, share)))
+        return ended(with_effect(model, effect, scaled_start(effect, signature, model, facts, share)))
 
     if any(p.step for p in effect.parameters):  # an edge sees no further than its neighbourhood
         return min((refitted(s, 1.0) for s in ranked[:EDGED_STARTS]), key=lambda f: f.cost)
     first = refitted(ranked[0], 1.0)
     if first.cost > found.cost:  # the promised step led astray: from nearly nothing
         first = refitted(ranked[0], 0.05)
-    other = lower_elsewhere(first, views, effect)
+    other = lower_elsewhere(first, views, effect, facts)
     return first if other is None else min(first, ended(first.model.with_values(other)), key=lambda f: f.cost)
 
 
-def lower_elsewhere(found: Fit, views: Sequence[View], effect: Effect) -> dict[str, float] | None:
+def lower_elsewhere(found: Fit, views: Sequence[View], effect: Effect, facts: Facts) -> dict[str, float] | None:
     """Return the value of an effect that is one time at which its profile is lowest, None where that is where it is.
 
     A residual over a shift in time is like a correlation: it has more minima than one, and a fit ends in the nearest.
@@ -194,8 +186,8 @@ def lower_elsewhere(found: Fit, views: Sequence[View], effect: Effect) -> dict[s
     if [(p.unit, p.null) for p in effect.parameters] != [("s", 0.0)]:
         return None
     (time,) = effect.parameters
-    name, least = f"{effect.name}.{time.name}", min(typical_values(time, found.model, views))
-    values = [{name: float(t)} for t in np.geomspace(least, time.upper, SCANNED)]
+    name, size = f"{effect.name}.{time.name}", time.on(facts)
+    values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, SCANNED)]
     others = replace(found, jacobian=found.jacobian[:, [f.name != name for f in found.free]])
     profile = [_cost(others.beyond(found.residual + change)) for change in changes(effect, found, views, values)]
     lowest = int(np.argmin(profile))
@@ -255,10 +247,11 @@ def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit
 
 def free_parameters(model: Model, views: Sequence[View]) -> list[Free]:
     """Return all free parameters of a model, base and effects, starting from its values."""
-    free = base_parameters(model, [v.experiment for v in views])
+    experiments = [v.experiment for v in views]
+    free, facts = base_parameters(model, experiments), facts_of(model, experiments)
     for effect in model.effects:
         if any(view.feels(effect) for view in views):
-            free += effect_parameters(effect, model)
+            free += effect_parameters(effect, model, facts)
     return free
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pneucli.executors import workers
-from pneucli.identify.least_squares import minimise
+from pneucli.identify.least_squares import inverse, minimise
 from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 BLOCK = 0.25  # s, longer than the residuals' memory
 MOST_BLOCKS = 40  # of one recording
 TOLERANCE = 1e-5
+BEYOND = 1e100  # times the noise: more is not squared
 MEMORY, PER_SAMPLE = 256 << 20, 200  # bytes, of all simulations that run at once, and of one for each sample
 ROUGH = 0.02  # of the logarithm of the area: by how much a valve departs from a power law between knots
 
@@ -64,7 +65,7 @@ class Fit:
     @cached_property
     def bread(self) -> Array:
         """The inverse of the curvature that the data give (k, k)."""
-        return np.asarray(np.linalg.pinv(self.jacobian.T @ self.jacobian, hermitian=True))
+        return inverse(self.jacobian.T @ self.jacobian)
 
     def beyond(self, change: Array) -> Array:
         """Return what the free parameters cannot do of a change of the residual, shape (N,)."""
@@ -232,8 +233,8 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
         cost, none = float(residual @ residual), np.zeros((0, 0))
         return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
     for column in jacobian.T:  # beyond all numbers nothing is known of it; written there alone, zeros take no memory
-        column[~np.isfinite(column)] = 0.0
-    bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+        column[~(np.abs(column) < BEYOND)] = 0.0
+    bread = inverse(jacobian.T @ jacobian)
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread
     model = problem.model_at(z)

@@ -89,6 +89,14 @@ def _step(
     return None
 
 
+def inverse(curvature: Array) -> Array:
+    """Return the inverse of a curvature (k, k), 0 for what is not told; whatever the sizes of the coordinates."""
+    size = np.sqrt(curvature.diagonal())
+    size = np.where(size > 0.0, size, 1.0)
+    scaled = curvature / size[:, None] / size
+    return np.asarray(np.linalg.pinv(scaled, hermitian=True) / size[:, None] / size)
+
+
 def _cost(residual: Array) -> float:
     """Return the sum of squares; infinite for a model that runs away."""
     with np.errstate(over="ignore", invalid="ignore"):

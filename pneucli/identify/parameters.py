@@ -9,13 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.physics.base import BASE
 from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.scales import Facts
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model, Valve
 
 Array = NDArray[np.float64]
 
 STEP = 1e-4  # of a parameter's scale, for differences
+TINY = 1e-30  # stands for nothing where one divides or takes a logarithm
 LARGEST_OVERLAP = 0.95  # of the smallest command with a knot
 
 
@@ -68,45 +72,57 @@ def with_parameters(model: Model, values: dict[str, float]) -> Model:
 
 def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[Free]:
     """Return the base model's free parameters that these experiments can tell, starting from the model's values."""
+    facts = facts_of(model, experiments)
     free: list[Free] = []
     moving = [e for e in experiments if e.recording.kind.cylinder]
-    driven = [e for e in experiments if e.flags[1] > 0 and not e.recording.valve_shut]
+    driven = [e for e in experiments if e.recording.kind.valve and not e.recording.valve_shut]
     if moving:
-        coulomb = max(value_of(model, "friction.coulomb"), 1e-3)
-        viscous = max(value_of(model, "friction.viscous"), 1e-3)
-        free.append(Free("friction.coulomb", "N", coulomb, 0.0, 1e5, coulomb))
-        free.append(Free("friction.viscous", "N s/m", viscous, 0.0, 1e6, viscous))
+        free += [_base(name, value_of(model, name), facts) for name in ("friction.coulomb", "friction.viscous")]
         if model.rig.moving_mass is None:
-            mass = value_of(model, "rig.moving_mass")
-            free.append(Free("rig.moving_mass", "kg", mass, 1e-3, 1e5, mass))
+            free.append(_base("rig.moving_mass", value_of(model, "rig.moving_mass"), facts))
     if driven:
-        free += [one for valve in model.valves for one in _valve(valve)]
+        free += [one for valve in model.valves for one in _valve(valve, facts)]
     return free
 
 
-def _valve(valve: Valve) -> list[Free]:
-    """Return the valve's free parameters: areas as logarithms, an overlap short of the smallest knot."""
+def _base(name: str, start: float, facts: Facts) -> Free:
+    """Return a base parameter as declared, sized by its start; where that is nearly nothing, by what is plausible."""
+    declared = BASE[name]
+    size = declared.on(facts)
+    start = max(start, size.lower, 1e-4 * size.typical[0] if size.typical else TINY)
+    return Free(name, declared.unit, start, max(size.lower, 0.0), size.upper, start)
+
+
+def _valve(valve: Valve, facts: Facts) -> list[Free]:
+    """Return the valve's free parameters: areas (or a gain) as logarithms, an overlap short of the smallest knot."""
     lowest = min((abs(c) for c in valve.commands), default=0.0)
-    return [
-        Free(name, unit, value, 0.0, LARGEST_OVERLAP * lowest, 0.1, prior=10.0)
-        if unit == "V"
-        else Free(name, unit, value, 1e-12, 1e-2, 1.0, logarithmic=True)
-        for name, (value, unit) in valve.named().items()
-    ]
+    area, overlap = BASE["valve.effective_area"].on(facts), BASE["valve.overlap"].on(facts)
+    free = []
+    for name, (value, unit) in valve.named().items():
+        if unit == "V":
+            scale = overlap.typical[0] if overlap.typical else lowest
+            free.append(Free(name, unit, value, 0.0, LARGEST_OVERLAP * lowest, scale, prior=10.0))
+        else:
+            a_volt = facts.command if unit == "m^2/V" else 1.0
+            bounds = max(area.lower, TINY) / a_volt, area.upper / a_volt
+            free.append(Free(name, unit, value, *bounds, 1.0, logarithmic=True))
+    return free
 
 
-def effect_parameters(effect: Effect, model: Model, starts: dict[str, float] | None = None) -> list[Free]:
-    """Return an effect's free parameters, starting from given, present or typical values."""
+def effect_parameters(effect: Effect, model: Model, facts: Facts, starts: dict[str, float] | None = None) -> list[Free]:
+    """Return an effect's free parameters, starting from given, present or typical values, on the rig of these facts."""
     free = []
     for p in effect.parameters:
-        name = f"{effect.name}.{p.name}"
-        start = (starts or {}).get(name, model.values.get(name, p.typical[0]))
-        start = float(np.clip(start, p.lower, p.upper))
+        name, size = f"{effect.name}.{p.name}", p.on(facts)
+        typical = size.typical[0] if size.typical else 0.0
+        start = (starts or {}).get(name, model.values.get(name, typical))
+        start = float(np.clip(start, size.lower, size.upper))
         null = null_value(p, model)
-        logarithmic = null is None and p.lower > 0.0
-        scale = max(abs(start - (null or 0.0)), abs(p.typical[0]) * 0.1, 1e-12)
-        step = max(p.step / scale, STEP)
-        free.append(Free(name, p.unit, start, p.lower, p.upper, scale, logarithmic=logarithmic, step=step))
+        logarithmic = null is None and size.lower > 0.0
+        away = [abs(value - (null or 0.0)) for value in (start, *size.typical)]
+        scale = max(away[0], 0.1 * max(away), TINY)
+        step = max(size.step / scale, STEP)
+        free.append(Free(name, p.unit, start, size.lower, size.upper, scale, logarithmic=logarithmic, step=step))
     return free
 
 
@@ -117,9 +133,9 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
     return None if parameter.null is None or math.isinf(parameter.null) else parameter.null
 
 
-def absent_value(parameter: Parameter, model: Model) -> float | None:
-    """Return the value at which the effect is as good as absent: its null, or the bound toward an infinite one."""
+def absent_value(parameter: Parameter, model: Model, upper: float) -> float | None:
+    """Return the value at which the effect is as good as absent: its null, or its ``upper`` bound for an infinite one."""
     if parameter.null is None:
         return None
     null = null_value(parameter, model)
-    return parameter.upper if null is None else null
+    return upper if null is None else null

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 COLUMNS = {"p1": at.IN_P1, "p2": at.IN_P2}
 DRAWS = 16  # of noise
 SMOOTHING_BIAS = 1.4  # times the noise that smoothing leaves in a start: it errs by as much again where it bends
-NUDGE = 100.0  # Pa, of a start, to see what becomes of an error
+NUDGE = 2e-4  # of the highest pressure, added to a start to see what becomes of an error
 
 
 def start_errors(experiment: Experiment) -> dict[str, tuple[float, float]]:
@@ -39,12 +39,13 @@ def carried(model: Model, experiment: Experiment, errors: dict[str, tuple[float,
     ``errors`` is what :func:`start_errors` gives; a start from readings whose lag is undone errs by their rate too.
     """
     nudged, e, out = experiment.inputs.copy(), experiment, {}
-    nudged[:, list(COLUMNS.values())] += NUDGE  # all along: a delay makes a start of later readings
+    nudge = NUDGE * float(nudged[:, list(COLUMNS.values())].max())
+    nudged[:, list(COLUMNS.values())] += nudge  # all along: a delay makes a start of later readings
     plain, moved = simulate(model, e), simulate(model, e, nudged)
     for channel in (c for c in COLUMNS if c in e.smoothers and c in e.channels and e.noise[c].rms):
         value, rate = errors[channel]
         error = float(np.hypot(value, model.total("sensor_lag") * rate)) / e.noise[channel].rms
-        out[channel] = error * (moved[channel] - plain[channel]) / NUDGE
+        out[channel] = error * (moved[channel] - plain[channel]) / nudge
     return out
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from pneucli.identify.parameters import LARGEST_OVERLAP
+from pneucli.identify.parameters import LARGEST_OVERLAP, TINY
 from pneucli.identify.paths import Paths, paths
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
@@ -22,11 +22,13 @@ from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 Array = NDArray[np.float64]
 
 MOVING = 0.02  # of the largest speed, below which friction is not told by motion
-HELD = 5  # samples after a change of the command that are left out
-FEWEST_KNOTS = 3
-HELD_FOR = 0.3  # s for which a command must be held in all to have a knot of its own
+SETTLING = 0.01  # of the time for which a command is held, at its start, that is left out
+FEWEST_KNOTS, MOST_LEVELS = 3, 40
+HELD = 0.005  # of all the time, for which a command must be held to have a knot of its own
+LEVELS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the largest command: knots where none is held
+SAME = 1e-4  # of the largest command: nearer commands are one level
 STAND_IN_VOLUME = 1e-3  # m^3, of a vessel of unknown volume: only areas over it mean anything
-LEAST_MASS = 0.01  # kg, where the motion is too slow to show any
+LEAST_MASS = 1e-3  # of the forces over the accelerations, where the motion is too slow to show any
 CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
 
 
@@ -65,7 +67,8 @@ def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     found = lsq_linear(design, target, bounds=(lower, np.inf)).x
     values = {"friction.coulomb": float(found[0]), "friction.viscous": float(found[1])}
     if rig.moving_mass is None:
-        values["rig.moving_mass"] = max(float(found[2]), LEAST_MASS)
+        least = LEAST_MASS * float(np.abs(target).max() / max(np.abs(design[:, 2]).max(), TINY))
+        values["rig.moving_mass"] = max(float(found[2]), least)
     return values
 
 
@@ -81,36 +84,46 @@ def _settled(shown: Sequence[Paths]) -> tuple[Array, Array, Array]:
     """Return openings in V, mass flow, and flow per effective area where the valve has settled."""
     parts = []
     for one in shown:
-        changed = np.abs(np.diff(one.opening, prepend=0.0)) > 0
-        settled = np.convolve(changed, np.ones(HELD))[: one.flow.size] == 0
-        keep = settled if one.experiment.vessel else np.ones(one.flow.size, dtype=bool)
+        keep = _held(one.opening) if one.experiment.vessel else np.ones(one.flow.size, dtype=bool)
         parts.append((one.opening[keep], one.flow[keep], one.per_area[keep]))
     opening, flow, per_area = (np.concatenate(column) for column in zip(*parts, strict=True))
     return opening, flow, per_area
+
+
+def _held(opening: Array) -> NDArray[np.bool_]:
+    """Return where an opening (n,) has been held for a while, at least one sample."""
+    starts = np.flatnonzero(np.diff(opening, prepend=np.nan) != 0.0)
+    lengths = np.diff(np.append(starts, opening.size))
+    since = np.arange(opening.size) - np.repeat(starts, lengths)
+    return np.asarray(since >= 1.0 + np.repeat(SETTLING * lengths, lengths))
+
+
+def _largest(shown: Sequence[Paths]) -> float:
+    return max(float(np.abs(one.opening).max()) for one in shown)
 
 
 def guess_gain(shown: Sequence[Paths], label: str) -> LinearValve:
     """Return the valve with one gain for all commands."""
     command, q, per_area = _settled(shown)
     power = float(np.sum((per_area * command) ** 2))
-    gain = float(np.sum(q * per_area * np.abs(command))) / max(power, 1e-300)
-    return LinearValve(max(gain, 1e-12), label=label)
+    gain = max(float(np.sum(q * per_area * np.abs(command))) / max(power, TINY), TINY)
+    return LinearValve(gain, _largest(shown), label)
 
 
 def guess_switching(shown: Sequence[Paths], label: str) -> SwitchingValve:
     """Return the valve with one area to fill and one to vent."""
     command, q, per_area = _settled(shown)
     sides = [np.sign(command) == sign for sign in (1.0, -1.0)]
-    areas = [float(np.sum((q * per_area)[s])) / max(float(np.sum(per_area[s] ** 2)), 1e-300) for s in sides]
-    fill, vent = (max(area, 1e-12) for area in areas)
-    return SwitchingValve(fill, vent, label=label)
+    areas = [float(np.sum((q * per_area)[s])) / max(float(np.sum(per_area[s] ** 2)), TINY) for s in sides]
+    fill, vent = (max(area, TINY) for area in areas)
+    return SwitchingValve(fill, vent, _largest(shown), label)
 
 
 def guess_map(shown: Sequence[Paths], label: str) -> ValveArea:
     """Return the valve's area at the commands that were held longest."""
     command, q, per_area = _settled(shown)
-    enough = int(HELD_FOR / float(np.median([one.experiment.recording.period for one in shown])))
-    sides = [_side(command, q, per_area, sign, enough) for sign in (-1.0, 1.0)]
+    largest, samples = _largest(shown), HELD * sum(one.opening.size for one in shown)
+    sides = [_side(command, q, per_area, sign * largest, samples) for sign in (-1.0, 1.0)]
     knots = [(c, a) for commands, areas, _ in sides for c, a in zip(commands, areas, strict=True)]
     knots.sort()
     fill, vent = sides[1][2], sides[0][2]
@@ -125,14 +138,17 @@ FORMS: dict[str, Callable[[Sequence[Paths], str], Valve]] = {
 
 
 def _side(
-    command: Array, q: Array, per_area: Array, sign: float, enough: int
+    command: Array, q: Array, per_area: Array, largest: float, enough: float
 ) -> tuple[list[float], list[float], float]:
-    """Return knots (V), areas (m^2) and overlap (V) of one direction."""
-    mine = sign * command > 0
-    levels, times = np.unique(np.round(command[mine], 3), return_counts=True)
-    held = times.astype(np.float64)
-    if levels.size > 40:  # commands of a closed loop: no level was held
-        levels, held = sign * np.array([0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]), np.ones(7)
+    """Return knots (V), areas (m^2) and overlap (V) of one direction, that of the ``largest`` command (V).
+
+    A command that is held for ``enough`` samples has a knot.
+    """
+    mine, quantum = largest * command > 0, SAME * abs(largest)
+    levels, times = np.unique(np.round(command[mine] / quantum), return_counts=True)
+    levels, held = quantum * levels, times.astype(np.float64)
+    if levels.size > MOST_LEVELS:  # commands of a closed loop: no level was held
+        levels, held = largest * np.array(LEVELS), np.ones(len(LEVELS))
     elif np.sum(held >= enough) >= FEWEST_KNOTS:
         levels, held = levels[held >= enough], held[held >= enough]
     knots: list[float] = []

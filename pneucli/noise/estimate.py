@@ -15,7 +15,8 @@ from pneucli.noise.spectrum import Floor, find_lines, noise_floor, quantisation_
 
 Array = NDArray[np.float64]
 
-POLE = (0.2, 0.98)
+POLE = (0.2, 0.98)  # of coloured noise: less is white, more is the signal's own
+CORNER = 0.27  # of the lowest frequency of the spectrum: down to there it tells colour, where that allows a higher pole
 STEEPEST, FLATTEST = 12.0, 4.0  # a smooth signal's power falls at least like that of a kink, omega^-4
 NOTHING = -60.0  # log of a power that is absent
 
@@ -33,7 +34,7 @@ def estimate(time: Array, values: Array) -> NoiseModel:
     step = quantisation_step(values)
     if not step and np.median(np.abs(np.diff(values))) == 0:
         return NoiseModel(white=0.0, period=period)  # a command that is held between its jumps
-    floor = noise_floor(values)
+    floor = noise_floor(values, period)
     if floor is None:
         return NoiseModel(white=_white_of_differences(values), period=period, step=step)
     smallest = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)
@@ -99,8 +100,9 @@ def _whittle(floor: Floor, period: float) -> NoiseModel:
     # per model: start and bounds of log white, log coloured power, pole
     white, coloured = (level, (level - 8, level + 8)), (level + 1, (level - 8, level + 8))
     absent, no_pole = (NOTHING, (NOTHING, NOTHING)), (0.0, (0.0, 0.0))
+    bounds = (POLE[0], max(POLE[1], float(np.exp(-CORNER * floor.omega[0]))))
     choices = [[white, absent, no_pole]]
-    choices += [[part, coloured, (pole, POLE)] for part in (absent, white) for pole in (0.5, 0.9)]
+    choices += [[part, coloured, (pole, bounds)] for part in (absent, white) for pole in (0.5, 0.9)]
     fits = [_fit(floor, choice) for choice in choices]
     log_white, log_coloured, pole = min(fits, key=lambda fit: fit[0])[1][:3]
     return NoiseModel(

@@ -11,7 +11,8 @@ from scipy.stats import f as f_distribution
 
 Array = NDArray[np.float64]
 
-LONGEST, SHORTEST = 256, 16  # samples of a segment
+LONGEST = 0.3  # s of a segment: many times what colours a sensor's noise, and a stretch in which motion may be quiet
+ENOUGH, SHORTEST = 256, 16  # samples of a segment that is as long as need be, and of the shortest
 QUIET = 0.25  # order statistic that stands for the floor: jumps and motion may fill the segments above it
 MAINS = (50.0, 60.0)  # Hz
 LINE_LEVEL = 1e-4  # probability of a false line
@@ -30,20 +31,22 @@ class Floor:
     weight: float
 
 
-def segment_length(samples: int) -> int:
+def segment_length(samples: int, period: float) -> int:
     """Return the power of two that leaves about ten half-overlapping segments; 0 where there are too few samples."""
-    longest = min(samples // 5, LONGEST)
+    longest = min(samples // 5, max(int(LONGEST / period), ENOUGH))
     return 0 if longest < SHORTEST else 2 ** int(np.log2(longest))
 
 
-def noise_floor(values: Array) -> Floor | None:
+def noise_floor(values: Array, period: float) -> Floor | None:
     """Return the spectrum of the quiet segments, per bin, or None where ``values`` are too few for one.
+
+    ``period`` is that of the sampling, in s.
 
     Each segment loses its parabola and is tapered (Hann). Per bin the ``QUIET`` order statistic, divided by its
     expectation for exponentially distributed periodograms, stands for the mean: a jump or a burst of motion in some
     segments does not enter. NaN segments are left out.
     """
-    length = segment_length(values.size)
+    length = segment_length(values.size, period)
     if not length:
         return None
     segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]

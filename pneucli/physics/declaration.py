@@ -8,11 +8,14 @@ arguments (``PORTS``) and then the effect's parameters, in the order in which th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
+from pneucli.errors import InputError
 from pneucli.experiments import Part
+from pneucli.physics.scales import SCALES, Facts, Quantity, counted, sized
 
 Combine = Literal["sum", "chain", "factor", "state"]
 Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
@@ -84,24 +87,52 @@ PORTS: dict[str, Port] = {
 }
 
 
+class Sized(NamedTuple):
+    """A parameter's numbers on one rig, in its unit: bounds, typical values (none where their scale is not known)."""
+
+    lower: float
+    upper: float
+    typical: tuple[float, ...]
+    step: float
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect: unit, bounds, the value at which the effect vanishes, and plausible values.
 
     ``null`` is a number (``inf``: the effect vanishes as the parameter grows), the name of a base parameter whose
     value it then has, or ``None`` where the parameter alone cannot make the effect vanish. ``typical`` holds values
-    from which a fit starts: what a rig plausibly shows.
+    from which a fit starts: what a rig plausibly shows. Each size is a number in ``unit``, or a number of a scale of
+    the rig such as "0.2 supply forces" (:data:`pneucli.physics.scales.SCALES`). Raises UnitError where it is neither.
     """
 
     name: str
     unit: str
     null: float | str | None
-    lower: float
-    upper: float
-    typical: tuple[float, ...]
+    lower: Quantity
+    upper: Quantity
+    typical: tuple[Quantity, ...]
     title: str = ""
-    of: str = ""  # typical values are multiples of this base parameter, or shares of the range of the signal "x"
-    step: float = 0.0  # by which a fit must move it to see a difference, where the effect is not smooth in it
+    step: Quantity = 0.0  # by which a fit must move it to see a difference, where the effect is not smooth in it
+
+    def __post_init__(self) -> None:
+        for quantity in (self.lower, self.upper, *self.typical, self.step):
+            if isinstance(quantity, str):
+                counted(quantity, self.unit)
+
+    def on(self, facts: Facts) -> Sized:
+        """Return the parameter's numbers on the rig of these facts; what is not known there does not bound it."""
+        lower, upper, step, *typical = (
+            sized(q, self.unit, facts) for q in (self.lower, self.upper, self.step, *self.typical)
+        )
+        lower, upper = (-math.inf if math.isnan(lower) else lower), (math.inf if math.isnan(upper) else upper)
+        known = not any(map(math.isnan, typical))
+        return Sized(
+            lower,
+            upper,
+            tuple(min(max(t, lower), upper) for t in typical) if known else (),
+            0.0 if math.isnan(step) else step,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,3 +167,11 @@ class Effect:
     def bounds(self) -> bool:
         """Whether it states a set of possible forces, where a law states one."""
         return any(PORTS[port].bounds for port in self.ports)
+
+    def without_size(self, facts: Facts) -> InputError:
+        """Return what to say where a rig does not tell in what the effect's sizes are counted."""
+        lacking = [p for p in self.parameters if not p.on(facts).typical]
+        names = {quantity.partition(" ")[2] for p in lacking for quantity in p.typical if isinstance(quantity, str)}
+        told = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
+        found = f'the size of "{self.name}" is counted in what this rig does not tell ({told})'
+        return InputError("[rig]", found, "a rig that is known", f'state it in [rig], or leave "{self.name}" out')

@@ -21,6 +21,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.report.figure import BLUE, GREY, ORANGE
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, restarts
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.valve_area import ValveArea
@@ -112,8 +113,8 @@ def _bench(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experim
 def _with_and_without(effect: Effect, experiment: Experiment) -> tuple[Experiment, dict[str, Array]]:
     """Return the experiment as recorded on a rig with the effect, and what the model without it says, by channel."""
     base = Model(experiment.rig, (), VALUES, VALVE)
-    scales = base.base() | {"x": experiment.rig.stroke or 0.0, "": 1.0}
-    values = {f"{effect.name}.{p.name}": p.typical[len(p.typical) // 2] * scales[p.of] for p in effect.parameters}
+    facts = facts_of(replace(base, rig=CYLINDER))
+    values = {f"{effect.name}.{p.name}": p.on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
     true = outputs(replace(base, effects=(effect,), values=VALUES | values), experiment)
     inputs = experiment.inputs.copy()
     for column, name in enumerate(at.INPUTS):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +16,35 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.smooth import LocalFits, kinematics, local_fits
+from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 
 Array = NDArray[np.float64]
 
 PRESSURES = ("p1", "p2", "p_supply")
 OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T}
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
+USUALLY = 0.99  # of the samples: what is faster is noise or an instant
+FINEST = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
+SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
+STILL = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
-SHORTEST = 20  # samples between restarts: fewer leave the model nothing to say
-U_MAX = 10.0  # V, half the range of the area's table
-Fusion = Callable[[Array, Array], tuple[Array, Array, float]]
-STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's longest step
+SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
+STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
+FILLING = 200.0  # while a vessel would be filled at the highest rate seen
+PARTS = 4.0  # of a sampling period, where neither is known
+
+
+class Extent(NamedTuple):
+    """How far one recording's signals go, SI: what a rig's scales are worked out from; 0 for what was not recorded."""
+
+    command: float
+    pressure: float
+    force: float
+    speed: float
+    low: float
+    high: float
+    period: float
 
 
 @dataclass(frozen=True)
@@ -45,7 +62,7 @@ class Experiment:
     raw: Mapping[str, Array]
     noise: Mapping[str, NoiseModel]
     smoothers: Mapping[str, LocalFits]
-    fusion: Fusion | None
+    fusion: Kinematics | None
     inputs: Array
     restarts: NDArray[np.int64]
     flags: Array
@@ -70,10 +87,15 @@ class Experiment:
         recorded = "p_supply" in self.recording
         return self.recording.kind.parts(cylinder_known=self.rig.has_cylinder, supply_recorded=recorded)
 
-    @property
+    @cached_property
     def step(self) -> float:
         """The longest step of the kernel in s."""
-        return STEP[self.recording.experiment]
+        if not self.vessel:
+            return longest_step(self.rig, self.recording.period)
+        half, p = 2.0 / PARTS * self.recording.period, self.inputs[:, at.IN_P1]
+        slope = self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time)
+        fastest = float(np.quantile(np.abs(slope), USUALLY))
+        return min(half, float(p.max()) / (FILLING * fastest)) if fastest > 0.0 else half
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -84,6 +106,27 @@ class Experiment:
         compared = tuple(c for c in r.kind.compared if c != "p2" or r.chamber_2 != "open")
         known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
         return tuple(c for c in (*compared, "temperature") if c in known)
+
+    @cached_property
+    def smear(self) -> float:
+        """The time in s on either side of a stop or a break-away in which neither smoothing nor sampling tells it."""
+        smoother = self.fusion or self.smoothers.get("x")
+        return self.recording.period + (SMEARING * smoother.memory if smoother else 0.0)
+
+    @cached_property
+    def extent(self) -> Extent:
+        """The largest command, pressure, force and speed, the range of x, and the sampling period."""
+
+        def largest(*columns: int) -> float:
+            mine = [c for c in columns if at.INPUTS[c] in self.raw]
+            return float(np.abs(self.inputs[:, mine]).max()) if mine else 0.0
+
+        x = self.inputs[:, at.IN_X] if "x" in self.raw else np.zeros(1)
+        speed = float(np.abs(self.inputs[:, at.IN_V]).max())
+        command = float(self.flags[at.U_MAX]) if {"u", "u2"} & self.raw.keys() else 0.0
+        pressure = largest(at.IN_SUPPLY, at.IN_P1, at.IN_P2)
+        bounds = float(x.min()), float(x.max())
+        return Extent(command, pressure, largest(at.IN_FORCE), speed, *bounds, self.recording.period)
 
     def measured(self, channel: str) -> Array:
         """Return the measured channel, NaN where it was not measured; filtered where the comparison asks for it."""
@@ -142,7 +185,7 @@ class Experiment:
 
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""
-        return replace(self, restarts=restarts(self.time, horizon))
+        return replace(self, restarts=restarts(self.time, horizon, SHORTEST * self.smear))
 
 
 def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: float | None = None) -> Experiment:
@@ -155,7 +198,10 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     }
     fusion = None
     if enough and "x" in raw and "a" in raw:
-        fusion = kinematics(recording.time, max(noise["x"].rms, 1e-9), max(noise["a"].rms, 1e-9))
+        sure = {n: max(noise[n].rms, share * float(np.std(raw[n])) or STILL[n]) for n, share in FINEST.items()}
+        fusion = Kinematics(recording.time, sure["x"], sure["a"])
+        if late := lateness(raw["x"], raw["a"], recording.period, fusion.memory):
+            raw["a"] = np.append(raw["a"][late:], np.full(late, raw["a"][-1]))
     inputs = smooth(raw, smoothers, fusion, recording.time)
     still = 0.0
     if "x" in raw:
@@ -165,16 +211,18 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     if recording.chamber == 2 and rig.arrangement.second == "mirrored":
         inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
     _stand_ins(inputs, recording, rig)
-    flags = _flags(recording, rig, raw, noise)
-    starts = restarts(recording.time, horizon)
-    return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass, still)
+    flags, once = _flags(recording, rig, raw, noise), restarts(recording.time, None)
+    ready = Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, once, flags, low_pass, still)
+    return ready.with_restarts(horizon)
 
 
 def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
     return {name: model.draw(time, rng) for name, model in noise.items()}
 
 
-def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array) -> Array:
+def smooth(
+    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Kinematics | None, time: Array
+) -> Array:
     """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
     inputs = np.zeros((time.size, len(at.INPUTS)))
     for column, name in enumerate(at.INPUTS):
@@ -186,7 +234,7 @@ def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion:
 
 
 def smooth_motion(
-    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array
+    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Kinematics | None, time: Array
 ) -> tuple[Array, Array]:
     """Return smoothed position and velocity, each (n,)."""
     if fusion is not None:
@@ -214,11 +262,16 @@ def _flags(recording: Recording, rig: Rig, raw: Mapping[str, Array], noise: Mapp
     flags[at.PNEUMATICS] = recording.kind.valve
     flags[at.CHAMBER_2] = _chamber_2(recording, rig)
     flags[at.VALVE_SHUT] = recording.valve_shut
-    flags[at.U_MAX] = U_MAX
+    flags[at.U_MAX] = _largest_opening(rig, raw)
     flags[at.INITIAL_U] = _initial_opening("u", "p1", rig, raw, noise)
     mirrored = flags[at.CHAMBER_2] == at.MIRRORED
     flags[at.INITIAL_U2] = -flags[at.INITIAL_U] if mirrored else _initial_opening("u2", "p2", rig, raw, noise)
     return flags
+
+
+def _largest_opening(rig: Rig, raw: Mapping[str, Array]) -> float:
+    """Return how far in V a command goes from the null one; 1 where there is none."""
+    return max((float(np.abs(raw[n] - rig.valve_null).max()) for n in ("u", "u2") if n in raw), default=0.0) or 1.0
 
 
 def _chamber_2(recording: Recording, rig: Rig) -> int:
@@ -240,14 +293,22 @@ def _initial_opening(
     return float(raw[command][0] - rig.valve_null) if moving else 0.0
 
 
-def restarts(time: Array, horizon: float | None) -> NDArray[np.int64]:
+def longest_step(rig: Rig, period: float) -> float:
+    """Return the longest step of the kernel in s, where a piston moves; from the sampling ``period`` (s) if need be."""
+    if not (rig.supply_pressure and rig.piston_area_1 and rig.stroke and rig.moving_mass):
+        return period / PARTS
+    force = abs(rig.supply_pressure - rig.ambient_pressure) * rig.piston_area_1
+    return float(np.sqrt(rig.moving_mass * rig.stroke / force)) / STEPS if force > 0.0 else period / PARTS
+
+
+def restarts(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:
     """Return the samples at which the model starts anew: every ``horizon`` s, and after each gap in the record.
 
-    A horizon of fewer than ``SHORTEST`` sampling periods counts as that many.
+    A horizon below the ``shortest`` (s) counts as that.
     """
     period = float(np.median(np.diff(time)))
     gaps = 1 + np.flatnonzero(np.diff(time) > GAP * period)
-    grid = np.arange(0.0, time[-1] - time[0], max(horizon, SHORTEST * period)) if horizon else np.zeros(1)
+    grid = np.arange(0.0, time[-1] - time[0], max(horizon, shortest)) if horizon else np.zeros(1)
     return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
 
 

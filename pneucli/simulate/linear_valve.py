@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearValve:
-    """One gain in m^2/V for both directions, up to ``u_max`` V; ``label`` begins its parameter's name."""
+    """One gain in m^2/V for both directions, up to the ``largest`` V; ``label`` begins its parameter's name."""
 
     gain: float
-    u_max: float = 10.0
+    largest: float
     label: str = "valve"
     covers: ClassVar[frozenset[Part]] = frozenset()
 
@@ -28,14 +28,14 @@ class LinearValve:
         """Return the effective area in m^2 at u, shape of u."""
         return self.gain * np.abs(u)
 
-    def table(self) -> Array:
-        """Return the area over -u_max..u_max, shape (4001,)."""
-        return self(np.linspace(-self.u_max, self.u_max, POINTS))
+    def table(self, largest: float) -> Array:
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,)."""
+        return self(np.linspace(-largest, largest, POINTS))
 
     @property
     def commands(self) -> tuple[float, ...]:
         """The ends of the line."""
-        return (-self.u_max, self.u_max)
+        return (-self.largest, self.largest)
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""

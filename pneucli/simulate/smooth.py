@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.signal import savgol_filter
 
 from pneucli.noise import NoiseModel
 
@@ -23,6 +24,9 @@ Array = NDArray[np.float64]
 Chosen = NDArray[np.int8]
 Index = NDArray[np.int64]
 HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
+TRUST = 3.0  # times its noise, by which an accelerometer errs: it misses what happens between two samples
+WIDE = 5.0  # times the smoother's memory
+CLEARLY = 0.5  # of the squared difference
 AGREEMENT = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
 
 
@@ -110,6 +114,11 @@ class LocalFits:
     for_slope: Chosen
     period: float
 
+    @property
+    def memory(self) -> float:
+        """The time in s over which the slope is taken: half of the window, in the median of the samples."""
+        return float(np.median(self.bank.half[self.for_slope])) * self.period
+
     def __call__(self, y: Array) -> Array:
         """Return the smoothed signal, shape (n,)."""
         return np.asarray(_fits(y, self.for_value, self.bank.half, self.bank.first, self.bank.value))
@@ -180,19 +189,45 @@ def _grow(y: Array, bank: Bank, deviation: Array, agreement: float, for_value: C
                 for_slope[k], surest_slope = w, sure
 
 
-def kinematics(time: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, Array, float]]:
-    """Return the map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
+@dataclass(frozen=True)
+class Kinematics:
+    """The map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
 
     Each step obeys the integrated acceleration, which errs by its noise and by what the sampling misses of a jerk.
+    ``memory`` is the time in s over which it spreads what the accelerometer does not show: there x and a weigh alike.
     """
 
-    def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
-        dt = np.diff(time)
-        slack = np.sqrt(dt) * (3.0 * a_noise + 1e-3) * np.sqrt(np.median(dt))  # m/s a step
-        # factorised each time, which takes no longer than the rest; to hold it takes more than all signals do
-        return integrated(dt, 1.0 / x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
+    time: Array
+    x_noise: float
+    a_noise: float
 
-    return smooth
+    @property
+    def memory(self) -> float:
+        """The time constant of the stationary smoother in s, whatever the sampling."""
+        return float(np.sqrt(self.x_noise / (TRUST * self.a_noise)))
+
+    def __call__(self, x: Array, a: Array) -> tuple[Array, Array, float]:
+        """Return x, v, both (n,), and the bias of a."""
+        dt = np.diff(self.time)
+        slack = np.sqrt(dt) * TRUST * self.a_noise * np.sqrt(np.median(dt))  # m/s a step
+        # factorised each time, which takes no longer than the rest; to hold it takes more than all signals do
+        return integrated(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
+
+
+def lateness(x: Array, a: Array, period: float, memory: float) -> int:
+    """Return by how many samples an accelerometer reads later than x (n,) says, as behind a filter of its own.
+
+    Both are seen through one parabola's curvature, in windows some times as long as the ``memory`` (s) of the smoother.
+    Only a shift after which they agree far better counts: half a sample stays.
+    """
+    half = max(round(WIDE * memory / period), 3)
+    if 6 * half > x.size:
+        return 0
+    path = np.concatenate([[0.0], np.cumsum(np.cumsum(a))[:-1]]) * period**2
+    seen, told = (savgol_filter(y, 2 * half + 1, 2, deriv=2, delta=period) for y in (x, path))
+    left = [float(np.var(seen[half : -2 * half] - told[half + k : k - 2 * half or None])) for k in range(half)]
+    best = int(np.argmin(left))
+    return best if left[best] < CLEARLY * left[0] else 0
 
 
 def integrated(dt: Array, wx: float, wv: Array, wp: Array) -> Callable[[Array, Array], tuple[Array, Array, float]]:

@@ -17,11 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SwitchingValve:
-    """Effective areas in m^2 of filling and venting; ``label`` begins the names of its parameters."""
+    """Effective areas in m^2 of filling and venting, at commands up to the ``largest`` in V.
+
+    ``label`` begins the names of its parameters.
+    """
 
     fill: float
     vent: float
-    u_max: float = 10.0
+    largest: float
     label: str = "valve"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
 
@@ -29,14 +32,14 @@ class SwitchingValve:
         """Return the effective area in m^2 at u, shape of u; 0 at the null command alone."""
         return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
 
-    def table(self) -> Array:
-        """Return the area over -u_max..u_max, shape (4001,)."""
-        return self(np.linspace(-self.u_max, self.u_max, POINTS))
+    def table(self, largest: float) -> Array:
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,)."""
+        return self(np.linspace(-largest, largest, POINTS))
 
     @property
     def commands(self) -> tuple[float, ...]:
         """Any of either sign."""
-        return (-self.u_max, self.u_max)
+        return (-self.largest, self.largest)
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""

@@ -31,7 +31,6 @@ class ValveArea:
     areas: tuple[float, ...]
     overlap_fill: float = 0.0
     overlap_vent: float = 0.0
-    u_max: float = 10.0
     label: str = "valve"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects its knots already show
 
@@ -40,9 +39,9 @@ class ValveArea:
         u = np.asarray(u, dtype=np.float64)
         return np.where(u > 0, self._side(u, 1.0, self.overlap_fill), self._side(-u, -1.0, self.overlap_vent))
 
-    def table(self) -> Array:
-        """Return the area over -u_max..u_max, shape (4001,); not to be written to."""
-        return _table(self)
+    def table(self, largest: float) -> Array:
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,); not to be written to."""
+        return _table(self, largest)
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
@@ -94,8 +93,8 @@ class ValveArea:
 
 
 @lru_cache(maxsize=1024)
-def _table(valve: ValveArea) -> Array:
-    table = valve(np.linspace(-valve.u_max, valve.u_max, POINTS))
+def _table(valve: ValveArea, largest: float) -> Array:
+    table = valve(np.linspace(-largest, largest, POINTS))
     table.setflags(write=False)
     return table
 

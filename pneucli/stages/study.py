@@ -149,9 +149,9 @@ def _valve_rows(valve: Valve) -> list[tuple[str, str, float, float]]:
     """Return a valve's rows: kind, name, command, value; the name begins with its label."""
     name = valve.label
     if isinstance(valve, LinearValve):
-        return [("gain", name, np.nan, valve.gain)]
+        return [("gain", name, valve.largest, valve.gain)]
     if isinstance(valve, SwitchingValve):
-        return [("switching", name, 1.0, valve.fill), ("switching", name, -1.0, valve.vent)]
+        return [("switching", name, valve.largest, valve.fill), ("switching", name, -valve.largest, valve.vent)]
     overlaps = ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent))
     rows = [("area", name, c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
     return rows + [("overlap", name, sign, value) for sign, value in overlaps]
@@ -163,10 +163,11 @@ def _valve_of(rows: list[tuple[str, float, float]], label: str) -> Valve:
     for kind, command, value in rows:
         by_kind.setdefault(kind, []).append((command, value))
     if "gain" in by_kind:
-        return LinearValve(by_kind["gain"][0][1], label=label)
+        (largest, gain), *_ = by_kind["gain"]
+        return LinearValve(gain, largest, label)
     if "switching" in by_kind:
-        (_, fill), (_, vent) = by_kind["switching"]
-        return SwitchingValve(fill, vent, label=label)
+        (largest, fill), (_, vent) = by_kind["switching"]
+        return SwitchingValve(fill, vent, largest, label)
     knots, overlap = by_kind.get("area", []), dict(by_kind["overlap"])
     return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap[1.0], overlap[-1.0], label=label)
 

@@ -18,7 +18,7 @@ from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
-from pneucli.simulate.experiment import STEP
+from pneucli.simulate.experiment import longest_step
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
@@ -132,7 +132,8 @@ def test_the_compiled_loop_is_the_python_text() -> None:
         flags = closed_loop._flags(CONTROLLER)
         kernel.run(
             TIME[:200], closed_loop._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.vector({}),
-            kernel.switches(()), flags, MODEL.valve.table(), MODEL.second.table(), STEP["axis"], state, cp, out,
+            kernel.switches(()), flags, *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.second)),
+            longest_step(MODEL.rig, CONTROLLER.period), state, cp, out,
         )  # fmt: skip
         outs.append(out)
     assert np.allclose(outs[0], outs[1], rtol=1e-9, atol=1e-12)

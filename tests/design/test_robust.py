@@ -13,6 +13,9 @@ from pneucli.design.robust import Axes, Study, run_study, success_rates
 from pneucli.errors import InputError
 from pneucli.executors import executor_from
 from pneucli.physics.effects import catalogue
+from pneucli.recording import Rig
+from pneucli.simulate.facts import facts_of
+from pneucli.simulate.model import Model
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
@@ -47,7 +50,8 @@ def test_every_effect_takes_its_turn_at_a_plausible_size() -> None:
         for name, size in AXES.draw(0, k)[2].items():
             effect, parameter = name.split(".")
             declared = next(p for p in catalogue()[effect].parameters if p.name == parameter)
-            assert declared.lower <= size <= declared.upper
+            bounds = declared.on(facts_of(AXES.model))
+            assert bounds.lower <= size <= bounds.upper
 
 
 def test_threads_give_the_same_rows_as_one_after_the_other(tmp_path: Path) -> None:
@@ -141,3 +145,8 @@ def test_what_is_stated_of_a_study_goes_over_what_is_usual() -> None:
     found = robust.settings_from({"kind": "monte-carlo", "runs": 7, "tolerances": {"valve.areas": 0.1}}, "here")
     assert (found.runs, found.seed, found.checks) == (7, 0, robust.CHECKS)
     assert found.tolerances == robust.TOLERANCES | {"valve.areas": 0.1}
+
+
+def test_an_effect_whose_size_the_rig_does_not_tell_is_refused() -> None:
+    with pytest.raises(InputError, match="supply forces"):
+        robust.plausible(catalogue()["constant-force"], Model(Rig()), np.random.default_rng(0))

@@ -10,6 +10,7 @@ from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import effect_parameters
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
+from pneucli.simulate.facts import facts_of
 from tests.simulate.benches import model
 
 N, BLOCK = 6000, 50
@@ -18,7 +19,7 @@ N, BLOCK = 6000, 50
 def fitted(effect: Effect, values: dict[str, float], columns: np.ndarray, seed: int = 1) -> Fit:
     """A fit that ended at values, with white noise left over; columns (N, k) are its derivatives."""
     ended = model([effect.name], {f"{effect.name}.{n}": v for n, v in values.items()})
-    free = tuple(effect_parameters(effect, ended))
+    free = tuple(effect_parameters(effect, ended, facts_of(ended)))
     noise = np.random.default_rng(seed).normal(size=N)
     left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
     unused = np.zeros((len(free), len(free)))

@@ -105,7 +105,7 @@ def test_a_null_that_nothing_shows_is_refused():
 
 def test_a_switching_valve_is_one_area_each_way():
     rig = replace(RIG, valve_arrangement="5/3", valve_kind="switching")
-    one, two = SwitchingValve(8e-7, 6e-7), SwitchingValve(5e-7, 7e-7, label="valve_2")
+    one, two = SwitchingValve(8e-7, 6e-7, 10.0), SwitchingValve(5e-7, 7e-7, 10.0, "valve_2")
     true = Model(rig, (), FRICTION, one, two)
     found = fitted([axis(rig, true, np.sign(stairs()) * 1.0)], "switching")
     for valve, wanted in ((found.valve, one), (found.valve_2, two)):

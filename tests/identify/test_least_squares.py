@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneucli.identify.least_squares import minimise
+from pneucli.identify.least_squares import inverse, minimise
 
 WIDE = (np.array([-100.0]), np.array([100.0]))
 ONES = np.ones(1000)
@@ -41,3 +41,15 @@ def test_a_model_that_runs_away_is_no_step_and_a_parameter_that_makes_it_so_is_h
 
     found = minimise(residuals, jacobian, np.zeros(3), (np.full(3, -9.0), np.full(3, 9.0)), rounds=9, tolerance=1e-9)
     np.testing.assert_allclose(found.z, [0.0, 3.0, 0.0], atol=1e-3)
+
+
+def test_an_inverse_is_right_whatever_the_sizes_of_the_coordinates():
+    jacobian = np.random.default_rng(0).standard_normal((50, 3))
+    size = np.array([1e-90, 1.0, 1e90])
+    expected = np.linalg.inv(jacobian.T @ jacobian)
+    found = inverse((jacobian * size).T @ (jacobian * size))
+    assert found * size[:, None] * size == pytest.approx(expected, rel=1e-9)
+
+
+def test_of_a_coordinate_that_nothing_tells_the_inverse_is_none():
+    assert inverse(np.diag([4.0, 0.0])) == pytest.approx(np.diag([0.25, 0.0]))

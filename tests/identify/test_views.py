@@ -33,7 +33,7 @@ def test_a_break_away_is_where_the_velocity_begins_to_grow():
     """It passes 1 mm/s, below which noise hides it, 4 samples after it has left zero by more than a quarter of that."""
     smoothed = np.concatenate([np.full(50, 1e-5), 3e-4 * np.arange(1, 60)])
     v = np.where(smoothed < 1e-3, 0.0, smoothed)
-    leaving = breakaways(v, smoothed, 0.25e-3)
+    leaving = breakaways(v, smoothed, 0.25e-3, 20)
     assert np.flatnonzero(leaving).tolist() == [49]
     assert leaving[49] == 1e-5
 
@@ -41,16 +41,16 @@ def test_a_break_away_is_where_the_velocity_begins_to_grow():
 def test_samples_from_the_break_away_to_the_first_certain_motion_are_unsure():
     smoothed = np.concatenate([np.zeros(50), 1e-5 * np.arange(1, 200)])
     v = np.where(smoothed < 1e-3, 0.0, smoothed)
-    leaving = breakaways(v, smoothed, 0.9e-3)
+    leaving = breakaways(v, smoothed, 0.9e-3, 20)
     onset = int(np.flatnonzero(leaving)[0])
-    doubtful = unsure(v, leaving)
+    doubtful = unsure(v, leaving, 5)
     assert not doubtful[onset]
     assert doubtful[onset + 1 : int(np.argmax(v > 0))].all()
 
 
 def test_a_rest_too_short_or_a_motion_to_and_fro_is_no_break_away():
     v = np.concatenate([np.ones(30), np.zeros(10), np.ones(30), np.zeros(30), [1.0, -1.0] * 15])
-    assert not breakaways(v, v, 0.1).any()
+    assert not breakaways(v, v, 0.1, 20).any()
 
 
 def test_static_friction_is_met_at_break_aways(stribeck: Bench):

@@ -24,12 +24,14 @@ from pneucli.physics.effects import all_effects, catalogue, load_plugin, select
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.run import base_vector, run
 from pneucli.units import parse_quantity
 from tests.simulate.benches import FRICTION, RIG, bench, clock, model, steps_of_command, typical
 
 EFFECTS = list(catalogue().values())
 VESSEL_VOLUME = {"rig.vessel_volume": 1.6e-4}
+FACTS = facts_of(model())
 TIME = clock(0.6)
 U = steps_of_command(TIME, (0.0, 3.0, -3.0, 0.5, 0.0, 0.0), 0.1)
 FILL = 3e5 + 1.5e5 * np.sin(2 * np.pi * 2.0 * TIME)
@@ -63,7 +65,7 @@ def nulls(effect: Effect) -> dict[str, float]:
 
 def corners(effect: Effect) -> Iterator[dict[str, float]]:
     names = [f"{effect.name}.{p.name}" for p in effect.parameters]
-    for values in itertools.product(*((p.lower, p.upper) for p in effect.parameters)):
+    for values in itertools.product(*(p.on(FACTS)[:2] for p in effect.parameters)):
         yield dict(zip(names, values, strict=True))
 
 
@@ -79,13 +81,14 @@ def test_units_parse(effect: Effect) -> None:
 @every_effect
 def test_bounds_hold_null_and_typical_values(effect: Effect) -> None:
     for p in effect.parameters:
-        assert p.lower < p.upper
-        assert p.typical
-        if not p.of:
-            assert all(p.lower <= value <= p.upper for value in p.typical)
+        size = p.on(FACTS)
+        assert -math.inf < size.lower < size.upper < math.inf
+        assert size.typical
+        assert all(size.lower <= value <= size.upper for value in size.typical)
+        assert len(set(size.typical)) == len(p.typical)
         if isinstance(p.null, float) and p.null < math.inf:
-            assert p.lower <= p.null <= p.upper
-            assert p.null not in p.typical
+            assert size.lower <= p.null <= size.upper
+            assert p.null not in size.typical
 
 
 @every_effect
@@ -130,7 +133,7 @@ def test_at_null_the_effect_is_absent(effect: Effect) -> None:
 def test_effects_without_a_finite_null_vanish_at_the_end_of_their_bounds(name: str, value: str) -> None:
     """A stiff regulator, rigid bristles; heat transfer reaches the isothermal chamber, not the base model's."""
     effect = catalogue()[name]
-    upper = next(p.upper for p in effect.parameters if p.name == value)
+    upper = next(p.on(FACTS).upper for p in effect.parameters if p.name == value)
     for experiment in runs(effect):
         near = simulated(effect, typical([effect]) | {f"{name}.{value}": upper}, experiment)
         without = simulated(None, {}, experiment)

@@ -11,6 +11,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
 
@@ -39,8 +40,8 @@ def model(names: Sequence[str] = (), values: dict[str, float] | None = None, rig
 
 def typical(effects: Sequence[Effect], rig: Rig = RIG) -> dict[str, float]:
     """The first typical value of every parameter, in its unit."""
-    scales = Model(rig, (), FRICTION).base() | {"x": rig.stroke, "": 1.0}
-    return {f"{e.name}.{p.name}": p.typical[0] * scales[p.of] for e in effects for p in e.parameters}
+    facts = facts_of(Model(rig, (), FRICTION, VALVE))
+    return {f"{e.name}.{p.name}": p.on(facts).typical[0] for e in effects for p in e.parameters}
 
 
 def bench(

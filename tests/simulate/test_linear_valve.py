@@ -8,15 +8,15 @@ import pytest
 from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.valve_area import POINTS, ValveArea
 
-VALVE = LinearValve(2e-7)
+VALVE = LinearValve(2e-7, 8.0)
 
 
 def test_the_area_is_proportional_to_the_command_both_ways():
     assert VALVE(np.array([-3.0, 0.0, 5.0])) == pytest.approx([6e-7, 0.0, 1e-6])
 
 
-def test_the_table_ends_at_the_largest_command():
-    table = VALVE.table()
+def test_the_table_ends_at_the_largest_command_asked_for():
+    table = VALVE.table(10.0)
     assert table.shape == (POINTS,)
     assert table[0] == table[-1] == pytest.approx(2e-6)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smooth import autocovariance, deviations, integrated, kinematics, local_fits, window
+from pneucli.simulate.smooth import Kinematics, autocovariance, deviations, integrated, lateness, local_fits, window
 
 N, PERIOD = 600, 1e-3
 TIME = PERIOD * np.arange(N)
@@ -64,7 +65,7 @@ def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
     time = PERIOD * np.arange(5000)
     x, v, a = 0.05 * np.sin(6 * time), 0.3 * np.cos(6 * time), -1.8 * np.sin(6 * time)
     noisy_x, noisy_a = x + x_noise * RNG.standard_normal(5000), a + bias + a_noise * RNG.standard_normal(5000)
-    found_x, found_v, found_bias = kinematics(time, x_noise, a_noise)(noisy_x, noisy_a)
+    found_x, found_v, found_bias = Kinematics(time, x_noise, a_noise)(noisy_x, noisy_a)
     assert found_bias == pytest.approx(bias, abs=0.01)
     # integrated alone, the bias would be 2 m/s off after 5 s
     assert np.abs(found_v - v).max() < 0.01
@@ -101,3 +102,18 @@ def test_the_path_is_the_least_squares_of_all_readings_and_steps() -> None:
     expected = np.linalg.lstsq(np.array(rows), np.array(right))[0]
     found_x, found_v, bias = integrated(dt, wx, wv, wp)(x, a)
     assert np.concatenate([found_x, found_v, [bias]]) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(("late", "found"), [(0, 0), (1, 0), (9, 4)])
+def test_an_accelerometer_behind_a_filter_of_its_own_is_late_by_whole_samples(late: int, found: int) -> None:
+    """The mean of ``late`` + 1 readings comes late by half as many; what is less than a sample stays."""
+    rng, time = np.random.default_rng(3), 2e-4 * np.arange(5000)
+    a = np.interp(time, time[::100], rng.choice([-4.0, 0.0, 4.0], 50))
+    x = cumulative_trapezoid(cumulative_trapezoid(a, time, initial=0.0), time, initial=0.0)
+    x += 3e-7 * rng.standard_normal(time.size)
+    reading = np.convolve(a, np.full(late + 1, 1.0 / (late + 1)))[: a.size] + 0.05 * rng.standard_normal(time.size)
+    assert lateness(x, reading, 2e-4, 1.4e-3) == found
+
+
+def test_a_short_record_tells_no_lateness() -> None:
+    assert lateness(np.zeros(40), np.zeros(40), 1e-3, 1.4e-3) == 0

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.rests import STARTED, breakaways, unsure
+from pneucli.identify.rests import RESTED, STARTED, breakaways, unsure
 from pneucli.identify.views.view import Array, View
 from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
@@ -74,9 +74,10 @@ class Forces(View):
         """Velocities at which the piston breaks away (n,), and where the direction of motion is not known (n,)."""
         e = self.experiment
         smoothed = smooth_motion(e.raw, e.smoothers, e.fusion, e.time)[1]
-        leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still)
+        smeared = max(round(e.smear / e.recording.period), 1)
+        leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still, round(RESTED * smeared))
         bouncing = (self._contact != 0.0) & (e.inputs[:, at.IN_V] != 0.0)
-        return leaving, unsure(e.inputs[:, at.IN_V], leaving) | bouncing
+        return leaving, unsure(e.inputs[:, at.IN_V], leaving, smeared) | bouncing
 
     @cached_property
     def _contact(self) -> Array:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from pneucli.identify.paths import opening_of
 from pneucli.physics.declaration import Effect, Side
+from pneucli.simulate import layout as at
 from pneucli.simulate.deviations import deviations
-from pneucli.simulate.experiment import U_MAX, Experiment
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import POINTS
 
@@ -99,12 +100,12 @@ class View(ABC):
         """Whether two models' valves differ where this recording opened them."""
         if self.valve_is_given:
             return False
-        seen = self.openings
+        seen, largest = self.openings, self.experiment.flags[at.U_MAX]
         pairs = [(a.second, b.second)] if self.experiment.recording.chamber == 2 else [(a.valve, b.valve)]
         if len(seen) == 2:
             pairs.append((a.second, b.second))
         return any(
-            old != new and bool(np.any((old.table() != new.table())[part]))
+            old != new and bool(np.any((old.table(largest) != new.table(largest))[part]))
             for (old, new), part in zip(pairs, seen, strict=True)
         )
 
@@ -118,7 +119,8 @@ class View(ABC):
         """The part of each valve's table that its opening may pass through, from rest to the largest commands."""
         e = self.experiment
         chambers = [e.recording.chamber] if e.vessel else [1, 2]
-        return [_passed(u) for u in (opening_of(e, chamber) for chamber in chambers) if u is not None]
+        opened = [u for u in (opening_of(e, chamber) for chamber in chambers) if u is not None]
+        return [_passed(u / e.flags[at.U_MAX]) for u in opened]
 
     @cached_property
     def measured(self) -> dict[str, Array]:
@@ -126,8 +128,8 @@ class View(ABC):
         return {c: self.experiment.measured(c) for c in self.channels}
 
 
-def _passed(u: Array) -> slice:
-    place = (np.array([min(u.min(), 0.0), max(u.max(), 0.0)]) / U_MAX + 1.0) * 0.5 * (POINTS - 1)
+def _passed(share: Array) -> slice:
+    place = (np.array([min(share.min(), 0.0), max(share.max(), 0.0)]) + 1.0) * 0.5 * (POINTS - 1)
     return slice(max(int(place[0]), 0), int(place[1]) + 2)
 
 

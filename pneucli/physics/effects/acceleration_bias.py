@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="acceleration-bias",
     title="Bias of the accelerometer",
     part="sensor",
-    parameters=(Parameter("bias", "m/s^2", 0.0, -50.0, 50.0, (0.3, -0.3), "bias"),),
+    parameters=(
+        Parameter(
+            "bias",
+            "m/s^2",
+            0.0,
+            "-0.3 supply forces per mass",
+            "0.3 supply forces per mass",
+            ("0.0015 supply forces per mass", "-0.0015 supply forces per mass"),
+            "bias",
+        ),
+    ),
     ports={"read_a": read_a},
     equation="$a_{read} = a + b$",
     looks_like="The accelerometer does not read zero at rest; the error of a is a constant.",

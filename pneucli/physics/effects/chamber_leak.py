@@ -13,7 +13,9 @@ EFFECT = Effect(
     name="chamber-leak",
     title="Leak of chamber 1 to ambient",
     part="chamber",
-    parameters=(Parameter("area", "m^2", 0.0, 0.0, 1e-5, (2e-8, 1e-7), "leak area"),),
+    parameters=(
+        Parameter("area", "m^2", 0.0, 0.0, "5 valve areas", ("0.01 valve areas", "0.05 valve areas"), "leak area"),
+    ),
     ports={"leak_1_ambient": leak_1_ambient},
     equation="$q = A\\, p_1 \\sqrt{2/(R T)}\\, \\Psi'(p_{amb}/p_1)$, leaving chamber 1.",
     looks_like=(

@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="constant-force",
     title="A constant force on the piston",
     part="cylinder",
-    parameters=(Parameter("force", "N", 0.0, -1e4, 1e4, (10.0, -10.0), "force toward x = 0"),),
+    parameters=(
+        Parameter(
+            "force",
+            "N",
+            0.0,
+            "-10 supply forces",
+            "10 supply forces",
+            ("0.02 supply forces", "-0.02 supply forces"),
+            "force toward x = 0",
+        ),
+    ),
     ports={"force": force},
     equation="$m \\dot v = \\dots - F$",
     looks_like="The error of the force is the same in both directions, at rest and at all pressures.",

@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="dead-volume",
     title="Volume in chamber 1 that the rig's description misses",
     part="chamber",
-    parameters=(Parameter("volume_added", "m^3", 0.0, -1e-4, 1e-3, (1e-5, 3e-5), "volume added to chamber 1"),),
+    parameters=(
+        Parameter(
+            "volume_added",
+            "m^3",
+            0.0,
+            "-0.9 dead volumes",
+            "10 chamber volumes",
+            ("0.1 chamber volumes", "0.3 chamber volumes"),
+            "volume added to chamber 1",
+        ),
+    ),
     ports={"volume_1": volume_1},
     equation="$V_1 = V_{01} + V_{add} + A_1 x$",
     looks_like=("Every pressure gradient of chamber 1 is too small, by most where the chamber is small (near x = 0)."),

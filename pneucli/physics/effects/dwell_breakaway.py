@@ -16,7 +16,15 @@ EFFECT = Effect(
     part="cylinder",
     parameters=(
         Parameter("gain", "1", 0.0, 0.0, 10.0, (0.3, 1.0), "growth of static friction after a long rest"),
-        Parameter("time_constant", "s", None, 1e-3, 1e4, (0.1, 0.5, 2.0), "time constant of the growth"),
+        Parameter(
+            "time_constant",
+            "s",
+            None,
+            "0.002 response times",
+            "2e4 response times",
+            ("0.2 response times", "1 response times", "4 response times"),
+            "time constant of the growth",
+        ),
     ),
     ports={"static_factor": static_factor},
     equation="$F_s(1 + k(1 - e^{-t_{rest}/\\tau}))$",

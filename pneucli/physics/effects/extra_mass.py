@@ -12,7 +12,9 @@ EFFECT = Effect(
     name="extra-mass",
     title="Payload that the rig's description misses",
     part="cylinder",
-    parameters=(Parameter("mass", "kg", 0.0, 0.0, 1000.0, (0.5, 2.0), "mass"),),
+    parameters=(
+        Parameter("mass", "kg", 0.0, 0.0, "500 moving masses", ("0.25 moving masses", "1 moving masses"), "mass"),
+    ),
     ports={"mass": mass},
     equation="$(m + m_+)\\dot v = \\dots$",
     looks_like="The error of the force is proportional to acceleration.",

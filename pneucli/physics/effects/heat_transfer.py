@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="heat-transfer",
     title="Heat transfer between gas and wall",
     part="gas",
-    parameters=(Parameter("conductance", "W/K", None, 1e-3, 50.0, (0.1, 0.5, 2.0), "heat conductance gas to wall"),),
+    parameters=(
+        Parameter(
+            "conductance",
+            "W/K",
+            None,
+            "0.0003 gas conductances",
+            "20 gas conductances",
+            ("0.03 gas conductances", "0.15 gas conductances", "0.7 gas conductances"),
+            "heat conductance gas to wall",
+        ),
+    ),
     ports={"heat": heat},
     equation=(
         "$\\dot Q = G (T_w - T)$; $\\dot p = \\frac{\\kappa}{V}(R T_{in} q_{in} - R T q_{out} - p A v) + "

@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="line-delay",
     title="Delay in the hose between valve and chamber",
     part="line",
-    parameters=(Parameter("delay", "s", 0.0, 0.0, 0.1, (0.003, 0.01), "delay"),),
+    parameters=(
+        Parameter(
+            "delay",
+            "s",
+            0.0,
+            0.0,
+            "0.3 response times",
+            ("0.01 response times", "0.03 response times"),
+            "delay",
+        ),
+    ),
     ports={"flow_delay": flow_delay},
     equation="$q_1(t) = q_{valve}(t - \\tau)$",
     looks_like=(

@@ -13,7 +13,9 @@ EFFECT = Effect(
     name="piston-leak",
     title="Leak across the piston",
     part="cylinder",
-    parameters=(Parameter("area", "m^2", 0.0, 0.0, 1e-5, (2e-8, 1e-7), "leak area"),),
+    parameters=(
+        Parameter("area", "m^2", 0.0, 0.0, "5 valve areas", ("0.01 valve areas", "0.05 valve areas"), "leak area"),
+    ),
     ports={"leak_1_2": leak_1_2},
     equation="$q_{12} = A\\, p_1 \\sqrt{2/(R T)}\\, \\Psi'(p_2/p_1)$ from the higher to the lower pressure.",
     looks_like=(

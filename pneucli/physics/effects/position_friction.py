@@ -2,6 +2,8 @@
 
 from pneucli.physics.declaration import Effect, Parameter
 
+EDGE = "0.005 strokes"  # a fit must move an edge by as much, to have readings on both of its sides
+
 
 def dry_factor(
     direction: float, x: float, p1: float, p2: float, p_amb: float, start: float, end: float, gain: float
@@ -15,8 +17,26 @@ EFFECT = Effect(
     title="A stretch of the stroke with more friction",
     part="cylinder",
     parameters=(
-        Parameter("from", "m", None, 0.0, 10.0, (0.0, 0.15, 0.3, 0.45, 0.6, 0.75), "start of the stretch", "x", 1e-3),
-        Parameter("to", "m", None, 0.0, 10.0, (0.2, 0.35, 0.5, 0.65, 0.8, 1.0), "end of the stretch", "x", 1e-3),
+        Parameter(
+            "from",
+            "m",
+            None,
+            "-0.1 ranges of x",
+            "1.1 ranges of x",
+            tuple(f"{share} ranges of x" for share in (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)),
+            "start of the stretch",
+            EDGE,
+        ),
+        Parameter(
+            "to",
+            "m",
+            None,
+            "-0.1 ranges of x",
+            "1.1 ranges of x",
+            tuple(f"{share} ranges of x" for share in (0.2, 0.35, 0.5, 0.65, 0.8, 1.0)),
+            "end of the stretch",
+            EDGE,
+        ),
         Parameter("gain", "1", 0.0, -0.95, 20.0, (1.0,), "growth of dry friction in it"),
     ),
     ports={"dry_factor": dry_factor},

@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="pressure-friction",
     title="Seals that press harder under pressure",
     part="cylinder",
-    parameters=(Parameter("gain", "1/bar", 0.0, -0.1, 3.0, (0.05, 0.2), "growth of dry friction per bar"),),
+    parameters=(
+        Parameter(
+            "gain",
+            "1/bar",
+            0.0,
+            "-0.5 per supply pressure",
+            "20 per supply pressure",
+            ("0.3 per supply pressure", "1.2 per supply pressure"),
+            "growth of dry friction per bar",
+        ),
+    ),
     ports={"dry_factor": dry_factor},
     equation="$F_{dry} \\left(1 + k\\,[(p_1 - p_{amb}) + (p_2 - p_{amb})]\\right)$",
     looks_like="The error has the sign of the velocity and grows with pressure.",

@@ -12,7 +12,17 @@ EFFECT = Effect(
     name="pressure-lag",
     title="First-order lag of the pressure sensors",
     part="sensor",
-    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 0.2, (0.003, 0.01), "time constant of the sensors"),),
+    parameters=(
+        Parameter(
+            "time_constant",
+            "s",
+            0.0,
+            0.0,
+            "0.5 response times",
+            ("0.01 response times", "0.03 response times"),
+            "time constant of the sensors",
+        ),
+    ),
     ports={"sensor_lag": sensor_lag},
     equation="$\\tau \\dot p_{read} = p - p_{read}$",
     looks_like=("The pressure readings follow late, in charging as in motion, and so does the other chamber's."),

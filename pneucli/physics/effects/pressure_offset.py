@@ -17,7 +17,17 @@ EFFECT = Effect(
     name="pressure-offset",
     title="Offset of the sensor of p1",
     part="sensor",
-    parameters=(Parameter("offset", "Pa", 0.0, -2e5, 2e5, (5e3, -5e3), "offset of the reading"),),
+    parameters=(
+        Parameter(
+            "offset",
+            "Pa",
+            0.0,
+            "-0.3 supply pressures",
+            "0.3 supply pressures",
+            ("0.01 supply pressures", "-0.01 supply pressures"),
+            "offset of the reading",
+        ),
+    ),
     ports={"read_p1": read, "unread_p1": unread},
     equation="$p_{1,read} = p_1 + p_0$",
     looks_like=(

@@ -16,7 +16,17 @@ EFFECT = Effect(
     name="valve-deadband",
     title="Overlap of the valve around its centre",
     part="linear valve",
-    parameters=(Parameter("width", "V", 0.0, 0.0, 5.0, (0.2, 0.8), "dead zone, half on each side of the centre"),),
+    parameters=(
+        Parameter(
+            "width",
+            "V",
+            0.0,
+            0.0,
+            "0.5 full commands",
+            ("0.02 full commands", "0.08 full commands"),
+            "dead zone, half on each side of the centre",
+        ),
+    ),
     ports={"command": command},
     equation="$u_{eff} = \\mathrm{sign}(u)\\,\\max(|u| - w/2,\\, 0)$",
     looks_like=(

@@ -13,7 +13,17 @@ EFFECT = Effect(
     name="valve-hysteresis",
     title="Play between command and opening",
     part="valve",
-    parameters=(Parameter("half_width", "V", 0.0, 0.0, 2.0, (0.05, 0.2), "half of the play"),),
+    parameters=(
+        Parameter(
+            "half_width",
+            "V",
+            0.0,
+            0.0,
+            "0.2 full commands",
+            ("0.005 full commands", "0.02 full commands"),
+            "half of the play",
+        ),
+    ),
     ports={"command": command},
     equation="$s \\leftarrow \\min(\\max(s, u - w), u + w)$",
     looks_like=(

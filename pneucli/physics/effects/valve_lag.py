@@ -17,7 +17,17 @@ EFFECT = Effect(
     name="valve-lag",
     title="First-order lag of the spool",
     part="valve",
-    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 0.2, (0.005, 0.02), "time constant of the spool"),),
+    parameters=(
+        Parameter(
+            "time_constant",
+            "s",
+            0.0,
+            0.0,
+            "0.5 response times",
+            ("0.015 response times", "0.05 response times"),
+            "time constant of the spool",
+        ),
+    ),
     ports={"command": command},
     equation="$\\tau \\dot s = u - s$, the opening follows $s$",
     looks_like=(

@@ -12,7 +12,11 @@ EFFECT = Effect(
     name="valve-leak",
     title="Leak of the valve at every command",
     part="valve",
-    parameters=(Parameter("area", "m^2", 0.0, 0.0, 1e-5, (2e-8, 1e-7), "leak area of each edge"),),
+    parameters=(
+        Parameter(
+            "area", "m^2", 0.0, 0.0, "5 valve areas", ("0.01 valve areas", "0.05 valve areas"), "leak area of each edge"
+        ),
+    ),
     ports={"leak_area": leak_area},
     equation=(
         "$q = A\\,[\\,p_S\\text{-to-}p_1 \\text{ flow} - p_1\\text{-to-}p_{amb} \\text{ flow}\\,]$ at every command"

@@ -1,0 +1,144 @@
+"""What sizes are counted in: the scales of a rig, so that no size is right for one rig alone.
+
+A quantity of a declaration is a number in its parameter's unit, or a number of a scale, such as "0.2 supply forces".
+A scale is worked out from what is known of the rig; where that is not enough, it is not known (NaN).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from pneucli.errors import UnitError, did_you_mean
+from pneucli.physics.gas import PSI_MAX
+from pneucli.units import parse_unit
+
+NAN = math.nan
+Quantity = float | str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a rig: as described, as recordings show it, and as fitted; SI, NaN where it is not known.
+
+    ``supply`` is absolute, ``force`` drives the piston at most, ``volume`` is chamber 1 at half stroke and ``dead`` at
+    x = 0 (a vessel is both), ``valve`` the area at the largest ``command``, ``low`` and ``high`` bound x.
+    """
+
+    supply: float = NAN
+    ambient: float = NAN
+    force: float = NAN
+    area: float = NAN
+    volume: float = NAN
+    dead: float = NAN
+    stroke: float = NAN
+    low: float = NAN
+    high: float = NAN
+    speed: float = NAN
+    mass: float = NAN
+    coulomb: float = NAN
+    valve: float = NAN
+    command: float = NAN
+    period: float = NAN
+    temperature: float = NAN
+    specific_energy: float = NAN  # J/kg, R T of the gas
+    heat_ratio: float = NAN
+
+    @property
+    def conductance(self) -> float:
+        """Flow through the open valve over the pressure before it, kg/(s Pa)."""
+        return self.valve * PSI_MAX * math.sqrt(2.0 / self.specific_energy)
+
+    @property
+    def fill_time(self) -> float:
+        """Time in s in which the open valve's flow raises the chamber's pressure by that of the supply."""
+        return self.volume / (self.heat_ratio * self.specific_energy * self.conductance) if self.valve > 0 else NAN
+
+    @property
+    def response(self) -> float:
+        """The longer of the time to fill the chamber and the time to cross the range of x at top speed, in s."""
+        crossing = (self.high - self.low) / self.speed if self.speed > 0 else NAN
+        return max((t for t in (self.fill_time, crossing) if t > 0), default=NAN)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """One scale: its name (plural), unit, what it is in words, its size, and where its zero is."""
+
+    name: str
+    unit: str
+    meaning: str
+    size: Callable[[Facts], float]
+    zero: Callable[[Facts], float] = lambda _: 0.0
+
+
+SCALES = {
+    scale.name: scale
+    for scale in (
+        Scale("supply forces", "N", "supply pressure above ambient x piston area 1, else the largest driving force",
+              lambda f: f.force),
+        Scale("supply forces per stroke", "N/m", "that over the stroke", lambda f: f.force / f.stroke),
+        Scale("supply forces per top speed", "N s/m", "that over the highest speed", lambda f: f.force / f.speed),
+        Scale("supply forces per mass", "m/s^2", "that over the moving mass", lambda f: f.force / f.mass),
+        Scale("driven masses", "kg", "what the supply force brings to the highest speed within the range of x",
+              lambda f: 2.0 * f.force * (f.high - f.low) / f.speed**2),
+        Scale("Coulomb forces", "N", "the base model's dry friction", lambda f: f.coulomb),
+        Scale("moving masses", "kg", "the rig's, or as fitted", lambda f: f.mass),
+        Scale("strokes", "m", "of the cylinder, else the range of x", lambda f: f.stroke),
+        Scale("ranges of x", "m", "from the least to the largest position, counted from the least",
+              lambda f: f.high - f.low, lambda f: f.low),
+        Scale("top speeds", "m/s", "the highest speed seen, else what the open valve allows", lambda f: f.speed),
+        Scale("supply pressures", "Pa", "above ambient", lambda f: f.supply - f.ambient),
+        Scale("per supply pressure", "1/Pa", "above ambient", lambda f: 1.0 / (f.supply - f.ambient)),
+        Scale("chamber volumes", "m^3", "chamber 1 at half stroke, or the vessel", lambda f: f.volume),
+        Scale("dead volumes", "m^3", "chamber 1 at x = 0, or the vessel", lambda f: f.dead),
+        Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume", lambda f: f.area),
+        Scale("valve areas", "m^2", "the effective area at the largest command", lambda f: f.valve),
+        Scale("valve conductances", "kg/(s Pa)", "flow at the largest command over the pressure before the valve",
+              lambda f: f.conductance),
+        Scale("full commands", "V", "the largest command", lambda f: f.command),
+        Scale("response times", "s", "the longer of filling the chamber through the open valve and crossing the range "
+              "of x at top speed", lambda f: f.response),
+        Scale("sampling periods", "s", "between samples", lambda f: f.period),
+        Scale("gas conductances", "W/K", "heat capacity of the full chamber's gas over the time to fill it",
+              lambda f: f.supply * f.volume / (f.temperature * (f.heat_ratio - 1.0) * f.fill_time)),
+    )
+}  # fmt: skip
+
+
+_COUNTED = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s+(\S.*)")
+
+
+@lru_cache(maxsize=1024)
+def counted(text: str, unit: str) -> tuple[float, Scale, float]:
+    """Return the number of a quantity such as "0.2 supply forces", its scale, and that scale's unit over ``unit``.
+
+    Raises UnitError where the text cannot be read, or the scale is not known or of another dimension.
+    """
+    parts = _COUNTED.fullmatch(text.strip())
+    if not parts or parts[2] not in SCALES:
+        raise UnitError(f'"{text}" is no number of a scale; {did_you_mean(parts[2] if parts else text, SCALES)}')
+    scale = SCALES[parts[2]]
+    mine, wanted = parse_unit(scale.unit), parse_unit(unit)
+    if mine.dimension != wanted.dimension:
+        raise UnitError(f'"{text}" is in {scale.unit}; wanted a scale or a number in {unit}')
+    return float(parts[1]), scale, mine.factor / wanted.factor
+
+
+def sized(quantity: Quantity, unit: str, facts: Facts) -> float:
+    """Return a quantity's value in ``unit`` on the rig of these facts; NaN where its scale is not known there."""
+    if not isinstance(quantity, str):
+        return float(quantity)
+    number, scale, factor = counted(quantity, unit)
+    return (scale.zero(facts) + number * _size(scale, facts)) * factor
+
+
+def _size(scale: Scale, facts: Facts) -> float:
+    try:
+        size = scale.size(facts)
+    except (ZeroDivisionError, OverflowError):
+        return NAN
+    return size if math.isfinite(size) and size > 0.0 else NAN

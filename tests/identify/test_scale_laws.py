@@ -1,0 +1,266 @@
+"""Sizes follow from the rig: what is scaled by dimension is sized and fitted alike, and found on rigs of any size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pneucli.errors import InputError, UnitError
+from pneucli.identify.effects import fit_added, fit_model, starts
+from pneucli.identify.fit import Fit
+from pneucli.identify.parameters import base_parameters
+from pneucli.identify.views import views_of
+from pneucli.noise import NoiseModel
+from pneucli.physics.base import BASE
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.effects import catalogue
+from pneucli.physics.scales import SCALES, Facts, sized
+from pneucli.recording import Recording, Rig
+from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.facts import facts_of
+from pneucli.simulate.linear_valve import LinearValve
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import simulate
+from pneucli.simulate.valve_area import NO_VALVE, ValveArea
+from pneucli.units import parse_unit
+from tests.simulate.benches import FRICTION, RIG, VALVE, bench, clock, steps_of_command
+
+UNITS = {
+    "ambient_pressure": "Pa",
+    "supply_pressure": "Pa",
+    "gas_constant": "J/(kg K)",
+    "piston_area_1": "m^2",
+    "piston_area_2": "m^2",
+    "stroke": "m",
+    "dead_volume_1": "m^3",
+    "dead_volume_2": "m^3",
+    "vessel_volume": "m^3",
+    "moving_mass": "kg",
+}
+OF_SIGNALS = {"x": "m", "v": "m/s", "a": "m/s^2", "p1": "Pa", "p2": "Pa", "p_supply": "Pa", "u": "1"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """Of the units of length, pressure and time; temperatures and commands keep theirs."""
+
+    length: float
+    pressure: float
+    time: float
+
+    def of(self, unit: str) -> float:
+        """What a quantity of that unit is multiplied by."""
+        if unit == "V":
+            return 1.0
+        metres, kilograms, seconds, *_ = parse_unit(unit.replace("/V", "")).dimension
+        mass = self.pressure * self.length * self.time**2
+        return float(self.length**metres * mass**kilograms * self.time**seconds)
+
+    def rig(self, rig: Rig) -> Rig:
+        known = {f.name: getattr(rig, f.name) for f in fields(rig) if f.name in UNITS}
+        return replace(rig, **{n: v * self.of(UNITS[n]) for n, v in known.items() if v is not None})
+
+    def model(self, model: Model) -> Model:
+        units = {name: parameter.unit for name, parameter in BASE.items()}
+        units |= {f"{e.name}.{p.name}": p.unit for e in model.effects for p in e.parameters}
+        values = {name: value * self.of(units[name]) for name, value in model.values.items()}
+        valve = model.valve.scaled(self.of("m^2"))
+        return replace(model, rig=self.rig(model.rig), values=values, valve=valve)
+
+    def recording(self, recording: Recording) -> Recording:
+        return replace(
+            recording,
+            time=recording.time * self.of("s"),
+            signals={n: y * self.of(OF_SIGNALS[n]) for n, y in recording.signals.items()},
+            noise={n: NoiseModel(m.white * self.of(OF_SIGNALS[n])) for n, m in recording.noise.items()},
+        )
+
+
+changes = st.builds(Change, *(st.floats(-1.0, 1.0).map(lambda power: 10.0**power) for _ in range(3)))
+
+
+@settings(max_examples=20, deadline=None)
+@given(changes)
+def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> None:
+    model = Model(RIG, (), FRICTION, VALVE)
+    here, there = facts_of(model), facts_of(change.model(model))
+    for parameter in [*BASE.values(), *(p for e in catalogue().values() for p in e.parameters)]:
+        mine, theirs = parameter.on(here), parameter.on(there)
+        factor = change.of(parameter.unit)
+        numbers = [
+            (mine.lower, theirs.lower),
+            (mine.upper, theirs.upper),
+            *zip(mine.typical, theirs.typical, strict=True),
+        ]
+        assert all(b == pytest.approx(a * factor, rel=1e-9) for a, b in numbers), parameter.name
+
+
+def test_plain_numbers_stay_as_they_are() -> None:
+    parameter = Parameter("gain", "kg/m", 0.0, 0.0, 1e3, (10.0,))
+    assert parameter.on(Facts()) == (0.0, 1e3, (10.0,), 0.0)
+
+
+def test_what_is_not_known_neither_bounds_nor_starts() -> None:
+    effect = catalogue()["constant-force"]
+    unknown = facts_of(Model(Rig()))
+    assert effect.parameters[0].on(unknown) == (-np.inf, np.inf, (), 0.0)
+    assert starts(effect, unknown) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [("0.2 suply forces", "supply forces"), ("many supply forces", "no number"), ("2 strokes", "wanted a scale")],
+)
+def test_a_quantity_that_cannot_be_read_is_told_when_it_is_declared(text: str, told: str) -> None:
+    with pytest.raises(UnitError, match=told):
+        Parameter("force", "N", 0.0, 0.0, text, (1.0,))
+
+
+def test_every_scale_is_used_and_known_on_a_rig_that_is_described_and_recorded() -> None:
+    declared = [*BASE.values(), *(p for e in catalogue().values() for p in e.parameters)]
+    quantities = [q for p in declared for q in (p.lower, p.upper, p.step, *p.typical) if isinstance(q, str)]
+    assert {q.partition(" ")[2] for q in quantities} == set(SCALES)
+    facts = facts_of(Model(RIG, (), FRICTION, VALVE), [driven(Model(RIG, (), FRICTION, VALVE))])
+    assert all(sized(f"1 {scale.name}", scale.unit, facts) > 0.0 for scale in SCALES.values())
+
+
+def noise(rig: Rig) -> dict[str, NoiseModel]:
+    """What sensors add that are as good for their range as the usual ones are for the usual rig."""
+    over = ((rig.supply_pressure or 0.0) - rig.ambient_pressure) / 6e5
+    length = (rig.stroke or 0.2) / 0.2
+    shares = {"p1": 100.0 * over, "p2": 100.0 * over, "p_supply": 100.0 * over, "x": 1e-6 * length, "a": 0.05 * length}
+    return {name: NoiseModel(rms) for name, rms in shares.items()}
+
+
+def recorded(model: Model, experiment: Experiment, seed: int = 1) -> Experiment:
+    """The experiment as the sensors of a rig with this model would record it."""
+    true, rng = simulate(model, experiment), np.random.default_rng(seed)
+    own = {**experiment.recording.signals, **{n: true[n] for n in experiment.channels if n != "v"}, "a": true["a"]}
+    names = [n for n in own if n in OF_SIGNALS and n != "v"]
+    models = {n: m for n, m in noise(model.rig).items() if n in names}
+    signals = {n: own[n] + (models[n].draw(experiment.time, rng) if n in models else 0.0) for n in names}
+    taken = replace(experiment.recording, signals=signals, noise=models)
+    return prepare(taken, model.rig, None)
+
+
+def balanced(rig: Rig, share: float) -> dict[str, float]:
+    """Pressures that hold the piston, that of chamber 1 a share of the supply's above ambient."""
+    (a1, a2), above = rig.areas, (rig.supply_pressure or 0.0) - rig.ambient_pressure
+    return {"p1": rig.ambient_pressure + above * share, "p2": rig.ambient_pressure + above * share * a1 / a2}
+
+
+def driven(model: Model) -> Experiment:
+    """A piston pushed to and fro by its pressures, clear of the stops, with rests; 2 s at 1 kHz."""
+    time, rig = clock(2.0), model.rig
+    wave = np.clip(1.4 * np.sin(2 * np.pi * 3.0 * time), -1.0, 1.0) * (1.0 + 0.4 * np.sin(2 * np.pi * 0.8 * time))
+    begin, force = 0.2 * (rig.stroke or 0.0), facts_of(model).force
+    push = 0.07 * force * wave - model.total("force", begin, 0.0, rig.stroke or 0.0)
+    held = balanced(rig, 0.4)
+    return recorded(
+        model, bench("friction", time, {**held, "p1": held["p1"] + push / rig.areas[0], "x": begin}, rig=rig)
+    )
+
+
+def piloted(model: Model, effect: Effect | None = None) -> Experiment:
+    """An axis whose valve is stepped through a few commands; the supply is recorded where no effect is its own."""
+    time, rig = clock(2.4), model.rig
+    u = steps_of_command(time, (0.0, 5.0, 0.0, -5.0, 10.0, -10.0, 2.5, -5.0, 0.0, 5.0, -2.5, 0.0), 0.2)
+    signals = {"u": u, "x": 0.5 * (rig.stroke or 0.0), **balanced(rig, 0.4)}
+    if effect is None or effect.part != "supply":
+        signals["p_supply"] = rig.supply_pressure or 0.0
+    return recorded(model, bench("axis", time, signals, rig=rig))
+
+
+def fitted(model: Model, experiment: Experiment, effects: list[Effect]) -> Fit:
+    return fit_model(replace(model, effects=()), views_of([experiment]), effects)
+
+
+@pytest.mark.parametrize("change", [Change(0.2, 0.4, 0.5), Change(6.0, 8.0, 2.0)], ids=["small", "large"])
+def test_a_rig_that_is_scaled_by_dimension_is_fitted_alike(change: Change) -> None:
+    effect = catalogue()["constant-force"]
+    true = Model(RIG, (effect,), FRICTION | {"constant-force.force": 20.0}, VALVE)
+    usual = driven(true)
+    there = prepare(change.recording(usual.recording), change.rig(RIG), None)
+    mine, theirs = fitted(true, usual, [effect]), fitted(change.model(true), there, [effect])
+    for name, parameter in [("friction.coulomb", "N"), ("friction.viscous", "N s/m"), ("constant-force.force", "N")]:
+        assert theirs[name].value == pytest.approx(mine[name].value * change.of(parameter), rel=1e-6)
+    assert theirs.cost == pytest.approx(mine.cost, rel=1e-6)
+
+
+SMALL = Rig(293.15, 101_300.0, 3e5, piston_area_1=2.83e-5, piston_area_2=2.1e-5, stroke=0.05,
+            dead_volume_1=4e-7, dead_volume_2=4e-7, moving_mass=0.02)  # fmt: skip
+LARGE = Rig(293.15, 101_300.0, 5e6, piston_area_1=3.14e-2, piston_area_2=2.8e-2, stroke=0.5, dead_volume_1=2e-3,
+            dead_volume_2=2e-3, moving_mass=300.0)  # fmt: skip
+# what a short drive in the middle of the stroke does not show: the ends, rests of many lengths, micrometres
+SPECIAL = {"end-cushion", "dwell-breakaway", "presliding"}
+
+
+def base_of(rig: Rig) -> Model:
+    """A model whose friction is the share of the supply's force that it is on the usual rig."""
+    facts = facts_of(Model(rig))
+    force = facts.force
+    speed = (rig.stroke or 0.0) / 1.0
+    values = {"friction.coulomb": 0.03 * force, "friction.viscous": 0.04 * force / speed}
+    area = 2e-3 * (rig.piston_area_1 or 0.0) * (rig.stroke or 0.0) / 0.2
+    return Model(rig, (), values, ValveArea((-10.0, -5.0, 5.0, 10.0), (area, area / 2, area / 2, area)))
+
+
+@pytest.mark.parametrize("rig", [SMALL, LARGE], ids=["6 mm at 3 bar", "200 mm at 50 bar"])
+@pytest.mark.parametrize("effect", [e for e in catalogue().values() if e.name not in SPECIAL], ids=lambda e: e.name)
+def test_an_effect_of_typical_size_is_found_on_small_and_large_rigs(effect: Effect, rig: Rig) -> None:
+    base = base_of(rig)
+    if effect.part == "linear valve":
+        base = replace(base, valve=LinearValve(0.1 * max(base.valve(np.array([10.0]))), 10.0))
+    mechanical = (effect.part == "cylinder" and "leak_1_2" not in effect.ports) or "read_a" in effect.ports
+    facts = facts_of(base, [driven(base) if mechanical else piloted(base)])
+    values = {f"{effect.name}.{p.name}": p.on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
+    true = replace(base, effects=(effect,), values={**base.values, **values})
+    found = fitted(base, driven(true) if mechanical else piloted(true, effect), [effect])
+    for name, value in values.items():
+        assert not found[name].at_bound
+        assert found[name].value == pytest.approx(value, abs=6.0 * found[name].error, rel=0.03)
+
+
+def test_a_preloaded_spring_on_a_large_rig_stands_at_no_bound() -> None:
+    """100 mm at 50 bar, pushed by a spring that would rest four strokes away, with a third of the supply's force."""
+    rig = replace(LARGE, piston_area_1=7.85e-3, piston_area_2=7.0e-3, moving_mass=80.0)
+    base, effect = base_of(rig), catalogue()["spring-force"]
+    values = {"spring-force.stiffness": 0.08 * facts_of(base).force / 0.5, "spring-force.rest_position": 2.0}
+    true = replace(base, effects=(effect,), values={**base.values, **values})
+    found = fitted(base, driven(true), [effect])
+    assert not any(e.at_bound for e in found.estimates)
+    for name, value in values.items():
+        assert found[name].value == pytest.approx(value, rel=0.03)
+
+
+def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
+    base = base_of(SMALL)
+    lost = replace(catalogue()["constant-force"], name="lost", parameters=(
+        Parameter("force", "N", 0.0, 0.0, 1e3, ("1 supply forces",)),
+        Parameter("length", "m^2", None, 0.0, 1.0, ("0.1 valve areas",)),
+    ), ports={"force": lambda x, v, stroke, force, length: -force})  # fmt: skip
+    found = fit_model(replace(base, valve=NO_VALVE), views_of([driven(base)]), [])
+    with pytest.raises(InputError, match="valve areas: the effective area at the largest command"):
+        fit_added(found, views_of([driven(base)]), lost)
+
+
+def test_base_parameters_are_bounded_by_the_rig() -> None:
+    for rig in (SMALL, LARGE):
+        model = base_of(rig)
+        facts = facts_of(model)
+        free = {f.name: f for f in base_parameters(model, [driven(model)])}
+        assert free["friction.coulomb"].upper == pytest.approx(10.0 * facts.force)
+        assert free["friction.viscous"].upper > 100.0 * model.values["friction.viscous"]
+
+
+def test_a_motionless_reading_is_made_ready_without_a_fault() -> None:
+    """It has neither noise nor spread; whether that is refused, who asks for a fit decides."""
+    flat = np.ones(400)
+    signals = {"x": 0.1 * flat, "a": 0.0 * flat, "p1": 3e5 * flat, "p2": 3e5 * flat}
+    ready = prepare(Recording("still", "friction", "train", clock(0.399), signals), RIG, None)
+    assert np.isfinite(ready.inputs).all()
+    assert ready.inputs[:, 6] == pytest.approx(0.1)
