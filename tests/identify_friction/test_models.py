@@ -9,13 +9,19 @@ from pneucli.identify.friction import Domain, FrictionModel, grid_convergence
 from pneucli.identify.friction.fit import fit_coulomb
 from pneucli.identify.friction.models import direct, identify_models
 from pneucli.identify.friction.values import BLOCK, Samples
-from pneucli.physics.friction import nouri, stribeck
+from pneucli.physics.friction import stribeck
 from pneucli.tp import check
 from tests.identify_friction.benches import FIXTURES, Array, identified
 
 HYSTERETIC = FIXTURES / "friction_hysteresis"
+RISING, FALLING = (12.0, 40.0, 18.0, 0.02), (8.0, 45.0, 8.0)
 DOMAIN = Domain(top=0.3, resolved=1e-3)
 MASS = 2.0
+
+
+def nouri(v: Array, a: Array) -> Array:
+    """Hysteretic friction (3.7): Stribeck while speeding up, Coulomb and viscous with constants of its own slowing."""
+    return np.where(np.sign(v) == np.sign(a), stribeck(v, *RISING), stribeck(v, *FALLING))
 
 
 def samples(repeats: int, seed: int) -> Samples:
@@ -24,7 +30,7 @@ def samples(repeats: int, seed: int) -> Samples:
     time = 5e-4 * np.arange(8000 * repeats)
     v = 0.3 * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * time)) + 1e-6
     a = np.gradient(v, time)
-    force = nouri(v, a, (12.0, 40.0, 18.0, 0.02), (8.0, 45.0)) + rng.standard_normal(v.size)
+    force = nouri(v, a) + rng.standard_normal(v.size)
     branch = np.sign(v * a).astype(np.int8)
     keep = np.abs(v) > 2e-3
     columns = (v, a, force, force, np.ones_like(v), branch, (time / BLOCK).astype(np.int64))
@@ -50,7 +56,7 @@ def test_the_smoothed_sign_reaches_95_percent_where_sensors_and_grid_begin_to_re
 def test_model_d_is_nouris_law_but_for_the_smoothed_sign() -> None:
     d = models()["D"]
     v = np.concatenate([np.linspace(-0.3, -0.01, 50), np.linspace(0.01, 0.3, 50)])
-    truth = nouri(v, v, (12.0, 40.0, 18.0, 0.02), (8.0, 45.0))
+    truth = nouri(v, v)
     assert d.force(v, True) == pytest.approx(truth, abs=0.03 * 12.0)
     assert d.force(v, False) == pytest.approx(8.0 * np.sign(v) + 45.0 * v, abs=0.03 * 8.0)
     assert d.force(np.zeros(1), True) == pytest.approx([0.0])
@@ -109,7 +115,7 @@ def test_averaging_n_repeats_brings_direct_models_down_by_the_root_of_n(name: st
 
 
 def rising(v: Array) -> Array:
-    return nouri(v, v, (12.0, 40.0, 18.0, 0.02), (8.0, 45.0))
+    return nouri(v, v)
 
 
 def mean_of_branches(v: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.curve import FrictionCurve, curve
-from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck
+from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck
 from pneucli.identify.friction.imposed import KineticFriction, kinetic_friction
 from pneucli.identify.friction.models import GRID, Domain, FrictionModel, identify_models
 from pneucli.identify.friction.motion import Motion, motion_of
@@ -127,7 +127,7 @@ def _differing(levels: Sequence[KineticFriction]) -> list[str]:
     return [f"kinetic friction differs between recordings ({spread}): model A pools them; see each one's own level"]
 
 
-def _doubts(both: Fit, samples: Samples) -> list[str]:
+def _doubts(both: FittedLaw, samples: Samples) -> list[str]:
     """Return what the user should know about the fit of model A."""
     out = []
     values = both.values()

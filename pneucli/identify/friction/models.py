@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.curve import Branch
-from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck, law
+from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck, law
 from pneucli.identify.friction.values import Samples, Value
 from pneucli.tp import TPModel, gather, transform
 
@@ -119,12 +119,12 @@ class FrictionModel:
         return np.asarray(self.force(clear, accelerating) / self.domain.sign(clear))
 
 
-def parametric(name: Name, domain: Domain, fits: Mapping[Branch, Fit]) -> FrictionModel:
+def parametric(name: Name, domain: Domain, fits: Mapping[Branch, FittedLaw]) -> FrictionModel:
     """Return model A (one fit, of ``both``) or D (``accelerating`` and ``slowing``)."""
     return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()))
 
 
-def _parametric(domain: Domain, branch: Branch, fit: Fit) -> ModelBranch:
+def _parametric(domain: Domain, branch: Branch, fit: FittedLaw) -> ModelBranch:
     def force(v: Array) -> Array:
         v = np.asarray(v, dtype=np.float64)
         dry = law(np.abs(v), fit) - fit["viscous"] * np.abs(v)
@@ -146,7 +146,7 @@ def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> Mo
 
 
 def direct(
-    name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: Fit, mass: float
+    name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: FittedLaw, mass: float
 ) -> FrictionModel | None:
     """Return model C or F: TP models directly from the measured samples of each branch.
 
@@ -166,7 +166,7 @@ def direct(
     return FrictionModel(name, domain, tuple(branches))
 
 
-def _side(domain: Domain, s: Samples, both: Fit, direction: int) -> tuple[Array, Array] | None:
+def _side(domain: Domain, s: Samples, both: FittedLaw, direction: int) -> tuple[Array, Array] | None:
     """Return positive nodes (m/s) and the friction (N) measured in one direction, by least squares; None without."""
     nodes = domain.grid[domain.grid > 0]
     speed = direction * s.v
@@ -191,7 +191,7 @@ def _tp(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBranch:
 
 
 def identify_models(
-    samples: Samples, both: Fit, domain: Domain, mass: float
+    samples: Samples, both: FittedLaw, domain: Domain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
     """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
     a = parametric("A", domain, {"both": both})
@@ -213,7 +213,7 @@ def identify_models(
     return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
 
 
-def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, Fit]:
+def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, FittedLaw]:
     rising, falling = (replace(parts[b], friction=parts[b].friction - offset) for b in ("accelerating", "slowing"))
     return {"accelerating": fit_stribeck(rising, offset=False), "slowing": fit_coulomb(falling, offset=False)}
 
