@@ -8,7 +8,7 @@ import pytest
 from pneucli.identify.friction import Domain, FrictionModel, grid_convergence
 from pneucli.identify.friction.fit import fit_coulomb
 from pneucli.identify.friction.models import direct, identify_models
-from pneucli.identify.friction.values import BLOCK, Samples
+from pneucli.identify.friction.values import Samples
 from pneucli.physics.friction import stribeck
 from pneucli.tp import check
 from tests.identify_friction.benches import FIXTURES, Array, identified
@@ -33,7 +33,7 @@ def samples(repeats: int, seed: int) -> Samples:
     force = nouri(v, a) + rng.standard_normal(v.size)
     branch = np.sign(v * a).astype(np.int8)
     keep = np.abs(v) > 2e-3
-    columns = (v, a, force, force, np.ones_like(v), branch, (time / BLOCK).astype(np.int64))
+    columns = (v, a, force, force, np.ones_like(v), branch, (time / 0.2).astype(np.int64))
     return Samples(*(column[keep] for column in columns))
 
 

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pneucli.identify.friction.drive import run
-from pneucli.identify.friction.tables import POOLED, STEP
+from pneucli.identify.friction.beside import Beside
+from pneucli.identify.friction.tables import POOLED, STEPS
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model
 from tests.identify_friction.benches import FIXTURES, Array, identified
 
 TIME = 1e-3 * np.arange(500)
@@ -25,7 +27,7 @@ def tables(rising: float, falling: float, viscous: float) -> tuple[Array, float]
 
 def drive(force: Array, start: float, mass: float, rising: float, falling: float, viscous: float) -> Array:
     levels, step = tables(rising, falling, viscous)
-    return run(TIME, force, start, mass, levels, step, STEP)
+    return Beside(Model(Rig())).driven(TIME, force, TIME, start, mass, levels, step, STEPS)
 
 
 @settings(max_examples=30, deadline=None)

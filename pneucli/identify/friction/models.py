@@ -40,7 +40,9 @@ WELL = 0.5  # samples at a node, below which the outermost nodes of a direct mod
 class Domain:
     """Velocities on which the models live: ``nodes`` from -``top`` to ``top`` (m/s), and the sign's steepness.
 
-    ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve (``resolved``,
+    The nodes' distance grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
+    distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
+    broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve (``resolved``,
     m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its smoothing.
     """
 
@@ -51,12 +53,19 @@ class Domain:
     @property
     def grid(self) -> Array:
         """The nodes, shape (nodes,), m/s; standstill is none of them where their number is even."""
-        return np.linspace(-self.top, self.top, self.nodes)
+        most = np.arcsinh(self.top / self.resolved)
+        return np.asarray(self.resolved * np.sinh(np.linspace(-most, most, self.nodes)))
+
+    @property
+    def even(self) -> Array:
+        """As many positive speeds, (n,), in m/s at equal distances: a measurement is averaged alike at all of them."""
+        speeds = np.linspace(-self.top, self.top, self.nodes)
+        return speeds[speeds > 0]
 
     @property
     def step(self) -> float:
-        """Distance of two nodes in m/s."""
-        return 2 * self.top / (self.nodes - 1)
+        """Distance of the two nodes beside standstill in m/s."""
+        return float(np.min(np.diff(self.grid)))
 
     @property
     def eta(self) -> float:
@@ -167,8 +176,8 @@ def direct(
 
 
 def _side(domain: Domain, s: Samples, both: FittedLaw, direction: int) -> tuple[Array, Array] | None:
-    """Return positive nodes (m/s) and the friction (N) measured in one direction, by least squares; None without."""
-    nodes = domain.grid[domain.grid > 0]
+    """Return speeds (m/s) and the friction (N) measured in one direction, by least squares; None without."""
+    nodes = domain.even
     speed = direction * s.v
     mine = (speed >= max(nodes[0], domain.resolved)) & (speed <= nodes[-1])
     if np.count_nonzero(mine) < FEWEST:
@@ -223,11 +232,10 @@ def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -
 
     The smoothed sign is the source's throughout: the grid alone changes.
     """
-    top = source.domain.top
-    fine = np.linspace(-top, top, 40_001)
+    fine = np.linspace(-source.domain.top, source.domain.top, 40_001)
     out = []
     for nodes in sizes:
-        grid = np.linspace(-top, top, nodes)
+        grid = replace(source.domain, nodes=nodes).grid
         copies = [_resampled(one, source.domain, grid, mass) for one in source.branches]
         errors = [copy.force(fine) - one.force(fine) for copy, one in zip(copies, source.branches, strict=True)]
         out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))
