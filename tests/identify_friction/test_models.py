@@ -129,7 +129,7 @@ TRUTHS = {"F": rising, "C": mean_of_branches}
 def test_one_direction_mirrors_the_other_where_it_was_not_measured() -> None:
     s = samples(4, 1)
     forward = s.where(s.v > 0)
-    model = direct("C", DOMAIN, {"both": forward}, fit_coulomb(forward, offset=False), MASS)
+    model = direct("C", DOMAIN, {"both": forward}, 40.0, 0.0, MASS)
     assert model is not None
     v = np.linspace(0.01, 0.3, 30)
     assert model.force(-v) == pytest.approx(-model.force(v))
@@ -139,7 +139,7 @@ def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_frictio
     s = samples(4, 1)
     both = fit_coulomb(s, offset=True)
     wide = Domain(top=0.6, resolved=1e-3)
-    model = direct("C", wide, {"both": s}, both, MASS)
+    model = direct("C", wide, {"both": s}, both["viscous"], both["offset"], MASS)
     assert model is not None
     force = model.force(np.array([0.35, 0.55]))
     assert np.diff(force) == pytest.approx([both["viscous"] * 0.2], rel=1e-3)
@@ -148,7 +148,7 @@ def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_frictio
 def test_no_model_is_made_of_no_samples() -> None:
     s = samples(1, 0)
     none = s.where(np.zeros(len(s), dtype=bool))
-    assert direct("F", DOMAIN, {"accelerating": s, "slowing": none}, fit_coulomb(s, offset=True), MASS) is None
+    assert direct("F", DOMAIN, {"accelerating": s, "slowing": none}, 40.0, 0.0, MASS) is None
     found, warnings = identify_models(s.where(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
     assert [m.name for m in found] == ["A", "B", "C"]
     assert "no model D, E, F" in warnings[0]

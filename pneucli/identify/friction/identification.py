@@ -95,7 +95,7 @@ def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int 
         cuts=cuts,
         averages=tuple(average(cuts)),
         models=models,
-        deviations=deviations(models, motions, inertia, both["offset"]),
+        deviations=deviations(models, motions, inertia),
         kinetic=levels,
         taken_out=train[0].beside.names,
         lacking={m.name: lacks[m.name] for m in models},

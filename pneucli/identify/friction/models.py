@@ -94,12 +94,14 @@ class ModelBranch:
 class FrictionModel:
     """One of the models A to F; ``branches`` holds one for both, or one while speeding up and one while slowing.
 
-    Friction is without the constant force (``offset``) that the identification found beside it.
+    Friction is without the constant force ``offset`` (N, positive where it pushes toward x = 0) found beside it: by
+    A for A to C, by D for D to F, since one law for two branches would take their difference for a force.
     """
 
     name: Name
     domain: Domain
     branches: tuple[ModelBranch, ...]
+    offset: float = 0.0
 
     @property
     def title(self) -> str:
@@ -128,9 +130,9 @@ class FrictionModel:
         return np.asarray(self.force(clear, accelerating) / self.domain.sign(clear))
 
 
-def parametric(name: Name, domain: Domain, fits: Mapping[Branch, FittedLaw]) -> FrictionModel:
+def parametric(name: Name, domain: Domain, fits: Mapping[Branch, FittedLaw], offset: float) -> FrictionModel:
     """Return model A (one fit, of ``both``) or D (``accelerating`` and ``slowing``)."""
-    return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()))
+    return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()), offset)
 
 
 def _parametric(domain: Domain, branch: Branch, fit: FittedLaw) -> ModelBranch:
@@ -145,7 +147,7 @@ def _parametric(domain: Domain, branch: Branch, fit: FittedLaw) -> ModelBranch:
 def transformed(name: Name, source: FrictionModel, mass: float) -> FrictionModel:
     """Return model B or E: the TP models of the branches of A or D."""
     branches = tuple(_resampled(one, source.domain, source.domain.grid, mass) for one in source.branches)
-    return FrictionModel(name, source.domain, branches)
+    return FrictionModel(name, source.domain, branches, source.offset)
 
 
 def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> ModelBranch:
@@ -155,38 +157,40 @@ def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> Mo
 
 
 def direct(
-    name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: FittedLaw, mass: float
+    name: Name, domain: Domain, samples: Mapping[Branch, Samples], viscous: float, offset: float, mass: float
 ) -> FrictionModel | None:
-    """Return model C or F: TP models directly from the measured samples of each branch.
+    """Return model C or F: TP models directly from the measured samples of each branch, less the ``offset`` (N).
 
     A direction with fewer than ``FEWEST`` samples mirrors the other. Beyond the measured velocities friction goes on
-    with the viscous slope of ``both``, toward standstill it is held. None where a branch has too few in either.
+    with the slope ``viscous`` (N s/m), toward standstill it is held. None where a branch has too few in either.
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
     branches = []
     for branch, s in samples.items():
-        sides = [side for d in (1, -1) if (side := _side(domain, s, both, d))]
+        sides = [side for d in (1, -1) if (side := _side(domain, s, viscous, offset, d))]
         if not sides:
             return None
         levels = [np.interp(speed, *side) for side in (sides[0], sides[-1])]
         level = np.where(domain.grid >= 0, *levels)
         branches.append(_tp(domain.grid, branch, level * smoothed, mass))
-    return FrictionModel(name, domain, tuple(branches))
+    return FrictionModel(name, domain, tuple(branches), offset)
 
 
-def _side(domain: Domain, s: Samples, both: FittedLaw, direction: int) -> tuple[Array, Array] | None:
+def _side(
+    domain: Domain, s: Samples, viscous: float, offset: float, direction: int
+) -> tuple[Array, Array] | None:
     """Return speeds (m/s) and the friction (N) measured in one direction, by least squares; None without."""
     nodes = domain.even
     speed = direction * s.v
     mine = (speed >= max(nodes[0], domain.resolved)) & (speed <= nodes[-1])
     if np.count_nonzero(mine) < FEWEST:
         return None
-    friction = direction * (s.friction[mine] - both["offset"])
+    friction = direction * (s.friction[mine] - offset)
     found = gather(speed[mine], friction, (nodes,), sigma=s.sigma[mine])
     seen = np.flatnonzero(found.support >= WELL)
     first, last = seen[0], seen[-1]
-    beyond = both["viscous"] * np.maximum(nodes - nodes[last], 0.0)
+    beyond = viscous * np.maximum(nodes - nodes[last], 0.0)
     return nodes, found.samples[np.clip(np.arange(nodes.size), first, last)] + beyond
 
 
@@ -203,23 +207,35 @@ def identify_models(
     samples: Samples, both: FittedLaw, domain: Domain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
     """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
-    a = parametric("A", domain, {"both": both})
+    a, viscous = parametric("A", domain, {"both": both}, both["offset"]), both["viscous"]
     found: list[FrictionModel | None] = [
         a,
         transformed("B", a, mass),
-        direct("C", domain, {"both": samples}, both, mass),
+        direct("C", domain, {"both": samples}, viscous, a.offset, mass),
     ]
     parts: dict[Branch, Samples] = {
         "accelerating": samples.where(samples.branch > 0),
         "slowing": samples.where(samples.branch < 0),
     }
     if all(len(s) >= FEWEST for s in parts.values()):
-        d = parametric("D", domain, _branch_fits(parts, both["offset"]))
-        found += [d, transformed("E", d, mass), direct("F", domain, parts, both, mass)]
+        offset = _common_offset(parts)
+        d = parametric("D", domain, _branch_fits(parts, offset), offset)
+        found += [d, transformed("E", d, mass), direct("F", domain, parts, viscous, offset, mass)]
     models = tuple(m for m in found if m is not None)
     missing = [name for name in TITLES if name not in {m.name for m in models}]
     counts = ", ".join(f"{len(s)} {name}" for name, s in parts.items())
     return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
+
+
+def _common_offset(parts: Mapping[Branch, Samples]) -> float:
+    """Return the constant force in N beside both branches, each weighing by how sure it is; 0 where it can't be told."""
+    if not all(s.both_directions for s in parts.values()):
+        return 0.0
+    told = [
+        fit.values()["offset"]
+        for fit in (fit_stribeck(parts["accelerating"], offset=True), fit_coulomb(parts["slowing"], offset=True))
+    ]
+    return float(np.average([v.value for v in told], weights=[(v.ci_high - v.ci_low) ** -2.0 for v in told]))
 
 
 def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, FittedLaw]:

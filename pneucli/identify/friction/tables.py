@@ -57,25 +57,25 @@ def level_tables(model: FrictionModel) -> tuple[Array, float]:
     return np.maximum(np.array(rows), 0.0), step
 
 
-def driven(model: FrictionModel, motion: Motion, mass: float, offset: float, noise: Array | float = 0.0) -> Array:
+def driven(model: FrictionModel, motion: Motion, mass: float, noise: Array | float = 0.0) -> Array:
     """Return v (m/s) and a (m/s^2), shape (2, n), of the model under a recording's drive, started once at its v.
 
     The effects' forces act at the measured position and the model's own velocity. ``noise`` (N) disturbs the drive.
     """
     tables, step = level_tables(model)
     start = float(motion.v[0]) if abs(motion.v[0]) > motion.floor else 0.0
-    drive = motion.smooth_drive - motion.load - offset + noise
+    drive = motion.smooth_drive - motion.load - model.offset + noise
     return motion.beside.driven(motion.time, drive, motion.x, start, mass, tables, step, STEPS)
 
 
-def predicted_force(model: FrictionModel, motion: Motion, mass: float, offset: float) -> Array:
+def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
     """Return the driving force (N), shape (n,), that a model asks for an imposed motion; the sign smoothed (6.22)."""
     inertia: Array = mass * motion.smooth_a
-    return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + offset - motion.load
+    return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
 
 def deviations(
-    models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float, offset: float
+    models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float
 ) -> tuple[Deviation, ...]:
     """Return the tables 6.2 and 6.3: per model, recording and channel, and pooled per use.
 
@@ -85,7 +85,7 @@ def deviations(
     for model in models:
         pairs: dict[tuple[Literal["train", "test"], Channel], list[Compared]] = {}
         for m in motions:
-            for channel, compared in _compared(model, m, mass, offset):
+            for channel, compared in _compared(model, m, mass):
                 use = m.recording.use
                 seen = Compared(*(side[..., m.valid] for side in compared))
                 out.append(_deviation(model.name, m.recording.name, use, channel, seen))
@@ -96,14 +96,14 @@ def deviations(
     return tuple(out)
 
 
-def _compared(model: FrictionModel, m: Motion, mass: float, offset: float) -> list[tuple[Channel, Compared]]:
+def _compared(model: FrictionModel, m: Motion, mass: float) -> list[tuple[Channel, Compared]]:
     """Return what is measured and modelled, and draws of what noise makes of their difference."""
     rng = np.random.default_rng(0)
     if m.imposed:
         spread = mass * m.sigma_a * rng.standard_normal(m.redrawn.shape)
-        return [("force", Compared(m.drive - m.load, predicted_force(model, m, mass, offset), m.redrawn + spread))]
-    nominal = driven(model, m, mass, offset)
-    missed = np.array([driven(model, m, mass, offset, noise) for noise in m.redrawn]) - nominal
+        return [("force", Compared(m.drive - m.load, predicted_force(model, m, mass), m.redrawn + spread))]
+    nominal = driven(model, m, mass)
+    missed = np.array([driven(model, m, mass, noise) for noise in m.redrawn]) - nominal
     own = rng.standard_normal(missed.shape) * np.array([m.sigma_v, m.measured_a])[:, None]
     v, a = (Compared(y, z, d) for y, z, d in zip((m.v, m.a), nominal, (missed + own).swapaxes(0, 1), strict=True))
     return [("a", a), ("v", v)] if m.measured_a else [("v", v)]
