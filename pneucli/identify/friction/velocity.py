@@ -113,11 +113,14 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
 
 
 def lasting(a: Array, noise: NoiseModel) -> int:
-    """Return for how many samples an acceleration lasts, at least ``QUIET``: until its autocovariance is halved."""
+    """Return over how many samples an acceleration stays what it is, at least ``QUIET``.
+
+    Half of the time after which its autocovariance has halved.
+    """
     power = np.abs(np.fft.rfft(a - a.mean(), 2 * a.size)) ** 2
     covariance = np.fft.irfft(power)[: a.size] / a.size
     below = np.flatnonzero(covariance < 0.5 * (covariance[0] - noise.rms**2))
-    return max(int(below[0]), QUIET) if below.size else QUIET
+    return max(int(below[0]) // 2, QUIET) if below.size else QUIET
 
 
 def _quiet(a: Array, noise: NoiseModel, window: int) -> Mask:
