@@ -35,7 +35,7 @@ class KineticFriction:
 
 def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
     """Return the kinetic friction of one recording, or None where it does not move in both directions."""
-    moving = motion.moving
+    moving = motion.sliding(1)  # to a median what smoothing does beside a turn is nothing
     if not moving.any():
         return None
     speed = float(np.median(np.abs(motion.v[moving])))

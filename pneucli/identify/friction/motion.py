@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.beside import Beside
@@ -38,7 +39,8 @@ class Motion:
     measured force, and the ``load`` that the model's effects state (``beside``). ``smooth_drive`` and ``smooth_a`` are
     freed from noise, ``redrawn`` (DRAWS, n) is what the sensors' noise leaves in the smooth drive; ``a`` is without
     the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of what is not smoothed) are
-    standard deviations, ``measured_a`` that of the accelerometer (0: none). ``valid``: measured.
+    standard deviations, ``measured_a`` that of the accelerometer (0: none). ``valid``: measured. Velocity and force are
+    smoothed over ``blur`` samples to each side.
     """
 
     recording: Recording
@@ -52,6 +54,7 @@ class Motion:
     load: Array
     redrawn: Array
     valid: Mask
+    blur: int
     sigma_v: float
     sigma_a: float
     sigma_drive: float
@@ -74,10 +77,16 @@ class Motion:
 
     @property
     def moving(self) -> Mask:
-        """Samples of certain motion: velocities that the sensors resolve, on both sides of the sample too."""
-        fast = np.abs(self.v) > self.floor
-        near = np.concatenate([[False], fast[:-1]]) & np.concatenate([fast[1:], [False]])
-        return np.asarray(fast & near & self.valid)
+        """Samples of certain motion: velocities that the sensors resolve, of one sign as far as smoothing reaches."""
+        return self.sliding(self.blur)
+
+    def sliding(self, reach: int) -> Mask:
+        """Return where the sensors resolve a velocity, and one of the same sign ``reach`` samples to either side."""
+        way = np.where(np.abs(self.v) > self.floor, np.sign(self.v), 0.0)
+        size = 2 * reach + 1
+        forward = minimum_filter1d(way, size, mode="constant") > 0
+        backward = maximum_filter1d(way, size, mode="constant") < 0
+        return np.asarray((forward | backward) & self.valid)
 
     @cached_property
     def block(self) -> float:
@@ -120,7 +129,7 @@ def motion_of(recording: Recording, model: Model) -> Motion:
     parts, beside, time = _drive_parts(recording, model.rig), Beside(model), recording.time
     raw = {n: filled(time, recording[n]) for n in (*parts, "x", "a") if n in recording}
     noise = {n: _noise(recording, n, y) for n, y in raw.items()}
-    derive, smoothers, a = _estimators(recording, raw, noise)
+    derive, smoothers, a, blur = _estimators(recording, raw, noise)
 
     def push(readings: Mapping[str, Array]) -> Array:
         true = beside.true_readings(time, readings)
@@ -151,6 +160,7 @@ def motion_of(recording: Recording, model: Model) -> Motion:
         load=load,
         redrawn=np.array(redrawn),
         valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw]),
+        blur=blur,
         sigma_v=float(np.std(v_error)),
         sigma_a=float(np.std(a_error)),
         sigma_drive=float(np.hypot(np.std(missed), np.std(moved))),
@@ -191,14 +201,15 @@ def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float
 
 def _estimators(
     recording: Recording, raw: dict[str, Array], noise: dict[str, NoiseModel]
-) -> tuple[Kinematics, dict[str, Smoother], Array]:
-    """Return the map (x, a) -> (v, smoothed a), each signal's smoother, and the acceleration without bias."""
+) -> tuple[Kinematics, dict[str, Smoother], Array, int]:
+    """Return the map (x, a) -> (v, smoothed a), each signal's smoother, the acceleration without bias, and the blur."""
     time = recording.time
     if "a" not in raw and "x" not in raw:
         raise InputError(f"recording {recording.name}", "neither x nor a", "position, acceleration, or both")
     if "a" not in raw:
-        smooth = gentlest(time, raw["x"], noise["x"])
-        return _derivatives(time, smooth), dict.fromkeys(raw, smooth), np.zeros(time.size)
+        smooth, cutoff = gentlest(time, raw["x"], noise["x"])
+        blur = int(np.ceil(0.5 / (cutoff * recording.period)))
+        return _derivatives(time, smooth), dict.fromkeys(raw, smooth), np.zeros(time.size), blur
     fits: dict[str, Smoother] = {n: local_fits(y, noise[n], recording.period) for n, y in raw.items()}
     if "x" in raw:
         velocity = fuse(time, raw["a"], noise["x"].rms, noise["a"].rms)
@@ -210,7 +221,7 @@ def _estimators(
             raise InputError(f"recording {recording.name}", "never at rest", "x, or rests to integrate from")
         bias = float(np.mean(raw["a"][rest]))
         derive = lambda _, a: (integrate(time, a, rest), fits["a"](a))  # noqa: E731
-    return derive, fits, raw["a"] - bias
+    return derive, fits, raw["a"] - bias, 1
 
 
 def _derivatives(time: Array, smooth: Smoother) -> Kinematics:

@@ -22,8 +22,8 @@ QUIET = 9  # samples at least, over which a rest is recognised
 LOUD = 1.5  # times the sensor's noise, beyond which an accelerometer is not at rest
 AGREEMENT = 5.0  # standard deviations of the integrated noise
 MISSED = 0.3  # of a jump in acceleration times the period: uniform over the period, 1 / sqrt(12)
-HIGHEST = 0.4  # of the sampling frequency
-HALVINGS = 8  # of the range of cutoffs
+CUTOFFS = (1 / 200, 0.4)  # of the sampling frequency: below, rounding spoils the sixth power
+HALVINGS = 6  # of that range
 
 
 def low_pass(time: Array, cutoff: float) -> Smoother:
@@ -47,13 +47,13 @@ def low_pass(time: Array, cutoff: float) -> Smoother:
     return lambda signal: np.asarray(cho_solve_banded(factor, signal))
 
 
-def gentlest(time: Array, x: Array, noise: NoiseModel) -> Smoother:
-    """Return the strongest :func:`low_pass` that takes no more from ``x`` than ``noise`` (discrepancy principle).
+def gentlest(time: Array, x: Array, noise: NoiseModel) -> tuple[Smoother, float]:
+    """Return the strongest :func:`low_pass` that takes no more from ``x`` than ``noise``, and its cutoff in Hz.
 
-    Source: V. Morozov, Soviet Math. Dokl. 7 (1966).
+    The discrepancy principle. Source: V. Morozov, Soviet Math. Dokl. 7 (1966).
     """
-    strong, gentle = 1.0 / float(time[-1] - time[0]), HIGHEST / float(np.median(np.diff(time)))
-    smooth = low_pass(time, gentle)
+    strong, gentle = np.array(CUTOFFS) / float(np.median(np.diff(time)))
+    smooth = low_pass(time, float(gentle))
     for _ in range(HALVINGS):
         middle = float(np.sqrt(strong * gentle))
         tried = low_pass(time, middle)
@@ -61,7 +61,7 @@ def gentlest(time: Array, x: Array, noise: NoiseModel) -> Smoother:
             gentle, smooth = middle, tried
         else:
             strong = middle
-    return smooth
+    return smooth, float(gentle)
 
 
 def fuse(time: Array, a: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, float]]:
