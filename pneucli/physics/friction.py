@@ -1,4 +1,4 @@
-"""Friction over velocity (thesis 3.1-3.6), vectorised; N, m/s, N s/m. Its rise is the effect ``stribeck``'s equation."""
+"""Friction over velocity (thesis 3.1-3.6), vectorised; N, m/s, N s/m. The rise is that of the effect ``stribeck``."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.units import factor_and_offset, parse_quantity
 from pneucli.simulate.model import Model
+from pneucli.units import factor_and_offset, parse_quantity
 
 Array = NDArray[np.float64]
 FIXTURES = Path(__file__).parents[2] / "fixtures"

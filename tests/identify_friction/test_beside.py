@@ -1,4 +1,4 @@
-"""A to F are fitted and replayed beside the pipeline's other effects, and it is said which effects on friction they lack.
+"""A to F are fitted and replayed beside the pipeline's other effects, and it is said which on friction they lack.
 
 The recordings are runs of the exam's rig, whose equations are its own; what is set there is told to the model here.
 """

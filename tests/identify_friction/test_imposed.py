@@ -57,7 +57,9 @@ def test_a_mass_that_shows_is_identified() -> None:
     force = 20.0 * np.gradient(v, time) + 15.0 * np.sign(v) + 80.0 * v - 3.0 + rng.standard_normal(8000)
     noise = {"x": NoiseModel(white=1e-6), "force": NoiseModel(white=1.0)}
     signals = {"x": x + 1e-6 * rng.standard_normal(8000), "force": force}
-    found = identify_friction([Recording("r", "friction", "train", time, signals, noise, imposed="motion")], Model(Rig()))
+    found = identify_friction(
+        [Recording("r", "friction", "train", time, signals, noise, imposed="motion")], Model(Rig())
+    )
     assert found.mass is not None
     for value, truth in ((found.mass, 20.0), (found.parameters["coulomb"], 15.0), (found.parameters["viscous"], 80.0)):
         assert value.value == pytest.approx(truth, rel=0.03)
@@ -108,5 +110,6 @@ def emps() -> FrictionIdentification:
     x, drive = (table[key].ravel().astype(float) for key in ("qm", "vir"))
     signals = {"x": x, "force": 35.15065188 * drive}
     return identify_friction(
-        [Recording("train", "friction", "train", table["t"].ravel().astype(float), signals, imposed="motion")], Model(Rig())
+        [Recording("train", "friction", "train", table["t"].ravel().astype(float), signals, imposed="motion")],
+        Model(Rig()),
     )

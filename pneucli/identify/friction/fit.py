@@ -62,7 +62,7 @@ def fit_coulomb(samples: Samples, *, offset: bool, mass: bool = False) -> Fitted
     design = np.column_stack(list(columns.values())) / s.sigma[:, None]
     target = (s.drive if mass else s.friction) / s.sigma
     low = np.array([-np.inf if name == "offset" else 0.0 for name in columns])
-    start = np.linalg.lstsq(design, target)[0]
+    start = np.asarray(np.linalg.lstsq(design, target)[0], dtype=np.float64)
     return _refine(tuple(columns), lambda p: design @ p - target, start, low, s)
 
 

@@ -67,8 +67,9 @@ class FrictionIdentification:
 def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int = GRID) -> FrictionIdentification:
     """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
 
-    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. ``nodes`` is the number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError
-    where there is none, where the drive or the motion was not recorded, or where hardly anything moves.
+    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. ``nodes`` is the
+    number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError where there is none,
+    where the drive or the motion was not recorded, or where hardly anything moves.
     """
     motions = tuple(motion_of(r, model) for r in _usable(recordings))
     train = [m for m in motions if m.recording.use == "train"]
@@ -154,7 +155,9 @@ def _doubts(both: FittedLaw, samples: Samples, lacks: Mapping[Name, tuple[str, .
     values = both.values()
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
-        out.append(f"a constant force of {force:.3g} N acts beside friction (or friction differs by direction, or a sensor or an area errs)")
+        out.append(
+            f"a constant force of {force:.3g} N acts beside friction (or friction differs by direction, or a sensor or an area errs)"
+        )
     if both.deviation > RESTLESS:
         out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_reason(lacks)}")
     if values["coulomb"].ci_low <= 0:

@@ -43,7 +43,7 @@ def _by_direction_alone(effect: Effect, model: Model, motions: Sequence[Motion])
     ambient, own = model.rig.ambient_pressure, model.own(effect)
     for direction in (1.0, -1.0):
         factors = [
-            effect.ports["dry_factor"](direction, *state, ambient, *own)  # type: ignore[arg-type]
+            effect.ports["dry_factor"](direction, *state, ambient, *own)
             for m in motions
             for state in _states(m, ambient)
         ]

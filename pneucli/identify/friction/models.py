@@ -42,8 +42,9 @@ class Domain:
 
     The nodes' distance grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
     distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
-    broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve (``resolved``,
-    m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its smoothing.
+    broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve
+    (``resolved``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its
+    smoothing.
     """
 
     top: float
@@ -177,9 +178,7 @@ def direct(
     return FrictionModel(name, domain, tuple(branches), offset)
 
 
-def _side(
-    domain: Domain, s: Samples, viscous: float, offset: float, direction: int
-) -> tuple[Array, Array] | None:
+def _side(domain: Domain, s: Samples, viscous: float, offset: float, direction: int) -> tuple[Array, Array] | None:
     """Return speeds (m/s) and the friction (N) measured in one direction, by least squares; None without."""
     nodes = domain.even
     speed = direction * s.v
@@ -228,7 +227,7 @@ def identify_models(
 
 
 def _common_offset(parts: Mapping[Branch, Samples]) -> float:
-    """Return the constant force in N beside both branches, each weighing by how sure it is; 0 where it can't be told."""
+    """Return the constant force in N beside both branches, weighed by how sure each is; 0 where it can't be told."""
     if not all(s.both_directions for s in parts.values()):
         return 0.0
     told = [

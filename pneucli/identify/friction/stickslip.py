@@ -67,8 +67,8 @@ class Averaged:
 def cut(motion: Motion, mass: float) -> list[Cut]:
     """Return every single stick-slip of a recording, for a moving mass in kg.
 
-    A slide counts that the piston rests ``REST`` of its duration before and after; what is slower than ``SLIDE`` of the recording's
-    highest speed throughout is rest, since velocity from position alone rings beside a stop.
+    A slide counts that the piston rests ``REST`` of its duration before and after; what is slower than ``SLIDE`` of the
+    recording's highest speed throughout is rest, since velocity from position alone rings beside a stop.
     """
     begins, stops = _slides(motion)
     before = np.concatenate([[0], stops])[:-1]

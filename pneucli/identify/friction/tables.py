@@ -74,9 +74,7 @@ def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
     return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
 
-def deviations(
-    models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float
-) -> tuple[Deviation, ...]:
+def deviations(models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float) -> tuple[Deviation, ...]:
     """Return the tables 6.2 and 6.3: per model, recording and channel, and pooled per use.
 
     Acceleration is compared where an accelerometer measured it; an imposed motion is compared by its force.
