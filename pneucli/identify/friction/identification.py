@@ -155,9 +155,8 @@ def _doubts(both: FittedLaw, samples: Samples, lacks: Mapping[Name, tuple[str, .
     values = both.values()
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
-        out.append(
-            f"a constant force of {force:.3g} N acts beside friction (or friction differs by direction, or a sensor or an area errs)"
-        )
+        otherwise = "or friction differs by direction, or a sensor or an area errs"
+        out.append(f"a constant force of {force:.3g} N acts beside friction ({otherwise})")
     if both.deviation > RESTLESS:
         out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_reason(lacks)}")
     if values["coulomb"].ci_low <= 0:

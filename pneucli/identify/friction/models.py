@@ -206,7 +206,7 @@ def identify_models(
     samples: Samples, both: FittedLaw, domain: Domain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
     """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
-    a, viscous = parametric("A", domain, {"both": both}, both["offset"]), both["viscous"]
+    a, viscous = parametric("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
     found: list[FrictionModel | None] = [
         a,
         transformed("B", a, mass),
