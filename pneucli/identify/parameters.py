@@ -134,7 +134,7 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
 
 
 def absent_value(parameter: Parameter, model: Model, upper: float) -> float | None:
-    """Return the value at which the effect is as good as absent: its null, or its ``upper`` bound for an infinite one."""
+    """Return the value at which the effect is as good as absent: its null, or ``upper`` where that is infinite."""
     if parameter.null is None:
         return None
     null = null_value(parameter, model)

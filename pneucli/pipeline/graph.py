@@ -57,7 +57,8 @@ _ALL = (
         files=("model", "plugins"),
         answer=(
             *("model.effects", "model.parameters", "warnings"),
-            *("valve.overlap", "valve.iso", "friction.warnings", "friction.kinetic", "friction.deviations"),
+            *("valve.overlap", "valve.iso", "friction.warnings", "friction.taken_out", "friction.models"),
+            *("friction.kinetic", "friction.deviations"),
         ),
     ),
     Stage(

@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from pneucli import caches
 from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
-from pneucli.simulate import kernel, layout
+from pneucli.simulate import driven, kernel, layout
 
 _LOCK = Lock()  # threads ask for kernels
 END = "# --- end of ports ---"
-ENTRIES = ("run", "run_imposed", "run_balance")
+ENTRIES = ("run", "run_imposed", "run_balance", "run_driven", "run_loads", "run_readings")
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
         *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing"]),
         _scalars(effects),
         _functions(physics),
+        _functions(inspect.getsource(driven)),
     ]
     text = "\n\n".join(parts)
     return re.sub(r"^def (\w+).*?(?=^def |\Z)", _mark, text, flags=re.MULTILINE | re.DOTALL) if compiled else text

@@ -15,6 +15,32 @@ from pneucli.io.artifacts import Provenance, write_table
 MODEL_POINTS = 401
 
 
+def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
+    """Return what the JSON answer holds of friction."""
+    return {
+        "warnings": list(friction.warnings),
+        "taken_out": list(friction.taken_out),
+        "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
+        "kinetic": [
+            {"recording": k.recording, "pressures": k.pressures, "friction": k.friction.value, "unit": "N"}
+            for k in friction.kinetic
+        ],
+        "deviations": [
+            {
+                "model": d.model,
+                "recording": d.recording,
+                "use": d.use,
+                "channel": d.channel,
+                "rmsd": d.rmsd,
+                "noise": d.noise,
+                "unit": d.unit,
+                "percent": d.percent,
+            }
+            for d in friction.deviations
+        ],
+    }
+
+
 def write_friction(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
     """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
     grid = np.linspace(-friction.domain.top, friction.domain.top, MODEL_POINTS)
@@ -76,10 +102,12 @@ def _write_tables(friction: FrictionIdentification, out: Path, provenance: Prove
             "unit": d.unit,
             "percent": d.percent,
             "relative_percent": d.relative_percent,
+            "noise": d.noise,
+            "lacks": ", ".join(friction.lacking[d.model]),
         }
         for d in friction.deviations
     ]
-    units = {"rmsd": "see column unit", "percent": "%", "relative_percent": "%"}
+    units = {"rmsd": "see column unit", "noise": "see column unit", "percent": "%", "relative_percent": "%"}
     _write(out / "friction_deviations.parquet", rows, units, provenance)
     parameters: list[dict[str, Any]] = [
         {

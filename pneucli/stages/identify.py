@@ -14,7 +14,7 @@ from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.stages.friction_tables import write_friction
+from pneucli.stages.friction_tables import friction_answer, write_friction
 from pneucli.stages.study import Study, save_model
 from pneucli.stages.valve_tables import iso_parameters, write_valve
 
@@ -33,7 +33,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("identifying the valve", 0.5)
     valve = _valve(study, warnings)
     context.progress("identifying friction", 0.7)
-    friction = _friction(study, warnings)
+    friction = _friction(study, model, warnings)
     estimates = [as_ratio(e, study) for e in found] + _null(study.rig)
     _write(study, model, estimates, valve, friction)
     warnings += [AT_BOUND.format(e.name) for e in found if e.at_bound]
@@ -72,11 +72,11 @@ def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
         return None
 
 
-def _friction(study: Study, warnings: list[str]) -> FrictionIdentification | None:
+def _friction(study: Study, model: Model, warnings: list[str]) -> FrictionIdentification | None:
     if not any(r.kind.cylinder and r.use == "train" for r in study.recordings):
         return None
     try:
-        found = identify_friction(study.recordings, study.rig)
+        found = identify_friction(study.recordings, model)
     except InputError as error:
         warnings.append(f"no friction models: {error.where}: {error.found}")
         return None
@@ -152,23 +152,5 @@ def _answer(
             "iso": {n: {"value": v, "unit": u, "ci95": [lo, hi]} for n, v, u, lo, hi in iso_parameters(valve)},
         }
     if friction is not None:
-        answer["friction"] = {
-            "warnings": list(friction.warnings),
-            "kinetic": [
-                {"recording": k.recording, "pressures": k.pressures, "friction": k.friction.value, "unit": "N"}
-                for k in friction.kinetic
-            ],
-            "deviations": [
-                {
-                    "model": d.model,
-                    "recording": d.recording,
-                    "use": d.use,
-                    "channel": d.channel,
-                    "rmsd": d.rmsd,
-                    "unit": d.unit,
-                    "percent": d.percent,
-                }
-                for d in friction.deviations
-            ],
-        }
+        answer["friction"] = friction_answer(friction)
     return answer

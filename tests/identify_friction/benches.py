@@ -19,6 +19,7 @@ from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
+from pneucli.simulate.model import Model
 from pneucli.units import factor_and_offset, parse_quantity
 
 Array = NDArray[np.float64]
@@ -64,7 +65,8 @@ def _read(folder: Path, table: dict[str, Any], signals: dict[str, Any], ambient:
 
 @cache
 def identified(folder: Path) -> FrictionIdentification:
-    return identify_friction(*load(folder))
+    recordings, rig = load(folder)
+    return identify_friction(recordings, Model(rig))
 
 
 def fixture_truth(name: str) -> dict[str, float]:

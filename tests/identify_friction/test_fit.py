@@ -9,10 +9,11 @@ import pytest
 from scipy.signal import lfilter
 
 from pneucli.identify.friction.fit import fit_coulomb, fit_stribeck, law
-from pneucli.identify.friction.values import BLOCK, Samples
-from pneucli.physics.friction import coulomb_viscous, stribeck
+from pneucli.identify.friction.values import Samples
+from pneucli.physics.friction import stribeck
 from tests.identify_friction.benches import FIXTURES, case, fixture_truth, identified
 
+BLOCK = 0.2  # s
 WITHIN = 0.03  # the issue's: friction parameters within 3 % on null fixtures
 
 
@@ -55,7 +56,7 @@ def test_parameters_of_another_virtual_rig_are_within_3_percent(number: str) -> 
 
 
 def test_friction_that_drifts_is_said_to_be_more_than_a_function_of_velocity() -> None:
-    assert any("depends on more" in warning for warning in identified(case("17")).warnings)
+    assert any("something acts" in warning for warning in identified(case("17")).warnings)
 
 
 def synthetic(seed: int, pole: float, static: float = 10.0) -> Samples:
@@ -101,4 +102,4 @@ def test_the_fitted_law_is_that_of_the_physics() -> None:
     v = np.linspace(-0.3, 0.3, 101)
     values = {"coulomb": 8.0, "viscous": 30.0, "static": 13.0, "velocity": 0.02}
     assert law(v, values) == pytest.approx(stribeck(v, 8.0, 30.0, 13.0, 0.02))
-    assert law(v, {**values, "velocity": 0.0}) == pytest.approx(coulomb_viscous(v, 8.0, 30.0))
+    assert law(v, {**values, "velocity": 0.0}) == pytest.approx(8.0 * np.sign(v) + 30.0 * v)

@@ -9,6 +9,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.friction import identify_friction
+from pneucli.simulate.model import Model
 from tests.identify_friction.benches import BENCH, FIXTURES, RIG, identified, load, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015)
@@ -37,7 +38,7 @@ def test_measured_curves_hold_the_law_within_their_intervals() -> None:
 def test_test_recordings_are_not_fitted_to() -> None:
     recordings, rig = load(FIXTURES / "friction_null_coulomb")
     spoilt = [r if r.use == "train" else _spoilt(r) for r in recordings]
-    assert identify_friction(spoilt, rig).parameters == identified(FIXTURES / "friction_null_coulomb").parameters
+    assert identify_friction(spoilt, Model(rig)).parameters == identified(FIXTURES / "friction_null_coulomb").parameters
 
 
 def _spoilt(recording):  # type: ignore[no-untyped-def]
@@ -45,33 +46,33 @@ def _spoilt(recording):  # type: ignore[no-untyped-def]
 
 
 def test_axis_recordings_serve_where_there_is_no_friction_test() -> None:
-    found = identify_friction([replace(RUN, experiment="axis")], RIG)
+    found = identify_friction([replace(RUN, experiment="axis")], Model(RIG))
     assert found.parameters["coulomb"].value == pytest.approx(12.0, rel=0.03)
 
 
 def test_a_constant_force_is_told_from_friction_only_where_both_directions_were_measured() -> None:
     rising = pressed(STICKY, np.abs(pulses(2, 30.0)) * 0.8)
-    one_way = identify_friction([recorded(STICKY, rising, 2)], RIG)
+    one_way = identify_friction([recorded(STICKY, rising, 2)], Model(RIG))
     assert "offset" not in one_way.parameters
     assert any("one direction" in warning for warning in one_way.warnings)
 
 
 def test_the_grid_is_the_users_to_choose() -> None:
-    found = identify_friction([RUN], RIG, nodes=400)
+    found = identify_friction([RUN], Model(RIG), nodes=400)
     assert found.model("E").branches[0].tp.grids[0].size == 400
 
 
 def test_what_cannot_be_identified_is_said() -> None:
     with pytest.raises(InputError, match="no friction test to train on"):
-        identify_friction([replace(RUN, use="test")], RIG)
+        identify_friction([replace(RUN, use="test")], Model(RIG))
     resting = recorded(BENCH, pressed(BENCH, np.zeros(500)), 3)
     with pytest.raises(InputError, match="moving samples"):
-        identify_friction([resting], RIG)
+        identify_friction([resting], Model(RIG))
     with pytest.raises(InputError, match="friction model"):
-        identify_friction([RUN], RIG).model("G")
+        identify_friction([RUN], Model(RIG)).model("G")
 
 
 def test_a_mass_left_out_is_identified() -> None:
-    found = identify_friction([RUN], replace(RIG, moving_mass=None))
+    found = identify_friction([RUN], Model(replace(RIG, moving_mass=None)))
     assert found.mass is not None
     assert found.mass.value == pytest.approx(2.0, rel=0.03)

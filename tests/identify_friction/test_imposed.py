@@ -9,6 +9,7 @@ from scipy.io import loadmat
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
+from pneucli.simulate.model import Model
 from tests.identify_friction.benches import real
 
 AMBIENT = 101_325.0
@@ -31,7 +32,7 @@ RIG = Rig(ambient_pressure=AMBIENT, piston_area_1=5e-4, piston_area_2=5e-4)
 
 def test_kinetic_friction_is_half_the_difference_of_the_directions() -> None:
     levels = {1e5: 4.0, 3e5: 5.5, 7e5: 8.0}
-    found = identify_friction([stroking(f, p, offset=0.7) for p, f in levels.items()], RIG)
+    found = identify_friction([stroking(f, p, offset=0.7) for p, f in levels.items()], Model(RIG))
     for one, (pressure, level) in zip(found.kinetic, levels.items(), strict=True):
         # 0.1 N of noise over some 3800 samples a direction, and the few samples beside the turns
         assert one.friction.value == pytest.approx(level, abs=0.02)
@@ -42,7 +43,7 @@ def test_kinetic_friction_is_half_the_difference_of_the_directions() -> None:
 
 
 def test_a_mass_that_does_not_show_is_neglected_and_said_so() -> None:
-    found = identify_friction([stroking(4.0, 1e5)], RIG)
+    found = identify_friction([stroking(4.0, 1e5)], Model(RIG))
     assert found.mass is None
     assert any("mass" in warning for warning in found.warnings)
     assert {d.channel for d in found.deviations} == {"force"}
@@ -56,7 +57,9 @@ def test_a_mass_that_shows_is_identified() -> None:
     force = 20.0 * np.gradient(v, time) + 15.0 * np.sign(v) + 80.0 * v - 3.0 + rng.standard_normal(8000)
     noise = {"x": NoiseModel(white=1e-6), "force": NoiseModel(white=1.0)}
     signals = {"x": x + 1e-6 * rng.standard_normal(8000), "force": force}
-    found = identify_friction([Recording("r", "friction", "train", time, signals, noise, imposed="motion")], Rig())
+    found = identify_friction(
+        [Recording("r", "friction", "train", time, signals, noise, imposed="motion")], Model(Rig())
+    )
     assert found.mass is not None
     for value, truth in ((found.mass, 20.0), (found.parameters["coulomb"], 15.0), (found.parameters["viscous"], 80.0)):
         assert value.value == pytest.approx(truth, rel=0.03)
@@ -84,7 +87,7 @@ def test_seal_friction_against_chamber_pressure(seal: str) -> None:
         signals = {"x": rows[:, 4] / 1e3, "p2": rows[:, 5] * 1e5 + AMBIENT, "force": rows[:, 6]}
         recordings.append(Recording(f"{bar}", "friction", "train", rows[:, 0] / 1e3, signals, imposed="motion"))
     rig = Rig(ambient_pressure=AMBIENT, piston_area_1=area, piston_area_2=area)
-    found = identify_friction(recordings, rig)
+    found = identify_friction(recordings, Model(rig))
     # where a stroke begins and ends is judged otherwise than in the readme's figures
     assert [k.friction.value for k in found.kinetic] == pytest.approx(SEALS[seal], rel=0.02)
 
@@ -107,5 +110,6 @@ def emps() -> FrictionIdentification:
     x, drive = (table[key].ravel().astype(float) for key in ("qm", "vir"))
     signals = {"x": x, "force": 35.15065188 * drive}
     return identify_friction(
-        [Recording("train", "friction", "train", table["t"].ravel().astype(float), signals, imposed="motion")], Rig()
+        [Recording("train", "friction", "train", table["t"].ravel().astype(float), signals, imposed="motion")],
+        Model(Rig()),
     )

@@ -13,6 +13,7 @@ from pneucli.errors import InputError
 from pneucli.identify.friction import motion_of
 from pneucli.identify.friction.velocity import integrate, low_pass, rests
 from pneucli.noise import NoiseModel
+from pneucli.simulate.model import Model
 from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)
@@ -21,7 +22,7 @@ TRUTH = pressed(STICKY, pulses(3, 30.0))
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("x",), ("a",)], ids=["x and a", "x", "a"])
 def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, ...]) -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), RIG)
+    motion = motion_of(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG))
     error = motion.v - TRUTH["v"]
     fastest = np.abs(TRUTH["v"]).max()
     # 0.3 m/s^2 of bias, integrated over these 2.6 s, would be 0.78 m/s; the sensors promise sigma_v, and position
@@ -32,18 +33,18 @@ def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("a",)], ids=["x and a", "a"])
 def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), RIG)
+    motion = motion_of(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
     truth = STICKY.piston_area_1 * (TRUTH["p1"] - TRUTH["p2"]) - 2.0 * TRUTH["a"]
     error = (motion.friction(2.0) - truth)[motion.moving]
     # 200 Pa on each of two pressures over 8 cm^2, 0.05 m/s^2 on 2 kg
     expected = np.sqrt(2 * (200 * 8e-4) ** 2 + (2 * 0.05) ** 2)
-    assert motion.sigma_friction(2.0) == pytest.approx(expected, rel=1e-6)
+    assert motion.sigma_friction(2.0) == pytest.approx(expected, rel=0.02)  # from one draw of the noise
     assert np.std(error) == pytest.approx(expected, rel=0.1)
     assert abs(np.mean(error)) < 5 * expected / np.sqrt(error.size)
 
 
 def test_a_resting_piston_is_not_taken_for_a_moving_one() -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 3), RIG)
+    motion = motion_of(recorded(STICKY, TRUTH, 3), Model(RIG))
     rest = TRUTH["v"] == 0.0
     clear = np.abs(TRUTH["v"]) > 3 * motion.floor
     assert not np.any(motion.moving & rest)
@@ -51,7 +52,7 @@ def test_a_resting_piston_is_not_taken_for_a_moving_one() -> None:
 
 
 def test_branches_are_those_of_the_true_acceleration() -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 4), RIG)
+    motion = motion_of(recorded(STICKY, TRUTH, 4), Model(RIG))
     true_branch = np.sign(TRUTH["v"] * TRUTH["a"])
     judged = motion.branch != 0
     assert np.mean(judged[motion.moving]) > 0.8
@@ -59,11 +60,11 @@ def test_branches_are_those_of_the_true_acceleration() -> None:
 
 
 def test_a_measured_force_does_as_well_as_the_pressures() -> None:
-    by_pressure = motion_of(recorded(STICKY, TRUTH, 5), RIG)
+    by_pressure = motion_of(recorded(STICKY, TRUTH, 5), Model(RIG))
     r = by_pressure.recording
     force = RIG.piston_area_1 * (r["p1"] - r["p2"])
     noise = {**{k: r.noise[k] for k in ("x", "a")}, "force": NoiseModel(white=0.23)}
-    by_force = motion_of(replace(r, signals={"x": r["x"], "a": r["a"], "force": force}, noise=noise), RIG)
+    by_force = motion_of(replace(r, signals={"x": r["x"], "a": r["a"], "force": force}, noise=noise), Model(RIG))
     assert by_force.friction(2.0) == pytest.approx(by_pressure.friction(2.0), abs=1e-9)
 
 
@@ -71,7 +72,7 @@ def test_ambient_pressure_acts_on_the_rod() -> None:
     rig = replace(RIG, piston_area_2=5e-4)
     r = recorded(BENCH, pressed(BENCH, np.zeros(300)), 6)
     still = {**r.signals, "p1": np.full(300, 2e5), "p2": np.full(300, 3e5), "a": np.zeros(300)}
-    drive = motion_of(replace(r, signals=still), rig).drive
+    drive = motion_of(replace(r, signals=still), Model(rig)).drive
     assert drive == pytest.approx(8e-4 * 2e5 - 5e-4 * 3e5 - 3e-4 * 101_300.0)
 
 
@@ -79,7 +80,7 @@ def test_samples_that_were_not_measured_are_left_out() -> None:
     r = recorded(STICKY, TRUTH, 7)
     p1 = r["p1"].copy()
     p1[300:340] = np.nan
-    motion = motion_of(replace(r, signals={**r.signals, "p1": p1}), RIG)
+    motion = motion_of(replace(r, signals={**r.signals, "p1": p1}), Model(RIG))
     assert not motion.valid[300:340].any()
     assert not motion.moving[300:340].any()
     assert np.all(np.isfinite(motion.drive))
@@ -88,13 +89,13 @@ def test_samples_that_were_not_measured_are_left_out() -> None:
 def test_what_is_missing_is_named() -> None:
     r = recorded(STICKY, TRUTH, 8)
     with pytest.raises(InputError, match="neither x nor a"):
-        motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2")}), RIG)
+        motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2")}), Model(RIG))
     with pytest.raises(InputError, match="piston_area_1"):
-        motion_of(r, replace(RIG, piston_area_1=None, piston_area_2=None))
+        motion_of(r, Model(replace(RIG, piston_area_1=None, piston_area_2=None)))
     with pytest.raises(InputError, match="p2 was not recorded"):  # an air spring is not ambient pressure
-        motion_of(replace(r, signals={k: r[k] for k in ("p1", "x", "a")}), RIG)
+        motion_of(replace(r, signals={k: r[k] for k in ("p1", "x", "a")}), Model(RIG))
     with pytest.raises(InputError, match="p1, p2 or force"):
-        motion_of(replace(r, signals={k: r[k] for k in ("x", "a")}), RIG)
+        motion_of(replace(r, signals={k: r[k] for k in ("x", "a")}), Model(RIG))
 
 
 @settings(max_examples=30, deadline=None)

@@ -144,7 +144,8 @@ def _friction() -> dict[str, Table]:
         "identify/friction_curves": Table({"branch": ["both"] * v.size, **one}),
         "identify/friction_deviations": Table(
             {"model": ["A", "A", "D", "D"], "recording": ["all"] * 4, "use": ["test"] * 4, "channel": ["a", "v"] * 2,
-             "rmsd": [0.2, 2e-3, 0.1, 1e-3], "unit": ["m/s^2", "m/s"] * 2, "percent": [2.0, 1.0, 0.9, 0.4]}
+             "rmsd": [0.2, 2e-3, 0.1, 1e-3], "unit": ["m/s^2", "m/s"] * 2, "percent": [2.0, 1.0, 0.9, 0.4],
+             "noise": [0.1, 1e-3] * 2, "lacks": ["friction-hysteresis"] * 2 + [""] * 2}
         ),
         "identify/friction_parameters": Table(
             {"model": ["A"], "branch": ["both"], "name": ["coulomb"], "value": [10.0], "unit": ["N"], "ci_low": [9.9],

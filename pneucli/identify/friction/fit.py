@@ -7,20 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, lsq_linear
 
 from pneucli.identify.friction.values import Z95, Samples, Value
+from pneucli.identify.least_squares import minimise
+from pneucli.physics.friction import stribeck
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]
 
 HUBER = 1.345  # robust standard deviations: 95 % efficient for normal residuals
 SEARCH = 24
+ROUNDS, TOLERANCE = 50, 1e-10
 UNITS = {"coulomb": "N", "viscous": "N s/m", "static": "N", "velocity": "m/s", "offset": "N", "mass": "kg"}
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedLaw:
     """A fitted law: values by name, their covariance in the names' order, and the residuals' robust deviation (N)."""
 
     names: tuple[str, ...]
@@ -41,16 +43,15 @@ class Fit:
         return out
 
 
-def law(v: Array, p: Mapping[str, float] | Fit) -> Array:
+def law(v: Array, p: Mapping[str, float] | FittedLaw) -> Array:
     """Return Stribeck friction (3.6) in N without the offset; without ``velocity``, Coulomb and viscous friction."""
-    dry = p["coulomb"] * np.ones_like(v)
-    velocity = p["velocity"]
-    if velocity > 0:
-        dry = dry + (p["static"] - p["coulomb"]) / (1.0 + (v / velocity) ** 2)
-    return np.asarray(dry * np.sign(v) + p["viscous"] * v)
+    curved = p["velocity"] > 0
+    return stribeck(
+        v, p["coulomb"], p["viscous"], p["static" if curved else "coulomb"], p["velocity"] if curved else np.inf
+    )
 
 
-def fit_coulomb(samples: Samples, *, offset: bool, mass: bool = False) -> Fit:
+def fit_coulomb(samples: Samples, *, offset: bool, mass: bool = False) -> FittedLaw:
     """Fit drive = mass a + coulomb sign v + viscous v + offset (3.4); the mass only where it is asked for."""
     s = samples
     columns = {"coulomb": np.sign(s.v), "viscous": s.v}
@@ -60,12 +61,12 @@ def fit_coulomb(samples: Samples, *, offset: bool, mass: bool = False) -> Fit:
         columns["mass"] = s.a
     design = np.column_stack(list(columns.values())) / s.sigma[:, None]
     target = (s.drive if mass else s.friction) / s.sigma
-    low = [-np.inf if name == "offset" else 0.0 for name in columns]
-    start = lsq_linear(design, target, (low, np.inf)).x
-    return _refine(tuple(columns), lambda p: design @ p - target, start, np.array(low), s)
+    low = np.array([-np.inf if name == "offset" else 0.0 for name in columns])
+    start = np.asarray(np.linalg.lstsq(design, target)[0], dtype=np.float64)
+    return _refine(tuple(columns), lambda p: design @ p - target, start, low, s)
 
 
-def fit_stribeck(samples: Samples, *, offset: bool) -> Fit:
+def fit_stribeck(samples: Samples, *, offset: bool) -> FittedLaw:
     """Fit Stribeck friction (3.6); return Coulomb and viscous friction where a fall with velocity is not there.
 
     The fall is kept where twice the gain in likelihood, divided by the residuals' correlation (long-run over sample
@@ -91,41 +92,38 @@ def fit_stribeck(samples: Samples, *, offset: bool) -> Fit:
     return curved if _falls(curved) and 2 * gain / inflation > 4 * np.log(len(s)) else plain
 
 
-def _falls(fit: Fit) -> bool:
+def _falls(fit: FittedLaw) -> bool:
     """Whether static friction lies above Coulomb friction by more than three standard errors."""
     contrast = np.array([{"static": 1.0, "coulomb": -1.0}.get(name, 0.0) for name in fit.names])
     return bool(contrast @ fit.theta > 3.0 * np.sqrt(contrast @ fit.covariance @ contrast))
 
 
-def scaled_residual(fit: Fit, s: Samples) -> Array:
+def scaled_residual(fit: FittedLaw, s: Samples) -> Array:
     """Return what a fit leaves of the friction force, in standard deviations, shape (n,)."""
     return np.asarray((law(s.v, fit) + fit["offset"] - s.friction) / s.sigma)
 
 
 def _stribeck_start(s: Samples, *, offset: bool) -> Array | None:
     """Return the best of a search over the Stribeck velocity, the other parameters by linear least squares."""
-    speed = np.abs(s.v)
+    speed, target = np.abs(s.v), s.friction / s.sigma
     best: tuple[float, Array | None] = (np.inf, None)
-    lowest = [0.0, 0.0, 0.0] + ([-np.inf] if offset else [])
     for velocity in np.geomspace(max(speed.min(), 1e-3 * speed.max()), 0.5 * speed.max(), SEARCH):
-        columns = [np.sign(s.v), s.v, np.sign(s.v) / (1 + (s.v / velocity) ** 2)] + [np.ones(len(s))] * offset
-        found = lsq_linear(np.column_stack(columns) / s.sigma[:, None], s.friction / s.sigma, (lowest, np.inf))
-        if found.cost < best[0] and found.x[2] > 0:
-            coulomb, viscous, rise = found.x[:3]
-            best = (found.cost, np.array([coulomb, viscous, coulomb + rise, velocity, *found.x[3:]]))
+        shape = {"coulomb": 0.0, "viscous": 0.0, "static": 0.0, "velocity": velocity}
+        laws = [law(s.v, {**shape, name: 1.0}) for name in ("coulomb", "viscous", "static")]
+        design = np.column_stack([*laws, *[np.ones(len(s))] * offset]) / s.sigma[:, None]
+        found = np.linalg.lstsq(design, target)[0]
+        cost = float(np.sum((design @ found - target) ** 2))
+        if cost < best[0] and found[2] > found[0] > 0.0:
+            best = (cost, np.array([*found[:3], velocity, *found[3:]]))
     return best[1]
 
 
-def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array, s: Samples) -> Fit:
+def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array, s: Samples) -> FittedLaw:
     """Polish with Huber's loss; covariance by the sandwich over blocks (Liang and Zeger, Biometrika 73 (1986))."""
-    scale = _robust(residual(start))
-    theta = start
+    theta, scale = start, _robust(residual(start))
     for _ in range(2):  # the scale belongs to the fit that it scales
-        found = least_squares(
-            residual, np.maximum(theta, low), bounds=(low, np.inf), loss="huber", f_scale=HUBER * scale, x_scale="jac"
-        )
-        theta, scale = found.x, _robust(residual(found.x))
-        del found  # its Jacobian is as large as all that comes
+        theta = _with_hubers_loss(residual, theta, low, HUBER * scale)
+        scale = _robust(residual(theta))
     r = residual(theta)
     jacobian = _jacobian(residual, theta)
     inside = np.abs(r) <= HUBER * scale
@@ -134,11 +132,28 @@ def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array
     sums = np.column_stack([np.bincount(block, weights=clipped * column) for column in jacobian.T])
     bread = np.linalg.pinv((jacobian * inside[:, None]).T @ jacobian)
     few = len(sums) / max(len(sums) - theta.size, 1)
-    return Fit(names, theta, few * bread @ (sums.T @ sums) @ bread, float(scale))
+    return FittedLaw(names, theta, few * bread @ (sums.T @ sums) @ bread, float(scale))
+
+
+def _with_hubers_loss(residual: Residual, start: Array, low: Array, knee: float) -> Array:
+    """Return the parameters of least loss: residuals beyond the ``knee`` count by the root of their loss."""
+
+    def tempered(p: Array) -> Array:
+        r = residual(p)
+        return np.sign(r) * np.sqrt(np.where(np.abs(r) <= knee, r**2, knee * (2.0 * np.abs(r) - knee)))
+
+    def slopes(p: Array) -> Array:
+        r = residual(p)
+        beyond = np.maximum(np.abs(r), knee)
+        return np.asarray(np.sqrt(knee / (2.0 * beyond - knee))[:, None] * _jacobian(residual, p))
+
+    bounds = (low, np.full(low.size, np.inf))
+    return minimise(tempered, slopes, start, bounds, rounds=ROUNDS, tolerance=TOLERANCE).z
 
 
 def _jacobian(residual: Residual, theta: Array) -> Array:
-    steps = 1e-5 * np.maximum(np.abs(theta), 1e-3)
+    """Return the derivatives by central differences; but for the Stribeck velocity the laws are linear."""
+    steps = 1e-5 * np.where(theta == 0.0, 1.0, np.abs(theta))
     columns = [
         (residual(theta + d) - residual(theta - d)) / (2 * h) for h, d in zip(steps, np.diag(steps), strict=True)
     ]

@@ -9,14 +9,16 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.curve import FrictionCurve, curve
-from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck
+from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck
 from pneucli.identify.friction.imposed import KineticFriction, kinetic_friction
-from pneucli.identify.friction.models import GRID, Domain, FrictionModel, identify_models
+from pneucli.identify.friction.lacking import lacking
+from pneucli.identify.friction.models import GRID, Domain, FrictionModel, Name, identify_models
 from pneucli.identify.friction.motion import Motion, motion_of
 from pneucli.identify.friction.stickslip import Averaged, Cut, average, cut
 from pneucli.identify.friction.tables import Deviation, deviations
 from pneucli.identify.friction.values import Samples, Value, pool
-from pneucli.recording import Recording, Rig
+from pneucli.recording import Recording
+from pneucli.simulate.model import Model
 
 FEWEST = 100  # moving samples
 RESTLESS = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise
@@ -31,6 +33,8 @@ class FrictionIdentification:
     a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
     (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
     ``deviations`` are the tables 6.2 and 6.3, test recordings included; everything else rests on the training ones.
+    ``taken_out`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``lacking``
+    for each of A to F the effects on friction that it cannot show.
     """
 
     mass: Value | None
@@ -43,6 +47,8 @@ class FrictionIdentification:
     models: tuple[FrictionModel, ...]
     deviations: tuple[Deviation, ...]
     kinetic: tuple[KineticFriction, ...]
+    taken_out: tuple[str, ...]
+    lacking: Mapping[Name, tuple[str, ...]]
     warnings: tuple[str, ...]
 
     @property
@@ -58,18 +64,19 @@ class FrictionIdentification:
         raise InputError("friction model", name, ", ".join(m.name for m in self.models))
 
 
-def identify_friction(recordings: Sequence[Recording], rig: Rig, nodes: int = GRID) -> FrictionIdentification:
+def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int = GRID) -> FrictionIdentification:
     """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
 
-    ``nodes`` is the number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError
-    where there is none, where the drive or the motion was not recorded, or where hardly anything moves.
+    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. ``nodes`` is the
+    number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError where there is none,
+    where the drive or the motion was not recorded, or where hardly anything moves.
     """
-    motions = tuple(motion_of(r, rig) for r in _usable(recordings))
+    motions = tuple(motion_of(r, model) for r in _usable(recordings))
     train = [m for m in motions if m.recording.use == "train"]
     warnings: list[str] = []
-    mass = _mass(train, rig, warnings)
+    mass = _mass(train, warnings)
     inertia = mass.value if mass else 0.0
-    samples = pool(train, inertia)
+    samples, lacks = pool(train, inertia), lacking(model, train)
     if len(samples) < FEWEST:
         raise InputError("friction recordings", f"{len(samples)} moving samples", f"at least {FEWEST}", "move further")
     if not samples.both_directions:
@@ -89,9 +96,11 @@ def identify_friction(recordings: Sequence[Recording], rig: Rig, nodes: int = GR
         cuts=cuts,
         averages=tuple(average(cuts)),
         models=models,
-        deviations=deviations(models, motions, inertia, both["offset"]),
+        deviations=deviations(models, motions, inertia),
         kinetic=levels,
-        warnings=(*warnings, *missing, *_doubts(both, samples), *_differing(levels)),
+        taken_out=train[0].beside.names,
+        lacking={m.name: lacks[m.name] for m in models},
+        warnings=(*warnings, *missing, *_doubts(both, samples, lacks), *_differing(levels)),
     )
 
 
@@ -103,10 +112,11 @@ def _usable(recordings: Sequence[Recording]) -> list[Recording]:
     return tests
 
 
-def _mass(train: Sequence[Motion], rig: Rig, warnings: list[str]) -> Value | None:
-    """Return the moving mass: given, or fitted together with Coulomb and viscous friction where it shows."""
-    if rig.moving_mass:
-        return Value(rig.moving_mass, rig.moving_mass, rig.moving_mass, "kg")
+def _mass(train: Sequence[Motion], warnings: list[str]) -> Value | None:
+    """Return all mass that moves: given, or fitted together with Coulomb and viscous friction where it shows."""
+    if given := train[0].beside.model.rig.moving_mass:
+        mass = given + train[0].beside.mass
+        return Value(mass, mass, mass, "kg")
     samples = pool(train, 0.0)
     fit = fit_coulomb(samples, offset=samples.both_directions, mass=True)
     found = fit.values()["mass"]
@@ -118,6 +128,18 @@ def _mass(train: Sequence[Motion], rig: Rig, warnings: list[str]) -> Value | Non
     return None
 
 
+def _reason(lacks: Mapping[Name, tuple[str, ...]]) -> str:
+    """Return why a function of velocity alone does not describe the friction, as far as the pipeline's model knows."""
+    if not lacks["A"]:
+        return (
+            "something acts that neither A, a function of velocity alone, nor the pipeline's effects have; if D, E or "
+            "F leave less, slowing differs from speeding up; else ask pneucli diagnose"
+        )
+    better = [name for name in lacks if set(lacks[name]) < set(lacks["A"])]
+    told = f"; {' and '.join(better)} have more of it" if better else "; none of A to F has it"
+    return f"A, a function of velocity alone, lacks {', '.join(lacks['A'])}, which the pipeline's model has{told}"
+
+
 def _differing(levels: Sequence[KineticFriction]) -> list[str]:
     """Return a warning where kinetic friction differs between recordings by more than both intervals."""
     if not levels or max(k.friction.ci_low for k in levels) <= min(k.friction.ci_high for k in levels):
@@ -127,19 +149,16 @@ def _differing(levels: Sequence[KineticFriction]) -> list[str]:
     return [f"kinetic friction differs between recordings ({spread}): model A pools them; see each one's own level"]
 
 
-def _doubts(both: Fit, samples: Samples) -> list[str]:
+def _doubts(both: FittedLaw, samples: Samples, lacks: Mapping[Name, tuple[str, ...]]) -> list[str]:
     """Return what the user should know about the fit of model A."""
     out = []
     values = both.values()
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
-        out.append(f"a constant force of {force:.3g} N acts beside friction (or a sensor's or an area's error)")
+        otherwise = "or friction differs by direction, or a sensor or an area errs"
+        out.append(f"a constant force of {force:.3g} N acts beside friction ({otherwise})")
     if both.deviation > RESTLESS:
-        out.append(
-            f"model A, a function of velocity alone, leaves {both.deviation:.1f} times the sensors' noise of these "
-            "forces: friction depends on more, which A lacks even where the pipeline's model has it; take D, E or F "
-            "where slowing differs from speeding up, and ask pneucli diagnose for the rest"
-        )
+        out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_reason(lacks)}")
     if values["coulomb"].ci_low <= 0:
         out.append("dry friction is not told from zero")
     if "velocity" in values and samples.v.size and values["velocity"].value > 0.25 * np.abs(samples.v).max():

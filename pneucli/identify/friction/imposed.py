@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.motion import Motion
-from pneucli.identify.friction.values import BLOCK, Z95, Value
+from pneucli.identify.friction.values import Z95, Value
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class KineticFriction:
 
 def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
     """Return the kinetic friction of one recording, or None where it does not move in both directions."""
-    moving = motion.moving
+    moving = motion.sliding(1)  # to a median what smoothing does beside a turn is nothing
     if not moving.any():
         return None
     speed = float(np.median(np.abs(motion.v[moving])))
@@ -44,7 +44,7 @@ def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
     if not all(side.any() for side in sides):
         return None
     friction = motion.friction(mass)
-    (forward, e1), (backward, e2) = (_median(friction[side], motion.time[side]) for side in sides)
+    (forward, e1), (backward, e2) = (_median(friction[side], motion.time[side], motion.block) for side in sides)
     both = float(np.hypot(e1, e2)) / 2
     return KineticFriction(
         recording=motion.recording.name,
@@ -57,9 +57,9 @@ def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
     )
 
 
-def _median(force: Array, time: Array) -> tuple[float, float]:
-    """Return the median and its standard error, by a bootstrap of the strokes' blocks of ``BLOCK`` s."""
-    _, block = np.unique(np.floor(time / BLOCK), return_inverse=True)
+def _median(force: Array, time: Array, length: float) -> tuple[float, float]:
+    """Return the median and its standard error, by a bootstrap of the strokes' blocks of ``length`` s."""
+    _, block = np.unique(np.floor(time / length), return_inverse=True)
     order = np.argsort(block, kind="stable")
     pieces = np.split(force[order], np.cumsum(np.bincount(block))[:-1])
     rng = np.random.default_rng(0)

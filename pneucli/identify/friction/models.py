@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.curve import Branch
-from pneucli.identify.friction.fit import Fit, fit_coulomb, fit_stribeck, law
+from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck, law
 from pneucli.identify.friction.values import Samples, Value
 from pneucli.tp import TPModel, gather, transform
 
@@ -40,8 +40,11 @@ WELL = 0.5  # samples at a node, below which the outermost nodes of a direct mod
 class Domain:
     """Velocities on which the models live: ``nodes`` from -``top`` to ``top`` (m/s), and the sign's steepness.
 
-    ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve (``resolved``,
-    m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its smoothing.
+    The nodes' distance grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
+    distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
+    broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve
+    (``resolved``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its
+    smoothing.
     """
 
     top: float
@@ -51,12 +54,19 @@ class Domain:
     @property
     def grid(self) -> Array:
         """The nodes, shape (nodes,), m/s; standstill is none of them where their number is even."""
-        return np.linspace(-self.top, self.top, self.nodes)
+        most = np.arcsinh(self.top / self.resolved)
+        return np.asarray(self.resolved * np.sinh(np.linspace(-most, most, self.nodes)))
+
+    @property
+    def even(self) -> Array:
+        """As many positive speeds, (n,), in m/s at equal distances: a measurement is averaged alike at all of them."""
+        speeds = np.linspace(-self.top, self.top, self.nodes)
+        return speeds[speeds > 0]
 
     @property
     def step(self) -> float:
-        """Distance of two nodes in m/s."""
-        return 2 * self.top / (self.nodes - 1)
+        """Distance of the two nodes beside standstill in m/s."""
+        return float(np.min(np.diff(self.grid)))
 
     @property
     def eta(self) -> float:
@@ -85,12 +95,14 @@ class ModelBranch:
 class FrictionModel:
     """One of the models A to F; ``branches`` holds one for both, or one while speeding up and one while slowing.
 
-    Friction is without the constant force (``offset``) that the identification found beside it.
+    Friction is without the constant force ``offset`` (N, positive where it pushes toward x = 0) found beside it: by
+    A for A to C, by D for D to F, since one law for two branches would take their difference for a force.
     """
 
     name: Name
     domain: Domain
     branches: tuple[ModelBranch, ...]
+    offset: float = 0.0
 
     @property
     def title(self) -> str:
@@ -119,12 +131,12 @@ class FrictionModel:
         return np.asarray(self.force(clear, accelerating) / self.domain.sign(clear))
 
 
-def parametric(name: Name, domain: Domain, fits: Mapping[Branch, Fit]) -> FrictionModel:
+def parametric(name: Name, domain: Domain, fits: Mapping[Branch, FittedLaw], offset: float) -> FrictionModel:
     """Return model A (one fit, of ``both``) or D (``accelerating`` and ``slowing``)."""
-    return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()))
+    return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()), offset)
 
 
-def _parametric(domain: Domain, branch: Branch, fit: Fit) -> ModelBranch:
+def _parametric(domain: Domain, branch: Branch, fit: FittedLaw) -> ModelBranch:
     def force(v: Array) -> Array:
         v = np.asarray(v, dtype=np.float64)
         dry = law(np.abs(v), fit) - fit["viscous"] * np.abs(v)
@@ -136,7 +148,7 @@ def _parametric(domain: Domain, branch: Branch, fit: Fit) -> ModelBranch:
 def transformed(name: Name, source: FrictionModel, mass: float) -> FrictionModel:
     """Return model B or E: the TP models of the branches of A or D."""
     branches = tuple(_resampled(one, source.domain, source.domain.grid, mass) for one in source.branches)
-    return FrictionModel(name, source.domain, branches)
+    return FrictionModel(name, source.domain, branches, source.offset)
 
 
 def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> ModelBranch:
@@ -146,38 +158,38 @@ def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> Mo
 
 
 def direct(
-    name: Name, domain: Domain, samples: Mapping[Branch, Samples], both: Fit, mass: float
+    name: Name, domain: Domain, samples: Mapping[Branch, Samples], viscous: float, offset: float, mass: float
 ) -> FrictionModel | None:
-    """Return model C or F: TP models directly from the measured samples of each branch.
+    """Return model C or F: TP models directly from the measured samples of each branch, less the ``offset`` (N).
 
     A direction with fewer than ``FEWEST`` samples mirrors the other. Beyond the measured velocities friction goes on
-    with the viscous slope of ``both``, toward standstill it is held. None where a branch has too few in either.
+    with the slope ``viscous`` (N s/m), toward standstill it is held. None where a branch has too few in either.
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
     branches = []
     for branch, s in samples.items():
-        sides = [side for d in (1, -1) if (side := _side(domain, s, both, d))]
+        sides = [side for d in (1, -1) if (side := _side(domain, s, viscous, offset, d))]
         if not sides:
             return None
         levels = [np.interp(speed, *side) for side in (sides[0], sides[-1])]
         level = np.where(domain.grid >= 0, *levels)
         branches.append(_tp(domain.grid, branch, level * smoothed, mass))
-    return FrictionModel(name, domain, tuple(branches))
+    return FrictionModel(name, domain, tuple(branches), offset)
 
 
-def _side(domain: Domain, s: Samples, both: Fit, direction: int) -> tuple[Array, Array] | None:
-    """Return positive nodes (m/s) and the friction (N) measured in one direction, by least squares; None without."""
-    nodes = domain.grid[domain.grid > 0]
+def _side(domain: Domain, s: Samples, viscous: float, offset: float, direction: int) -> tuple[Array, Array] | None:
+    """Return speeds (m/s) and the friction (N) measured in one direction, by least squares; None without."""
+    nodes = domain.even
     speed = direction * s.v
     mine = (speed >= max(nodes[0], domain.resolved)) & (speed <= nodes[-1])
     if np.count_nonzero(mine) < FEWEST:
         return None
-    friction = direction * (s.friction[mine] - both["offset"])
+    friction = direction * (s.friction[mine] - offset)
     found = gather(speed[mine], friction, (nodes,), sigma=s.sigma[mine])
     seen = np.flatnonzero(found.support >= WELL)
     first, last = seen[0], seen[-1]
-    beyond = both["viscous"] * np.maximum(nodes - nodes[last], 0.0)
+    beyond = viscous * np.maximum(nodes - nodes[last], 0.0)
     return nodes, found.samples[np.clip(np.arange(nodes.size), first, last)] + beyond
 
 
@@ -191,29 +203,41 @@ def _tp(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBranch:
 
 
 def identify_models(
-    samples: Samples, both: Fit, domain: Domain, mass: float
+    samples: Samples, both: FittedLaw, domain: Domain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
     """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
-    a = parametric("A", domain, {"both": both})
+    a, viscous = parametric("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
     found: list[FrictionModel | None] = [
         a,
         transformed("B", a, mass),
-        direct("C", domain, {"both": samples}, both, mass),
+        direct("C", domain, {"both": samples}, viscous, a.offset, mass),
     ]
     parts: dict[Branch, Samples] = {
         "accelerating": samples.where(samples.branch > 0),
         "slowing": samples.where(samples.branch < 0),
     }
     if all(len(s) >= FEWEST for s in parts.values()):
-        d = parametric("D", domain, _branch_fits(parts, both["offset"]))
-        found += [d, transformed("E", d, mass), direct("F", domain, parts, both, mass)]
+        offset = _common_offset(parts)
+        d = parametric("D", domain, _branch_fits(parts, offset), offset)
+        found += [d, transformed("E", d, mass), direct("F", domain, parts, viscous, offset, mass)]
     models = tuple(m for m in found if m is not None)
     missing = [name for name in TITLES if name not in {m.name for m in models}]
     counts = ", ".join(f"{len(s)} {name}" for name, s in parts.items())
     return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
 
 
-def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, Fit]:
+def _common_offset(parts: Mapping[Branch, Samples]) -> float:
+    """Return the constant force in N beside both branches, weighed by how sure each is; 0 where it can't be told."""
+    if not all(s.both_directions for s in parts.values()):
+        return 0.0
+    told = [
+        fit.values()["offset"]
+        for fit in (fit_stribeck(parts["accelerating"], offset=True), fit_coulomb(parts["slowing"], offset=True))
+    ]
+    return float(np.average([v.value for v in told], weights=[(v.ci_high - v.ci_low) ** -2.0 for v in told]))
+
+
+def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, FittedLaw]:
     rising, falling = (replace(parts[b], friction=parts[b].friction - offset) for b in ("accelerating", "slowing"))
     return {"accelerating": fit_stribeck(rising, offset=False), "slowing": fit_coulomb(falling, offset=False)}
 
@@ -223,11 +247,10 @@ def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -
 
     The smoothed sign is the source's throughout: the grid alone changes.
     """
-    top = source.domain.top
-    fine = np.linspace(-top, top, 40_001)
+    fine = np.linspace(-source.domain.top, source.domain.top, 40_001)
     out = []
     for nodes in sizes:
-        grid = np.linspace(-top, top, nodes)
+        grid = replace(source.domain, nodes=nodes).grid
         copies = [_resampled(one, source.domain, grid, mass) for one in source.branches]
         errors = [copy.force(fine) - one.force(fine) for copy, one in zip(copies, source.branches, strict=True)]
         out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))

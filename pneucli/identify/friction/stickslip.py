@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Samples = NDArray[np.intp]
 BranchName = Literal["accelerating", "slowing"]
 
-REST = 0.02  # s at rest before and after, without which a slide is no stick-slip
+REST = 0.1  # of a slide's duration: the rest before and after, without which it is no stick-slip
 SLIDE = 0.02  # of the highest speed
 FEWEST = 5  # moving samples
 NODES = 60
@@ -67,18 +67,17 @@ class Averaged:
 def cut(motion: Motion, mass: float) -> list[Cut]:
     """Return every single stick-slip of a recording, for a moving mass in kg.
 
-    A slide counts that the piston rests ``REST`` s before and after; what is slower than ``SLIDE`` of the recording's
-    highest speed throughout is rest, since velocity from position alone rings beside a stop.
+    A slide counts that the piston rests ``REST`` of its duration before and after; what is slower than ``SLIDE`` of the
+    recording's highest speed throughout is rest, since velocity from position alone rings beside a stop.
     """
     begins, stops = _slides(motion)
     before = np.concatenate([[0], stops])[:-1]
     after = np.concatenate([begins, [motion.v.size]])[1:]
-    rest = REST / motion.recording.period
     slides = zip(before, begins, stops, after, strict=True)
     return [
         _cut(motion, mass, start, begin, stop, end)
         for start, begin, stop, end in slides
-        if min(begin - start, end - stop) >= rest and stop - begin >= FEWEST
+        if min(begin - start, end - stop) >= REST * (stop - begin) and stop - begin >= FEWEST
     ]
 
 

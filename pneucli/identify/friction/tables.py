@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.friction.drive import run
 from pneucli.identify.friction.models import FrictionModel, Name
 from pneucli.identify.friction.motion import Motion
 
 Array = NDArray[np.float64]
 Channel = Literal["a", "v", "force"]
 
-STEP = 1e-4  # s, the longest step
+STEPS = 10  # of the simulation, from one sample to the next
 FINER = 4  # nodes of the simulator's table to one of the models' grid, so that the grid's own error shows
 UNITS: dict[Channel, str] = {"a": "m/s^2", "v": "m/s", "force": "N"}
 POOLED = "all"
@@ -27,6 +26,7 @@ class Deviation:
     """Root mean square deviation of one model in one channel of one recording (or of ``all`` of a use).
 
     ``rmsd`` in ``unit``; ``percent`` of the measured range; ``relative_percent`` 100 |y - model| / |y|, 2-norms.
+    ``noise`` is what the noise of the sensors alone makes of it, in the channel and through the drive (``unit``).
     """
 
     model: Name
@@ -37,6 +37,15 @@ class Deviation:
     rmsd: float
     percent: float
     relative_percent: float
+    noise: float
+
+
+class Compared(NamedTuple):
+    """Measured and modelled channel, each (n,), and draws (DRAWS, n) of what noise makes of their difference."""
+
+    measured: Array
+    modelled: Array
+    noise: Array
 
 
 def level_tables(model: FrictionModel) -> tuple[Array, float]:
@@ -48,53 +57,60 @@ def level_tables(model: FrictionModel) -> tuple[Array, float]:
     return np.maximum(np.array(rows), 0.0), step
 
 
-def driven(model: FrictionModel, motion: Motion, mass: float, offset: float) -> tuple[Array, Array]:
-    """Return v (m/s) and a (m/s^2), shape (n,), of the model under a recording's drive, started once at its v."""
+def driven(model: FrictionModel, motion: Motion, mass: float, noise: Array | float = 0.0) -> Array:
+    """Return v (m/s) and a (m/s^2), shape (2, n), of the model under a recording's drive, started once at its v.
+
+    The effects' forces act at the measured position and the model's own velocity. ``noise`` (N) disturbs the drive.
+    """
     tables, step = level_tables(model)
     start = float(motion.v[0]) if abs(motion.v[0]) > motion.floor else 0.0
-    v, a = run(motion.time, motion.smooth_drive - offset, start, mass, tables, step, STEP)
-    return v, a
+    drive = motion.smooth_drive - motion.load - model.offset + noise
+    return motion.beside.driven(motion.time, drive, motion.x, start, mass, tables, step, STEPS)
 
 
-def predicted_force(model: FrictionModel, motion: Motion, mass: float, offset: float) -> Array:
+def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
     """Return the driving force (N), shape (n,), that a model asks for an imposed motion; the sign smoothed (6.22)."""
     inertia: Array = mass * motion.smooth_a
-    return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + offset
+    return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
 
-def deviations(
-    models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float, offset: float
-) -> tuple[Deviation, ...]:
+def deviations(models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float) -> tuple[Deviation, ...]:
     """Return the tables 6.2 and 6.3: per model, recording and channel, and pooled per use.
 
     Acceleration is compared where an accelerometer measured it; an imposed motion is compared by its force.
     """
     out: list[Deviation] = []
     for model in models:
-        pairs: dict[tuple[Literal["train", "test"], Channel], list[tuple[Array, Array]]] = {}
+        pairs: dict[tuple[Literal["train", "test"], Channel], list[Compared]] = {}
         for m in motions:
-            for channel, measured, modelled in _compared(model, m, mass, offset):
+            for channel, compared in _compared(model, m, mass):
                 use = m.recording.use
-                y, z = measured[m.valid], modelled[m.valid]
-                out.append(_deviation(model.name, m.recording.name, use, channel, y, z))
-                pairs.setdefault((use, channel), []).append((y, z))
+                seen = Compared(*(side[..., m.valid] for side in compared))
+                out.append(_deviation(model.name, m.recording.name, use, channel, seen))
+                pairs.setdefault((use, channel), []).append(seen)
         for (use, channel), several in pairs.items():
-            y, z = (np.concatenate(side) for side in zip(*several, strict=True))
-            out.append(_deviation(model.name, POOLED, use, channel, y, z))
+            together = Compared(*(np.concatenate(side, axis=-1) for side in zip(*several, strict=True)))
+            out.append(_deviation(model.name, POOLED, use, channel, together))
     return tuple(out)
 
 
-def _compared(model: FrictionModel, m: Motion, mass: float, offset: float) -> list[tuple[Channel, Array, Array]]:
+def _compared(model: FrictionModel, m: Motion, mass: float) -> list[tuple[Channel, Compared]]:
+    """Return what is measured and modelled, and draws of what noise makes of their difference."""
+    rng = np.random.default_rng(0)
     if m.imposed:
-        return [("force", m.drive, predicted_force(model, m, mass, offset))]
-    v, a = driven(model, m, mass, offset)
-    both: list[tuple[Channel, Array, Array]] = [("a", m.a, a), ("v", m.v, v)]
-    return both if m.measured_a else both[1:]
+        spread = mass * m.sigma_a * rng.standard_normal(m.redrawn.shape)
+        return [("force", Compared(m.drive - m.load, predicted_force(model, m, mass), m.redrawn + spread))]
+    nominal = driven(model, m, mass)
+    missed = np.array([driven(model, m, mass, noise) for noise in m.redrawn]) - nominal
+    own = rng.standard_normal(missed.shape) * np.array([m.sigma_v, m.measured_a])[:, None]
+    v, a = (Compared(y, z, d) for y, z, d in zip((m.v, m.a), nominal, (missed + own).swapaxes(0, 1), strict=True))
+    return [("a", a), ("v", v)] if m.measured_a else [("v", v)]
 
 
 def _deviation(
-    name: Name, recording: str, use: Literal["train", "test"], channel: Channel, y: Array, z: Array
+    name: Name, recording: str, use: Literal["train", "test"], channel: Channel, compared: Compared
 ) -> Deviation:
+    y, z, drawn = compared
     rmsd = float(np.sqrt(np.mean((y - z) ** 2)))
     size = float(np.sqrt(np.mean(y**2)))
     spread = float(np.ptp(y))
@@ -107,4 +123,5 @@ def _deviation(
         rmsd=rmsd,
         percent=100 * rmsd / spread if spread else float("nan"),
         relative_percent=100 * rmsd / size if size else float("nan"),
+        noise=float(np.sqrt(np.mean(drawn**2))),
     )

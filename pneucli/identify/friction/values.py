@@ -13,7 +13,6 @@ from pneucli.identify.friction.motion import Motion
 
 Array = NDArray[np.float64]
 Z95 = 1.96
-BLOCK = 0.2  # s; residuals of samples further apart are taken as independent
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Samples:
     """Moving samples of several recordings, each of shape (n,): velocity (m/s), acceleration (m/s^2), drive (N).
 
     ``friction`` is drive - mass a (N), ``sigma`` its standard deviation (N), ``branch`` as in :class:`Motion`, and
-    ``block`` numbers the stretches of ``BLOCK`` s within which residuals may be correlated.
+    ``block`` numbers the stretches (:attr:`Motion.block`) within which residuals may be correlated.
     """
 
     v: Array
@@ -62,7 +61,7 @@ def pool(motions: Sequence[Motion], mass: float) -> Samples:
     for number, m in enumerate(motions):
         keep = m.moving
         friction = m.friction(mass)[keep]
-        block = number * 10**6 + ((m.time[keep] - m.time[0]) / BLOCK).astype(np.int64)
-        sigma = np.full(friction.size, max(m.sigma_friction(mass), 1e-6))
+        block = number * 10**6 + ((m.time[keep] - m.time[0]) / m.block).astype(np.int64)
+        sigma = np.full(friction.size, m.sigma_friction(mass))
         parts.append([m.v[keep], m.smooth_a[keep], m.drive[keep], friction, sigma, m.branch[keep], block])
     return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -18,11 +18,12 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Smoother = Callable[[Array], Array]
 
-QUIET = 21  # samples over which a rest is recognised
+QUIET = 9  # samples at least, over which a rest is recognised
 LOUD = 1.5  # times the sensor's noise, beyond which an accelerometer is not at rest
 AGREEMENT = 5.0  # standard deviations of the integrated noise
 MISSED = 0.3  # of a jump in acceleration times the period: uniform over the period, 1 / sqrt(12)
-CUTOFFS = np.geomspace(1 / 200, 0.4, 25)  # of the sampling frequency
+CUTOFFS = (1 / 200, 0.4)  # of the sampling frequency: below, rounding spoils the sixth power
+HALVINGS = 6  # of that range
 
 
 def low_pass(time: Array, cutoff: float) -> Smoother:
@@ -46,17 +47,21 @@ def low_pass(time: Array, cutoff: float) -> Smoother:
     return lambda signal: np.asarray(cho_solve_banded(factor, signal))
 
 
-def gentlest(time: Array, x: Array, noise: NoiseModel) -> Smoother:
-    """Return the strongest :func:`low_pass` that takes no more from ``x`` than ``noise`` (discrepancy principle).
+def gentlest(time: Array, x: Array, noise: NoiseModel) -> tuple[Smoother, float]:
+    """Return the strongest :func:`low_pass` that takes no more from ``x`` than ``noise``, and its cutoff in Hz.
 
-    Source: V. Morozov, Soviet Math. Dokl. 7 (1966).
+    The discrepancy principle. Source: V. Morozov, Soviet Math. Dokl. 7 (1966).
     """
-    rate = 1.0 / float(np.median(np.diff(time)))
-    for cutoff in CUTOFFS * rate:
-        smooth = low_pass(time, float(cutoff))
-        if np.sqrt(np.mean((x - smooth(x)) ** 2)) <= noise.rms:
-            break
-    return smooth
+    strong, gentle = np.array(CUTOFFS) / float(np.median(np.diff(time)))
+    smooth = low_pass(time, float(gentle))
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(strong * gentle))
+        tried = low_pass(time, middle)
+        if np.sqrt(np.mean((x - tried(x)) ** 2)) <= noise.rms:
+            gentle, smooth = middle, tried
+        else:
+            strong = middle
+    return smooth, float(gentle)
 
 
 def fuse(time: Array, a: Array, x_noise: float, a_noise: float) -> Callable[[Array, Array], tuple[Array, float]]:
@@ -88,8 +93,9 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
     what the sensor's noise, the uncertainty of its bias and the sampling of jumps add up to. The first quiet stretch
     is a rest.
     """
-    level = np.median(a[_quiet(a - np.median(a), noise)]) if a.size else 0.0
-    quiet = _quiet(a - level, noise)
+    window = lasting(a, noise)
+    level = np.median(a[_quiet(a - np.median(a), noise, window)]) if a.size else 0.0
+    quiet = _quiet(a - level, noise, window)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
     rest = np.zeros(a.size, dtype=bool)
     dt = float(np.median(np.diff(time)))
@@ -99,14 +105,25 @@ def rests(time: Array, a: Array, noise: NoiseModel) -> Mask:
         gathered = float(np.sum(a[last:start] - bias)) * dt
         steps = start - last
         missed = MISSED * float(np.linalg.norm(np.diff(a[last : start + 1])))
-        spread = dt * np.hypot(noise.rms * np.sqrt(steps + steps**2 / max(known, QUIET)), missed)
+        spread = dt * np.hypot(noise.rms * np.sqrt(steps + steps**2 / max(known, window)), missed)
         if known == 0 or abs(gathered) <= AGREEMENT * spread:
             rest[start:stop] = True
             known, total, last = known + stop - start, total + float(np.sum(a[start:stop])), int(stop)
     return rest
 
 
-def _quiet(a: Array, noise: NoiseModel) -> Mask:
+def lasting(a: Array, noise: NoiseModel) -> int:
+    """Return over how many samples an acceleration stays what it is, at least ``QUIET``.
+
+    Half of the time after which its autocovariance has halved.
+    """
+    power = np.abs(np.fft.rfft(a - a.mean(), 2 * a.size)) ** 2
+    covariance = np.fft.irfft(power)[: a.size] / a.size
+    below = np.flatnonzero(covariance < 0.5 * (covariance[0] - noise.rms**2))
+    return max(int(below[0]) // 2, QUIET) if below.size else QUIET
+
+
+def _quiet(a: Array, noise: NoiseModel, window: int) -> Mask:
     """Return windows whose power is that of the noise alone; a window's outer quarters stay outside."""
-    loud = uniform_filter1d(a**2, QUIET, mode="reflect") > (LOUD * noise.rms) ** 2
+    loud = uniform_filter1d(a**2, window, mode="reflect") > (LOUD * noise.rms) ** 2
     return np.asarray(~loud)

@@ -22,6 +22,7 @@ MODELS = {
 }
 _COLOURS = dict(zip(MODELS, (INK, ORANGE, GREEN, PINK, SKY, BLUE), strict=True))
 _LINES = dict(zip(MODELS, ("-", "--", ":", "-", "--", ":"), strict=True))
+CHANNELS = ("a", "v", "force")
 NEAR = 0.15  # of the range of velocity: where Stribeck friction is
 SCATTERED = 1500  # dots of a figure
 
@@ -40,6 +41,8 @@ def section(material: Material) -> Section | None:
     if len(kinetic := material.table("identify/friction_kinetic")):
         drawings.append(_kinetic(kinetic))
     lead = "Friction is the force on the piston less mass times acceleration; the sign is that of the velocity."
+    if taken_out := material.answer("identify").get("friction", {}).get("taken_out"):
+        lead += f" What the model states beside it is taken out: {', '.join(taken_out)}."
     parts: list[Part] = [*friction_warnings(material), *figures(drawings), *_tables(material)]
     return Section("friction", "Friction", lead, parts, folded=True)
 
@@ -139,23 +142,30 @@ def _tables(material: Material) -> Iterator[Part]:
 def _deviations(table: Table) -> Iterator[Grid]:
     """Yield what tables 6.2 and 6.3 of the thesis hold, for each channel, test recordings first."""
     whole = table.where(recording="all") if (table["recording"] == "all").any() else table
+    shown_in = [(use, c) for use in ("test", "train") for c in CHANNELS if len(whole.where(use=use, channel=c))]
     rows = []
     for (model,), of_model in whole.groups("model"):
         cells = [Cell(model, numeric=False), Cell(MODELS.get(model, ""), numeric=False)]
-        for use in ("test", "train"):
-            for channel in ("a", "v"):
-                cells += _deviation(of_model.where(use=use, channel=channel))
-        rows.append(cells)
-    titles = [t for use in ("test", "train") for c in ("a", "v") for t in (f"{c}, {use}", "of range")]
+        for use, channel in shown_in:
+            cells += _deviation(of_model.where(use=use, channel=channel))
+        rows.append([*cells, Cell(of_model.text("lacks") or "–", numeric=False)])
+    titles = [title for use, c in shown_in for title in (f"{c}, {use}", "of range", "times noise")]
     caption = (
-        "Root mean square deviation of each model when the measured drive moves it (the thesis's tables 6.2, 6.3); "
-        "all recordings of a use together."
+        "Root mean square deviation of each model when the measured drive moves it, beside the pipeline's other forces "
+        "(the thesis's tables 6.2, 6.3); all recordings of a use together. Times noise: over what the noise of the "
+        "sensors alone makes of it, which near a break-away or a stop can be much. Lacks: the pipeline's effects on "
+        "friction that the model cannot show."
     )
-    yield Grid(caption, ("model", "", *titles), rows)
+    yield Grid(caption, ("model", "", *titles, "lacks"), rows)
 
 
 def _deviation(rows: Table) -> list[Cell]:
     if not len(rows):
-        return [Cell("–"), Cell("–")]
-    value = quantity(float(rows["rmsd"].mean()), rows.text("unit"), 3)
-    return [Cell(value), Cell(f"{number(float(rows['percent'].mean()), 2)} %")]
+        return [Cell("–")] * 3
+    rmsd, noise = (float(rows[name].mean()) for name in ("rmsd", "noise"))
+    times = number(rmsd / noise, 2) if noise > 0.0 else "–"
+    return [
+        Cell(quantity(rmsd, rows.text("unit"), 3)),
+        Cell(f"{number(float(rows['percent'].mean()), 2)} %"),
+        Cell(times),
+    ]

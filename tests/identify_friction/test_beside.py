@@ -1,0 +1,132 @@
+"""A to F are fitted and replayed beside the pipeline's other effects, and it is said which on friction they lack.
+
+The recordings are runs of the exam's rig, whose equations are its own; what is set there is told to the model here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.friction.beside import Beside
+from pneucli.identify.friction.lacking import lacking
+from pneucli.identify.friction.motion import motion_of
+from pneucli.physics.effects import catalogue
+from pneucli.recording import Recording
+from pneucli.simulate.model import Model
+from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
+
+LOADED = BENCH._replace(constant_force=4.0, spring_stiffness=150.0, spring_rest=0.1)
+LOADS = {"constant-force.force": 4.0, "spring-force.stiffness": 150.0, "spring-force.rest_position": 0.1}
+
+
+def model(values: dict[str, float]) -> Model:
+    """The bench's rig and the effects whose parameters are given."""
+    known = catalogue()
+    return Model(RIG, tuple(known[name] for name in dict.fromkeys(n.partition(".")[0] for n in values)), values)
+
+
+def runs(par: Parameters) -> list[Recording]:
+    return [recorded(par, pressed(par, pulses(2, peak)), seed) for seed, peak in enumerate((28.0, 34.0))]
+
+
+RUNS = runs(LOADED)
+WITH, WITHOUT = identify_friction(RUNS, model(LOADS)), identify_friction(RUNS, model({}))
+
+
+def times_noise(found: FrictionIdentification, name: str, channel: str) -> float:
+    (pooled,) = [d for d in found.deviations if (d.model, d.recording, d.channel) == (name, "all", channel)]
+    return pooled.rmsd / pooled.noise
+
+
+def test_the_parameters_of_a_lie_in_their_intervals_beside_a_spring_and_a_constant_force() -> None:
+    assert WITH.taken_out == ("constant-force", "spring-force")
+    for name, truth in (("coulomb", LOADED.coulomb), ("viscous", LOADED.viscous), ("offset", 0.0)):
+        assert WITH.parameters[name].ci_low <= truth <= WITH.parameters[name].ci_high, name
+
+
+@pytest.mark.parametrize("name", "AB")
+def test_its_replay_is_at_the_noise_with_the_other_effects_in_it(name: str) -> None:
+    assert times_noise(WITH, name, "a") < 1.3
+    assert times_noise(WITH, name, "v") < 2.0
+    assert times_noise(WITHOUT, name, "v") > 3.0 * times_noise(WITH, name, "v")
+
+
+def test_without_them_it_is_said_that_something_else_acts() -> None:
+    assert WITH.warnings == ()
+    told = " ".join(WITHOUT.warnings)
+    assert "a constant force of" in told
+    assert "something acts that neither A" in told
+
+
+@pytest.mark.parametrize(
+    ("values", "distortion"),
+    [
+        ({"pressure-offset.offset": 2e4}, lambda p, time: p + 2e4),
+        ({"pressure-scale.scale": 1.05}, lambda p, time: RIG.ambient_pressure + 1.05 * (p - RIG.ambient_pressure)),
+        ({"time-skew.delay": 0.006}, lambda p, time: np.interp(time - 0.006, time, p)),
+    ],
+    ids=["offset of p1", "scale", "skew"],
+)
+def test_faults_of_pressure_sensors_are_undone(values: dict[str, float], distortion) -> None:  # type: ignore[no-untyped-def]
+    time = 1e-3 * np.arange(2000)
+    p1, p2 = 3e5 + 5e4 * np.sin(2 * np.pi * time), 3e5 + 3e4 * np.cos(2 * np.pi * time)
+    read = {"p1": distortion(p1, time), "p2": distortion(p2, time)}
+    if "pressure-offset.offset" in values:
+        read["p2"] = p2
+    true = Beside(model(values)).true_readings(time, read)
+    inner = slice(20, -20)
+    assert true["p1"][inner] == pytest.approx(p1[inner], rel=2e-4)
+    assert true["p2"][inner] == pytest.approx(p2[inner], rel=2e-4)
+
+
+def test_a_mass_of_the_model_moves_with_the_rigs() -> None:
+    heavy = BENCH._replace(extra_mass=0.5)
+    found = identify_friction(runs(heavy), model({"extra-mass.mass": 0.5}))
+    assert found.mass is not None
+    assert found.mass.value == pytest.approx(2.5)
+    assert times_noise(found, "A", "a") < 1.3
+
+
+def test_a_force_that_depends_on_position_asks_for_it() -> None:
+    blind = recorded(LOADED, pressed(LOADED, pulses(2, 28.0)), 1, ("p1", "p2", "a"))
+    assert np.isfinite(motion_of(blind, model({"constant-force.force": 4.0})).drive).all()
+    with pytest.raises(Exception, match="x was not recorded, and a force depends on it"):
+        motion_of(blind, model(LOADS))
+
+
+def shown(values: dict[str, float]) -> dict[str, tuple[str, ...]]:
+    described = model(values)
+    return dict(lacking(described, [motion_of(RUNS[0], described)]))
+
+
+STRIBECK = {"stribeck.static": 18.0, "stribeck.velocity": 0.015}
+HYSTERESIS = {"friction-hysteresis.drop": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("values", "without"),
+    [
+        (LOADS, ""),
+        (STRIBECK, "DE"),  # they have its rise while speeding up only
+        (STRIBECK | HYSTERESIS, "ABC"),
+        ({"friction-asymmetry.asymmetry": 0.2, "friction-asymmetry.viscous_asymmetry": 0.1}, "ABDE"),
+        ({"pressure-friction.gain": 0.1}, "ABCDEF"),
+        ({"position-friction.from": 0.0, "position-friction.to": 0.1, "position-friction.gain": 0.3}, "ABCDEF"),
+        ({"presliding.stiffness": 1e6, "presliding.damping": 100.0}, "ABCDEF"),
+        ({"dwell-breakaway.gain": 0.3, "dwell-breakaway.time_constant": 1.0}, "ABCDEF"),
+    ],
+    ids=["loads", "stribeck", "hysteresis", "asymmetry", "pressure", "position", "presliding", "dwell"],
+)
+def test_what_each_model_lacks(values: dict[str, float], without: str) -> None:
+    assert {name for name, effects in shown(values).items() if effects} == set(without)
+
+
+def test_a_residual_of_a_is_put_down_to_what_it_lacks() -> None:
+    friction = BENCH._replace(viscous_asymmetry=0.5)
+    values = {"friction-asymmetry.asymmetry": 0.0, "friction-asymmetry.viscous_asymmetry": 0.5}
+    found = identify_friction(runs(friction), model(values))
+    (told,) = [w for w in found.warnings if w.startswith("model A leaves")]
+    assert "lacks friction-asymmetry, which the pipeline's model has; C and F have more of it" in told
