@@ -14,7 +14,7 @@ from pneucli.design import layout
 from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
 from pneucli.design.ports import critical_ratio
-from pneucli.physics.gas import PSI_MAX
+from pneucli.physics.flows import flow_functions
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
@@ -157,7 +157,7 @@ def air_used(run: Run, model: Model) -> float:
     table, total = model.valve.table(), 0.0
     for u, p in ((layout.L_U1, at.P1), (layout.L_U2, at.P2)):
         ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)
-        psi = PSI_MAX * np.sqrt(1.0 - (np.maximum(ratio - b, 0.0) / (1.0 - b)) ** 2)  # 2.42
+        psi = flow_functions(ratio, b)
         place = np.linspace(-model.valve.u_max, model.valve.u_max, table.size)
         area = np.where(run.log[:, u] > 0.0, np.interp(run.log[:, u], place, table), 0.0)
         total += float(np.sum(area * run.scenario.supply * k * psi)) * float(run.time[1] - run.time[0])

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from pneucli.identify.parameters import LARGEST_OVERLAP
-from pneucli.physics.gas import CRITICAL_RATIO, orifice_flow
+from pneucli.physics.flows import orifice_flows
+from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -87,11 +88,8 @@ def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Arr
     flow = (slope * volume + rig.heat_capacity_ratio * p * area * e.inputs[:, at.IN_V]) / gas
     k = np.sqrt(2.0 / (rig.gas_constant * rig.gas_temperature))
     supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
-    unit = (
-        orifice_flow(s, q, CRITICAL_RATIO, k, k) if c > 0 else -orifice_flow(q, ambient, CRITICAL_RATIO, k, k)
-        for c, q, s in zip(u, p, supply, strict=True)
-    )
-    return flow, np.fromiter(unit, np.float64, u.size)
+    upstream, downstream = np.where(u > 0, supply, p), np.where(u > 0, p, ambient)
+    return flow, np.where(u > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, CRITICAL_RATIO, k, k)
 
 
 def _flows(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> tuple[Array, Array, Array]:
