@@ -230,7 +230,8 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     if not problem.free:
         cost, none = float(residual @ residual), np.zeros((0, 0))
         return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
-    jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)  # beyond all numbers nothing is known of it
+    for column in jacobian.T:  # beyond all numbers nothing is known of it; written there alone, zeros take no memory
+        column[~np.isfinite(column)] = 0.0
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread

@@ -34,7 +34,7 @@ STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's long
 class Experiment:
     """One recording, smoothed, with what the kernel needs to run it.
 
-    ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 10) the
+    ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 8) the
     smoothed readings in the kernel's layout, ``restarts`` the samples at which the model is set to them; ``still`` is
     the speed in m/s below which the piston is taken to rest.
     """
@@ -125,7 +125,7 @@ class Experiment:
         return _draw(self.noise, self.time, rng)
 
     def read_again(self, noise: Mapping[str, Array]) -> Array:
-        """Return the inputs (n, 10) that other readings of the same run would give: smoothed, with noise, smoothed.
+        """Return the inputs (n, 8) that other readings of the same run would give: smoothed, with noise, smoothed.
 
         Windows are chosen anew, since their choice follows the noise; the motion's least squares is linear.
         """
@@ -170,7 +170,7 @@ def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator
 
 
 def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array) -> Array:
-    """Return the kernel's inputs (n, 10) from raw signals, which may be readings or draws of their noise."""
+    """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
     inputs = np.zeros((time.size, len(at.INPUTS)))
     for column, name in enumerate(at.INPUTS):
         if name in raw:

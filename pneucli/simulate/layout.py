@@ -22,19 +22,8 @@ COULOMB, VISCOUS, MASS, AREA_1, AREA_2, STROKE, DEAD_1, DEAD_2 = range(8)
 AMBIENT, SUPPLY, TEMP, GAMMA, GAS, CRITICAL, WALL = range(8, 15)
 
 # columns of the inputs: commands (held), measured signals (interpolated, smoothed readings)
-IN_U, IN_U2, IN_SUPPLY, IN_P1, IN_P2, IN_FORCE, IN_X, IN_V, IN_R1, IN_R2 = range(10)
-INPUTS = (
-    "u",
-    "u2",
-    "p_supply",
-    "p1",
-    "p2",
-    "force",
-    "x",
-    "v",
-    "reading_1",
-    "reading_2",
-)  # the kernel keeps p1, p2 in the last
+IN_U, IN_U2, IN_SUPPLY, IN_P1, IN_P2, IN_FORCE, IN_X, IN_V = range(8)
+INPUTS = ("u", "u2", "p_supply", "p1", "p2", "force", "x", "v")
 
 # switches of a recording
 MECHANICS, PNEUMATICS, CHAMBER_2, VALVE_SHUT, LOOP, U_MAX, INITIAL_U = range(7)

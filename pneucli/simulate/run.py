@@ -44,7 +44,7 @@ def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Ar
     out = np.zeros((experiment.time.size, at.OUTPUTS))
     kernel.run(
         experiment.time,
-        np.array(experiment.inputs if inputs is None else inputs),
+        experiment.inputs if inputs is None else inputs,
         experiment.restarts,
         base_vector(model, experiment),
         kernel.vector(model.effect_values()),

@@ -14,6 +14,7 @@ from pneucli.errors import InputError
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
 from pneucli.io.recordings import load_recordings
+from pneucli.memory import give_back
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select
 from pneucli.pipeline.context import Context
@@ -73,6 +74,7 @@ class Study:
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
             self._require_noise(ready[-1])
+        give_back()  # smoothing takes several times what it leaves
         return ready
 
     def _require_noise(self, experiment: Experiment) -> None:
@@ -113,6 +115,7 @@ class Study:
     def forget_experiments(self) -> None:
         """Free what the experiments hold; they are made anew where they are asked for again."""
         self.__dict__.pop("experiments", None)
+        give_back()
 
     def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""

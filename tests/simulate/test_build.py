@@ -59,7 +59,7 @@ def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.n
     given = {"flags": experiment.flags, "cp": np.zeros(2)} | changes
     kernel.run(
         experiment.time,
-        experiment.inputs.copy(),
+        experiment.inputs,
         experiment.restarts,
         base_vector(which, experiment),
         kernel.vector(which.effect_values()),

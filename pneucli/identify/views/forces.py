@@ -82,7 +82,7 @@ class Forces(View):
     def loads(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
         """Return the acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
 
-        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 10). The accelerometer's reading is
+        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 8). The accelerometer's reading is
         taken as it is: it jumps where the piston breaks away and stops, which smoothing would spread.
         """
         (area_1, area_2), rough = self.experiment.rig.areas, np.zeros(self.experiment.time.size)
@@ -111,7 +111,7 @@ class Forces(View):
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
         ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
 
-        ``inputs`` (n, 10) and ``loads`` are the experiment's own, or of other readings of the same run; ``noise``
+        ``inputs`` (n, 8) and ``loads`` are the experiment's own, or of other readings of the same run; ``noise``
         (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
@@ -119,7 +119,7 @@ class Forces(View):
         out, gap = np.zeros(e.time.size), np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
-            inputs.copy(),
+            inputs,
             a,
             rough,
             leaving,
