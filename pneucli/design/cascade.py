@@ -26,7 +26,7 @@ from pneucli.design.controller import Controller
 from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, lateness, moving_mass
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
-from pneucli.physics.gas import flow_function
+from pneucli.physics.flows import flow_functions
 from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import CLOSED_AREA
 
@@ -198,14 +198,13 @@ def reachable(axis: Mapping[str, float]) -> tuple[float, float]:
     p1 = np.clip(balance, WORKING[0] * axis["C_AMBIENT"], WORKING[1] * axis["C_SUPPLY"])
     low, high = axis["C_AMBIENT"] / p1, p1 / axis["C_SUPPLY"]
     scale = axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_1
-    flow = np.vectorize(flow_function)
-    fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow(high, axis["C_CRITICAL"])
-    vent = axis["C_AREA_VENT"] * scale * p1 * flow(low, axis["C_CRITICAL"])
+    fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow_functions(high, axis["C_CRITICAL"])
+    vent = axis["C_AREA_VENT"] * scale * p1 * flow_functions(low, axis["C_CRITICAL"])
     if axis["C_MIRRORED"] > 0.5:  # the other chamber gives way at the same time
         share = axis["C_AREA_2"] / area_1 * axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_2
         ratio_2 = p2 / axis["C_SUPPLY"], axis["C_AMBIENT"] / p2
-        fill = fill + share * axis["C_AREA_VENT_2"] * p2 * flow(ratio_2[1], axis["C_CRITICAL"])
-        vent = vent + share * axis["C_AREA_FILL_2"] * axis["C_SUPPLY"] * flow(ratio_2[0], axis["C_CRITICAL"])
+        fill = fill + share * axis["C_AREA_VENT_2"] * p2 * flow_functions(ratio_2[1], axis["C_CRITICAL"])
+        vent = vent + share * axis["C_AREA_FILL_2"] * axis["C_SUPPLY"] * flow_functions(ratio_2[0], axis["C_CRITICAL"])
     rate = np.minimum(fill, vent)
     per_speed = gamma * (p1 * area_1 / volume_1 + p2 * area_2**2 / (area_1 * volume_2))
     within = p1 == balance if np.any(p1 == balance) else np.ones(x.size, dtype=bool)

@@ -17,6 +17,7 @@ from pneucli.design.cascade import WORKING, spring_pressure
 from pneucli.design.pdc import Pdc, design_pdc
 from pneucli.errors import InputError
 from pneucli.physics.friction import stribeck
+from pneucli.physics.gas import PSI_MAX
 from pneucli.tp import TPModel, sample, transform
 from pneucli.tp.weights import WeightType
 
@@ -80,7 +81,7 @@ def compare_weight_types(
     x0 = np.array([0.15 * c["C_STROKE"], 0.0, 0.0])
     force = 0.5 * c["C_AREA_1"] * (WORKING[1] * c["C_SUPPLY"] - WORKING[0] * c["C_AMBIENT"])
     scale = np.array([x0[0], c["C_V_MAX"], force])
-    most = min(c["C_AREA_FILL"] * c["C_SUPPLY"], c["C_AREA_VENT"] * c["C_P_MEAN"]) * c["C_K_GAS"] * 0.484
+    most = min(c["C_AREA_FILL"] * c["C_SUPPLY"], c["C_AREA_VENT"] * c["C_P_MEAN"]) * c["C_K_GAS"] * PSI_MAX
     return [_study(c, speed_floor, kind, x0, scale, 0.5 * most) for kind in types]
 
 

@@ -14,7 +14,7 @@ from pneucli.design import layout
 from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
 from pneucli.design.ports import critical_ratio
-from pneucli.physics.gas import PSI_MAX
+from pneucli.physics.flows import flow_functions
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
@@ -160,7 +160,7 @@ def air_used(run: Run, model: Model, controller: Controller) -> float:
     sides = [(model.valve, run.log[:, layout.L_U1] - null, at.P1)] + [(model.second, second, at.P2)] * driven
     for valve, opened, p in sides:
         ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)
-        psi = PSI_MAX * np.sqrt(1.0 - (np.maximum(ratio - b, 0.0) / (1.0 - b)) ** 2)  # 2.42
+        psi = flow_functions(ratio, b)
         area = np.where(opened > 0.0, valve(opened), 0.0)
         total += float(np.sum(area * run.scenario.supply * k * psi)) * float(run.time[1] - run.time[0])
     return total

@@ -9,6 +9,7 @@ from pneucli import __version__
 from pneucli.design import layout, plant, step
 from pneucli.design.controller import Controller
 from pneucli.export.translate import c_functions, callees_first
+from pneucli.physics import gas
 
 NAME = "pneucli_controller"
 REPLAY = "pneucli_replay.c"
@@ -28,6 +29,7 @@ def header(controller: Controller, pipeline: str) -> str:
 def source(controller: Controller, pipeline: str) -> str:
     """Return ``pneucli_controller.c``; every equation in it is translated from :mod:`pneucli.design.step`."""
     known = [f for module in (plant, step) for f in vars(module).values() if isinstance(f, FunctionType)]
+    constants = [f"#define {name} {value!r}" for name, value in vars(gas).items() if isinstance(value, float)]
     numbers = [f"    {controller.values[n]!r}, /* {n} */" for n in layout.PARAMETERS if n != "C_TABLE"]
     for title, table in controller.tables().items():
         numbers += [f"    /* {title}: V at (i / {len(table) - 1})^2 of the largest area */"]
@@ -39,7 +41,7 @@ def source(controller: Controller, pipeline: str) -> str:
         .replace("@STATE@", ", ".join(layout.STATE))
         .replace("@PARAMETERS@", ", ".join(layout.PARAMETERS))
         .replace("@NUMBERS@", "\n".join(numbers))
-        .replace("@FUNCTIONS@", c_functions(callees_first(step.step, known)))
+        .replace("@FUNCTIONS@", "\n".join([*constants, "", c_functions(callees_first(step.step, known))]))
     )
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.physics.gas import CRITICAL_RATIO, orifice_flow
+from pneucli.physics.flows import orifice_flows
+from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -69,11 +70,9 @@ def _paths(e: Experiment, rig: Rig, chamber: int, vessel_volume: float) -> Paths
     flow = (slope * volume + kappa * p * growth) / (kappa * gas)
     k = np.sqrt(2.0 / gas)
     supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
-    unit = (
-        orifice_flow(s, q, CRITICAL_RATIO, k, k) if c > 0 else -orifice_flow(q, ambient, CRITICAL_RATIO, k, k)
-        for c, q, s in zip(opening, p, supply, strict=True)
-    )
-    return Paths(e, opening, flow, np.fromiter(unit, np.float64, opening.size))
+    upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, ambient)
+    per_area = np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, CRITICAL_RATIO, k, k)
+    return Paths(e, opening, flow, per_area)
 
 
 def _volume(e: Experiment, rig: Rig, chamber: int, vessel_volume: float) -> tuple[Array | float, Array | float]:

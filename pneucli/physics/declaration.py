@@ -29,7 +29,7 @@ class Port:
     ``state``: as chain, with a state of the effect's own as second argument; returns (value, new state).
     ``side``: the balance in which it stands: of mass and energy (``gas``), of forces (``mechanics``; ``friction`` where
     it is friction's own), or both, as a reading of the pressures (``pressure sensor``). ``bounds``: it widens the set
-    of forces that are possible.
+    of forces that are possible. ``memory``: what it does depends on what went before, as that of a ``state`` does.
     """
 
     arguments: tuple[str, ...]
@@ -37,6 +37,12 @@ class Port:
     side: Side
     meaning: str
     bounds: bool = False
+    memory: bool = False
+
+    @property
+    def remembers(self) -> bool:
+        """Whether what enters here depends on more than the present pressures, motion and command."""
+        return self.memory or self.combine == "state"
 
 
 PORTS: dict[str, Port] = {
@@ -50,14 +56,20 @@ PORTS: dict[str, Port] = {
     "leak_1_2": Port(("p1", "p2", "k"), "sum", "gas", "kg/s from chamber 1 to chamber 2"),
     "volume_1": Port((), "sum", "gas", "m^3 added to chamber 1"),
     "volume_2": Port((), "sum", "gas", "m^3 added to chamber 2"),
-    "heat": Port(("T", "T_wall"), "sum", "gas", "W into a chamber's gas; its presence makes gas temperature a state"),
+    "heat": Port(
+        ("T", "T_wall"),
+        "sum",
+        "gas",
+        "W into a chamber's gas; its presence makes gas temperature a state",
+        memory=True,
+    ),
     "supply": Port(
         ("p", "s", "p_set", "q", "k_gas", "h"),
         "state",
         "gas",
         "Pa: supply pressure at the valve, q kg/s leaving, k_gas = kappa R T; a state of 0 means not yet set",
     ),
-    "flow_delay": Port((), "sum", "gas", "s by which the valve's flow arrives later in the chamber"),
+    "flow_delay": Port((), "sum", "gas", "s by which the valve's flow arrives later in the chamber", memory=True),
     "dry_rise": Port(
         ("coulomb", "v"), "sum", "friction", "N of dry friction above Coulomb's at v while speeding up or at rest"
     ),
@@ -80,9 +92,9 @@ PORTS: dict[str, Port] = {
     "unread_p1": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: inverse of read_p1"),
     "unread_p2": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: inverse of read_p2"),
     "read_a": Port(("a",), "chain", "mechanics", "m/s^2: the reading of the accelerometer"),
-    "sensor_lag": Port((), "sum", "pressure sensor", "s: time constant of the sensors of p1 and p2"),
+    "sensor_lag": Port((), "sum", "pressure sensor", "s: time constant of the sensors of p1 and p2", memory=True),
     "sensor_delay": Port(
-        (), "sum", "pressure sensor", "s by which p1 and p2 are recorded later than the other channels"
+        (), "sum", "pressure sensor", "s by which p1 and p2 are recorded later than the other channels", memory=True
     ),
 }
 

@@ -57,8 +57,8 @@ _ALL = (
         files=("model", "plugins"),
         answer=(
             *("model.effects", "model.parameters", "warnings"),
-            *("valve.overlap", "valve.iso", "friction.warnings", "friction.taken_out", "friction.models"),
-            *("friction.kinetic", "friction.deviations"),
+            *("valve.overlap", "valve.iso", "valve.lack_of_fit", "valve.residual", "friction.warnings"),
+            *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),
         ),
     ),
     Stage(

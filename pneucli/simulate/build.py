@@ -29,7 +29,7 @@ from pneucli.simulate import driven, kernel, layout
 
 _LOCK = Lock()  # threads ask for kernels
 END = "# --- end of ports ---"
-ENTRIES = ("run", "run_imposed", "run_balance", "run_driven", "run_loads", "run_readings")
+ENTRIES = ("run", "run_imposed", "run_balance", "run_driven", "run_loads", "run_readings", "run_gradient")
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _mark(match: re.Match[str]) -> str:
 
 
 def _constants() -> str:
-    values = {k: v for k, v in vars(layout).items() if isinstance(v, int)}
+    values = {k: v for module in (layout, gas) for k, v in vars(module).items() if isinstance(v, int | float)}
     return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
 
 

@@ -539,6 +539,27 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             )
 
 
+def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas, out):
+    """Write the gradient of chamber 1 in Pa/s as its sensor reads it, shape (n,), at held commands and a fixed volume.
+
+    u (n,) in V, readings p (n,) and p_supply (n,) in Pa, the gas at its usual temperature. Nothing that has a memory
+    takes part: the spool has settled, a play is centred, no heat has been exchanged, what flows arrives at once.
+    """
+    base, th, on = scalars(base_values, th_values, on_values)
+    p_amb, volume = base[AMBIENT], base[DEAD_1] + volume_1(th, on)
+    k_gas = math.sqrt(2.0 / (base[GAS] * base[TEMP]))
+    b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
+    spool = np.zeros(on_values.size)
+    for i in range(u.size):
+        spool[:] = u[i]
+        true = unread_p1(p[i], p_amb, th, on)
+        opening = command(u[i], 1.0, spool, th, on)
+        q_in, q_out = valve_flow(opening, true, p_supply[i], p_amb, b, leak, k_gas, k_gas, u_max, areas)
+        q_out += leak_1_ambient(true, p_amb, k_gas, th, on)
+        sensed = 0.5 * (read_p1(true + 1.0, p_amb, th, on) - read_p1(true - 1.0, p_amb, th, on))
+        out[i] = sensed * pressure_rate(true, base[TEMP], volume, 0.0, q_in, q_out, 0.0, base)
+
+
 def bristles(z, dx, h, level, stiffness, th, on):
     """Deflection after a displacement dx within h, and the force of the LuGre model's bristles, exact in z."""
     rate = stiffness * abs(dx) / level

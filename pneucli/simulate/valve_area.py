@@ -19,6 +19,11 @@ CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
 OVERLAPS = ("overlap_fill", "overlap_vent")
 
 
+def area_name(command: float, label: str = "valve") -> str:
+    """Return the parameter's name of the effective area at a command in V from the null one."""
+    return f"{label}.effective_area({command:+.4g} V)"
+
+
 @dataclass(frozen=True)
 class ValveArea:
     """Effective areas in m^2 at signed commands in V from the null one, and the overlap (V) of each direction.
@@ -45,16 +50,12 @@ class ValveArea:
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
-        areas = {self.area_name(c): (a, "m^2") for c, a in zip(self.commands, self.areas, strict=True)}
+        areas = {area_name(c, self.label): (a, "m^2") for c, a in zip(self.commands, self.areas, strict=True)}
         return areas | ({f"{self.label}.{name}": (getattr(self, name), "V") for name in OVERLAPS} if areas else {})
-
-    def area_name(self, command: float) -> str:
-        """Return the parameter's name of the effective area at a command in V."""
-        return f"{self.label}.effective_area({command:+.4g} V)"
 
     def with_named(self, values: Mapping[str, float]) -> ValveArea:
         """Return the valve with parameters replaced; other names are left alone."""
-        areas = tuple(values.get(self.area_name(c), a) for c, a in zip(self.commands, self.areas, strict=True))
+        areas = tuple(values.get(area_name(c, self.label), a) for c, a in zip(self.commands, self.areas, strict=True))
         fill, vent = (values.get(f"{self.label}.{name}", getattr(self, name)) for name in OVERLAPS)
         return replace(self, areas=areas, overlap_fill=fill, overlap_vent=vent)
 

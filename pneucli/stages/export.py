@@ -16,6 +16,7 @@ TARGETS = ("c", "mat", "csv")
 TABLES = (
     "identify/valve_map",
     "identify/valve_inverse",
+    "identify/valve_lack_of_fit",
     "identify/valve_areas",
     "identify/parameters",
     "identify/friction_models",

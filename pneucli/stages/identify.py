@@ -6,7 +6,7 @@ from typing import Any
 
 from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Estimate
+from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_valve
@@ -16,7 +16,7 @@ from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.stages.friction_tables import friction_answer, write_friction
 from pneucli.stages.study import Study, save_model
-from pneucli.stages.valve_tables import iso_parameters, write_valve
+from pneucli.stages.valve_tables import iso_parameters, valve_answer, valve_warnings, write_valve
 
 AT_BOUND = "{} stands at its bound: these recordings do not show it; leave it out, or record a motion that does"
 
@@ -28,15 +28,16 @@ def run(context: Context) -> dict[str, Any]:
     """
     study = Study(context)
     warnings: list[str] = []
-    model, found = _fitted(study)
-    study.forget_experiments()
+    found = _fitted(study)
     context.progress("identifying the valve", 0.5)
-    valve = _valve(study, warnings)
+    valve = _valve(study, found, warnings)
+    study.forget_experiments()
     context.progress("identifying friction", 0.7)
+    model, estimates = found.model, [as_ratio(e, study) for e in found.estimates] + _null(study.rig)
+    warnings += [AT_BOUND.format(e.name) for e in found.estimates if e.at_bound]
+    del found  # its derivatives fill the memory with a long recording
     friction = _friction(study, model, warnings)
-    estimates = [as_ratio(e, study) for e in found] + _null(study.rig)
     _write(study, model, estimates, valve, friction)
-    warnings += [AT_BOUND.format(e.name) for e in found if e.at_bound]
     return _answer(study, estimates, valve, friction, warnings)
 
 
@@ -48,8 +49,8 @@ def _null(rig: Rig) -> list[Estimate]:
     return [Estimate("valve.null", "V", rig.valve_null, 0.25 * (high - low), (low, high), False)]
 
 
-def _fitted(study: Study) -> tuple[Model, tuple[Estimate, ...]]:
-    """Return model and parameters; what tests on them need fills the memory with a long recording, and ends here."""
+def _fitted(study: Study) -> Fit:
+    """Return the model with its parameters."""
     train = [e for e in study.experiments if e.recording.use == "train"]
     if not train:
         raise InputError(
@@ -57,19 +58,20 @@ def _fitted(study: Study) -> tuple[Model, tuple[Estimate, ...]]:
         )
     study.context.progress("fitting the model", 0.3)
     guess = first_guess(train, study.rig, study.valve)
-    fitted = fit_model(guess, study.views("train"), study.effects)
-    return fitted.model, fitted.estimates
+    return without_data(fit_model(guess, study.views("train"), study.effects))
 
 
-def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
+def _valve(study: Study, found: Fit, warnings: list[str]) -> ValveIdentification | None:
     tests = [r for r in study.recordings if r.kind.vessel and not r.valve_shut and r.use == "train"]
     if not tests or study.valve != "map":
         return None
     try:
-        return identify_valve([r for r in study.recordings if r.chamber == 1], study.rig)
+        valve = identify_valve([e for e in study.experiments if e.recording.chamber == 1], found)
     except InputError as error:
         warnings.append(f"no valve map: {error.where}: {error.found}")
         return None
+    warnings += valve_warnings(valve)
+    return valve
 
 
 def _friction(study: Study, model: Model, warnings: list[str]) -> FrictionIdentification | None:
@@ -112,7 +114,7 @@ def _write(
     save_model(model, out, provenance)
     rows = [(e.name, e.value, e.unit, *e.ci95) for e in estimates]
     if valve is not None:
-        write_valve(valve, out, provenance)
+        write_valve(valve, model, estimates, out, provenance)
         rows += iso_parameters(valve)
     if friction is not None:
         write_friction(friction, out, provenance)
@@ -145,12 +147,7 @@ def _answer(
         "warnings": warnings,
     }
     if valve is not None:
-        answer["valve"] = {
-            "overlap": {
-                k: {"value": v.value, "unit": "V", "ci95": [v.ci_low, v.ci_high]} for k, v in valve.overlap.items()
-            },
-            "iso": {n: {"value": v, "unit": u, "ci95": [lo, hi]} for n, v, u, lo, hi in iso_parameters(valve)},
-        }
+        answer["valve"] = valve_answer(valve, estimates)
     if friction is not None:
         answer["friction"] = friction_answer(friction)
     return answer

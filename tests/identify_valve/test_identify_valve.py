@@ -5,59 +5,18 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from pneucli.errors import InputError
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-
-RIG = Rig(supply_pressure=6.5e5, vessel_volume=2e-4)
-AREA, OVERLAP, EXPONENT = 1.6e-6, 0.2, 1.1  # m^2 at 10 V, V, 1
-COMMANDS = (0.6, 1.2, 2.5, 5.0, 10.0)
-
-
-def true_gradient(u, p, rig: Rig = RIG, b: float = 0.528, leak: float = 0.0):
-    """Thesis 2.22, 2.42, 2.46 with the area law above; written out here, apart from the package's own."""
-    gas = rig.heat_capacity_ratio * np.sqrt(2 * rig.gas_constant * rig.gas_temperature) / rig.vessel_volume
-    area = AREA * (np.maximum(np.abs(u) - OVERLAP, 0) / (10 - OVERLAP)) ** EXPONENT
-
-    def stream(upstream, downstream, ratio):
-        s = np.clip((downstream / upstream - ratio) / (1 - ratio), 0, 1)
-        return gas * upstream * 0.484 * np.sqrt(1 - s * s)
-
-    fills = stream(rig.supply_pressure, np.minimum(p, rig.supply_pressure), b)
-    vents = stream(p, np.minimum(p, rig.ambient_pressure), b)
-    lost = leak * stream(p, np.minimum(p, rig.ambient_pressure), 0.528)
-    return area * np.where(u > 0, fills, -vents) - lost
-
-
-def record(name: str, command: float, seed: int, noise: NoiseModel, **law) -> Recording:
-    """Rest, charge at +command, rest, discharge at -command; 1 kHz, high-order integration."""
-    time = np.arange(0.0, 2.4, 1e-3)
-    u = np.select([time < 0.1, time < 1.2, time < 1.3], [0.0, command, 0.0], -command)
-    p = np.empty(time.size)
-    edges = [0, 100, 1200, 1300, time.size]
-    start = RIG.ambient_pressure
-    for a, b in pairwise(edges):
-        span = time[a] + 1e-3 * np.arange(b - a + 1)
-        right = lambda _, q, v=u[a]: true_gradient(v, q, **law)  # noqa: E731
-        found = solve_ivp(right, (span[0], span[-1]), [start], t_eval=span, rtol=1e-7, atol=1.0, max_step=0.02)
-        p[a:b], start = found.y[0][:-1], found.y[0][-1]
-    rng = np.random.default_rng(seed)
-    supply = np.full(time.size, RIG.supply_pressure) + noise.draw(time, rng)
-    signals = {"u": u, "p_supply": supply, "p1": p + noise.draw(time, rng)}
-    return Recording(name, "valve", "train", time, signals)
-
-
-def recordings(seed: int, **law) -> list[Recording]:
-    noise = NoiseModel(white=0.0, coloured=400.0, pole=0.6)
-    return [record(f"step {c} V", c, 100 * seed + k, noise, **law) for k, c in enumerate(COMMANDS)]
+from pneucli.simulate.experiment import prepare
+from tests.identify_valve.bench import AREA, EXPONENT, OVERLAP, RIG, fitted, identify, record, recordings, true_gradient
 
 
 def truth_of(found: ValveIdentification, **law):
@@ -65,9 +24,14 @@ def truth_of(found: ValveIdentification, **law):
     return true_gradient(u, p, **law)
 
 
+def share_held(found: ValveIdentification, truth) -> float:
+    return float(np.mean((found.map.ci_low <= truth) & (truth <= found.map.ci_high)))
+
+
 @pytest.fixture(scope="module")
 def base() -> ValveIdentification:
-    return identify_valve(recordings(1), RIG)
+    held_out = record("step 3.5 V", 3.5, 7, use="test")
+    return identify([*recordings(1), held_out])
 
 
 def test_the_map_is_within_1_5_percent_of_the_largest_gradient(base):
@@ -77,28 +41,39 @@ def test_the_map_is_within_1_5_percent_of_the_largest_gradient(base):
 
 def test_the_interval_holds_the_truth_and_is_not_lavish(base):
     truth = truth_of(base)
-    held = (base.map.ci_low <= truth) & (truth <= base.map.ci_high)
-    assert held.mean() > 0.85  # one draw of correlated errors; the long run is measured over seeds and cases
+    assert share_held(base, truth) > 0.85  # one draw of correlated errors; the long run is below
     assert np.median(base.map.ci_high - base.map.ci_low) < 0.01 * np.abs(truth).max()
 
 
-def test_overlap_and_area_are_found(base):
-    for overlap in base.overlap.values():
-        assert overlap.value == pytest.approx(OVERLAP, abs=0.05)
-    for command in base.commands:
-        area = AREA * ((abs(command.u) - OVERLAP) / (10 - OVERLAP)) ** EXPONENT
-        assert command.area.value == pytest.approx(area, rel=0.05)
-        assert command.area.ci_low < command.area.value < command.area.ci_high
-    assert base.area_function(np.array([10.0]))[0] == pytest.approx(AREA, rel=0.01)
-    assert base.area_function(np.array([0.0]))[0] == 0.0
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Between commands too: of 0.6 and 10 V alone, most of the map is what the model makes of two commands."""
+    held = []
+    for seed in (2, 3):
+        found = identify(recordings(seed, (0.6, 10.0)))
+        held.append(share_held(found, truth_of(found)))
+    assert 0.85 <= np.mean(held) <= 1.0  # two draws, each of errors that go together
+
+
+def test_the_model_of_the_valve_is_the_map(base):
+    """One valve: where the curves need nothing that the model lacks, its area x flow function is what they show."""
+    assert base.lack.median < 0.005
+    assert base.lack.p95 < 0.02
+    assert not base.lack.noticeable
+    assert base.described
+
+
+def test_residuals_of_fitted_and_held_out_curves_are_noise(base):
+    assert base.over_noise("train") == pytest.approx(1.0, abs=0.1)
+    assert base.over_noise("test") == pytest.approx(1.0, abs=0.2)
+    assert {one.recording for one in base.residuals if one.use == "test"} == {"step 3.5 V"}
 
 
 def test_a_command_of_the_inverse_gives_the_gradient(base):
     rng = np.random.default_rng(3)
-    p = rng.uniform(1.3e5, 6.2e5, 60)
+    p = rng.uniform(1.3e5, 5.0e5, 60)
     asked = np.array([rng.uniform(0.9 * true_gradient(-10.0, q), 0.9 * true_gradient(10.0, q)) for q in p])
     u, reachable = base.command(asked, p)
-    assert reachable.all()
+    assert reachable.mean() > 0.7  # small commands did not fill the vessel
     got = np.array([true_gradient(v, q) for v, q in zip(u, p, strict=True)])
     assert np.abs(got - asked).max() < 0.015 * np.abs(asked).max()
 
@@ -113,72 +88,127 @@ def test_what_no_command_gives_is_not_reachable(base):
     assert np.all(np.diff(inverse.u, axis=0) >= -1e-9)
 
 
-def test_the_map_follows_another_flow_function():
-    """b = 0.2 in truth, 0.528 in the base model: the correction must make up for it, and ISO's b must tell."""
-    found = identify_valve(recordings(2, b=0.2), RIG)
+def test_what_no_recording_covered_is_not_reachable():
+    """At +1.2 V the vessel never came near supply pressure: what small commands do there is a guess."""
+    found = identify(recordings(1, (0.6, 1.2)))
+    highest = max(r["p1"].max() for r in recordings(1, (0.6, 1.2)))
+    u, reachable = found.command(found.gradient(np.array(1.0), np.array([1.3e5, 6e5])), np.array([1.3e5, 6e5]))
+    assert highest < 6e5
+    assert u == pytest.approx(1.0, abs=0.05)
+    assert reachable.tolist() == [True, False]
+    grid = found.inverse
+    assert not grid.reachable[:, grid.p > highest + 1e4].any()
+
+
+def test_zero_flow_is_the_middle_of_the_overlap(base):
+    u, reachable = base.command(np.zeros(3), np.array([1.5e5, 3e5, 5e5]))
+    assert np.abs(u).max() < OVERLAP
+    assert reachable.all()
+
+
+def test_the_map_follows_another_flow_function_and_says_that_the_model_does_not():
+    """b = 0.2 in truth, 0.528 in the base model: the correction must make up for it, and the table must tell."""
+    found = identify(recordings(2, b=0.2))
     truth = truth_of(found, b=0.2)
-    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
-    largest = next(i for i in found.iso if i.u == 10.0)
-    assert largest.b.value == pytest.approx(0.2, abs=0.05)
+    largest = np.abs(truth).max()
+    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * largest
+    assert found.lack.noticeable
+    expected = truth - found.lack.model
+    assert np.sqrt(np.mean((found.lack.difference - expected)[found.map.covered] ** 2)) < 0.015 * largest
+    b = next(i for i in found.iso if i.u == 10.0).b
+    assert b.value == 0.528  # the model's
+    assert b.seen[0] == pytest.approx(0.2, abs=0.08)  # the curve's
+    assert b.low < 0.2
+    assert b.high >= 0.528
 
 
-def test_the_map_follows_a_leak():
-    found = identify_valve(recordings(3, leak=3e-8), RIG)
-    truth = truth_of(found, leak=3e-8)
-    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
-    at_rest = true_gradient(0.0, 6e5, leak=3e-8)
-    assert np.interp(6e5, found.map.p, found.leak) == pytest.approx(at_rest, rel=0.2)
+def test_with_the_effect_the_lack_of_fit_is_gone():
+    found = identify(recordings(2, b=0.2), effects=["critical-ratio"])
+    assert found.lack.p95 < 0.02
+    assert not found.lack.noticeable
+    b = next(i for i in found.iso if i.u == 10.0).b
+    assert b.value == pytest.approx(0.2, abs=0.01)
+    assert b.high - b.low < 0.1
 
 
-def test_iso_characteristics_agree_with_the_law(base):
+def test_the_map_follows_a_leak_in_and_out_of_the_model():
+    for effects in ((), ("chamber-leak",)):
+        found = identify(recordings(3, leak=3e-8), effects=effects)
+        truth = truth_of(found, leak=3e-8)
+        assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
+        assert found.lack.noticeable == (not effects)
+        at_rest = found.gradient(np.array(0.0), np.array(5e5))
+        assert at_rest == pytest.approx(true_gradient(0.0, 5e5, leak=3e-8), rel=0.3)
+
+
+def test_what_other_recordings_did_to_the_model_does_not_bend_the_map():
+    """A valve 5 % too large, as an axis with an unknown leak may have it: the model is off, the map is not."""
+    tests = recordings(1)
+    found = fitted(tests, RIG)
+    larger = [replace(e, value=1.05 * e.value) if "area" in e.name else e for e in found.estimates]
+    bent = replace(found, model=replace(found.model, valve=found.model.valve.scaled(1.05)), estimates=tuple(larger))
+    time = np.arange(0.0, 1.0, 1e-3)
+    other = Recording("driven", "friction", "train", time, {"x": 0.1 + 0.05 * np.sin(6 * time), "force": 20 * time})
+    seen = identify_valve([prepare(r, RIG, 0.5) for r in (*tests, other)], bent)
+    truth = truth_of(seen)
+    assert np.sqrt(np.mean((seen.map.gradient - truth) ** 2)) < 0.005 * np.abs(truth).max()
+    assert seen.lack.median == pytest.approx(0.05, abs=0.01)
+    assert seen.lack.noticeable
+    largest = next(i for i in seen.iso if i.u == 10.0)
+    assert largest.C.value == pytest.approx(1.05 * AREA * 0.484 * np.sqrt(2 / (287.0 * 293.15)) / 1.185, rel=0.01)
+
+
+def test_iso_characteristics_are_those_of_the_models_area(base):
     """C = A 0.484 sqrt(2 / (R T0)) / rho0 by comparing ISO 6358-1 with thesis 2.46; b = 0.528, m = 0.5 (ellipse)."""
     largest = next(i for i in base.iso if i.u == 10.0)
-    expected = AREA * 0.484 * np.sqrt(2 / (287.0 * 293.15)) / 1.185
-    assert largest.C.value == pytest.approx(expected, rel=0.01)
-    assert largest.b.value == pytest.approx(0.528, abs=0.03)
-    assert largest.m.value == pytest.approx(0.5, abs=0.05)
-    assert largest.C.uncertainty > 0.1 * largest.C.value  # isothermal to isentropic
-    assert largest.C.statistical < 0.02 * largest.C.value
+    unit = 0.484 * np.sqrt(2 / (287.0 * 293.15)) / 1.185
+    modelled = float(base.law.trend.model.valve(np.array(10.0)))
+    assert largest.C.value == pytest.approx(unit * modelled, rel=1e-6)
+    assert largest.C.value == pytest.approx(unit * AREA, rel=0.01)
+    assert largest.b.value == 0.528
+    assert largest.b.seen[0] == pytest.approx(0.528, abs=0.05)
+    assert largest.m.value == 0.5
 
 
-def test_the_map_scales_with_the_volume(base):
-    half = base.scale_to_volume(1e-4)
-    assert half.map.gradient == pytest.approx(2 * base.map.gradient)
-    assert half.gradient(np.array(3.0), np.array(2e5)) == pytest.approx(2 * base.gradient(np.array(3.0), np.array(2e5)))
-    assert half.area_function(np.array([3.0])) == pytest.approx(base.area_function(np.array([3.0])))
+def test_the_interval_of_a_conductance_holds_an_isothermal_vessel(base):
+    """dp/dt = n R T q / V: with n = 1 in truth and kappa in the model, kappa times the flow passed."""
+    for one in base.iso:
+        assert one.C.low <= one.C.value
+        assert one.C.high >= 1.4 * one.C.value
+        assert one.C.high < 1.6 * one.C.value
 
 
-def test_without_a_volume_areas_are_per_volume(base):
-    rig = Rig(supply_pressure=RIG.supply_pressure)
-    found = identify_valve(recordings(1)[2:], rig)
-    assert found.volume is None
+def test_without_a_volume_there_is_no_conductance():
+    found = identify(recordings(1)[2:], Rig(supply_pressure=RIG.supply_pressure))
     assert not found.iso
-    assert found.area_function(np.array([10.0]))[0] * 2e-4 == pytest.approx(AREA, rel=0.01)
-    with pytest.raises(InputError):
-        found.scale_to_volume(1e-4)
+    truth = truth_of(found)
+    assert np.sqrt(np.mean((found.map.gradient - truth)[found.map.covered] ** 2)) < 0.015 * np.abs(truth).max()
 
 
 def test_a_dead_sensor_is_the_users_to_mend():
-    (one, *_) = recordings(0)
+    tests = recordings(0)
+    found = fitted(tests, RIG)
+    one = tests[0]
     signals = {**one.signals, "p1": np.full(one.time.size, 3e5)}
     dead = Recording("dead", "valve", "train", one.time, signals, {"p1": NoiseModel(0.0)})
     with pytest.raises(InputError, match="p1 has no noise at all"):
-        identify_valve([dead], RIG)
+        identify_valve([prepare(dead, RIG, 0.5)], found)
 
 
 def test_missing_signals_and_tests_are_the_users_to_mend():
-    one = recordings(1)[0]
+    tests = recordings(1)
+    one, found = tests[0], fitted(tests, RIG)
+
+    def refused(match: str, signals: dict, rig: Rig = RIG) -> None:
+        bare = Recording("bare", "valve", "train", one.time, signals)
+        with pytest.raises(InputError, match=match):
+            identify_valve([prepare(bare, rig, 0.5)], replace(found, model=replace(found.model, rig=rig)))
+
     with pytest.raises(InputError, match="no valve test"):
-        identify_valve([], RIG)
-    bare = Recording("bare", "valve", "train", one.time, {"p1": one["p1"]})
-    with pytest.raises(InputError, match="no signal u"):
-        identify_valve([bare], RIG)
-    no_supply = Recording("bare", "valve", "train", one.time, {"u": one["u"], "p1": one["p1"]})
-    with pytest.raises(InputError, match="p_supply"):
-        identify_valve([no_supply], Rig(vessel_volume=2e-4))
-    still = Recording("still", "valve", "train", one.time, {"u": 0 * one["u"], "p1": one["p1"]})
-    with pytest.raises(InputError, match="zero throughout"):
-        identify_valve([still], RIG)
+        identify_valve([], found)
+    refused("no signal u", {"p1": one["p1"]})
+    refused("p_supply", {"u": one["u"], "p1": one["p1"]}, Rig(vessel_volume=2e-4))
+    refused("zero throughout", {"u": 0 * one["u"], "p1": one["p1"]})
 
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))
@@ -190,7 +220,7 @@ CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared
 def test_cases_without_hidden_effect(case):
     """Rigs simulated elsewhere; the true area law stands in truth.json, which only this comparison reads."""
     rig, tests, truth = read_case(CASES / case)
-    found = identify_valve(tests, rig)
+    found = identify(tests, rig)
     u, p = np.meshgrid(found.map.u, found.map.p, indexing="ij")
     base = truth["base"]
     area = base["effective_area_at_10V"] / AREA
@@ -205,7 +235,8 @@ def test_cases_without_hidden_effect(case):
     assert np.sqrt(np.mean((found.map.gradient - expected) ** 2)) < 0.015 * largest
     held = (found.map.ci_low <= expected) & (expected <= found.map.ci_high)
     assert held.mean() >= 0.9
-    assert found.noise_rms == pytest.approx(truth["sensor_noise_pressure_Pa"], rel=0.15)
+    assert found.over_noise("train") == pytest.approx(1.0, abs=0.15)
+    assert found.lack.p95 < 0.02
 
 
 def read_case(folder: Path):

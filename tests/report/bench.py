@@ -116,6 +116,12 @@ def _valve() -> dict[str, Table]:
     slope = np.repeat([2e4 * c for c, _ in steps], 50)
     return {
         "identify/valve_map": Table({"u": u, "p": p, "p_gradient": gradient, **band, "covered": p > 2e5}),
+        "identify/valve_lack_of_fit": Table(
+            {"u": u, "p": p, "model": 0.97 * gradient,
+             "model_ci_low": 0.96 * gradient, "model_ci_high": 0.98 * gradient,
+             "measured": gradient, "measured_ci_low": gradient - 1e3, "measured_ci_high": gradient + 1e3,
+             "difference": 0.03 * gradient, "outside": abs(gradient) > 2e5}
+        ),
         "identify/valve_inverse": Table(
             {"p_gradient": gradient.mean() + 1e5 * u, "p": p, "u": np.clip(u, -8, 8), "reachable": abs(u) < 8}
         ),
@@ -229,7 +235,16 @@ def whole() -> Material:
         name="bench & co",
         answers={
             "ingest": _ingest(),
-            "identify": {"model": {"effects": ["stribeck"], "parameters": parameters}, "warnings": []},
+            "identify": {
+                "model": {"effects": ["stribeck"], "parameters": parameters},
+                "warnings": [],
+                "valve": {
+                    "overlap": {"charge": {"value": 0.2, "unit": "V", "ci95": [0.19, 0.21]}},
+                    "iso": {},
+                    "lack_of_fit": {"median": 0.03, "p95": 0.031, "share_outside": 0.8},
+                    "residual": {"train": 1.02, "test": None, "recordings": []},
+                },
+            },
             "compare": _compare({"p1": 1.0, "x": 3.0, "v": 1.1}),
             "diagnose": _diagnosis(),
             "design": controlled.design(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from pneucli import words
 from pneucli.io.artifacts import read_metadata, read_table
+from pneucli.stages.valve_tables import _lack_warning, valve_warnings
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -22,6 +24,7 @@ TRUTH = json.loads((DEMO.parents[1] / "truth.json").read_text())["demo"]["parame
 COLUMNS = {
     "valve_map": {"u", "p", "p_gradient", "p_gradient_ci_low", "p_gradient_ci_high"},
     "valve_inverse": {"p_gradient", "p", "u", "reachable"},
+    "valve_lack_of_fit": {"u", "p", "model", "measured", "difference", "outside"},
     "parameters": {"name", "value", "unit", "ci_low", "ci_high"},
     "friction_models": {"model", "branch", "v", "force"},
 }
@@ -80,10 +83,50 @@ def test_the_map_is_the_balance_of_mass_of_the_vessel(demo: Demo) -> None:
     assert table["p_gradient"][low] == pytest.approx(np.full(low.sum(), expected), rel=0.02)
 
 
+def test_one_valve(demo: Demo) -> None:
+    """The map's own curves need nothing that the model's valve has not, and its overlap is told in one place only."""
+    answer, table = demo[1]["identify"], read_table(demo[0] / "identify" / "valve_lack_of_fit.parquet")
+    lack, residual = answer["valve"]["lack_of_fit"], answer["valve"]["residual"]
+    assert lack["median"] < 0.005
+    assert lack["p95"] < 0.03
+    assert np.asarray(table["difference"]) == pytest.approx(np.asarray(table["measured"]) - np.asarray(table["model"]))
+    assert residual["train"] == pytest.approx(1.0, abs=0.1)
+    assert residual["test"] == pytest.approx(1.0, abs=0.3)
+    found = answer["model"]["parameters"]
+    assert answer["valve"]["overlap"]["charge"] == found["valve.overlap_fill"]
+    assert answer["valve"]["overlap"]["discharge"] == found["valve.overlap_vent"]
+    unit = 0.484 * np.sqrt(2 / (287 * 293.15)) / 1.185
+    c = answer["valve"]["iso"]["valve.sonic_conductance(+10 V)"]["value"]
+    assert c == pytest.approx(unit * found["valve.effective_area(+10 V)"]["value"])
+
+
+def test_what_the_model_lacks_of_the_valve_is_a_warning_with_numbers() -> None:
+    lack = SimpleNamespace(noticeable=True, median=0.047, p95=0.2, share_outside=0.61)
+    assert list(_lack_warning(lack)) == [  # type: ignore[arg-type]
+        "valve-lack-of-fit: the model's valve is off the measured map by 5 % in the median, 20 % at the 95th "
+        "percentile, outside both 95 % intervals at 61 % of the points: pneucli diagnose says what it may lack"
+    ]
+    lack.noticeable = False
+    assert not list(_lack_warning(lack))  # type: ignore[arg-type]
+
+
+def test_a_map_beyond_all_measure_is_named() -> None:
+    """A gradient far above what the curves themselves show, and curves that no map follows, are not passed over."""
+    calm = SimpleNamespace(noticeable=False)
+    valve = SimpleNamespace(described=False, steepest=1e13, shown=2e6, lack=calm, iso=(), over_noise=lambda use: 7.0)
+    names = [text.partition(":")[0] for text in valve_warnings(valve)]  # type: ignore[arg-type]
+    assert names == ["valve-not-described", "valve-curves-not-followed"]
+    valve.described, valve.over_noise = True, {"train": 1.0, "test": 9.0}.__getitem__
+    assert [text.partition(":")[0] for text in valve_warnings(valve)] == ["valve-not-foreseen"]  # type: ignore[arg-type]
+
+
 def test_the_answer_is_json_and_words(demo: Demo) -> None:
     answer = demo[1]["identify"]
     json.dumps(answer, allow_nan=False)
     told = words.of("identify", answer, "demo.toml")
     assert told.startswith("found    ")
     assert re.search(r"^friction.coulomb +1[34]\.\d+ ± 0\.\d\d+ N$", told, re.MULTILINE)
+    assert re.search(
+        r"^valve +the measured map leaves \S+ × noise on its curves, \S+ × noise on held-out", told, re.MULTILINE
+    )
     assert told.endswith("pneucli compare demo.toml")

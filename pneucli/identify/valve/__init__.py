@@ -1,24 +1,18 @@
-"""Direct identification of a proportional valve from charge and discharge curves."""
+"""Direct observation of a proportional valve by charge and discharge curves, and what the model lacks of it."""
 
 from __future__ import annotations
 
-from pneucli.identify.valve.identification import (
-    CommandArea,
-    Curve,
-    Value,
-    ValveIdentification,
-    identify_valve,
-)
+from pneucli.identify.valve.identification import Curve, ValveIdentification, identify_valve
 from pneucli.identify.valve.iso import IsoConductance
+from pneucli.identify.valve.lack import LackOfFit
 from pneucli.identify.valve.maps import GradientMap, InverseMap
 
 __all__ = [
-    "CommandArea",
     "Curve",
     "GradientMap",
     "InverseMap",
     "IsoConductance",
-    "Value",
+    "LackOfFit",
     "ValveIdentification",
     "identify_valve",
 ]

@@ -1,4 +1,4 @@
-"""Fit the valve's law to whole charge and discharge curves: no gradient is ever taken of a noisy signal."""
+"""Fit the law to whole charge and discharge curves: no gradient is ever taken of a noisy signal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from pneucli.errors import InputError
+from pneucli.identify.least_squares import minimise
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.stretches import Stretches
 from pneucli.noise import NoiseModel
@@ -16,70 +16,72 @@ from pneucli.simulate.smooth import autocovariance
 
 Array = NDArray[np.float64]
 
-ROUNDS, STEPS = 9, 6  # of prior widths, and of Levenberg-Marquardt in each
-ENOUGH = 0.05  # gain of a step, in units of chi-square, at which a round ends
+ROUNDS, STEPS = 9, 6  # of prior widths, and of the search in each
+TOLERANCE = 1e-6  # of the sum of squares, at which a search ends
 SETTLED = 0.2  # change of the prior widths, as a logarithm, at which the rounds end
 ORDER = 8  # of the noise's autoregression: colour, and most of a mains line
-SUBSTEP = 2e-3  # s, below the time constant of the last approach to equilibrium
-FIRST = {"shared": 0.05, "own": 0.005, "leak": 0.005}  # prior standard deviations to start from: base law first
+FIRST = {"shared": 0.05, "own": 0.005, "leak": 0.005}  # prior standard deviations to start from: the model first
 WIDEST = {"shared": 0.5, "own": 0.3, "leak": 0.2}
 NARROWEST = {"shared": 1e-3, "own": 1e-3, "leak": 5e-5}  # what a rig does not hold anyway
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Parameters, covariance (correlated residuals accounted for), simulated pressures ``(N, L)``, AR whitening."""
+class Posterior:
+    """Parameters, covariance (correlated residuals accounted for), and the pressures (Pa, ``(N, L)``) they give."""
 
     theta: Array
     covariance: Array
     simulated: Array
-    whitening: Array
-    noise: float
-    widths: dict[str, float]
 
 
 def simulate(law: Law, theta: Array, start: Array, s: Stretches) -> Array:
     """Return p(t), shape ``(N, L)`` in Pa, of all stretches from ``start`` (Pa, shape ``(L,)``).
 
     Midpoint rule with u held over each sample: its error, (h / time constant)^2 / 6 of the gradient, is below 1e-4.
+    No step leads beyond the pressure on the valve's other side, where the slope of the flow function has no end.
     """
-    log_area, shape = law.factors(theta, s.u)
+    still, shape = law.trend.at(law.moved(theta)), law.shape(theta, s.u)
+    other, beside = law.other(s.u, s.supply), s.beside[..., 0] + s.beside[..., 1:] @ law.away(theta)
     p = np.empty_like(s.p)
     p[0] = start
-    substeps = max(1, int(np.ceil(s.period.max() / SUBSTEP)))
-    h = s.period / substeps
-
+    h = s.period / s.steps
     for k in range(s.p.shape[0] - 1):
 
         def slope(q: Array, k: int = k) -> Array:
-            return law.flow(log_area[k], shape[:, k], s.u[k], q, s.supply[k]) + law.leak(theta, q)
+            here = s.u[k], q, s.supply[k]
+            return np.asarray(law.bent(theta, shape[:, k], still(*here), *here) + beside[k])
 
         q = p[k]
-        for _ in range(substeps):
-            q = q + h * slope(q + 0.5 * h * slope(q))
+        for _ in range(s.steps):
+            middle = _short_of(other[k], q, q + 0.5 * h * slope(q))
+            q = _short_of(other[k], q, q + h * slope(middle))
         p[k + 1] = q
     return p
 
 
-def sensitivities(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[Array, Array]:
-    """Return dp/dtheta ``(N, L, size)`` and dp/dp(0) ``(N, L)`` along a simulated ``p``."""
+def _short_of(other: Array, before: Array, after: Array) -> Array:
+    """Return pressures (L,) in Pa after a step, but at most those on the other side where the step would pass them."""
+    return np.asarray(np.where((before - other) * (after - other) < 0.0, other, after))
+
+
+def start_sensitivity(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[Array, Array]:
+    """Return how an error decays over each sample ``(N - 1, L)``, and dp/dp(0) ``(N, L)`` along a simulated ``p``."""
     delta = 1e-6 * law.supply
     ahead, behind = (law.gradient(theta, s.u, p + d, s.supply) for d in (delta, -delta))
     stiffness = (ahead - behind) / (2 * delta)
-    decay = np.exp(0.5 * s.period * (stiffness[1:] + stiffness[:-1]))
-    force = 0.5 * s.period[:, None] * law.sensitivity(theta, s.u, p, s.supply)
+    decay = np.exp(np.minimum(0.5 * s.period * (stiffness[1:] + stiffness[:-1]), 1.0))
+    return decay, np.concatenate([np.ones((1, p.shape[1])), np.cumprod(decay, axis=0)])
+
+
+def sensitivity(law: Law, theta: Array, p: Array, decay: Array, s: Stretches) -> Array:
+    """Return dp/dtheta ``(N, L, size)`` along a simulated ``p``."""
+    by_theta = law.sensitivity(theta, s.u, p, s.supply)
+    by_theta[..., : s.beside.shape[-1] - 1] += s.beside[..., 1:]
+    force = 0.5 * s.period[:, None] * by_theta
     out = np.zeros_like(force)
     for k in range(p.shape[0] - 1):
         out[k + 1] = decay[k][:, None] * (out[k] + force[k]) + force[k + 1]
-    return out, np.concatenate([np.ones((1, p.shape[1])), np.cumprod(decay, axis=0)])
-
-
-def inverse(hessian: Array) -> Array:
-    """Return the inverse of a Hessian (k, k); what no test shows, which makes it singular, gets none."""
-    try:
-        return np.asarray(np.linalg.inv(hessian), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(hessian, hermitian=True), dtype=np.float64)
+    return out
 
 
 def whitener(covariance: Array) -> tuple[Array, float]:
@@ -87,6 +89,14 @@ def whitener(covariance: Array) -> tuple[Array, float]:
     covariance = covariance * np.where(np.arange(covariance.size) == 0, 1 + 1e-6, 1.0)
     phi = solve_toeplitz(covariance[:-1], covariance[1:]) if covariance.size > 1 else np.zeros(0)
     return np.append(1.0, -phi), float(np.sqrt(max(covariance[0] - phi @ covariance[1:], 1e-300)))
+
+
+def averaged_noise(sensor: NoiseModel, joined: int, lags: int) -> Array:
+    """Return the autocovariances (lags,) of a sensor's noise, ``joined`` readings averaged in one."""
+    single = autocovariance(sensor, lags * joined)
+    apart = np.arange(1 - joined, joined)
+    weights = (joined - np.abs(apart)) / joined**2
+    return np.array([weights @ single[np.abs(k * joined + apart)] for k in range(lags)])
 
 
 def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
@@ -99,15 +109,19 @@ def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
     return np.asarray(covariance / known)
 
 
-@dataclass(frozen=True)
-class Round:
-    """One round's problem: whitened residuals of all stretches, free start pressures, priors on the corrections."""
+@dataclass
+class Problem:
+    """Whitened residuals of all stretches, their start pressures eliminated, and what is known beforehand."""
 
     law: Law
     data: Stretches
     whitening: Array
     noise: float
-    prior: Array  # 1 / standard deviation per parameter, 0 where free
+    prior: Array  # units of what is known beforehand of theta (k, k)
+    start: Array
+
+    def __post_init__(self) -> None:
+        self._last: tuple[Array, tuple[Array, Array, Array]] | None = None  # theta and what came along it
 
     def white(self, signal: Array) -> Array:
         """Return ``signal`` (leading axes ``(N, L)``) filtered, in units of its innovations, zero where not seen."""
@@ -117,89 +131,92 @@ class Round:
         scaled = np.where(seen, 1 / self.noise, 0.0)
         return np.asarray(filtered * scaled.reshape(*seen.shape, *[1] * (signal.ndim - 2)))
 
-    def cost(self, theta: Array, simulated: Array) -> float:
-        """Return twice the negative logarithm of the posterior, up to a constant."""
-        error = simulated - np.where(self.data.valid, self.data.p, 0.0)
-        return float(np.sum(self.white(error) ** 2) + np.sum((self.prior * theta) ** 2))
+    def along(self, theta: Array) -> tuple[Array, Array, Array]:
+        """Return simulated pressures, the decay of errors, and what a start's error becomes, whitened, of norm 1."""
+        if self._last is None or not np.array_equal(self._last[0], theta):
+            self._last = theta.copy(), self._along(theta)
+        return self._last[1]
 
-    def normal_equations(self, theta: Array, simulated: Array) -> tuple[Array, Array, Array, Array]:
-        """Return gradient and Hessian of theta with the start pressures eliminated, and what gives those back."""
-        by_theta, by_start = sensitivities(self.law, theta, simulated, self.data)
-        error = self.white(simulated - np.where(self.data.valid, self.data.p, 0.0))
-        jacobian, starts = self.white(by_theta), self.white(by_start)
-        own = np.sum(starts**2, axis=0) + 1e-12
-        cross = np.einsum("nlp,nl->pl", jacobian, starts) / own
-        start_gradient = np.sum(starts * error, axis=0) / own
-        flat = jacobian.reshape(-1, theta.size)
-        hessian = flat.T @ flat - (cross * own) @ cross.T + np.diag(self.prior**2)
-        gradient = flat.T @ error.ravel() - cross @ (own * start_gradient) + self.prior**2 * theta
-        return gradient, np.asarray(hessian), cross, start_gradient
+    def _along(self, theta: Array) -> tuple[Array, Array, Array]:
+        p = simulate(self.law, theta, self.start, self.data)
+        decay, ahead = start_sensitivity(self.law, theta, p, self.data)
+        white = self.white(ahead)
+        return p, decay, white / np.sqrt(np.sum(white**2, axis=0) + 1e-12)
 
-    def solve(self, theta: Array, start: Array, bounds: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
-        """Return theta, start pressures, simulated pressures and Hessian after Levenberg-Marquardt steps."""
-        simulated = simulate(self.law, theta, start, self.data)
-        cost, damping = self.cost(theta, simulated), 1e-4
-        for _ in range(STEPS):
-            gradient, hessian, cross, start_gradient = self.normal_equations(theta, simulated)
-            if not np.isfinite(hessian).all():
-                found, mend = (
-                    "no law of a valve fits them: it grows beyond all numbers",
-                    "see what ingest finds implausible",
-                )
-                raise InputError("the valve tests", found, "supply, volume and pressures of one rig", mend)
-            gain = 0.0
-            while damping < 1e8 and gain <= 0.0:
-                step = -inverse(hessian + damping * np.diag(np.diag(hessian))) @ gradient
-                tried = np.clip(theta + step, *bounds)
-                tried_start = start - start_gradient - cross.T @ (tried - theta)
-                ahead = simulate(self.law, tried, tried_start, self.data)
-                gain = cost - self.cost(tried, ahead)
-                if gain <= 0.0 and -step @ (2 * gradient + hessian @ step) < ENOUGH:
-                    break  # not even the model of the cost promises more
-                damping *= 0.2 if gain > 0.0 else 10.0
-            if gain > 0.0:
-                theta, start, simulated, cost = tried, tried_start, ahead, cost - gain
-            if gain < ENOUGH:
-                break
-            damping = max(damping, 1e-9)
-        return theta, start, simulated, hessian
+    def residuals(self, theta: Array) -> Array:
+        """Return what no start pressure can take up of the whitened residuals, and the prior's."""
+        p, _, starts = self.along(theta)
+        error = self.white(p - np.where(self.data.valid, self.data.p, 0.0))
+        error -= starts * np.sum(starts * error, axis=0)
+        return np.concatenate([error.ravel(), self.prior @ (theta - self.law.start())])
+
+    def jacobian(self, theta: Array) -> Array:
+        """Return the derivatives of the residuals."""
+        p, decay, starts = self.along(theta)
+        by_theta = self.white(sensitivity(self.law, theta, p, decay, self.data))
+        by_theta -= starts[..., None] * np.einsum("nl,nlp->lp", starts, by_theta)
+        return np.vstack([by_theta.reshape(-1, theta.size), self.prior])
+
+    def better_start(self, theta: Array) -> Array:
+        """Return the start pressures (L,) in Pa that suit the data best, in the straight line's sense."""
+        p = simulate(self.law, theta, self.start, self.data)
+        ahead = self.white(start_sensitivity(self.law, theta, p, self.data)[1])
+        error = self.white(p - np.where(self.data.valid, self.data.p, 0.0))
+        return np.asarray(self.start - np.sum(ahead * error, axis=0) / (np.sum(ahead**2, axis=0) + 1e-12))
 
 
-def fit_law(law: Law, data: Stretches, guess: Array, sensor: NoiseModel) -> Fit:
-    """Fit ``law`` to ``data`` from ``guess`` and return the maximum of the posterior.
+def fit_law(law: Law, data: Stretches, sensor: NoiseModel) -> Posterior:
+    """Fit ``law`` to ``data`` from the model as it is and return the maximum of the posterior.
 
     Residuals are weighted as the noise of the pressure's ``sensor``; the covariance is that of the residuals as they
     are, so that coloured ones do not feign precision. (Weights from the residuals themselves would let the curves
     drift from the data: what a law cannot follow looks like noise that is slow.) Each round refits and sets each group
     of corrections to the prior width that the data support: MacKay's evidence update, Neural Computation 4 (1992) 415.
-    Corrections that the data do not ask for shrink to nothing, and what no data determine falls back on the base law
-    with the width that the rest of the map shows.
+    Corrections that the data do not ask for shrink to nothing, and what no data determine falls back on the model
+    with the width that the rest of the map shows. Every parameter has a prior, so no matrix is singular.
     """
     groups, widths = law.groups(), dict(FIRST)
-    whitening, noise = whitener(autocovariance(sensor, ORDER + 1))
-    theta, start = guess, np.nan_to_num(data.p[0], nan=float(np.nanmedian(data.p)))
-    bounds = _bounds(law)
+    whitening, noise = whitener(averaged_noise(sensor, int(np.median(data.joined)), ORDER + 1))
+    theta, start = law.start(), first_pressures(data)
     for _ in range(ROUNDS):
-        prior = np.zeros(law.size)
-        for name, members in groups.items():
-            prior[members] = 1 / widths[name]
-        theta, start, simulated, hessian = Round(law, data, whitening, noise, prior).solve(theta, start, bounds)
-        variance = np.diag(inverse(hessian))
-        before = dict(widths)
+        problem = Problem(law, data, whitening, noise, _prior(law, widths), start)
+        found = minimise(problem.residuals, problem.jacobian, theta, _bounds(law), rounds=STEPS, tolerance=TOLERANCE)
+        theta, before = found.z, dict(widths)
+        problem.start = start = problem.better_start(theta)
+        variance = np.diag(_inverse(found.jacobian))
         for name, members in groups.items():
             determined = members.size - np.sum(variance[members]) / widths[name] ** 2
             supported = float(np.sqrt(np.sum(theta[members] ** 2) / max(determined, 1e-2)))
             widths[name] = float(np.clip(supported, NARROWEST[name], WIDEST[name]))
         if all(abs(np.log(widths[name] / before[name])) < SETTLED for name in widths):
             break
+    simulated = simulate(law, theta, start, data)
     whitening, noise = whitener(autocovariances(simulated - data.p, data.valid))
-    hessian = Round(law, data, whitening, noise, prior).normal_equations(theta, simulated)[1]
-    return Fit(theta, inverse(hessian), simulated, whitening, noise, widths)
+    as_it_is = Problem(law, data, whitening, noise, _prior(law, widths), start)
+    return Posterior(theta, _inverse(as_it_is.jacobian(theta)), simulated)
+
+
+def first_pressures(data: Stretches) -> Array:
+    """Return the first readings (L,) in Pa."""
+    return np.asarray(np.nan_to_num(data.p[0], nan=float(np.nanmedian(data.p))))
+
+
+def _prior(law: Law, widths: dict[str, float]) -> Array:
+    prior, moved = np.zeros((law.size, law.size)), len(law.trend.free)
+    prior[:moved, :moved] = law.trend.tight
+    for name, members in law.groups().items():
+        prior[members, members] = 1 / widths[name]
+    return prior
+
+
+def _inverse(jacobian: Array) -> Array:
+    """Return the inverse of the curvature (k, k), which what is known beforehand keeps from being singular."""
+    jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)  # beyond all numbers nothing is known
+    return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True))
 
 
 def _bounds(law: Law) -> tuple[Array, Array]:
     lower, upper = np.full(law.size, -np.inf), np.full(law.size, np.inf)
-    for o, d in zip(law.offsets(), law.directions, strict=True):
-        lower[o + 1 : o + 3] = 0.0, 0.2
-        upper[o + 1 : o + 3] = 0.6 * d.nodes[-1], 5.0
+    of_trend = slice(len(law.trend.free))
+    lower[of_trend], upper[of_trend] = law.trend.bounds
     return lower, upper

@@ -1,36 +1,57 @@
-"""Sonic conductance, critical ratio and subsonic index per command (ISO 6358-1), with what a vessel cannot know."""
+"""ISO 6358-1: sonic conductance, critical ratio and subsonic index per command, of the model's own valve.
+
+C follows from the effective area and the choked flow function, b is the model's critical ratio and m = 0.5, since the
+model's flow function is an ellipse. What a curve itself says of b and m is read from the measured map beside them: it
+sets their interval where the model assumes them, and widens it where it contradicts what the model identified.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from pneucli.identify.valve.fit import Fit
-from pneucli.identify.valve.law import LAMINAR, Law
-from pneucli.identify.valve.stretches import Stretches
-from pneucli.recording import Rig
+from pneucli.identify.fit import Estimate, Fit
+from pneucli.identify.least_squares import minimise
+from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.law import Law
+from pneucli.identify.valve.maps import Z95, Coverage, gradient_with_error
+from pneucli.identify.valve.trend import units
+from pneucli.physics.gas import PSI_MAX
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import area_name
 
 Array = NDArray[np.float64]
+Interval = tuple[float, float]
 
 REFERENCE_DENSITY = 1.185  # kg/m^3, ISO 8778 (293.15 K, 100 kPa, 65 % humidity)
 REFERENCE_TEMPERATURE = 293.15  # K
-MEAN_SPAN = 0.01  # s over which samples are averaged before the fit
+SUBSONIC = 0.5  # m of an ellipse
+POINTS = 41  # of pressure, at which the map is read
+FLOOR = 1e-3  # of the largest gradient: more than the map may be trusted for
 USUAL = np.array([0.35, 0.5])  # b and m of industrial valves, with spreads, where a curve stays silent on them
 SPREAD = np.array([0.2, 0.1])
-ANY = 5.0  # of log C: where nothing flows the data do not say, and the interval should
-LOWEST, HIGHEST = (0.02, 0.2), (0.9, 1.5)
+BOUNDS = (np.array([-np.inf, 0.02, 0.2]), np.array([np.inf, 0.9, 1.5]))
+TOLD = 0.5  # of the usual spread: what is less certain, the curve does not tell
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A value and its standard uncertainty: ``statistical`` (noise) and in all (with the gas's unknown state)."""
+class Figure:
+    """A characteristic and its 95 % interval; ``seen`` is what the curve itself shows (value, low, high)."""
 
     value: float
-    statistical: float
-    uncertainty: float
+    low: float
+    high: float
+    seen: tuple[float, float, float] | None = None
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the curve shows another value."""
+        return self.seen is not None and not self.seen[1] <= self.value <= self.seen[2]
 
 
 @dataclass(frozen=True)
@@ -38,95 +59,101 @@ class IsoConductance:
     """ISO 6358-1 characteristics of one flow path at command ``u`` (V).
 
     ``C`` in m^3/(s Pa) at the reference atmosphere, ``b`` and ``m`` dimensionless;
-    q = C p_u rho_0 sqrt(T_0 / T) (1 - ((r - b) / (1 - b))^2)^m for r > b. ``C`` holds for the base model's isentropic
-    vessel; a vessel that keeps its gas at the wall's temperature passes kappa times that flow at the same gradient.
+    q = C p_u rho_0 sqrt(T_0 / T) (1 - ((r - b) / (1 - b))^2)^m for r > b. Unless the model has heat transfer, a vessel
+    cannot tell whether its gas kept the wall's temperature, and kappa C passed: the interval of C holds both.
     """
 
     u: float
-    C: Estimate
-    b: Estimate
-    m: Estimate
+    C: Figure
+    b: Figure
+    m: Figure
 
 
-def iso_conductance(law: Law, fit: Fit, data: Stretches, rig: Rig) -> tuple[IsoConductance, ...]:
-    """Return C, b, m of each command that was held long enough, from its longest stretch.
+def iso_conductance(
+    law: Law, fit: Posterior, found: Fit, covers: Coverage, tested: Sequence[float]
+) -> tuple[IsoConductance, ...]:
+    """Return C, b, m of each command at which the model knows the valve's area."""
+    rig, model = found.model.rig, found.model
+    unit = PSI_MAX * np.sqrt(2.0 / (rig.gas_constant * REFERENCE_TEMPERATURE)) / REFERENCE_DENSITY
+    known = any("heat" in effect.ports for effect in model.effects)
+    unknown_gas = 1.0 if known else rig.heat_capacity_ratio
+    estimates = {e.name: e for e in found.estimates}
+    b, ends = _critical_ratio(model, estimates)
+    out = []
+    for u in model.valve.commands:
+        if not (area := estimates.get(area_name(u))):
+            continue
+        c = Figure(unit * area.value, unit * area.ci95[0], unit * area.ci95[1] * unknown_gas)
+        seen = _seen(law, fit, covers, u, unknown_gas) if min(abs(u - t) for t in tested) <= 1e-3 * abs(u) else None
+        shown = seen or (None, None)
+        out.append(IsoConductance(u, c, _figure(b, ends, 0, shown[0]), _figure(SUBSONIC, None, 1, shown[1])))
+    return tuple(out)
 
-    What the vessel cannot know: the polytropic index n of dp/dt = n R T q / V lies anywhere from 1 to kappa. C takes
-    the rms deviation of kappa / n for n uniform there; b and m the change that a drift of n from kappa to 1 over the
-    stretch makes, divided by sqrt(3).
+
+def _critical_ratio(model: Model, estimates: Mapping[str, Estimate]) -> tuple[float, Interval | None]:
+    """Return the model's critical ratio, and its interval where an effect of the model has identified it."""
+    b, ends = model.base()["valve.critical_ratio"], None
+    for effect in model.effects:
+        if port := effect.ports.get("critical_ratio"):
+            own = [estimates[name].ci95 for p in effect.parameters if (name := f"{effect.name}.{p.name}") in estimates]
+            reached = [cast("float", port(b, *values)) for values in product(*own)] if own else []
+            b = cast("float", port(b, *model.own(effect)))
+            ends = (min(reached), max(reached)) if reached else None
+    return b, ends
+
+
+def _figure(value: float, known: Interval | None, which: int, seen: tuple[float, float, float] | None) -> Figure:
+    """Return a characteristic with the model's interval, or the curve's where the model has none of its own."""
+    low, high = known or (value, value)
+    figure = Figure(value, low, high, seen)
+    if known is not None and not figure.contradicted:
+        return figure
+    usual = (float(USUAL[which] - Z95 * SPREAD[which]), float(USUAL[which] + Z95 * SPREAD[which]))
+    ends = usual if seen is None else seen[1:]
+    return Figure(value, min(low, max(ends[0], 0.0)), max(high, ends[1]), seen)
+
+
+def _seen(
+    law: Law, fit: Posterior, covers: Coverage, u: float, unknown_gas: float
+) -> list[tuple[float, float, float] | None] | None:
+    """Return b and m (value, low, high) that the measured map shows at a command; None where it does not tell them.
+
+    The polytropic index n of dp/dt = n R T q / V lies anywhere from 1 to kappa unless the model knows its heat: to the
+    statistics is added the change that a drift of the gradient by ``unknown_gas`` over the curve makes, over sqrt(3).
     """
-    found = []
-    for direction in law.directions:
-        for node in direction.nodes:
-            u = float(direction.sign * node)
-            held = np.where(data.u[0] == u, data.valid.sum(axis=0), 0)
-            k = int(np.argmax(held))
-            if held[k] * data.period[k] >= 0.2:
-                found.append(_one_command(_Path(law, fit, data, rig, k)))
-    return tuple(found)
+    p = np.linspace(law.ambient, law.supply, POINTS)
+    p = p[covers(np.full(POINTS, u), p)]
+    supply, at = np.full(p.size, law.supply), np.full(p.size, u)
+    if p.size < POINTS // 4:
+        return None
+    value, _ = gradient_with_error(law, fit, at, p, supply)
+    rows = law.sensitivity(fit.theta, at, p, supply)
+    largest = float(np.abs(value).max())
+    if not largest > 0.0:
+        return None
+    whiten = units(rows @ fit.covariance @ rows.T / largest**2, FLOOR)
+    upstream, r = (law.supply, p / law.supply) if u > 0 else (p, law.ambient / p)
+    shape = np.abs(value) / largest * law.supply / upstream
+    steady = _ellipse(shape, r, whiten)
+    drift = np.linspace(1.0, 1.0 / unknown_gas, p.size)[:: 1 if u > 0 else -1]
+    drifted = _ellipse(shape / drift, r, whiten)
+    noise = np.sqrt(np.diag(steady[1]))[1:]
+    error = np.hypot(noise, np.abs(drifted[0] - steady[0])[1:] / np.sqrt(3))
+    ends = [(float(v), float(v - Z95 * e), float(v + Z95 * e)) for v, e in zip(steady[0][1:], error, strict=True)]
+    return [end if told else None for end, told in zip(ends, noise < TOLD * SPREAD, strict=True)]
 
 
-class _Path:
-    """One stretch, averaged over short spans, and its simulation by the ISO law."""
+def _ellipse(shape: Array, r: Array, whiten: Array) -> tuple[Array, Array]:
+    """Return log C, b, m that fit a flow over pressure ratios r (k,), and their covariance."""
 
-    def __init__(self, law: Law, fit: Fit, data: Stretches, rig: Rig, k: int) -> None:
-        span = max(1, round(MEAN_SPAN / data.period[k]))
-        blocks = int(data.valid[:, k].sum()) // span
-        residual = (data.p - fit.simulated)[: blocks * span, k].reshape(blocks, span)
-        self.p = data.p[: blocks * span, k].reshape(blocks, span).mean(axis=1)
-        self.noise = float(residual.mean(axis=1).std() + 1e-9) * _inflation(residual.mean(axis=1))
-        self.h = span * float(data.period[k])
-        self.u, self.supply, self.ambient = float(data.u[0, k]), float(np.mean(data.supply[:, k])), law.ambient
-        self.kappa = rig.heat_capacity_ratio
-        gas = self.kappa * rig.gas_constant * rig.gas_temperature / (rig.vessel_volume or 1.0)
-        self.gain = float(gas * REFERENCE_DENSITY * np.sqrt(REFERENCE_TEMPERATURE / rig.gas_temperature))
+    def residuals(x: Array) -> Array:
+        s = np.maximum(np.minimum(r, 1.0 - 1e-6) - x[1], 0.0) / (1.0 - x[1])
+        error = np.exp(x[0]) * (1.0 - s * s) ** x[2] - shape
+        return np.concatenate([whiten @ error, (x[1:] - USUAL) / SPREAD])
 
-    def simulate(self, c: float, b: float, m: float, start: float, drift: bool) -> Array:
-        """Return the averaged pressures (Pa); with ``drift`` the polytropic index falls from kappa to 1."""
-        p, out = start, np.empty(self.p.size)
-        for k in range(self.p.size):
-            out[k] = p
-            index = 1 - drift * (1 - 1 / self.kappa) * k / self.p.size
-            for _ in range(2):
-                half = p + 0.25 * self.h * index * self._slope(c, b, m, p)
-                p += 0.5 * self.h * index * self._slope(c, b, m, half)
-        return out
+    def jacobian(x: Array) -> Array:
+        return np.array([(residuals(x + d) - residuals(x - d)) / 2e-4 for d in 1e-4 * np.eye(3)]).T
 
-    def _slope(self, c: float, b: float, m: float, p: float) -> float:
-        other, sign = (self.supply, 1.0) if self.u > 0 else (self.ambient, -1.0)
-        upstream, r = (other, p / other) if self.u > 0 else (p, other / p)
-        s = max(0.0, min(r, 1 - LAMINAR) - b) / (1 - b)
-        return float(sign * self.gain * c * upstream * (1 - s * s) ** m * min(1.0, (1 - r) / LAMINAR))
-
-    def fit(self, drift: bool) -> tuple[Array, Array]:
-        """Return log C, b, m, start pressure, and their covariance."""
-        scale = abs(self.p[-1] - self.p[0]) / (self.gain * self.p.size * self.h * max(self.supply, 1.0))
-        guess = np.array([np.log(max(scale, 1e-15) * 2), *USUAL, self.p[0]])
-
-        def residuals(x: Array) -> Array:
-            c, b, m, start = float(np.exp(x[0])), float(x[1]), float(x[2]), float(x[3])
-            error = (self.simulate(c, b, m, start, drift) - self.p) / self.noise
-            return np.concatenate([error, (x[1:3] - USUAL) / SPREAD, (x[:1] - guess[0]) / ANY])
-
-        bounds = ([-40, *LOWEST, 0], [0, *HIGHEST, np.inf])
-        found = least_squares(residuals, guess, bounds=bounds, x_scale=[0.1, 0.1, 0.1, 1e3], max_nfev=40)
-        jacobian = np.asarray(found.jac, dtype=np.float64)
-        return found.x, np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
-
-
-def _inflation(residual: Array) -> float:
-    """Return the square root of the factor by which correlation thins out the samples (first lag, AR(1))."""
-    lag = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.9))
-    return float(np.sqrt((1 + lag) / (1 - lag)))
-
-
-def _one_command(path: _Path) -> IsoConductance:
-    x, covariance = path.fit(drift=False)
-    drifted = path.fit(drift=True)[0]
-    error = np.sqrt(np.diag(covariance))
-    n = np.linspace(1, path.kappa, 101)
-    unknown_gas = float(np.sqrt(np.mean((path.kappa / n - 1) ** 2)))
-    c = float(np.exp(x[0]))
-    shift = np.abs(drifted - x) / np.sqrt(3)
-    b, m = (Estimate(float(x[k]), float(error[k]), float(np.hypot(error[k], shift[k]))) for k in (1, 2))
-    return IsoConductance(path.u, Estimate(c, c * float(error[0]), c * float(np.hypot(error[0], unknown_gas))), b, m)
+    start = np.array([np.log(shape.max()), *USUAL])
+    found = minimise(residuals, jacobian, start, BOUNDS, rounds=40, tolerance=1e-6)
+    return found.z, np.asarray(np.linalg.pinv(found.jacobian.T @ found.jacobian, hermitian=True))

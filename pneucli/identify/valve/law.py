@@ -1,34 +1,26 @@
-"""The pressure gradient of a vessel behind a proportional valve, as a smooth function that data can bend.
+"""The law that is fitted to the curves: the model's own valve, bent as far as the curves ask for it.
 
-dp/dt = kappa R T / V  A(u) exp(h(u, r)) p_u sqrt(2 / (R T)) Psi'(r) + l(p)
-
-Per direction A(u) = A_U ((|u| - overlap) / (U - overlap))^exponent, U the largest command tested. Psi' is the flow
-function of the base model (thesis 2.42, 2.46), r the ratio of downstream to upstream pressure. The correction h is a
-polynomial in r, one shared by the commands of a direction and one per tested command, linear in log |u| between
-them; l is a gradient that flows at every command. With h = l = 0 this is the base model; with both it follows what
-was measured, whatever the flow function.
+dp/dt = trend(u, p) exp(h(u, r)) + l(p), where the trend is the quasi-static gradient of the fitted model
+(:mod:`pneucli.identify.valve.trend`) and r the ratio of downstream to upstream pressure. h is a polynomial in r shared
+by the commands of one sign plus one of low degree per command, linear in log |u| between commands; l holds a leak.
+What h and l say beyond their errors is what the model lacks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX
+from pneucli.identify.valve.trend import Trend
 
 Array = NDArray[np.float64]
+Gradient = Callable[[Array, Array, Array], Array]
 
 SHARED, OWN, LEAK = 9, 3, 4  # coefficients of the shared and a command's own correction, and of l
-LAMINAR = 0.002  # below this 1 - r the flow is linear in it: the root's infinite slope has no physics
-EDGE = 5e-4  # of the largest command: half width over which the area leaves zero
-
-
-def flow_function(r: Array) -> Array:
-    """Return Psi'(r) (thesis 2.42, 2.43), linear to zero over the last ``LAMINAR`` before r = 1."""
-    s = (np.minimum(np.maximum(r, CRITICAL_RATIO), 1 - LAMINAR) - CRITICAL_RATIO) / (1 - CRITICAL_RATIO)
-    return np.asarray(PSI_MAX * np.sqrt(1 - s * s) * np.minimum(1.0, (1 - r) / LAMINAR))
+FURTHEST = 5.0  # of h: a hundredfold flow is no correction
 
 
 def polynomial(x: Array, coefficients: Array) -> Array:
@@ -48,13 +40,8 @@ class Direction:
 
     @property
     def size(self) -> int:
-        """Number of parameters: log area, overlap, exponent, shared shape, own shapes."""
-        return 3 + SHARED + OWN * self.nodes.size
-
-    def opening(self, u: Array, overlap: float) -> Array:
-        """Return |u| - overlap in V, a smooth positive floor below it."""
-        d, edge = self.sign * u - overlap, EDGE * self.nodes[-1]
-        return np.asarray(0.5 * (d + np.sqrt(d * d + edge * edge)))
+        """Number of corrections: shared shape, own shapes."""
+        return SHARED + OWN * self.nodes.size
 
     def weights(self, u: Array) -> Array:
         """Return the share of each node at u, shape ``u.shape + (nodes,)``: hats in log |u|, constant outside."""
@@ -64,14 +51,13 @@ class Direction:
 
 @dataclass(frozen=True)
 class Law:
-    """The gradient for parameters ``theta``: those of each direction in turn, then ``LEAK`` coefficients of l.
+    """The gradient for parameters ``theta``: the trend's, those of each direction in turn, ``LEAK`` coefficients of l.
 
-    ``gain`` = kappa R T sqrt(2 / (R T)) / V in m/(s m^3) (V = 1 where the volume is unknown: areas are then areas
-    per volume); pressures absolute in Pa; ``scale`` is the gradient (Pa/s) that a leak coefficient of 1 stands for.
+    Pressures absolute in Pa; ``scale`` is the gradient (Pa/s) that a leak coefficient of 1 stands for.
     """
 
+    trend: Trend
     directions: tuple[Direction, ...]
-    gain: float
     ambient: float
     supply: float
     scale: float
@@ -79,44 +65,50 @@ class Law:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return sum(d.size for d in self.directions) + LEAK
+        return len(self.trend.free) + sum(d.size for d in self.directions) + LEAK
 
     def offsets(self) -> list[int]:
         """Return where each direction's parameters begin."""
-        return [sum(d.size for d in self.directions[:k]) for k in range(len(self.directions))]
+        return [len(self.trend.free) + sum(d.size for d in self.directions[:k]) for k in range(len(self.directions))]
 
     def groups(self) -> dict[str, NDArray[np.int64]]:
         """Return the indices of the corrections that share one prior width: ``shared``, ``own`` and ``leak``."""
         starts = list(zip(self.offsets(), self.directions, strict=True))
-        shared = [np.arange(o + 3, o + 3 + SHARED) for o, _ in starts]
-        own = [np.arange(o + 3 + SHARED, o + d.size) for o, d in starts]
+        shared = [np.arange(o, o + SHARED) for o, _ in starts]
+        own = [np.arange(o + SHARED, o + d.size) for o, d in starts]
         leak = np.arange(self.size - LEAK, self.size)
         return {"shared": np.concatenate(shared), "own": np.concatenate(own), "leak": leak}
 
-    def factors(self, theta: Array, u: Array) -> tuple[Array, Array]:
-        """Return what depends on u alone: log area (-inf where shut) and shape coefficients ``(SHARED, *u.shape)``."""
-        log_area, shape = np.full(u.shape, -np.inf), np.zeros((SHARED, *u.shape))
+    def start(self) -> Array:
+        """Return theta (k,) of the model as it is, without corrections."""
+        return np.concatenate([self.trend.start, np.zeros(self.size - len(self.trend.free))])
+
+    def shape(self, theta: Array, u: Array) -> Array:
+        """Return the coefficients of h over 2 r - 1, shape ``(SHARED, *u.shape)``."""
+        shape = np.zeros((SHARED, *u.shape))
         for o, d in zip(self.offsets(), self.directions, strict=True):
             mine = np.sign(u) == d.sign
-            a, overlap, exponent = theta[o : o + 3]
-            opening = d.opening(u[mine], overlap) / (d.nodes[-1] - overlap)
-            log_area[mine] = a + exponent * np.log(opening)
-            own = theta[o + 3 + SHARED : o + d.size].reshape(-1, OWN)
-            shape[:, mine] = theta[o + 3 : o + 3 + SHARED, None]
+            own = theta[o + SHARED : o + d.size].reshape(-1, OWN)
+            shape[:, mine] = theta[o : o + SHARED, None]
             shape[:OWN, mine] += (d.weights(u[mine]) @ own).T
-        return log_area, shape
+        return shape
 
-    def ratio(self, u: Array, p: Array, supply: Array) -> tuple[Array, Array]:
-        """Return the upstream pressure (Pa, negative where flow leaves the vessel) and the pressure ratio r."""
-        other = np.where(u > 0, supply, self.ambient)
-        upstream = np.maximum(p, other)
-        return np.where(other >= p, upstream, -upstream), np.minimum(p, other) / upstream
+    def other(self, u: Array, supply: Array) -> Array:
+        """Return the pressure in Pa on the valve's other side."""
+        return np.asarray(np.where(u > 0, supply, self.ambient))
 
-    def flow(self, log_area: Array, shape: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return the gradient that flow through the valve makes (Pa/s)."""
-        signed, r = self.ratio(u, p, supply)
-        correction = polynomial(2 * r - 1, shape)
-        return np.asarray(self.gain * signed * flow_function(r) * np.exp(log_area + correction))
+    def ratio(self, u: Array, p: Array, supply: Array) -> Array:
+        """Return the ratio r of the lower to the higher pressure across the valve."""
+        other = self.other(u, supply)
+        return np.minimum(p, other) / np.maximum(p, other)
+
+    def bent(self, theta: Array, shape: Array, trend: Array, u: Array, p: Array, supply: Array) -> Array:
+        """Return the gradient in Pa/s from the trend's there."""
+        return np.asarray(trend * self.bend(shape, u, p, supply) + self.leak(theta, p))
+
+    def bend(self, shape: Array, u: Array, p: Array, supply: Array) -> Array:
+        """Return exp(h), which a step of the fit that goes astray does not let grow beyond all numbers."""
+        return np.asarray(np.exp(np.clip(polynomial(2 * self.ratio(u, p, supply) - 1, shape), -FURTHEST, FURTHEST)))
 
     def leak(self, theta: Array, p: Array) -> Array:
         """Return l(p) in Pa/s, a cubic in p, constant outside ambient to supply."""
@@ -124,22 +116,30 @@ class Law:
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s; all arrays of one shape."""
-        return self.flow(*self.factors(theta, u), u, p, supply) + self.leak(theta, p)
+        trend = self.trend.at(self.moved(theta))(u, p, supply)
+        return self.bent(theta, self.shape(theta, u), trend, u, p, supply)
+
+    def moved(self, theta: Array) -> Array:
+        """Return the trend's own coordinates."""
+        return theta[: len(self.trend.free)]
+
+    def away(self, theta: Array) -> Array:
+        """Return how far the trend's coordinates have moved from the model's."""
+        return np.asarray(self.moved(theta) - self.trend.start)
 
     def sensitivity(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return the derivative of the gradient to theta, shape ``u.shape + (size,)``."""
-        flow = self.flow(*self.factors(theta, u), u, p, supply)
-        r = 2 * self.ratio(u, p, supply)[1] - 1
+        z = self.moved(theta)
+        r = 2 * self.ratio(u, p, supply) - 1
+        bend = self.bend(self.shape(theta, u), u, p, supply)
+        flow = self.trend.at(z)(u, p, supply) * bend
         powers = r[..., None] ** np.arange(SHARED)
         out = np.zeros((*u.shape, self.size))
+        out[..., : z.size] = bend[..., None] * self.trend.sensitivity(z, u, p, supply)
         for o, d in zip(self.offsets(), self.directions, strict=True):
             mine = np.sign(u) == d.sign
-            overlap, exponent = theta[o + 1], theta[o + 2]
-            opening, full = d.opening(u[mine], overlap), d.nodes[-1] - overlap
-            slope = exponent * (1 / full - 1 / np.hypot(d.sign * u[mine] - overlap, EDGE * d.nodes[-1]))
             own = d.weights(u[mine])[..., :, None] * powers[mine][..., None, :OWN]
-            columns = [np.ones_like(opening)[..., None], slope[..., None], np.log(opening / full)[..., None]]
-            columns += [powers[mine], own.reshape(*opening.shape, -1)]
+            columns = [powers[mine], own.reshape(*own.shape[:-2], OWN * d.nodes.size)]
             out[mine, o : o + d.size] = flow[mine][..., None] * np.concatenate(columns, axis=-1)
         out[..., -LEAK:] = self.scale * self._relative(p)[..., None] ** np.arange(LEAK)
         return out

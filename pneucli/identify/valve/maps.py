@@ -1,19 +1,22 @@
-"""The map dp/dt(u, p) with its interval, its inverse, and what both become on another volume."""
+"""The map dp/dt(u, p) with its interval, where data covered it, and its inverse."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.valve.fit import Fit
+from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.law import Law
+from pneucli.identify.valve.stretches import Stretches
 
 Array = NDArray[np.float64]
 
 Z95 = 1.959964
 FINE = 801  # commands at which the inverse is prepared
+NEAR = 0.1  # of the largest command: so far a tested one speaks for others
+MOST_LEVELS = 200
 
 
 @dataclass(frozen=True)
@@ -31,17 +34,13 @@ class GradientMap:
     ci_high: Array
     covered: NDArray[np.bool_]
 
-    def scaled(self, factor: float) -> GradientMap:
-        """Return the map with every gradient times ``factor`` (old volume over new, thesis 2.22)."""
-        low, high = self.ci_low * factor, self.ci_high * factor
-        return replace(self, gradient=self.gradient * factor, ci_low=low, ci_high=high)
-
 
 @dataclass(frozen=True)
 class InverseMap:
     """The command ``u`` (V, shape ``(ng, np)``) that makes ``p_gradient`` (Pa/s, ``(ng,)``) at ``p`` (Pa, ``(np,)``).
 
-    Where no tested command gives that gradient, ``reachable`` is False and ``u`` the nearest limit.
+    ``reachable`` is False where no tested command gives that gradient (``u`` is then the nearest limit), and where no
+    recording covered that command at that pressure.
     """
 
     p_gradient: Array
@@ -49,48 +48,81 @@ class InverseMap:
     u: Array
     reachable: NDArray[np.bool_]
 
-    def scaled(self, factor: float) -> InverseMap:
-        """Return the inverse for gradients times ``factor``: the same commands."""
-        return replace(self, p_gradient=self.p_gradient * factor)
+
+@dataclass(frozen=True)
+class Coverage:
+    """The commands that were recorded (V, ``(k,)``) and the pressures (Pa, ``(k,)``) that each went through."""
+
+    commands: Array
+    lowest: Array
+    highest: Array
+    law: Law
+
+    def __call__(self, u: Array, p: Array) -> NDArray[np.bool_]:
+        """Return whether recordings tell of commands ``u`` at pressures ``p``, arrays of one shape.
+
+        A command of the same sign within 10 % of the range saw that pressure, or one below and one above did. Where
+        the valve is shut, any command will do: the overlap lies between those that were tested.
+        """
+        saw = (self.lowest[:, None] <= p.ravel()) & (p.ravel() <= self.highest[:, None])
+        at, flat = self.commands[:, None], u.ravel()
+        alike = saw & (np.sign(at) == np.sign(flat))
+        near = np.abs(at - flat) <= NEAR * np.abs(self.commands).max()
+        below, above = (alike & side for side in (at <= flat, at >= flat))
+        between = below.any(axis=0) & above.any(axis=0)
+        shut = self.law.trend.model.valve(flat) == 0.0
+        told = (alike & near).any(axis=0) | between | (shut & saw.any(axis=0))
+        return np.asarray(told.reshape(u.shape))
 
 
-def gradient_with_error(law: Law, fit: Fit, u: Array, p: Array, supply: Array) -> tuple[Array, Array]:
+def coverage(law: Law, data: Stretches) -> Coverage:
+    """Return where the stretches went."""
+    levels = np.unique(data.u[data.valid])
+    levels = levels[:: max(1, levels.size // MOST_LEVELS)]
+    seen = [data.p[data.valid & (data.u == level)] for level in levels]
+    return Coverage(levels, np.array([p.min() for p in seen]), np.array([p.max() for p in seen]), law)
+
+
+def gradient_with_error(law: Law, fit: Posterior, u: Array, p: Array, supply: Array) -> tuple[Array, Array]:
     """Return dp/dt and its standard error (Pa/s) at points ``u``, ``p``, ``supply`` of one shape."""
     rows = law.sensitivity(fit.theta, u, p, supply)
-    variance = np.einsum("...i,ij,...j->...", rows, fit.covariance, rows)
+    variance = np.einsum("...i,ij,...j->...", rows, fit.covariance, rows, optimize=True)
     return law.gradient(fit.theta, u, p, supply), np.sqrt(np.maximum(variance, 0.0))
 
 
-def gradient_map(law: Law, fit: Fit, u: Array, p: Array, covered: NDArray[np.bool_]) -> GradientMap:
+def gradient_map(law: Law, fit: Posterior, u: Array, p: Array, covers: Coverage) -> GradientMap:
     """Return the map at the law's supply pressure."""
     uu, pp = np.meshgrid(u, p, indexing="ij")
     value, error = gradient_with_error(law, fit, uu, pp, np.full_like(uu, law.supply))
-    return GradientMap(u, p, value, value - Z95 * error, value + Z95 * error, covered)
+    return GradientMap(u, p, value, value - Z95 * error, value + Z95 * error, covers(uu, pp))
 
 
-def commands_for(law: Law, theta: Array, gradient: Array, p: Array) -> tuple[Array, NDArray[np.bool_]]:
+def commands_for(
+    law: Law, fit: Posterior, gradient: Array, p: Array, covers: Coverage
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return u (V) and whether it is reachable for each ``gradient`` (Pa/s) at ``p`` (Pa), arrays of one shape.
 
-    The law rises with u up to noise in its corrections; its monotone envelope is inverted. Zero flow is answered by
-    the middle of the commands that give none.
+    The law rises with u up to noise in its corrections; its monotone envelope is inverted. What the shut valve gives,
+    as far as the map can tell, is answered by the middle of the commands at which it is shut.
     """
     top = {d.sign: d.nodes[-1] for d in law.directions}
     u = np.linspace(-top.get(-1, 0.0), top.get(1, 0.0), FINE)
-    command, reachable = np.empty(gradient.shape), np.empty(gradient.shape, dtype=bool)
+    shut = u[law.trend.model.valve(u) == 0.0]
+    middle = 0.5 * (shut.min(initial=0.0) + shut.max(initial=0.0))
+    command, within = np.empty(gradient.shape), np.empty(gradient.shape, dtype=bool)
     for at in np.unique(p):
         mine = p == at
-        values = law.gradient(theta, u, np.full(FINE, at), np.full(FINE, law.supply))
+        values, errors = gradient_with_error(law, fit, u, np.full(FINE, at), np.full(FINE, law.supply))
         envelope = 0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1])
         asked, span = gradient[mine], float(np.ptp(envelope))
-        left, right = (np.searchsorted(envelope, asked, side) for side in ("left", "right"))
-        flat = right > left
-        middle = 0.5 * (u[np.minimum(left, FINE - 1)] + u[np.clip(right - 1, 0, FINE - 1)])
-        command[mine] = np.where(flat, middle, np.interp(asked, envelope, u))
-        reachable[mine] = (asked >= envelope[0] - 1e-9 * span) & (asked <= envelope[-1] + 1e-9 * span)
-    return command, reachable
+        closed = int(np.argmin(np.abs(u - middle)))
+        held = np.abs(asked - values[closed]) <= Z95 * errors[closed]
+        command[mine] = np.where(held, middle, np.interp(asked, envelope, u))
+        within[mine] = (asked >= envelope[0] - 1e-9 * span) & (asked <= envelope[-1] + 1e-9 * span)
+    return command, within & covers(command, p)
 
 
-def inverse_map(law: Law, theta: Array, p_gradient: Array, p: Array) -> InverseMap:
+def inverse_map(law: Law, fit: Posterior, p_gradient: Array, p: Array, covers: Coverage) -> InverseMap:
     """Return the inverse on the grid ``p_gradient`` x ``p``."""
     gg, pp = np.meshgrid(p_gradient, p, indexing="ij")
-    return InverseMap(p_gradient, p, *commands_for(law, theta, gg, pp))
+    return InverseMap(p_gradient, p, *commands_for(law, fit, gg, pp, covers))

@@ -16,8 +16,13 @@ Array = NDArray[np.float64]
 
 SETTLING = 0.03  # s after a jump of the command that are left out: spool, hose and clock act there, not the map
 SHORTEST = 0.03  # s that a stretch must last beyond that
+FEWEST = 4  # samples of a stretch
+MOST_STEPS = 50  # of one sample
 JUMP = 0.005  # of the command's range in one sample
 UNEVEN = 0.1  # median departure from the sampling period, over the period: jitter and a few gaps stay below it
+SMOOTH = 0.02  # of the time that the steepest curve would take through its range: over that it is nearly straight
+KEPT = 8  # samples that every stretch keeps where readings are averaged
+LATEST = 0.1  # s, at most, over which they are
 SUPPLY_AVERAGE = 0.1  # s over which the supply's reading is averaged: a buffer vessel is slower, noise is not
 
 
@@ -25,21 +30,47 @@ SUPPLY_AVERAGE = 0.1  # s over which the supply's reading is averaged: a buffer 
 class Stretches:
     """``L`` stretches of up to ``N`` samples: arrays of shape ``(N, L)``, padded where ``valid`` is False.
 
-    ``u`` in V, ``supply`` and ``p`` in Pa; ``time`` in s; ``period`` (s) and ``recording`` (index) have shape ``(L,)``.
+    ``u`` in V, ``supply`` and ``p`` in Pa; ``beside`` ``(N, L, 1 + k)`` in Pa/s, what the model's memory adds to dp/dt
+    and its derivatives to the trend's k parameters; ``time`` in s; ``period`` (s), ``recording`` (index) and
+    ``joined``, of how many readings a sample is the mean, have shape ``(L,)``. ``steps`` of one sample are small
+    against the curves' own time; ``steepest`` is the largest slope in Pa/s that they show, noise and all.
     """
 
     time: Array
     u: Array
     supply: Array
     p: Array
+    beside: Array
     valid: NDArray[np.bool_]
     period: Array
     recording: NDArray[np.int64]
+    joined: NDArray[np.int64]
+    steps: int
+    steepest: float
 
 
-def cut(recordings: Sequence[Recording], supply_pressure: float | None) -> Stretches:
-    """Return all stretches between jumps of the command; raise InputError where a signal is missing or none lasts."""
-    pieces = [piece for k, r in enumerate(recordings) for piece in _pieces(k, r, supply_pressure)]
+@dataclass(frozen=True)
+class _Piece:
+    """One stretch: index of its recording, rows time, u, supply, p, beside, the time between readings."""
+
+    recording: int
+    rows: Array
+    period: float
+
+    @property
+    def length(self) -> float:
+        """Its length in s."""
+        return float(self.rows.shape[1] * self.period)
+
+
+def cut(recordings: Sequence[Recording], supply_pressure: float | None, beside: Sequence[Array]) -> Stretches:
+    """Return all stretches between jumps of the command; raise InputError where a signal is missing or none lasts.
+
+    ``beside``: of each recording what the model's memory adds to dp/dt and its derivatives, ``(1 + k, n)`` in Pa/s.
+    Readings are averaged as far as the curves are nearly straight, since the work goes with their number.
+    """
+    jobs = enumerate(zip(recordings, beside, strict=True))
+    pieces = [piece for k, (r, more) in jobs for piece in _pieces(k, r, supply_pressure, more)]
     if not pieces:
         raise InputError(
             "valve recordings",
@@ -47,17 +78,35 @@ def cut(recordings: Sequence[Recording], supply_pressure: float | None) -> Stret
             "charge and discharge curves at constant commands",
             "record steps or staircases of u",
         )
-    longest = max(piece[1].shape[1] for piece in pieces)
-    padded = np.stack([np.pad(s, ((0, 0), (0, longest - s.shape[1])), mode="edge") for _, s, _ in pieces], axis=-1)
-    lengths = np.array([s.shape[1] for _, s, _ in pieces])
-    time, u, supply, p = padded
-    valid = (np.arange(longest)[:, None] < lengths) & np.isfinite(p)
-    index = np.array([k for k, _, _ in pieces], dtype=np.int64)
-    return Stretches(time, u, supply, p, valid, np.array([dt for _, _, dt in pieces]), index)
+    shortest = min(piece.length for piece in pieces) / KEPT
+    steepest = max(_steepest(piece, min(shortest, SHORTEST)) for piece in pieces)
+    every = np.concatenate([piece.rows[3] for piece in pieces])
+    straight = SMOOTH * float(np.nanmax(every) - np.nanmin(every)) / steepest
+    joined = [max(1, round(min(straight, shortest, LATEST) / piece.period)) for piece in pieces]
+    rows = [averaged(piece.rows, n) for piece, n in zip(pieces, joined, strict=True)]
+    longest = max(one.shape[1] for one in rows)
+    padded = np.stack([np.pad(one, ((0, 0), (0, longest - one.shape[1])), mode="edge") for one in rows], axis=-1)
+    time, u, supply, p = padded[:4]
+    valid = (np.arange(longest)[:, None] < np.array([one.shape[1] for one in rows])) & np.isfinite(p)
+    period = np.array([n * piece.period for piece, n in zip(pieces, joined, strict=True)])
+    return Stretches(
+        *(time, u, supply, p, np.moveaxis(padded[4:], 0, -1), valid, period),
+        recording=np.array([piece.recording for piece in pieces], dtype=np.int64),
+        joined=np.array(joined, dtype=np.int64),
+        steps=int(np.clip(np.ceil(period.max() / max(straight, 1e-9) - 1e-9), 1, MOST_STEPS)),
+        steepest=steepest,
+    )
 
 
-def _pieces(index: int, recording: Recording, supply_pressure: float | None) -> list[tuple[int, Array, float]]:
-    """Return (recording, rows time, u, supply, p, sampling period) per stretch of one recording."""
+def _steepest(piece: _Piece, span: float) -> float:
+    """Return the largest slope of the means over a span in s, in Pa/s; at least 1."""
+    joined = max(1, round(span / piece.period))
+    slope = np.abs(np.diff(averaged(piece.rows, joined)[3])) / (joined * piece.period)
+    return max(float(np.nanmax(slope, initial=0.0)), 1.0)
+
+
+def _pieces(index: int, recording: Recording, supply_pressure: float | None, beside: Array) -> list[_Piece]:
+    """Return the stretches of one recording."""
     for signal in ("u", "p1"):
         if signal not in recording:
             raise InputError(f"recording {recording.name}", f"no signal {signal}", "u and p1", "see [signals]")
@@ -66,12 +115,26 @@ def _pieces(index: int, recording: Recording, supply_pressure: float | None) -> 
         found, mend = "sampled unevenly", "resample it, or leave it to the fit of the model"
         raise InputError(f"recording {recording.name}", found, "even sampling", mend)
     supply, u = _supply(recording, supply_pressure), recording["u"]
-    rows = np.stack([recording.time, u, supply, recording["p1"]])
+    rows = np.stack([recording.time, u, supply, recording["p1"], *beside])
     jumps = np.flatnonzero(np.abs(np.diff(u)) > JUMP * max(np.ptp(u), 1e-9)) + 1
     starts, stops = np.append(0, jumps), np.append(jumps, u.size)
-    settling, shortest = round(SETTLING / dt), max(4, round(SHORTEST / dt))
+    settling, shortest = round(SETTLING / dt), max(FEWEST, round(SHORTEST / dt))
     begins = starts + settling * (starts > 0)
-    return [(index, rows[:, a:b], dt) for a, b in zip(begins, stops, strict=True) if b - a >= shortest]
+    spans = [(a, b) for a, b in zip(begins, stops, strict=True) if b - a >= shortest]
+    return [_Piece(index, rows[:, a:b], dt) for a, b in spans if np.isfinite(rows[3, a:b]).any()]
+
+
+def averaged(rows: Array, joined: int) -> Array:
+    """Return rows time, u, ... with ``joined`` readings in one; the command, which is held, as it stood midway.
+
+    NaN where more than half of the readings are missing.
+    """
+    blocks = rows[:, : rows.shape[1] // joined * joined].reshape(len(rows), -1, joined)
+    known = np.isfinite(blocks)
+    count = known.sum(axis=-1)
+    out = np.where(known, blocks, 0.0).sum(axis=-1) / np.maximum(count, 1)
+    out[1] = blocks[1, :, joined // 2]
+    return np.asarray(np.where(2 * count < joined, np.nan, out))
 
 
 def _supply(recording: Recording, supply_pressure: float | None) -> Array:

@@ -13,7 +13,7 @@ from pneucli.report.decimate import envelope
 from pneucli.report.figure import BLUE, GREY, ON_HEAT, ORANGE, Drawing, drawing, figures, heat, shade
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Figure, Grid, Part, Section
-from pneucli.words.numbers import number, quantity, short, shown, shown_unit
+from pneucli.words.numbers import number, percent, quantity, short, shown, shown_unit, times
 
 Array = NDArray[np.float64]
 PLOTTED = 100  # samples of a curve
@@ -25,8 +25,8 @@ def section(material: Material) -> Section | None:
     if not len(material.table("identify/valve_map")):
         return None
     lead = (
-        "Pressure gradients of the vessel behind the valve, identified directly from its charging and discharging at "
-        "each command; no flow coefficient is assumed."
+        "Pressure gradients of the vessel behind the valve, measured directly by charging and discharging it at each "
+        "command, and how far the model's valve (area × flow function × effects) is off them."
     )
     parts: list[Part] = [*_figures(material), *_tables(material.answer("identify").get("valve", {}))]
     return Section("valve", "Valve: map and inverse", lead, parts, folded=True)
@@ -36,6 +36,8 @@ def _figures(material: Material) -> Iterator[Figure]:
     curves, grid = material.table("identify/valve_curves"), material.table("identify/valve_map")
     drawings = [_inflation(curves), _gradients(curves)] if len(curves) else []
     drawings += [_map(grid), _over_command(grid)]
+    if len(lack := material.table("identify/valve_lack_of_fit")):
+        drawings.append(_lack(lack))
     if len(inverse := material.table("identify/valve_inverse")):
         drawings.append(_inverse(inverse))
     if len(areas := material.table("identify/valve_areas")):
@@ -147,6 +149,30 @@ def _over_command(grid: Table) -> Drawing:
     return one
 
 
+def _lack(lack: Table) -> Drawing:
+    levels = np.unique(lack["p"])
+    chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
+    caption = (
+        "Lack of fit: measured map minus the model's valve at constant pressure. Bands: what the wider of both 95 % "
+        "intervals allows for; dots: outside both."
+    )
+    with drawing(caption, "valve command in V", "measured − model in bar/s") as one:
+        for i, level in enumerate(chosen):
+            rows, colour = lack.where(p=level), shade(i, chosen.size)
+            off, *ends = (
+                shown(rows[name], "Pa/s")
+                for name in ("difference", "model", "model_ci_high", "measured", "measured_ci_high")
+            )
+            allowed = np.maximum(ends[1] - ends[0], ends[3] - ends[2])
+            one.axes.fill_between(rows["u"], -allowed, allowed, color=colour, alpha=0.15, linewidth=0)
+            one.axes.plot(rows["u"], off, color=colour, linewidth=1.0, label=quantity(level, "Pa", 2))
+            outside = rows["outside"].astype(bool)
+            one.axes.plot(rows["u"][outside], off[outside], ".", color=colour, markersize=4)
+        one.axes.axhline(0, color=GREY, linewidth=0.6)
+        one.axes.legend()
+    return one
+
+
 def _inverse(inverse: Table) -> Drawing:
     gradient, p, u = _square(inverse, "p_gradient", "p", "u")
     reachable = _square(inverse, "p_gradient", "p", "reachable")[2]
@@ -162,7 +188,7 @@ def _inverse(inverse: Table) -> Drawing:
 
 def _areas(areas: Table) -> Drawing:
     unit = areas.units.get("area", "m^2")
-    caption = "Effective area over command, charging and discharging, with 95 % intervals."
+    caption = "Effective area of the model's valve over command, charging and discharging, with 95 % intervals."
     with drawing(caption, "valve command in V", f"effective area in {shown_unit(unit)}") as one:
         for label, chosen, colour in (
             ("supply → chamber", areas["u"] > 0, BLUE),
@@ -178,6 +204,8 @@ def _areas(areas: Table) -> Drawing:
 
 
 def _tables(valve: Mapping[str, Any]) -> Iterator[Part]:
+    if lack := valve.get("lack_of_fit"):
+        yield _fit(lack, valve["residual"])
     if overlap := valve.get("overlap"):
         rows = [[Cell(name, numeric=False), *_value(o)] for name, o in overlap.items()]
         yield Grid("Overlap of the spool.", ("", "value", "95 % from", "to"), rows)
@@ -185,6 +213,20 @@ def _tables(valve: Mapping[str, Any]) -> Iterator[Part]:
         rows = [[Cell(name.removeprefix("valve."), numeric=False), *_value(p)] for name, p in iso.items()]
         caption = "Characteristics by ISO 6358-1: sonic conductance, critical ratio and subsonic index of each command."
         yield Grid(caption, ("characteristic", "value", "95 % from", "to"), rows, folded=True)
+
+
+def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
+    """Return how well the map follows its curves, and the model the map."""
+    shares = (
+        ("model off the measured map, median", lack["median"]),
+        ("model off the measured map, 95th percentile", lack["p95"]),
+        ("points outside both 95 % intervals", lack["share_outside"]),
+    )
+    noise = (("map on its own curves", residual["train"]), ("map on held-out curves", residual["test"]))
+    rows = [[Cell(name, numeric=False), Cell("–" if n is None else percent(n))] for name, n in shares]
+    rows += [[Cell(name, numeric=False), Cell("–" if n is None else f"{times(n)} × noise")] for name, n in noise]
+    caption = "Lack of fit of the model's valve, over the measured gradient, and residuals of the map, over the noise."
+    return Grid(caption, ("", "value"), rows)
 
 
 def _value(parameter: Mapping[str, Any]) -> list[Cell]:

@@ -1,0 +1,43 @@
+"""The model's valve on a vessel at rest: dp/dt over command, pressure and supply, by the kernel's own equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import base_vector, kernel_for
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class QuasiStatic:
+    """The gradient of the vessel of ``bench`` (a valve test) that a model gives at held commands, without memory."""
+
+    model: Model
+    bench: Experiment
+
+    def __call__(self, u: Array, p: Array, supply: Array) -> Array:
+        """Return dp/dt in Pa/s as the sensor reads it; u in V, p and supply in Pa, all of one shape."""
+        out = np.empty(u.size)
+        flat = [np.ascontiguousarray(a, dtype=np.float64).ravel() for a in (u, p, supply)]
+        self._gradient(*flat, *self._fixed, out)
+        return out.reshape(u.shape)
+
+    @cached_property
+    def _fixed(self) -> tuple[Array, Array, NDArray[np.uint8], float, Array]:
+        kernel = kernel_for(self.model.effects)
+        active = kernel.switches(self.bench.active(self.model.effects))
+        base, th = base_vector(self.model, self.bench), kernel.vector(self.model.effect_values())
+        largest = float(self.bench.flags[at.U_MAX])
+        return base, th, active, largest, self.model.valve.table(largest)
+
+    @cached_property
+    def _gradient(self):  # type: ignore[no-untyped-def]
+        return kernel_for(self.model.effects).functions.run_gradient
