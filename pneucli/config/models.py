@@ -3,107 +3,45 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Field,
     PrivateAttr,
-    ValidationInfo,
     model_validator,
 )
 
 from pneucli.arrangements import Name as ArrangementName
-from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands, size
+from pneucli.config.rig import RigTable
+from pneucli.config.sizes import (
+    Acceleration,
+    Duration,
+    Force,
+    Frequency,
+    Instant,
+    Position,
+    Pressure,
+    Table,
+    Temperature,
+    Velocity,
+    Voltage,
+)
+from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands
 from pneucli.errors import UnitError
 from pneucli.experiments import KINDS
 from pneucli.experiments import Name as Experiment
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig, Use
-from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity, parse_unit, same_dimension
+from pneucli.units import parse_quantity, parse_unit, same_dimension
 
 SignalName = Literal["time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "x_ref", "p_ref"]
-
-
-def _in(unit: str) -> BeforeValidator:
-    """Read text with a unit; gauge values stand on the file's own ambient pressure."""
-
-    def parse(value: Any, info: ValidationInfo) -> float | None:
-        ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
-        return size(parse_quantity(value, unit, ambient_pressure=ambient))
-
-    return BeforeValidator(parse)
-
-
-Pressure: TypeAlias = Annotated[float, _in("Pa"), Field(gt=0)]
-Temperature: TypeAlias = Annotated[float, _in("K"), Field(gt=0)]
-Area: TypeAlias = Annotated[float, _in("m^2"), Field(gt=0)]
-Volume: TypeAlias = Annotated[float, _in("m^3"), Field(gt=0)]
-Length: TypeAlias = Annotated[float, _in("m"), Field(gt=0)]
-Mass: TypeAlias = Annotated[float, _in("kg"), Field(gt=0)]
-GasConstant: TypeAlias = Annotated[float, _in("J/(kg K)"), Field(gt=0)]
-HeatCapacityRatio: TypeAlias = Annotated[float, _in("1"), Field(gt=1)]
-Duration: TypeAlias = Annotated[float, _in("s"), Field(gt=0)]
-Frequency: TypeAlias = Annotated[float, _in("1/s"), Field(gt=0)]
-Instant: TypeAlias = Annotated[float, _in("s")]
-Voltage: TypeAlias = Annotated[float, _in("V")]
-Position: TypeAlias = Annotated[float, _in("m")]
-Velocity: TypeAlias = Annotated[float, _in("m/s")]
-Acceleration: TypeAlias = Annotated[float, _in("m/s^2")]
-Force: TypeAlias = Annotated[float, _in("N")]
-
-
-class Table(BaseModel):
-    """A table whose keys are all known."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
 class PipelineTable(Table):
     """``[pipeline]``."""
 
     name: Name
-
-
-class VesselTable(Table):
-    """``[rig.vessel]``: the fixed chamber of a valve test (m^3)."""
-
-    volume: Volume | None = None
-
-
-class ValveTable(Table):
-    """``[rig.valve]``: how the valves are connected, the command in V at which nothing flows, and their kind."""
-
-    arrangement: Literal["one-chamber", "5/3", "two"] | None = None
-    null: Voltage | Literal["identify"] = 0.0
-    kind: Literal["proportional", "switching"] = "proportional"
-
-
-class CylinderTable(Table):
-    """``[rig.cylinder]`` in m^2, m, m^3 and kg."""
-
-    piston_area_1: Area | None = None
-    piston_area_2: Area | None = None
-    stroke: Length | None = None
-    dead_volume_1: Volume | None = None
-    dead_volume_2: Volume | None = None
-    moving_mass: Mass | None = None
-
-
-class RigTable(Table):
-    """``[rig]``; pressures absolute in Pa, temperature in K."""
-
-    gas_temperature: Temperature = 293.15
-    ambient_pressure: Pressure = STANDARD_ATMOSPHERE
-    supply_pressure: Pressure | None = None
-    heat_capacity_ratio: HeatCapacityRatio = 1.4
-    gas_constant: GasConstant = 287.0
-    vessel: VesselTable = VesselTable()
-    valve: ValveTable = ValveTable()
-    cylinder: CylinderTable = CylinderTable()
 
 
 class WhereTable(Table):
@@ -238,9 +176,9 @@ class RecordingTable(Table):
 class ModelTable(Table):
     """``[model]``: effects on top of the base model, the valve's form, and Python files with effects of one's own."""
 
-    effects: list[str] = []
+    effects: list[str] = Field(default_factory=list)
     valve: Literal["map", "linear"] = "map"
-    plugins: list[Name] = []
+    plugins: list[Name] = Field(default_factory=list)
 
 
 class CompareTable(Table):
@@ -273,9 +211,9 @@ class PipelineConfig(Table):
     recordings: Annotated[list[RecordingTable], Field(min_length=1)]
     model: ModelTable = ModelTable()
     compare: CompareTable = CompareTable()
-    design: dict[str, Any] = {}
-    scenarios: list[dict[str, Any]] = []
-    checks: dict[str, CheckTable] = {}
+    design: dict[str, Any] = Field(default_factory=dict)
+    scenarios: list[dict[str, Any]] = Field(default_factory=list)
+    checks: dict[str, CheckTable] = Field(default_factory=dict)
 
     _path: Path = PrivateAttr(default=Path("pipeline.toml"))
     _document: dict[str, Any] = PrivateAttr(default_factory=dict)

@@ -83,3 +83,32 @@ def reached_2(gradient, p, volume, c):
     if gradient > 0.0:
         return min(gradient, c[C_AREA_FILL_2] * per_area(True, p, volume, c))
     return max(gradient, -c[C_AREA_VENT_2] * per_area(False, p, volume, c))
+
+
+def both_ways(wanted, s, c):
+    """Set the one command of a 5/3 valve: what fills one chamber vents the other; return what of ``wanted`` it makes.
+
+    ``wanted`` is the rate of the force over the first area in Pa/s. The paths of chamber 2 are taken to open in
+    proportion to those of chamber 1.
+    """
+    share = c[C_AREA_2] / c[C_AREA_1]
+    if wanted == 0.0:
+        s[S_RATE1] = 0.0
+        s[S_RATE2] = 0.0
+        s[S_U1] = 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_NODES])])
+        return 0.0
+    filling = wanted > 0.0
+    way = 1.0 if filling else -1.0
+    most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
+    ratio = (c[C_AREA_VENT_2] if filling else c[C_AREA_FILL_2]) / most
+    slope_1 = per_area(filling, s[S_P1], c[C_DEAD_1] + c[C_AREA_1] * s[S_X], c)
+    volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+    slope_2 = ratio * per_area(not filling, s[S_P2], volume_2, c)
+    area = math.fabs(wanted) / (slope_1 + share * slope_2)
+    enough = area < most
+    area = area if enough else most
+    s[S_RATE1] = way * area * slope_1
+    s[S_RATE2] = -way * area * slope_2
+    begin: int = C_TABLE if filling else C_TABLE + int(c[C_NODES])
+    s[S_U1] = opening(area, most, begin, c)
+    return wanted if enough else way * area * (slope_1 + share * slope_2)

@@ -140,7 +140,7 @@ class Problem:
                 moved = z.copy()
                 moved[j] += step
                 model = self.model_at(moved)
-                jobs += [(i, j, step, model) for i, view in enumerate(self.views) if differ(base, model, view)]
+                jobs += [(i, j, step, model) for i, view in enumerate(self.views) if view.tells(base, model)]
 
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
@@ -195,17 +195,6 @@ def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
         numbers.append(np.tile(mine, len(view.channels)))
         first = int(mine[-1]) + 1
     return np.concatenate(numbers)
-
-
-def differ(a: Model, b: Model, view: View) -> bool:
-    """Whether two models that differ in one parameter differ in this view at all."""
-    if a.valves != b.valves:
-        return view.feels_valve(a, b)
-    changed = {name for name in b.values if a.values.get(name) != b.values[name]}
-    parts = {name.partition(".")[0] for name in changed}
-    if any(effect.name in parts and view.feels(effect) for effect in b.effects):
-        return True
-    return any(view.feels_base(name) for name in changed)
 
 
 def fit(

@@ -1,7 +1,7 @@
 """Where the piston's stroke ends: as the rig is described, or as the recordings show where it is not or not exactly.
 
-A contact is one-sided: an end carries any force outward and none inward. Where the piston rests at the last position
-that it ever rests at, the force outward therefore tells nothing of friction, whether an end is there or not.
+A contact is one-sided: an end carries any force outward and none inward. A recording shows an end where the piston
+withstands, at its outmost rest, a force outward that friction holds nowhere.
 """
 
 from __future__ import annotations
@@ -20,45 +20,54 @@ Array = NDArray[np.float64]
 
 INEXACT = 0.05  # of the stroke, by which a stated end may be off
 SCATTER = 6.0  # standard deviations of the position's noise, within which rests are at one place
-GIVES = 2e-3  # of the way between the outmost rests: an end is stiffer than that, also while the piston rebounds
-PUSHED = 2.0  # times what friction holds, to tell an end that nobody stated
+GIVES = 2e-3  # of the piston's way: an end gives way by less, also while the piston rebounds
+PUSHED = 2.0  # times what friction holds, to tell an end
 
 
 def with_ends(experiments: Sequence[Experiment], rig: Rig) -> list[Experiment]:
-    """Return the experiments of one rig, knowing where its piston can go and where it ever rests."""
-    rests = [x for x, _ in map(_rests, _moving(experiments)) if x.size]
-    outmost = (min(float(x.min()) for x in rests), max(float(x.max()) for x in rests)) if rests else (-np.inf, np.inf)
-    ends = find_ends(experiments, rig)
-    return [replace(e, ends=ends, outmost=outmost) if e.recording.kind.cylinder else e for e in experiments]
+    """Return the experiments of one rig, knowing where its piston can go and which ends it is seen to strike."""
+    struck = struck_ends(experiments, rig)
+    ends = find_ends(experiments, rig, struck)
+    return [replace(e, ends=ends, struck=struck) if e.recording.kind.cylinder else e for e in experiments]
 
 
-def _moving(experiments: Sequence[Experiment]) -> list[Experiment]:
-    return [e for e in experiments if e.recording.kind.cylinder and "x" in e.raw]
-
-
-def find_ends(experiments: Sequence[Experiment], rig: Rig) -> tuple[float, float]:
-    """Return the least and the largest x (m) that the piston can have, inf where no end is known.
-
-    A stated end is where the piston rests nearest to it, within ``INEXACT``; one that is not stated is where the piston
-    rests outmost under forces that friction does not hold elsewhere.
-    """
-    moving = _moving(experiments)
-    rests = [_rests(e) for e in moving]
-    x = np.concatenate([r[0] for r in rests] or [np.zeros(0)])
-    push = np.concatenate([r[1] for r in rests] or [np.zeros(0)])
-    seen = [e.inputs[:, at.IN_X] for e in moving]
+def find_ends(
+    experiments: Sequence[Experiment], rig: Rig, struck: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Return the least and the largest x (m) that the piston can have: as it is seen, else as stated; else inf."""
+    low, high = struck_ends(experiments, rig) if struck is None else struck
+    seen = [e.inputs[:, at.IN_X] for e in _moving(experiments)]
     lowest = min((float(s.min()) for s in seen), default=0.0)
     highest = max((float(s.max()) for s in seen), default=0.0)
-    tolerance = max((_tolerance(e) for e in moving), default=0.0)
-    stroke = rig.stroke
-    low = _end(x, push, -1.0, 0.0, stroke or 0.0, tolerance)
-    high = _end(x, push, 1.0, stroke, stroke or 0.0, tolerance)
-    return min(low, lowest) if np.isfinite(low) else low, max(high, highest) if np.isfinite(high) else high
+    stated = np.inf if rig.stroke is None else rig.stroke
+    return min(low if np.isfinite(low) else 0.0, lowest), max(high if np.isfinite(high) else stated, highest)
+
+
+def struck_ends(experiments: Sequence[Experiment], rig: Rig) -> tuple[float, float]:
+    """Return the ends (m) that recordings show, infinite where they show none.
+
+    Friction is what holds inward, or elsewhere. An end that is stated must be near what is seen; where the stroke is
+    not stated, friction must have been seen as well.
+    """
+    moving = _moving(experiments)
+    parts = [_rests(e) for e in moving]
+    x, push = (np.concatenate([part[k] for part in parts] or [np.zeros(0)]) for k in (0, 1))
+    if not x.size:
+        return -np.inf, np.inf
+    tolerance = max(_tolerance(e) for e in moving)
+    low, high = x <= x.min() + tolerance, x >= x.max() - tolerance
+    inward = np.where(low, np.maximum(push, 0.0), np.where(high, np.maximum(-push, 0.0), np.abs(push)))
+    friction, stroke = float(inward.max()), rig.stroke
+    near = max(INEXACT * (stroke or 0.0), tolerance)
+    at_low = float(np.max(-push[low])) > PUSHED * friction and abs(float(x.min())) <= near
+    known = friction > 0.0 if stroke is None else abs(float(x.max()) - stroke) <= near
+    at_high = float(np.max(push[high])) > PUSHED * friction and known
+    return float(x.min()) if at_low else -np.inf, float(x.max()) if at_high else np.inf
 
 
 def contact(e: Experiment) -> Array:
-    """Return -1, 0 or 1 by sample (n,): the side on which an end may carry the piston, at its outmost rests."""
-    x, (low, high), give = e.inputs[:, at.IN_X], e.outmost, _give(e)
+    """Return -1, 0 or 1 by sample (n,): the side on which an end that was struck may carry the piston."""
+    x, (low, high), give = e.inputs[:, at.IN_X], e.struck, _give(e)
     return np.where(x >= high - give, 1.0, np.where(x <= low + give, -1.0, 0.0))
 
 
@@ -66,21 +75,25 @@ def at_ends(e: Experiment, x: Array, channel: str) -> NDArray[np.bool_]:
     """Return where an end, whose hardness no model states, decides on a channel of the motion (n,).
 
     That is where the recorded piston and one at ``x`` (n,) touch the same end; acceleration, wherever the recorded one
-    strikes it.
+    touches it.
     """
-    (low, high), give, side = e.outmost, _give(e), contact(e)
+    (low, high), give, side = e.struck, _give(e), contact(e)
     if channel == "a":
         return np.asarray(side != 0.0)
     return np.asarray(((side > 0.0) & (x >= high - give)) | ((side < 0.0) & (x <= low + give)))
 
 
+def _moving(experiments: Sequence[Experiment]) -> list[Experiment]:
+    return [e for e in experiments if e.recording.kind.cylinder and "x" in e.raw]
+
+
 def _give(e: Experiment) -> float:
-    """Return how far from its outmost rest the piston may still touch an end: by noise, or as the end gives way."""
-    return max(_tolerance(e), GIVES * (e.outmost[1] - e.outmost[0]) if np.isfinite(e.outmost[0]) else 0.0)
+    """Return how far from an end the piston may still touch it, in m: by noise, or as the end gives way."""
+    return max(_tolerance(e), GIVES * float(np.ptp(e.inputs[:, at.IN_X])))
 
 
 def _tolerance(e: Experiment) -> float:
-    return SCATTER * e.noise["x"].rms
+    return SCATTER * e.noise["x"].rms if "x" in e.noise else 0.0
 
 
 def _rests(e: Experiment) -> tuple[Array, Array]:
@@ -88,18 +101,3 @@ def _rests(e: Experiment) -> tuple[Array, Array]:
     resting = e.inputs[:, at.IN_V] == 0.0
     push = e.net_pressure_force() + e.inputs[:, at.IN_FORCE]
     return e.inputs[resting, at.IN_X], push[resting]
-
-
-def _end(x: Array, push: Array, side: float, stated: float | None, stroke: float, tolerance: float) -> float:
-    """Return one end: ``side`` -1 or 1 of positions and forces at rest, each (k,)."""
-    unknown = side * np.inf if stated is None else stated
-    if not x.size:
-        return unknown
-    outmost = side * float(np.max(side * x))
-    if stated is not None:
-        return outmost if abs(outmost - stated) <= max(INEXACT * stroke, tolerance) else stated
-    low, high = x <= float(x.min()) + tolerance, x >= float(x.max()) - tolerance
-    inward = np.where(low, np.maximum(push, 0.0), np.where(high, np.maximum(-push, 0.0), np.abs(push)))
-    outward = side * push[high if side > 0.0 else low]
-    friction = float(inward.max())
-    return outmost if friction and float(outward.max()) > PUSHED * friction else unknown

@@ -16,6 +16,7 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.flags import flags_of
 from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ class Experiment:
     ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 8) the
     smoothed readings in the kernel's layout, ``restarts`` the samples at which the model is set to them; ``still`` is
     the speed in m/s below which the piston is taken to rest; ``ends`` the least and the largest x in m that it can
-    have, None as the rig states them, ``outmost`` those at which it rests in any recording of the rig.
+    have, None as the rig states them, ``struck`` the ends that recordings show, infinite where they show none.
     """
 
     recording: Recording
@@ -69,7 +70,7 @@ class Experiment:
     low_pass: float | None = None
     still: float = 0.0
     ends: tuple[float, float] | None = None
-    outmost: tuple[float, float] = (-np.inf, np.inf)
+    struck: tuple[float, float] = (-np.inf, np.inf)
 
     @property
     def time(self) -> Array:
@@ -211,7 +212,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     if recording.chamber == 2 and rig.arrangement.second == "mirrored":
         inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
     _stand_ins(inputs, recording, rig)
-    flags, once = _flags(recording, rig, raw, noise), restarts(recording.time, None)
+    flags, once = flags_of(recording, rig, raw, noise), restarts(recording.time, None)
     ready = Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, once, flags, low_pass, still)
     return ready.with_restarts(horizon)
 
@@ -254,43 +255,6 @@ def _stand_ins(inputs: Array, recording: Recording, rig: Rig) -> None:
     ):
         if name not in recording:
             inputs[:, column] = value
-
-
-def _flags(recording: Recording, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
-    flags = np.zeros(at.FLAGS)
-    flags[at.MECHANICS] = recording.kind.cylinder
-    flags[at.PNEUMATICS] = recording.kind.valve
-    flags[at.CHAMBER_2] = _chamber_2(recording, rig)
-    flags[at.VALVE_SHUT] = recording.valve_shut
-    flags[at.U_MAX] = _largest_opening(rig, raw)
-    flags[at.INITIAL_U] = _initial_opening("u", "p1", rig, raw, noise)
-    mirrored = flags[at.CHAMBER_2] == at.MIRRORED
-    flags[at.INITIAL_U2] = -flags[at.INITIAL_U] if mirrored else _initial_opening("u2", "p2", rig, raw, noise)
-    return flags
-
-
-def _largest_opening(rig: Rig, raw: Mapping[str, Array]) -> float:
-    """Return how far in V a command goes from the null one; 1 where there is none."""
-    return max((float(np.abs(raw[n] - rig.valve_null).max()) for n in ("u", "u2") if n in raw), default=0.0) or 1.0
-
-
-def _chamber_2(recording: Recording, rig: Rig) -> int:
-    """Return what closes chamber 2, as the kernel counts it; that of a vessel takes no part."""
-    if recording.kind.vessel or recording.chamber_2 == "open":
-        return at.OPEN
-    if recording.chamber_2 != "valve":
-        return at.CLOSED
-    return at.MIRRORED if rig.arrangement.second == "mirrored" else at.VALVE_2
-
-
-def _initial_opening(
-    command: str, pressure: str, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
-) -> float:
-    """Return where a valve stood before the recording: centred where the pressure has not begun to move."""
-    if command not in raw or pressure not in raw or raw[pressure].size < 10:
-        return 0.0
-    moving = abs(raw[pressure][3] - raw[pressure][0]) > 5 * noise[pressure].rms
-    return float(raw[command][0] - rig.valve_null) if moving else 0.0
 
 
 def longest_step(rig: Rig, period: float) -> float:

@@ -35,7 +35,7 @@ class QuasiStatic:
         kernel = kernel_for(self.model.effects)
         active = kernel.switches(self.bench.active(self.model.effects))
         base, th = base_vector(self.model, self.bench), kernel.vector(self.model.effect_values())
-        largest = float(self.bench.flags[at.U_MAX])
+        largest = max(float(self.bench.flags[at.U_MAX]), *map(abs, self.model.valve.commands))
         return base, th, active, largest, self.model.valve.table(largest)
 
     @cached_property

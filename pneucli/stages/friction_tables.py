@@ -125,6 +125,10 @@ def _write_tables(friction: FrictionIdentification, out: Path, provenance: Prove
     ]
     units = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
     _write(out / "friction_parameters.parquet", parameters, units, provenance)
+    _write_kinetic(friction, out, provenance)
+
+
+def _write_kinetic(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
     kinetic: list[dict[str, Any]] = [
         {
             "recording": k.recording,

@@ -28,7 +28,7 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[View] =
         measured=lambda channel: error,
         inputs=np.zeros((N, len(at.INPUTS))),
         noise={"x": SimpleNamespace(rms=1.0)},
-        outmost=(-np.inf, np.inf),
+        struck=(-np.inf, np.inf),
     )
     monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N)})
     monkeypatch.setattr(replay, "deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})

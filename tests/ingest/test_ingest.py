@@ -144,7 +144,7 @@ def test_two_rows_of_a_long_table_may_share_a_column(tmp_path: Path) -> None:
 def test_every_row_has_a_column_for_what_became_of_it(two: Path, tmp_path: Path) -> None:
     answer, _ = ingested(two, tmp_path / "ingest")
     table = read_table(tmp_path / "ingest" / "recordings.parquet")
-    counts = [name for name, values in table.items() if np.asarray(values).dtype == np.int64]
+    counts = [name for name, values in table.items() if name != "chamber" and np.asarray(values).dtype == np.int64]
     assert counts[:2] == ["rows_read", "samples"]
     for k, row in enumerate(answer["recordings"]):
         assert table["rows_read"][k] == 100 == sum(int(table[name][k]) for name in counts[1:])

@@ -96,6 +96,15 @@ class View(ABC):
         power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in self.channels}
         return {c: float(np.sqrt(p)) / self.noise[c] for c, p in power.items()}
 
+    def tells(self, a: Model, b: Model) -> bool:
+        """Whether two models that differ in one parameter differ in this view at all."""
+        if a.valves != b.valves:
+            return self.feels_valve(a, b)
+        changed = {name for name in b.values if a.values.get(name) != b.values[name]}
+        parts = {name.partition(".")[0] for name in changed}
+        felt = any(effect.name in parts and self.feels(effect) for effect in b.effects)
+        return felt or any(self.feels_base(name) for name in changed)
+
     def feels_valve(self, a: Model, b: Model) -> bool:
         """Whether two models' valves differ where this recording opened them."""
         if self.valve_is_given:

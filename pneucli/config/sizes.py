@@ -1,0 +1,44 @@
+"""Quantities of the pipeline file, which become SI floats while they are checked, and the tables that hold them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+
+from pneucli.config.values import size
+from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity
+
+
+def _in(unit: str) -> BeforeValidator:
+    """Read text with a unit; gauge values stand on the file's own ambient pressure."""
+
+    def parse(value: Any, info: ValidationInfo) -> float | None:
+        ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
+        return size(parse_quantity(value, unit, ambient_pressure=ambient))
+
+    return BeforeValidator(parse)
+
+
+Pressure: TypeAlias = Annotated[float, _in("Pa"), Field(gt=0)]
+Temperature: TypeAlias = Annotated[float, _in("K"), Field(gt=0)]
+Area: TypeAlias = Annotated[float, _in("m^2"), Field(gt=0)]
+Volume: TypeAlias = Annotated[float, _in("m^3"), Field(gt=0)]
+Length: TypeAlias = Annotated[float, _in("m"), Field(gt=0)]
+Mass: TypeAlias = Annotated[float, _in("kg"), Field(gt=0)]
+GasConstant: TypeAlias = Annotated[float, _in("J/(kg K)"), Field(gt=0)]
+HeatCapacityRatio: TypeAlias = Annotated[float, _in("1"), Field(gt=1)]
+Duration: TypeAlias = Annotated[float, _in("s"), Field(gt=0)]
+Frequency: TypeAlias = Annotated[float, _in("1/s"), Field(gt=0)]
+Instant: TypeAlias = Annotated[float, _in("s")]
+Voltage: TypeAlias = Annotated[float, _in("V")]
+Position: TypeAlias = Annotated[float, _in("m")]
+Velocity: TypeAlias = Annotated[float, _in("m/s")]
+Acceleration: TypeAlias = Annotated[float, _in("m/s^2")]
+Force: TypeAlias = Annotated[float, _in("N")]
+
+
+class Table(BaseModel):
+    """A table whose keys are all known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
