@@ -92,6 +92,8 @@ def run_loads(x, v, base_values, th_values, on_values, out):
 
 
 def run_readings(time, inputs, base_values, th_values, on_values):
-    """Turn what is read of p1 and p2 into what it says of the truth, in place; inputs (n, 10)."""
+    """Turn what is read of p1 and p2 into what it says of the truth, in place; inputs (n, 8)."""
     base, th, on = scalars(base_values, th_values, on_values)
-    true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
+    true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
+    for k in range(time.size):
+        inputs[k, IN_P1], inputs[k, IN_P2] = true[k, 0], true[k, 1]

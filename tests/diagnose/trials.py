@@ -50,12 +50,16 @@ def trial(
     """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
     before = before or state()
     after = state([effect], cost)
-    ended = ends or {p.name: (p.typical[0], False) for p in catalogue()[effect].parameters}
+    ended = ends or {p.name: (1e-3, False) for p in catalogue()[effect].parameters}
     values = {f"{effect}.{name}": value for name, (value, _) in ended.items()}
     fitted: Any = SimpleNamespace(
         model=model([effect], values),
         estimates=tuple(
             SimpleNamespace(name=f"{effect}.{name}", value=value, at_bound=at_bound)
+            for name, (value, at_bound) in ended.items()
+        ),
+        free=tuple(
+            SimpleNamespace(name=f"{effect}.{name}", upper=value if at_bound else 1e9)
             for name, (value, at_bound) in ended.items()
         ),
     )
