@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,18 @@ def opening_of(e: Experiment, chamber: int) -> Array | None:
         return None
     mirrored = e.flags[at.CHAMBER_2] == at.MIRRORED
     return np.asarray(null - e.inputs[:, at.IN_U] if mirrored else e.inputs[:, at.IN_U2] - null)
+
+
+def from_null(e: Experiment) -> Experiment:
+    """Return an experiment whose command counts from the null one."""
+    null, inputs = e.rig.valve_null, e.inputs.copy()
+    if "u" not in e.raw or null == 0.0:
+        return e
+    inputs[:, at.IN_U] -= null
+    signals = {**e.recording.signals, "u": e.recording["u"] - null}
+    raw = {**e.raw, "u": e.raw["u"] - null}
+    recording, rig = replace(e.recording, signals=signals), replace(e.rig, valve_null=0.0)
+    return replace(e, recording=recording, rig=rig, raw=raw, inputs=inputs)
 
 
 def _paths(e: Experiment, rig: Rig, chamber: int, vessel_volume: float) -> Paths:

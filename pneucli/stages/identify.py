@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.paths import from_null
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.io.artifacts import write_table
@@ -62,11 +64,13 @@ def _fitted(study: Study) -> Fit:
 
 
 def _valve(study: Study, found: Fit, warnings: list[str]) -> ValveIdentification | None:
-    tests = [r for r in study.recordings if r.kind.vessel and not r.valve_shut and r.use == "train"]
-    if not tests or study.valve != "map":
+    tested = [r for r in study.recordings if r.kind.vessel and not r.valve_shut and r.use == "train"]
+    if not any(r.chamber == 1 for r in tested) or study.valve != "map":
         return None
     try:
-        valve = identify_valve([e for e in study.experiments if e.recording.chamber == 1], found)
+        tests = [from_null(e) for e in study.experiments if e.recording.chamber == 1]
+        level = replace(found.model, rig=replace(found.model.rig, valve_null=0.0))
+        valve = identify_valve(tests, replace(found, model=level))
     except InputError as error:
         warnings.append(f"no valve map: {error.where}: {error.found}")
         return None

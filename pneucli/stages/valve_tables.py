@@ -26,13 +26,16 @@ FORESEEN = 2.0  # times what it leaves on the curves that were fitted
 def write_valve(
     valve: ValveIdentification, model: Model, estimates: Sequence[Estimate], out: Path, provenance: Provenance
 ) -> None:
-    """Write map, inverse, lack of fit, the model's areas, and curves of a valve (interface, section 4)."""
-    grid = valve.map
+    """Write map, inverse, lack of fit, the model's areas, and curves of a valve (interface, section 4).
+
+    Commands are those that went to the valve: the null one is added.
+    """
+    grid, null = valve.map, model.rig.valve_null
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
     write_table(
         out / "valve_map.parquet",
         {
-            "u": u.ravel(),
+            "u": null + u.ravel(),
             "p": p.ravel(),
             "p_gradient": grid.gradient.ravel(),
             "p_gradient_ci_low": grid.ci_low.ravel(),
@@ -51,19 +54,19 @@ def write_valve(
         {
             "p_gradient": gradient.ravel(),
             "p": p.ravel(),
-            "u": inverse.u.ravel(),
+            "u": null + inverse.u.ravel(),
             "reachable": inverse.reachable.ravel(),
         },
         units={"p_gradient": "Pa/s", "p": "Pa", "u": "V", "reachable": "1"},
         schema="pneucli/identify/valve_inverse/1",
         provenance=provenance,
     )
-    _write_lack(valve, out, provenance)
+    _write_lack(valve, null, out, provenance)
     _write_areas(model, estimates, out, provenance)
-    _write_curves(valve, out, provenance)
+    _write_curves(valve, null, out, provenance)
 
 
-def _write_lack(valve: ValveIdentification, out: Path, provenance: Provenance) -> None:
+def _write_lack(valve: ValveIdentification, null: float, out: Path, provenance: Provenance) -> None:
     """Write the model's valve beside the measured map, at its points where data covered it."""
     grid, lack = valve.map, valve.lack
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
@@ -76,7 +79,7 @@ def _write_lack(valve: ValveIdentification, out: Path, provenance: Provenance) -
         "measured_ci_high": grid.ci_high,
         "difference": lack.difference,
     }
-    table = {"u": u, "p": p, **columns, "outside": lack.outside}
+    table = {"u": null + u, "p": p, **columns, "outside": lack.outside}
     write_table(
         out / "valve_lack_of_fit.parquet",
         {name: values[grid.covered] for name, values in table.items()},
@@ -93,7 +96,7 @@ def _write_areas(model: Model, estimates: Sequence[Estimate], out: Path, provena
     write_table(
         out / "valve_areas.parquet",
         {
-            "u": np.array([c for c, _ in areas]),
+            "u": model.rig.valve_null + np.array([c for c, _ in areas]),
             "area": np.array([e.value for _, e in areas]),
             "ci_low": np.array([e.ci95[0] for _, e in areas]),
             "ci_high": np.array([e.ci95[1] for _, e in areas]),
@@ -104,7 +107,7 @@ def _write_areas(model: Model, estimates: Sequence[Estimate], out: Path, provena
     )
 
 
-def _write_curves(valve: ValveIdentification, out: Path, provenance: Provenance) -> None:
+def _write_curves(valve: ValveIdentification, null: float, out: Path, provenance: Provenance) -> None:
     columns = ("time", "measured", "fitted", "gradient", "ci_low", "ci_high")
     table = {name: np.concatenate([getattr(c, name) for c in valve.curves]) for name in columns}
     sizes = [c.time.size for c in valve.curves]
@@ -112,7 +115,7 @@ def _write_curves(valve: ValveIdentification, out: Path, provenance: Provenance)
         out / "valve_curves.parquet",
         {
             "recording": [c.recording for c, n in zip(valve.curves, sizes, strict=True) for _ in range(n)],
-            "u": np.repeat([c.u for c in valve.curves], sizes),
+            "u": null + np.repeat([c.u for c in valve.curves], sizes),
             **table,
         },
         units={"u": "V", "time": "s", "measured": "Pa", "fitted": "Pa"}
