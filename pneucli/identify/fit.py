@@ -121,7 +121,8 @@ class Problem:
 
     def prior(self, z: Array) -> Array:
         """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
-        return np.concatenate([self.tight * (z - self.start), self.model_at(z).valve.roughness() / ROUGH])
+        rough = [valve.roughness() / ROUGH for valve in self.model_at(z).valves]
+        return np.concatenate([self.tight * (z - self.start), *rough])
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""
@@ -197,7 +198,7 @@ def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
 
 def differ(a: Model, b: Model, view: View) -> bool:
     """Whether two models that differ in one parameter differ in this view at all."""
-    if a.valve != b.valve:
+    if a.valves != b.valves:
         return view.feels_valve(a, b)
     changed = {name for name in b.values if a.values.get(name) != b.values[name]}
     parts = {name.partition(".")[0] for name in changed}

@@ -405,12 +405,13 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     return min(max(cp[0] * (x_ref - x), -cp[1]), cp[1]), 0.0
 
 
-def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, h_max, cs, cp, out):
+def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
     """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
 
     time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
-    they say of the truth, base (15,) and th parameters, on (effects + 1,) switches, flags (7,), areas (any,) over
-    -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor go on over a restart.
+    they say of the truth, base (18,) and th parameters, on (effects + 1,) switches, flags (8,), areas and areas_2
+    (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor
+    go on over a restart.
     """
     n = time.size
     base, th, on = scalars(base_values, th_values, on_values)
@@ -427,11 +428,12 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     m = base[MASS] + mass(th, on)
     stiffness = bristle_stiffness(th, on)
     bias = (area_1 - area_2) * p_amb
+    null, lower, upper = base[NULL], base[LOWER_END], base[UPPER_END]
 
     delay = flow_delay(th, on)
     ring = np.full((most_steps(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 3), -1e30)
     head, tail = 0, ring.shape[0] - 1
-    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U])
+    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
     s_supply, before = np.zeros(on_values.size), np.zeros(2)
 
     x = v = z = rest = dv = dp1 = dp2 = q_supply = 0.0
@@ -464,9 +466,13 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
         if loop:
             u, u2 = control(k, inputs[k, IN_U], x, out[k, R1], out[k, R2], cs, cp)
         out[k, U] = u
+        u -= null
+        u2 = -u if chamber_2 == MIRRORED else u2 - null
         if mechanics:
             push = area_1 * p1 - area_2 * p2 - bias + inputs[k, IN_FORCE] + force(x, v, stroke, th, on)
             a = acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
+            if v == 0.0 and ((x <= lower and push < 0.0) or (x >= upper and push > 0.0)):
+                a = 0.0  # the end carries it
             out[k, A] = read_a(a, th, on)
         if last:
             break
@@ -489,8 +495,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                     x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1_mid, p2_mid, stiffness, base, th, on)
                 else:
                     x, v, rest = slide(x, v, v_guess, push, h, rest, m, p1_mid, p2_mid, base, th, on)
-                if x < 0.0 or x > stroke:
-                    x, v = min(max(x, 0.0), stroke), 0.0
+                if x < lower or x > upper:
+                    x, v = min(max(x, lower), upper), 0.0
                     rest = rest_old + h if v_old == 0.0 else 0.0  # a piston that is pressed against a stop rests
                 dv = v - v_old
                 x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
@@ -523,9 +529,9 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             if chamber_2 == OPEN:
                 continue
             q_in, q_out = across, leak_2_ambient(p2_mid, p_amb, k2, th, on)
-            if chamber_2 == VALVE_2:
+            if chamber_2 != CLOSED:
                 opening = command(u2, h, s2, th, on)
-                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas)
+                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas_2)
                 q_in, q_out, q_supply = q_in + more_in, q_out + more_out, q_supply + more_in
             volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
             p2, dp2, m2, T2 = chamber_step(
@@ -599,13 +605,14 @@ def read_late(time, inputs, true, readings, unsure, lag, noise, base, out, back)
         back[k] += changing(k) * noise * math.sqrt(forgetting * (2.0 - forgetting))
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_values, on_values, out, gap):
+def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_values, th_values, on_values, out, gap):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
     inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, rough (n,) the
     force in N of the noise taken out of the pressures, leaving (n,) the velocity in m/s of a piston that breaks away at
-    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
-    force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
+    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there, contact (n,) the
+    side on which an end may carry the piston. At rest only a force that is more than the model can hold counts, of the
+    smoothed pressures, so that noise does not pass for it, and none that an end may carry.
     Between the branches of friction the drive itself is the friction, smoothing noise and all. That noise is known,
     noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of
     risk, 1981). gap (n,) gets the chance that the drive is between the branches, where the model states bounds and no
@@ -631,6 +638,9 @@ def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_
         friction = push if resting else push - m * (a[k] - bias)
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         speed = abs(v + leaving[k])
+        if resting and contact[k] * friction > 0.0:
+            rest += h
+            continue
         rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         # what drives the piston tells the branch: beyond both it speeds up or slows, between them it goes on (Filippov)

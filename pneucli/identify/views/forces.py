@@ -14,6 +14,7 @@ from pneucli.identify.rests import STARTED, breakaways, unsure
 from pneucli.identify.views.view import Array, View
 from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
+from pneucli.simulate.ends import contact
 from pneucli.simulate.experiment import Experiment, smooth, smooth_motion
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for
@@ -73,7 +74,12 @@ class Forces(View):
         e = self.experiment
         smoothed = smooth_motion(e.raw, e.smoothers, e.fusion, e.time)[1]
         leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still)
-        return leaving, unsure(e.inputs[:, at.IN_V], leaving)
+        bouncing = (self._contact != 0.0) & (e.inputs[:, at.IN_V] != 0.0)
+        return leaving, unsure(e.inputs[:, at.IN_V], leaving) | bouncing
+
+    @cached_property
+    def _contact(self) -> Array:
+        return contact(self.experiment)
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
@@ -124,6 +130,7 @@ class Forces(View):
             rough,
             leaving,
             doubtful,
+            self._contact,
             self._left_noise if noise is None else noise,
             base_vector(model, e),
             kernel.vector(model.effect_values()),
