@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,13 +140,14 @@ def motion_of(recording: Recording, model: Model) -> Motion:
     v, smooth_a = derive(raw.get("x", np.zeros(time.size)), a)
     load = _loads(recording, beside, x, v)
     rng = np.random.default_rng(0)
-    drawn = [{n: model.draw(time, rng) for n, model in noise.items()} for _ in range(DRAWS)]
-    v_error, a_error = derive(*(drawn[0].get(n, np.zeros(time.size)) for n in ("x", "a")))
+    draws = ({n: its.draw(time, rng) for n, its in noise.items()} for _ in range(DRAWS))
+    first = next(draws)
+    v_error, a_error = derive(*(first.get(n, np.zeros(time.size)) for n in ("x", "a")))
     quiet = {n: smoothers[n](raw[n]) for n in parts}
     smooth, rough = push(quiet), push({n: raw[n] for n in parts})
-    redrawn = [push({n: y + smoothers[n](one[n]) for n, y in quiet.items()}) - smooth for one in drawn]
-    missed = push({n: raw[n] + drawn[0][n] for n in parts}) - rough
-    moved = beside.loads(x + drawn[0].get("x", 0.0), v + v_error) - load
+    redrawn = [push({n: y + smoothers[n](one[n]) for n, y in quiet.items()}) - smooth for one in chain([first], draws)]
+    missed = push({n: raw[n] + first[n] for n in parts}) - rough
+    moved = beside.loads(x + first.get("x", 0.0), v + v_error) - load
     # without an accelerometer the force is smoothed as the motion is, so that both sides of the equation agree
     accelerometer = "a" in raw
     return Motion(
