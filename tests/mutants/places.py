@@ -71,7 +71,9 @@ class _Finder(cst.CSTVisitor):
         self._line = position.start.line if position else self._line
         if isinstance(node, cst.BaseSmallStatement | cst.BaseCompoundStatement):
             self._statements.append(node)
-        instead = tuple(new for kind, operator in mutation_operators if isinstance(node, kind) for new in operator(node))
+        instead = tuple(
+            new for kind, operator in mutation_operators if isinstance(node, kind) for new in operator(node)
+        )
         if instead:
             first = self.get_metadata(PositionProvider, self._statements[-1]).start.line
             self.found.append(Place(self.file, (self._line, first), self.module, node, instead))
