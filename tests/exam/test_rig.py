@@ -178,3 +178,10 @@ def test_with_the_true_parameters_the_shared_valve_cases_come_out_at_the_sensor_
         # white noise of that level, plus hum (the shared cases: up to 0.5 of it) where the supply's sensor shows it
         floor = np.std(table[:, 2] * 1e5)
         assert np.sqrt(np.mean((table[:, 3] * 1e5 - model) ** 2)) / floor == pytest.approx(1.0, abs=0.12)
+
+
+def test_a_piston_without_cushions_loses_its_velocity_at_the_stop_that_it_hits():
+    """From 3 m/s the air spring of chamber 1 then pushes it back slowly."""
+    seen = run(Parameters(), free(position=0.01, velocity=-3.0, seconds=0.03, pressure_1=101_300.0))
+    assert 0.0 <= seen["x"].min() < 1e-5
+    assert np.abs(seen["v"][5:]).max() < 0.5

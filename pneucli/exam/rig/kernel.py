@@ -130,7 +130,7 @@ def net_force(par: Parameters, t: float, s: Array) -> float:
     slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
     slope *= 1.0 - par.warming * (1.0 - math.exp(-t / SETTLING))
     room = s[X] if v < 0.0 else par.stroke - s[X]
-    if room < par.cushion_length:
+    if max(room, 0.0) < par.cushion_length:  # beyond the stop without one, too, there is nothing to divide by
         slope += par.cushion_damping * (1.0 - room / par.cushion_length)
     return float(force - slope * v - par.quadratic_drag * v * abs(v))
 
