@@ -36,8 +36,9 @@ def main() -> None:
     mutants = sample(ROOT, shares(ROOT, packages, asked.number), asked.seed)
     mutants = [m for m in mutants if asked.file in m.file]
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        trees = [copied(Path(folder, str(i))) for i in range(TOGETHER)]
-        known = contexts(trees[0], packages, [f for p in packages for f in PACKAGES[p]])
+        first = copied(Path(folder, "0"))
+        known = contexts(first, packages, [f for p in packages for f in PACKAGES[p]])
+        trees = [first, *(copied(Path(folder, str(i)), first) for i in range(1, TOGETHER))]
         found = outcomes(mutants, known, trees, _say)
     print("\n" + report(mutants, found, accepted()))
     print(f"{time.monotonic() - began:.0f} s")
