@@ -80,6 +80,6 @@ def _positive(value: Any, key: str, where: str) -> float:
         raise InputError(f"{where}.{key}", f"{number:g}", "above 0")
     if key == "sector_ratio" and number <= 1.0:
         raise InputError(f"{where}.{key}", f"{number:g}", "above 1: the slope of one line over the other's")
-    if key == "period" and not PERIODS[0] <= number <= PERIODS[1]:
+    if key == "period" and not PERIODS[0] <= round(number, 9) <= PERIODS[1]:
         raise InputError(f"{where}.{key}", f"{number:g} s", f"from {PERIODS[0]:g} s to {PERIODS[1]:g} s")
     return number
