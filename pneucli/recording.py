@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.experiments import KINDS, Kind
+from pneucli.experiments import Name as Experiment
+
 if TYPE_CHECKING:  # who only reads the pipeline file need not wait for scipy
     from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
-Experiment = Literal["valve", "friction", "axis"]
 Use = Literal["train", "test"]
 
 
@@ -36,6 +38,11 @@ class Recording:
     chamber_2: Literal["closed", "open", "valve"] | None = None
     imposed: Literal["motion"] | None = None
     valve_shut: bool = False
+
+    @property
+    def kind(self) -> Kind:
+        """What its kind of experiment means."""
+        return KINDS[self.experiment]
 
     @property
     def period(self) -> float:

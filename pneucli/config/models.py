@@ -18,8 +18,10 @@ from pydantic import (
 
 from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands, size
 from pneucli.errors import UnitError
+from pneucli.experiments import KINDS
+from pneucli.experiments import Name as Experiment
 from pneucli.quantities import SIGNALS
-from pneucli.recording import Experiment, Rig, Use
+from pneucli.recording import Rig, Use
 from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity, parse_unit, same_dimension
 
 SignalName = Literal["time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "x_ref", "p_ref"]
@@ -214,9 +216,10 @@ class RecordingTable(Table):
             raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between columns or thousands too')
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError(f"the stretch from {self.from_} s to {self.to} s is empty")
-        if self.imposed and self.experiment != "friction":
+        kind = KINDS[self.experiment]
+        if self.imposed and kind.valve:
             raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
-        if self.experiment == "axis" and self.chamber_2 is None:
+        if kind.axis and self.chamber_2 is None:
             raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
         return self
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.design.controller import Controller
+from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, lateness, moving_mass
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.physics.gas import flow_function
@@ -32,7 +33,6 @@ from pneucli.simulate.valve_area import CLOSED_AREA
 Array = NDArray[np.float64]
 
 NODES = 201
-LAGS = ("valve-lag.time_constant", "line-delay.delay", "pressure-lag.time_constant", "time-skew.delay")
 WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
 SLACK = 0.05  # of ambient and supply pressure, which the pressure references keep away from
 
@@ -95,7 +95,7 @@ def inverse_table(model: Model, direction: float) -> tuple[tuple[float, ...], fl
 
 def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, sealed: float | None) -> dict[str, float]:
     """Return what the controller knows of the axis: the model's nominal values by the layout's names."""
-    base, more = model.base(), model.values
+    base, (dead_1, dead_2), (static, fallen) = model.base(), dead_volumes(model), breakaway(model)
     rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
     coulomb = base["friction.coulomb"]
     ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
@@ -104,21 +104,21 @@ def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, se
         "C_U_MAX": max(abs(c) for c in model.valve.commands),
         "C_TWO_VALVES": float(wanted.chamber_2 == "valve"),
         "C_COMPENSATION": 1.0,
-        "C_MASS": base["rig.moving_mass"] + more.get("extra-mass.mass", 0.0),
+        "C_MASS": moving_mass(model),
         "C_AREA_1": base["rig.piston_area_1"],
         "C_AREA_2": base["rig.piston_area_2"],
         "C_STROKE": base["rig.stroke"],
-        "C_DEAD_1": base["rig.dead_volume_1"] + more.get("dead-volume.volume_added", 0.0),
-        "C_DEAD_2": base["rig.dead_volume_2"],
+        "C_DEAD_1": dead_1,
+        "C_DEAD_2": dead_2,
         "C_AMBIENT": ambient,
         "C_SUPPLY": supply,
         "C_GAMMA": base["rig.heat_capacity_ratio"],
         "C_GAMMA_R_T": base["rig.heat_capacity_ratio"] * rt,
         "C_K_GAS": math.sqrt(2.0 / rt),
-        "C_CRITICAL": more.get("critical-ratio.critical_ratio", base["valve.critical_ratio"]),
+        "C_CRITICAL": critical_ratio(model),
         "C_COULOMB": coulomb,
-        "C_STATIC": max(more.get("stribeck.static", coulomb), coulomb),
-        "C_STRIBECK": more.get("stribeck.velocity", 1.0),
+        "C_STATIC": max(static, coulomb),
+        "C_STRIBECK": fallen,
         "C_VISCOUS": base["friction.viscous"],
         "C_P_LOW": (1.0 + SLACK) * ambient,
         "C_P_HIGH": (1.0 - SLACK) * supply,
@@ -131,7 +131,7 @@ def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, se
 
 def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float]) -> Corners:
     """Return the corner frequencies by the rules above."""
-    late = wanted.delay + sum(model.values.get(name, 0.0) for name in LAGS)
+    late = wanted.delay + lateness(model)
     pressure = min(0.3 / wanted.period, 0.7 / late if late > 0.0 else math.inf)
     if wanted.pressure_bandwidth is not None:
         pressure = 2.0 * math.pi * wanted.pressure_bandwidth

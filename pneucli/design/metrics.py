@@ -13,6 +13,7 @@ from pneucli.caches import compiled
 from pneucli.design import layout
 from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
+from pneucli.design.ports import critical_ratio
 from pneucli.physics.gas import PSI_MAX
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
@@ -152,7 +153,7 @@ def _chattering(u: Array, period: float) -> tuple[float, float]:
 def air_used(run: Run, model: Model) -> float:
     """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
     base = model.base()
-    k, b = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"])), base["valve.critical_ratio"]
+    k, b = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"])), critical_ratio(model)
     table, total = model.valve.table(), 0.0
     for u, p in ((layout.L_U1, at.P1), (layout.L_U2, at.P2)):
         ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)

@@ -107,7 +107,7 @@ class Axes:
             if name in BASE:
                 values[name] = values.get(name, base[name]) * (1.0 + share * rng.standard_normal())
         factor = 1.0 + self.tolerances.get("valve.areas", 0.0) * rng.standard_normal()
-        valve = replace(self.model.valve, areas=tuple(a * factor for a in self.model.valve.areas))
+        valve = self.model.valve.scaled(factor)
         model = replace(self.model.with_values(values), valve=valve)
         place = k % (len(self.effects) + 1)
         if place == 0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,16 +59,16 @@ def _apart(one: Model, other: Model, experiment: Experiment) -> dict[str, float]
 def manoeuvres(model: Model, views: Sequence[View]) -> Iterator[tuple[str, Experiment]]:
     """Yield words and a ready experiment for each manoeuvre that the benches of the views allow."""
     benches = {view.experiment.recording.experiment: view.experiment for view in views}
-    for kind, seen in benches.items():
+    for seen in benches.values():
         if seen.recording.imposed or seen.recording.valve_shut or seen.recording.chamber_2 == "valve":
             continue
-        if kind == "friction":
+        if not seen.recording.kind.valve:
             for words, push in _pushes(PUSH * max(value_of(model, "friction.coulomb"), 1.0)):
                 yield words, prepare(_pushed(push, seen.rig), seen.rig, None)
         elif "u" in seen.raw:
             largest = float(np.abs(seen.inputs[:, at.IN_U]).max()) or 1.0
             for words, command in _commands(largest):
-                yield f"{words} ({'vessel' if kind == 'valve' else 'cylinder'})", _commanded(kind, command, seen)
+                yield f"{words} ({seen.recording.kind.bench})", _commanded(command, seen)
 
 
 def _held(values: Sequence[float], dwell: float) -> Array:
@@ -91,8 +91,8 @@ def _commands(u: float) -> Iterator[tuple[str, Array]]:
         yield f"a sine of {0.5 * u:.3g} V at {frequency:g} Hz", 0.5 * u * np.sin(2 * np.pi * frequency * _time(6.0))
 
 
-def _commanded(kind: Literal["valve", "axis"], command: Array, seen: Experiment) -> Experiment:
-    values: dict[str, Any] = {"experiment": kind}
+def _commanded(command: Array, seen: Experiment) -> Experiment:
+    values: dict[str, Any] = {"experiment": seen.recording.experiment}
     if seen.recording.chamber_2 == "open":
         values["chamber_2"] = "open"
     if "p_supply" in seen.raw and seen.rig.supply_pressure:

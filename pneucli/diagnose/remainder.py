@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from pneucli.compare.expected import deviations
 from pneucli.compare.where import locators
 from pneucli.identify.fit import block_numbers
-from pneucli.identify.views import Kind, View
-from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import smooth
+from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -58,7 +55,7 @@ class Remainder:
     the edge of a stretch or at a stop, which no sampling resolves.
     """
 
-    kind: Kind
+    kind: type[View]
     channel: str
     ratio: float
     bulk: float
@@ -67,7 +64,7 @@ class Remainder:
 
 def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
     """Return what the model leaves over in each channel of each kind of view."""
-    groups: dict[tuple[Kind, str], list[tuple[View, Array, float]]] = {}
+    groups: dict[tuple[type[View], str], list[tuple[View, Array, float]]] = {}
     for view in views:
         errors = view.carried(model)
         residual, expected = view.residual(model, errors), expected_rms(model, view, errors)
@@ -75,7 +72,7 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
         for channel in view.channels:
             scaled = np.where(stated, residual[channel] / view.noise[channel], 0.0)
             if np.any(scaled):
-                groups.setdefault((view.kind, channel), []).append((view, scaled, expected[channel]))
+                groups.setdefault((type(view), channel), []).append((view, scaled, expected[channel]))
     return [_remainder(kind, channel, members) for (kind, channel), members in groups.items()]
 
 
@@ -90,36 +87,10 @@ def expected_rms(model: Model, view: View, errors: Mapping[str, Array]) -> dict[
 
 def drawn_rms(model: Model, view: View, errors: Mapping[str, Array]) -> dict[str, float]:
     """Return the rms by channel of drawn noise sent through the model, in units of the sensors' noise."""
-    if view.kind == "forces":
-        return _drawn_forces(model, view)
-    drawn = deviations(model, view.experiment, DRAWS)
-    settled = [view.settled({c: d[i] for c, d in drawn.items()}, errors) for i in range(DRAWS)]
-    power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in view.channels}
-    return {c: float(np.sqrt(p)) / view.noise[c] for c, p in power.items()}
+    return view.drawn_rms(model, errors, DRAWS, SEED)
 
 
-def _drawn_forces(model: Model, view: View) -> dict[str, float]:
-    """What the sensors' noise does to the balance, such as at the edge of a stretch or where a lag is undone.
-
-    The accelerometer at rest reads its own noise, whatever the model.
-    """
-    e, rng = view.experiment, np.random.default_rng(SEED)
-    nominal, own = view.residual(model), view.loads(e.raw, e.inputs)
-    bare = view.balance(model, e.inputs, noise=np.zeros(2))
-    power = {c: float(np.mean(((nominal[c] - bare[c]) / view.noise[c]) ** 2)) for c in view.channels}
-    for _ in range(DRAWS):
-        noise = e.draw_noise(rng)
-        shift = smooth(noise, e.smoothers, e.fusion, e.time)
-        shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0  # what is taken for a rest stays one
-        a, rough = view.loads(noise, shift)
-        drawn = view.balance(model, e.inputs + shift, (own[0] + a, own[1] + rough))
-        for c in view.channels:
-            seen = max(int(np.count_nonzero(nominal[c])), 1)
-            power[c] += float(np.sum(((drawn[c] - nominal[c]) / view.noise[c]) ** 2)) / (seen * DRAWS)
-    return {c: 1.0 if c == "a" else float(np.sqrt(p)) for c, p in power.items()}
-
-
-def _remainder(kind: Kind, channel: str, members: list[tuple[View, Array, float]]) -> Remainder:
+def _remainder(kind: type[View], channel: str, members: list[tuple[View, Array, float]]) -> Remainder:
     relative = np.concatenate([(r / e)[r != 0.0] for _, r, e in members])
     blocks = block_numbers([_one_channel(view) for view, _, _ in members])
     residual = np.concatenate([r for _, r, _ in members])
@@ -147,7 +118,7 @@ def bulk_rms(values: Array) -> float:
 
 
 def _one_channel(view: View) -> View:
-    single = View(view.experiment, view.kind)
+    single = type(view)(view.experiment)
     single.__dict__["channels"] = view.channels[:1]
     return single
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare.expected import deviations
 from pneucli.diagnose.remainder import Remainder
 from pneucli.identify.restarts import lengths
-from pneucli.identify.views import View
+from pneucli.identify.views import Forces, View, Whole
+from pneucli.simulate.deviations import deviations
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
@@ -31,11 +31,11 @@ def astray(model: Model, views: Sequence[View]) -> list[Remainder]:
     """Return the channels in which most stretches between restarts err by more than every draw of noise, worst first.
 
     And by much more in the median. Ranks, since single stretches with stick-slip scatter widely even where the model
-    is true. Such a remainder is of the kind "whole" and has no shape: the errors of a free run do not tell where they
+    is true. Such a remainder is one of the whole and has no shape: the errors of a free run do not tell where they
     began.
     """
     scores: dict[tuple[str, str], list[Array]] = {}
-    for e in (v.experiment for v in views if v.kind == "forces"):
+    for e in (v.experiment for v in views if isinstance(v, Forces)):
         for channel, ratios in _of(model, e).items():
             scores.setdefault((e.recording.experiment, channel), []).append(ratios)
     found = [_judged(channel, np.concatenate(parts)) for (_, channel), parts in scores.items()]
@@ -47,7 +47,7 @@ def _judged(channel: str, ratios: Array) -> Remainder | None:
     beyond, typical = np.mean(ratios[:, 0] > 1.0), float(np.median(ratios[:, 1]))
     if len(ratios) < FEWEST or beyond < BEYOND or typical < ASTRAY:
         return None
-    return Remainder("whole", channel, typical, typical, ())
+    return Remainder(Whole, channel, typical, typical, ())
 
 
 def _of(model: Model, experiment: Experiment) -> dict[str, Array]:

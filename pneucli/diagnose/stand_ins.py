@@ -33,7 +33,7 @@ def stands(bench: Bench, last: State, left: Sequence[Remainder], name: str, befo
 
 def lawful(bench: Bench, name: str, left: Sequence[Remainder]) -> bool:
     """Whether an effect states a force wherever one is left over; bounds alone would keep any force within them."""
-    return "slowing" not in bench.effects[name].ports or all(r.kind not in ("forces", "whole") for r in left)
+    return not (bench.effects[name].bounds and any(r.kind.states_force for r in left))
 
 
 def agreed(bench: Bench, state: State, name: str) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
 from pneucli.diagnose.remainder import drawn_rms
+from pneucli.experiments import Part
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit, Problem, block_numbers
 from pneucli.identify.views import View
@@ -30,14 +31,15 @@ Screened = tuple[Effect, list[Signature]]
 class Bench:
     """The data of a diagnosis: views to fit, views held out, and the effects that may be missing.
 
-    ``given`` names the effects that the model had before; ``errors`` is the error that the user sees, of a model, by
+    ``covered`` are parts whose effects the model's valve shows already; ``given`` names the effects that the model had
+    before; ``errors`` is the error that the user sees, of a model, by
     use: an effect that raises it is not added; ``shown`` is the same over each model's own noise.
     """
 
     train: Sequence[View]
     held_out: Sequence[View]
     effects: Mapping[str, Effect]
-    linear_valve: bool
+    covered: frozenset[Part] = frozenset()
     given: tuple[str, ...] = ()
     progress: Callable[[str], None] = field(default=lambda _: None)
     errors: Callable[[Model], Mapping[str, float | None]] | None = None
@@ -50,9 +52,7 @@ class Bench:
 
     def can_show(self, effect: Effect) -> bool:
         """Whether the effect acts in any view that is fitted."""
-        if effect.part == "linear valve" and not self.linear_valve:
-            return False
-        return any(view.feels(effect) for view in self.train)
+        return effect.part not in self.covered and any(view.feels(effect) for view in self.train)
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
@@ -82,17 +82,17 @@ class Bench:
     def added(self, state: State, effect: Effect, ranked: Sequence[Signature] | None = None) -> Trial:
         """Refit with the effect and hold it against the data that the fit has not seen."""
         self.progress(f"fitting {effect.name}")
-        found = fit_added(state.fit, self.train, effect, linear_valve=self.linear_valve, rounds=ROUNDS, ranked=ranked)
+        found = fit_added(state.fit, self.train, effect, rounds=ROUNDS, ranked=ranked)
         return self.trial(state, self.state(found), effect)
 
     def polished(self, before: State, trial: Trial) -> Trial:
         """Fit a trial to the end."""
-        found = refit(trial.state.fit, self.train, linear_valve=self.linear_valve)
+        found = refit(trial.state.fit, self.train)
         return self.trial(before, self.state(found), trial.effect)
 
     def without(self, state: State, effect: Effect) -> State:
         """Refit without one of the effects."""
-        return self.state(fit_without(state.fit, self.train, effect, linear_valve=self.linear_valve))
+        return self.state(fit_without(state.fit, self.train, effect))
 
     def no_worse(self, before: State, trials: Sequence[Trial]) -> list[Trial]:
         """Return the trials whose simulation, which the user sees, does not err more than that of ``before``.

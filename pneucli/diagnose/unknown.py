@@ -20,12 +20,6 @@ Array = NDArray[np.float64]
 PERIODIC = 0.3  # share of the squared residual that one sine must hold
 TELLING = 0.05  # share that means over a variable must hold to be spoken of
 MOST_SAMPLES = 4000
-SUBSYSTEMS = {
-    "forces": "mechanics: friction, load or a force on the piston",
-    "imposed": "mechanics: friction, load or a force on the piston",
-    "chambers": "gas, valve and their sensors",
-    "whole": "the whole axis",
-}
 REPLAYED = "only where all is simulated together: by itself each subsystem fits"
 LAWS: dict[str, Callable[[Array], list[Array]]] = {
     "a constant": lambda q: [np.ones_like(q)],
@@ -52,24 +46,22 @@ class Unknown:
 def describe(model: Model, views: Sequence[View], worst: Remainder) -> Unknown:
     """Describe the worst remainder of a model."""
     shape = next((s for s in worst.shapes if s.share > TELLING), None)
-    same = [v for v in views if v.kind == worst.kind and worst.channel in v.channels]
+    same = [v for v in views if type(v) is worst.kind and worst.channel in v.channels]
     if not same:
-        return Unknown(SUBSYSTEMS[worst.kind], worst.channel, worst.ratio, None, REPLAYED, None)
+        return Unknown(worst.kind.title, worst.channel, worst.ratio, None, REPLAYED, None)
     sine = _sine(model, same, worst.channel)
     if sine is not None:
         variable, period = sine
         unit = "s" if variable == "time" else "m"
         character = f"periodic over {_title(variable)}, period {period:.3g} {unit}"
-        return Unknown(SUBSYSTEMS[worst.kind], worst.channel, worst.ratio, variable, character, "a sine")
+        return Unknown(worst.kind.title, worst.channel, worst.ratio, variable, character, "a sine")
     if shape is None:
-        return Unknown(
-            SUBSYSTEMS[worst.kind], worst.channel, worst.ratio, None, "without a shape over any signal", None
-        )
+        return Unknown(worst.kind.title, worst.channel, worst.ratio, None, "without a shape over any signal", None)
     drifts = shape.variable == "time"
     character = "drifting over each recording" if drifts else f"a function of {_title(shape.variable)}"
     character = f"a friction {character}" if drifts and shape.against else character
     character = f"against the motion, {character}" if shape.against and not drifts else character
-    return Unknown(SUBSYSTEMS[worst.kind], worst.channel, worst.ratio, shape.variable, character, _law(shape))
+    return Unknown(worst.kind.title, worst.channel, worst.ratio, shape.variable, character, _law(shape))
 
 
 def _title(variable: str) -> str:

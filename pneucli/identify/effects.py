@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.fit import Fit, Problem, fit, joined
 from pneucli.identify.parameters import (
-    OVERLAPS,
     STEP,
     Free,
     base_parameters,
@@ -26,6 +25,7 @@ from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import OVERLAPS, ValveArea
 
 Array = NDArray[np.float64]
 
@@ -113,9 +113,7 @@ def scaled_start(effect: Effect, signature: Signature, model: Model, share: floa
     return values
 
 
-def fit_model(
-    model: Model, views: Sequence[View], effects: Sequence[Effect], *, linear_valve: bool, rounds: int = 12
-) -> Fit:
+def fit_model(model: Model, views: Sequence[View], effects: Sequence[Effect], *, rounds: int = 12) -> Fit:
     """Fit the base model, then with each effect in turn from its best start, all parameters together.
 
     Raises InputError where the recordings lack the part of an effect, or the model has no finite numbers for them.
@@ -126,12 +124,10 @@ def fit_model(
             raise InputError("key model.effects", lacking, "effects that can show", "remove it, or record its part")
     require_finite(model, views)
     experiments = [v.experiment for v in views]
-    found = fit(
-        replace(model, effects=()), views, base_parameters(model, experiments, linear_valve=linear_valve), rounds=rounds
-    )
+    found = fit(replace(model, effects=()), views, base_parameters(model, experiments), rounds=rounds)
     found = _with_overlap_anew(found, views, rounds=rounds)
     for effect in effects:
-        found = fit_added(found, views, effect, linear_valve=linear_valve, rounds=rounds)
+        found = fit_added(found, views, effect, rounds=rounds)
     return found
 
 
@@ -150,7 +146,6 @@ def fit_added(
     views: Sequence[View],
     effect: Effect,
     *,
-    linear_valve: bool,
     rounds: int = 12,
     ranked: Sequence[Signature] | None = None,
 ) -> Fit:
@@ -165,7 +160,7 @@ def fit_added(
 
     def refitted(signature: Signature, share: float) -> Fit:
         started = with_effect(model, effect, scaled_start(effect, signature, model, share))
-        free = free_parameters(started, views, linear_valve=linear_valve)
+        free = free_parameters(started, views)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
         part = _from_coarse_to_fine(started, felt, free, rounds=rounds)
         return joined(found, _with_overlap_anew(part, felt, rounds=rounds), views, chosen)
@@ -212,6 +207,8 @@ def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit
     There the valve opens all at once at its smallest knot, and the fit does not come back by itself.
     """
     valve = found.model.valve
+    if not isinstance(valve, ValveArea):
+        return found
     at_bound = {e.name for e in found.estimates if e.name in OVERLAPS and e.at_bound and e.value > 0.0}
     guessed = {}
     for sign, name in ((1.0, "valve.overlap_fill"), (-1.0, "valve.overlap_vent")):
@@ -225,22 +222,22 @@ def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit
     return min(found, again, key=lambda f: f.cost)
 
 
-def free_parameters(model: Model, views: Sequence[View], *, linear_valve: bool) -> list[Free]:
+def free_parameters(model: Model, views: Sequence[View]) -> list[Free]:
     """Return all free parameters of a model, base and effects, starting from its values."""
-    free = base_parameters(model, [v.experiment for v in views], linear_valve=linear_valve)
+    free = base_parameters(model, [v.experiment for v in views])
     for effect in model.effects:
         if any(view.feels(effect) for view in views):
             free += effect_parameters(effect, model)
     return free
 
 
-def refit(found: Fit, views: Sequence[View], *, linear_valve: bool, rounds: int = 12) -> Fit:
+def refit(found: Fit, views: Sequence[View], *, rounds: int = 12) -> Fit:
     """Fit on from where a fit ended."""
     model = found.model
-    return fit(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
+    return fit(model, views, free_parameters(model, views), rounds=rounds)
 
 
-def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, linear_valve: bool, rounds: int = 12) -> Fit:
+def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, rounds: int = 12) -> Fit:
     """Refit without one of the model's effects."""
     model = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
-    return _from_coarse_to_fine(model, views, free_parameters(model, views, linear_valve=linear_valve), rounds=rounds)
+    return _from_coarse_to_fine(model, views, free_parameters(model, views), rounds=rounds)

@@ -18,7 +18,7 @@ from scipy.stats import norm
 
 from pneucli.executors import workers
 from pneucli.identify.least_squares import minimise
-from pneucli.identify.parameters import STEP, Free, roughness, value_of, with_parameters
+from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 
@@ -121,7 +121,7 @@ class Problem:
 
     def prior(self, z: Array) -> Array:
         """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
-        return np.concatenate([self.tight * (z - self.start), roughness(self.model_at(z).valve) / ROUGH])
+        return np.concatenate([self.tight * (z - self.start), self.model_at(z).valve.roughness() / ROUGH])
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""
@@ -198,14 +198,12 @@ def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
 def differ(a: Model, b: Model, view: View) -> bool:
     """Whether two models that differ in one parameter differ in this view at all."""
     if a.valve != b.valve:
-        return view.kind in ("chambers", "whole") and bool(np.any((a.valve.table() != b.valve.table())[view.openings]))
+        return view.feels_valve(a, b)
     changed = {name for name in b.values if a.values.get(name) != b.values[name]}
     parts = {name.partition(".")[0] for name in changed}
     if any(effect.name in parts and view.feels(effect) for effect in b.effects):
         return True
-    if view.kind == "chambers":
-        return bool(parts & {"rig"}) or "valve.critical_ratio" in changed
-    return bool(parts & {"friction", "rig"})
+    return any(view.feels_base(name) for name in changed)
 
 
 def fit(

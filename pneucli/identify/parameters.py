@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import ValveArea
+from pneucli.simulate.model import Model, Valve
 
 Array = NDArray[np.float64]
 
-AREA = "valve.effective_area"
-OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
-GAIN = "valve.gain"
 STEP = 1e-4  # of a parameter's scale, for differences
 LARGEST_OVERLAP = 0.95  # of the smallest command with a knot
 
@@ -54,40 +50,25 @@ class Free:
         return value if self.logarithmic else self.scale
 
 
-def area_name(command: float) -> str:
-    """Return the parameter's name of the effective area at a command in V."""
-    return f"{AREA}({command:+.4g} V)"
-
-
 def value_of(model: Model, name: str) -> float:
     """Return the value of any parameter of a model by its name."""
-    if name in OVERLAPS:
-        return float(getattr(model.valve, OVERLAPS[name]))
-    if name.startswith(AREA):
-        names = [area_name(c) for c in model.valve.commands]
-        return model.valve.areas[names.index(name)]
-    if name == GAIN:
-        return model.valve.areas[-1] / model.valve.commands[-1]
+    named = model.valve.named()
+    if name in named:
+        return named[name][0]
     return model.values[name] if name in model.values else model.base()[name]
 
 
 def with_parameters(model: Model, values: dict[str, float]) -> Model:
     """Return the model with parameters of any kind replaced."""
-    valve = model.valve
-    areas = [values.get(area_name(c), a) for c, a in zip(valve.commands, valve.areas, strict=True)]
-    if GAIN in values:
-        areas = [values[GAIN] * abs(c) for c in valve.commands]
-    fill, vent = (values.get(name, getattr(valve, field)) for name, field in OVERLAPS.items())
-    rest = {n: v for n, v in values.items() if n not in OVERLAPS and n != GAIN and not n.startswith(AREA)}
-    return replace(
-        model.with_values(rest), valve=replace(valve, areas=tuple(areas), overlap_fill=fill, overlap_vent=vent)
-    )
+    valve = model.valve.named()
+    rest = {name: v for name, v in values.items() if name not in valve}
+    return replace(model.with_values(rest), valve=model.valve.with_named(values))
 
 
-def base_parameters(model: Model, experiments: Sequence[Experiment], *, linear_valve: bool) -> list[Free]:
+def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[Free]:
     """Return the base model's free parameters that these experiments can tell, starting from the model's values."""
     free: list[Free] = []
-    moving = [e for e in experiments if e.recording.experiment != "valve"]
+    moving = [e for e in experiments if e.recording.kind.cylinder]
     driven = [e for e in experiments if e.flags[1] > 0 and not e.recording.valve_shut]
     if moving:
         coulomb = max(value_of(model, "friction.coulomb"), 1e-3)
@@ -98,25 +79,19 @@ def base_parameters(model: Model, experiments: Sequence[Experiment], *, linear_v
             mass = value_of(model, "rig.moving_mass")
             free.append(Free("rig.moving_mass", "kg", mass, 1e-3, 1e5, mass))
     if driven:
-        free += _valve(model, linear_valve=linear_valve)
+        free += _valve(model.valve)
     return free
 
 
-def _valve(model: Model, *, linear_valve: bool) -> list[Free]:
-    if linear_valve:
-        gain = value_of(model, GAIN)
-        return [Free(GAIN, "m^2/V", gain, 1e-12, 1e-3, 1.0, logarithmic=True)]
-    valve = model.valve
-    areas = [
-        Free(area_name(c), "m^2", a, 1e-12, 1e-2, 1.0, logarithmic=True)
-        for c, a in zip(valve.commands, valve.areas, strict=True)
-    ]
+def _valve(valve: Valve) -> list[Free]:
+    """Return the valve's free parameters: areas as logarithms, an overlap short of the smallest knot."""
     lowest = min((abs(c) for c in valve.commands), default=0.0)
-    overlaps = [
-        Free(name, "V", getattr(valve, field), 0.0, LARGEST_OVERLAP * lowest, 0.1, prior=10.0)
-        for name, field in OVERLAPS.items()
+    return [
+        Free(name, unit, value, 0.0, LARGEST_OVERLAP * lowest, 0.1, prior=10.0)
+        if unit == "V"
+        else Free(name, unit, value, 1e-12, 1e-2, 1.0, logarithmic=True)
+        for name, (value, unit) in valve.named().items()
     ]
-    return areas + overlaps
 
 
 def effect_parameters(effect: Effect, model: Model, starts: dict[str, float] | None = None) -> list[Free]:
@@ -139,15 +114,3 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
     if isinstance(parameter.null, str):
         return value_of(model, parameter.null)
     return None if parameter.null is None or math.isinf(parameter.null) else parameter.null
-
-
-def roughness(valve: ValveArea) -> Array:
-    """Return how far each inner knot's log area lies off the line through its neighbours, over log(|u| - overlap)."""
-    rows = []
-    for sign, overlap in ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent)):
-        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > overlap)
-        x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, 1e-14) for _, a in side])
-        if x.size > 2:
-            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
-            rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
-    return np.concatenate(rows) if rows else np.zeros(0)

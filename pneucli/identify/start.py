@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed import motion
-from pneucli.simulate.model import Model
+from pneucli.simulate.linear_valve import LinearValve
+from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 
 Array = NDArray[np.float64]
@@ -28,16 +29,15 @@ LEAST_MASS = 0.01  # kg, where the motion is too slow to show any
 CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
 
 
-def first_guess(experiments: Sequence[Experiment], rig: Rig, *, linear_valve: bool) -> Model:
-    """Return the base model as the measurements suggest it directly."""
-    values = friction_guess([e for e in experiments if e.recording.experiment != "valve"], rig)
+def first_guess(experiments: Sequence[Experiment], rig: Rig, valve: str = "map") -> Model:
+    """Return the base model as the measurements suggest it directly, with a valve of one of the ``FORMS``."""
+    values = friction_guess([e for e in experiments if e.recording.kind.cylinder], rig)
     if rig.vessel_volume is not None:
         values["rig.vessel_volume"] = rig.vessel_volume
     driven = [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
     if any(e.vessel for e in experiments) and rig.vessel_volume is None:
         values["rig.vessel_volume"] = STAND_IN_VOLUME
-    valve = valve_guess(driven, rig, values, linear=linear_valve) if driven else NO_VALVE
-    return Model(rig, (), values, valve)
+    return Model(rig, (), values, FORMS[valve](driven, rig, values) if driven else NO_VALVE)
 
 
 def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
@@ -94,8 +94,8 @@ def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Arr
     return flow, np.fromiter(unit, np.float64, u.size)
 
 
-def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float], *, linear: bool) -> ValveArea:
-    """Return the valve's area at the commands that were held longest (or one gain for all)."""
+def _flows(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> tuple[Array, Array, Array]:
+    """Return commands in V, mass flow, and flow per effective area (:func:`mass_flow`) where the valve has settled."""
     u, flow, unit = [], [], []
     for e in experiments:
         q, per_area = mass_flow(e, rig, values.get("rig.vessel_volume", STAND_IN_VOLUME))
@@ -104,15 +104,30 @@ def valve_guess(experiments: Sequence[Experiment], rig: Rig, values: dict[str, f
         u.append(e.inputs[keep, at.IN_U])
         flow.append(q[keep])
         unit.append(per_area[keep])
-    command, q, per_area = np.concatenate(u), np.concatenate(flow), np.concatenate(unit)
-    if linear:
-        gain = float(np.sum(q * per_area * np.abs(command)) / np.sum((per_area * command) ** 2))
-        return ValveArea((-10.0, 10.0), (10 * max(gain, 1e-12),) * 2)
+    return np.concatenate(u), np.concatenate(flow), np.concatenate(unit)
+
+
+def guess_gain(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> LinearValve:
+    """Return the valve with one gain for all commands."""
+    command, q, per_area = _flows(experiments, rig, values)
+    power = float(np.sum((per_area * command) ** 2))
+    return LinearValve(max(float(np.sum(q * per_area * np.abs(command))) / max(power, 1e-300), 1e-12))
+
+
+def guess_map(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> ValveArea:
+    """Return the valve's area at the commands that were held longest."""
+    command, q, per_area = _flows(experiments, rig, values)
     enough = int(HELD_FOR / float(np.median([e.recording.period for e in experiments])))
     sides = [_side(command, q, per_area, sign, enough) for sign in (-1.0, 1.0)]
     knots = [(c, a) for commands, areas, _ in sides for c, a in zip(commands, areas, strict=True)]
     knots.sort()
     return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), sides[1][2], sides[0][2])
+
+
+FORMS: dict[str, Callable[[Sequence[Experiment], Rig, dict[str, float]], Valve]] = {
+    "map": guess_map,
+    "linear": guess_gain,
+}  # of the valve, by what the pipeline file says
 
 
 def _side(

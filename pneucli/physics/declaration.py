@@ -12,8 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from pneucli.experiments import Part
+
 Combine = Literal["sum", "chain", "factor", "state"]
-Part = Literal["gas", "chamber", "cylinder", "supply", "line", "valve", "linear valve", "sensor"]
+Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
 
 
 @dataclass(frozen=True)
@@ -22,45 +24,63 @@ class Port:
 
     ``sum``: contributions are added. ``factor``: they multiply 1. ``chain``: each maps the first argument.
     ``state``: as chain, with a state of the effect's own as second argument; returns (value, new state).
+    ``side``: the balance in which it stands: of mass and energy (``gas``), of forces (``mechanics``; ``friction`` where
+    it is friction's own), or both, as a reading of the pressures (``pressure sensor``). ``bounds``: it widens the set
+    of forces that are possible.
     """
 
     arguments: tuple[str, ...]
     combine: Combine
+    side: Side
     meaning: str
+    bounds: bool = False
 
 
 PORTS: dict[str, Port] = {
-    "command": Port(("u", "s", "h"), "state", "V: what the opening follows, from the command; h is the step in s"),
-    "critical_ratio": Port(("b",), "chain", "1: critical ratio of the valve's flow function"),
-    "leak_area": Port((), "sum", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
-    "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "kg/s out of chamber 1"),
-    "leak_2_ambient": Port(("p2", "p_amb", "k"), "sum", "kg/s out of chamber 2"),
-    "leak_1_2": Port(("p1", "p2", "k"), "sum", "kg/s from chamber 1 to chamber 2"),
-    "volume_1": Port((), "sum", "m^3 added to chamber 1"),
-    "volume_2": Port((), "sum", "m^3 added to chamber 2"),
-    "heat": Port(("T", "T_wall"), "sum", "W into a chamber's gas; its presence makes gas temperature a state"),
+    "command": Port(
+        ("u", "s", "h"), "state", "gas", "V: what the opening follows, from the command; h is the step in s"
+    ),
+    "critical_ratio": Port(("b",), "chain", "gas", "1: critical ratio of the valve's flow function"),
+    "leak_area": Port((), "sum", "gas", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
+    "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 1"),
+    "leak_2_ambient": Port(("p2", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 2"),
+    "leak_1_2": Port(("p1", "p2", "k"), "sum", "gas", "kg/s from chamber 1 to chamber 2"),
+    "volume_1": Port((), "sum", "gas", "m^3 added to chamber 1"),
+    "volume_2": Port((), "sum", "gas", "m^3 added to chamber 2"),
+    "heat": Port(("T", "T_wall"), "sum", "gas", "W into a chamber's gas; its presence makes gas temperature a state"),
     "supply": Port(
         ("p", "s", "p_set", "q", "k_gas", "h"),
         "state",
+        "gas",
         "Pa: supply pressure at the valve, q kg/s leaving, k_gas = kappa R T; a state of 0 means not yet set",
     ),
-    "flow_delay": Port((), "sum", "s by which the valve's flow arrives later in the chamber"),
-    "dry_rise": Port(("coulomb", "v"), "sum", "N of dry friction above Coulomb's at v while speeding up or at rest"),
-    "slowing": Port((), "factor", "1: dry friction while slowing, over Coulomb's; its presence makes two branches"),
-    "dry_factor": Port(("direction", "x", "p1", "p2", "p_amb"), "factor", "1: factor on all dry friction"),
-    "static_factor": Port(("rest_time",), "factor", "1: factor on the friction that holds at rest"),
-    "viscous_factor": Port(("direction",), "factor", "1: factor on viscous friction"),
-    "force": Port(("x", "v", "stroke"), "sum", "N on the piston toward +x"),
-    "mass": Port((), "sum", "kg moved beside the rig's"),
-    "bristle_stiffness": Port((), "sum", "N/m of the LuGre model's bristles; 0: rigid"),
-    "bristle_damping": Port((), "sum", "N s/m of the LuGre model's bristles"),
-    "read_p1": Port(("p", "p_amb"), "chain", "Pa: the static reading of the sensor of p1"),
-    "read_p2": Port(("p", "p_amb"), "chain", "Pa: the static reading of the sensor of p2"),
-    "unread_p1": Port(("p", "p_amb"), "chain", "Pa: inverse of read_p1"),
-    "unread_p2": Port(("p", "p_amb"), "chain", "Pa: inverse of read_p2"),
-    "read_a": Port(("a",), "chain", "m/s^2: the reading of the accelerometer"),
-    "sensor_lag": Port((), "sum", "s: time constant of the sensors of p1 and p2"),
-    "sensor_delay": Port((), "sum", "s by which p1 and p2 are recorded later than the other channels"),
+    "flow_delay": Port((), "sum", "gas", "s by which the valve's flow arrives later in the chamber"),
+    "dry_rise": Port(
+        ("coulomb", "v"), "sum", "friction", "N of dry friction above Coulomb's at v while speeding up or at rest"
+    ),
+    "slowing": Port(
+        (),
+        "factor",
+        "friction",
+        "1: dry friction while slowing, over Coulomb's; its presence makes two branches",
+        bounds=True,
+    ),
+    "dry_factor": Port(("direction", "x", "p1", "p2", "p_amb"), "factor", "friction", "1: factor on all dry friction"),
+    "static_factor": Port(("rest_time",), "factor", "friction", "1: factor on the friction that holds at rest"),
+    "viscous_factor": Port(("direction",), "factor", "friction", "1: factor on viscous friction"),
+    "force": Port(("x", "v", "stroke"), "sum", "mechanics", "N on the piston toward +x"),
+    "mass": Port((), "sum", "mechanics", "kg moved beside the rig's"),
+    "bristle_stiffness": Port((), "sum", "friction", "N/m of the LuGre model's bristles; 0: rigid"),
+    "bristle_damping": Port((), "sum", "friction", "N s/m of the LuGre model's bristles"),
+    "read_p1": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: the static reading of the sensor of p1"),
+    "read_p2": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: the static reading of the sensor of p2"),
+    "unread_p1": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: inverse of read_p1"),
+    "unread_p2": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: inverse of read_p2"),
+    "read_a": Port(("a",), "chain", "mechanics", "m/s^2: the reading of the accelerometer"),
+    "sensor_lag": Port((), "sum", "pressure sensor", "s: time constant of the sensors of p1 and p2"),
+    "sensor_delay": Port(
+        (), "sum", "pressure sensor", "s by which p1 and p2 are recorded later than the other channels"
+    ),
 }
 
 
@@ -107,17 +127,12 @@ class Effect:
     order: int = 0
     nested: bool = True
 
-    def acts_in(self, experiment: str, *, has_cylinder: bool, supply_recorded: bool, linear_valve: bool) -> bool:
-        """Whether the effect's part stands on the bench in an experiment (interface, section 5)."""
-        pneumatic = experiment in ("valve", "axis")
-        moving = experiment in ("friction", "axis")
-        return {
-            "gas": pneumatic,
-            "chamber": experiment == "axis" or (experiment == "valve" and not has_cylinder),
-            "cylinder": moving,
-            "supply": pneumatic and not supply_recorded,
-            "line": pneumatic,
-            "valve": pneumatic,
-            "linear valve": pneumatic and linear_valve,
-            "sensor": True,
-        }[self.part]
+    @property
+    def sides(self) -> frozenset[Side]:
+        """The balances in which it stands."""
+        return frozenset(PORTS[port].side for port in self.ports)
+
+    @property
+    def bounds(self) -> bool:
+        """Whether it states a set of possible forces, where a law states one."""
+        return any(PORTS[port].bounds for port in self.ports)

@@ -48,18 +48,14 @@ class Flow:
 
 def check(bench: Bench) -> Iterator[Finding]:
     """Yield findings of all recordings with a valve."""
-    driven = [
-        r
-        for r in bench.recordings
-        if r.experiment != "friction" and not r.valve_shut and {"u", "p1"} <= r.signals.keys()
-    ]
+    driven = [r for r in bench.recordings if r.kind.valve and not r.valve_shut and {"u", "p1"} <= r.signals.keys()]
     flows = [flow for one in driven if (flow := _flow(one, bench)) is not None]
     yield from _silent(driven, bench)
     for flow in flows:
         yield from _supply(flow, bench)
         yield from _command(flow)
     for one in driven:
-        if one.experiment == "valve":
+        if one.kind.vessel:
             yield from _sampled(one)
             yield from _settled(one, bench)
     yield from _areas(flows)
@@ -87,7 +83,7 @@ def _flow(one: Recording, bench: Bench) -> Flow | None:
 
 def _volume(one: Recording, cut: Blocks, bench: Bench) -> tuple[Array | float, Array | float]:
     """Return chamber 1's volume in m^3 and how fast it grows in m^3/s; NaN where the file does not say it."""
-    if one.experiment == "valve":
+    if one.kind.vessel:
         return bench.rig.vessel_volume or float("nan"), 0.0
     volume = bench.volume(1, cut.mean("x", 1)) if "x" in one else None
     return (float("nan"), 0.0) if volume is None else (volume, bench.rig.areas[0] * cut.slope("x"))
@@ -207,7 +203,7 @@ def _areas(flows: list[Flow]) -> Iterator[Finding]:
     """Bounds of what any valve lets through."""
     largest = [(float(np.nanpercentile(np.abs(f.area), 99)), f) for f in flows if np.isfinite(f.area).any()]
     for vessel in (True, False):
-        mine = [(area, f) for area, f in largest if (f.recording.experiment == "valve") == vessel]
+        mine = [(area, f) for area, f in largest if (f.recording.kind.vessel) == vessel]
         if not mine:
             continue
         area, flow = max(mine, key=lambda pair: pair[0])
@@ -221,7 +217,7 @@ def _areas(flows: list[Flow]) -> Iterator[Finding]:
 
 def _two_volumes(flows: list[Flow]) -> Iterator[Finding]:
     """One valve lets the same through into the vessel as into the cylinder."""
-    vessel, cylinder = ([f for f in flows if (f.recording.experiment == "valve") == kind] for kind in (True, False))
+    vessel, cylinder = ([f for f in flows if (f.recording.kind.vessel) == kind] for kind in (True, False))
     if not vessel or not cylinder:
         return
     u, area = (np.concatenate([getattr(f, part) for f in vessel]) for part in ("u", "area"))

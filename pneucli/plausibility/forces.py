@@ -38,7 +38,7 @@ def check(bench: Bench) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
     balances: list[tuple[Recording, Balance]] = []
     for one in bench.recordings:
-        if "x" not in one or one.experiment == "valve":
+        if "x" not in one or one.kind.vessel:
             continue
         closed = Closed.of(one, bench)
         exponent = closed.exponent() if closed else None

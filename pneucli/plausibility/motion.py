@@ -20,7 +20,7 @@ FASTEST = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
 
 def check(bench: Bench) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
-    moved = [one for one in bench.recordings if "x" in one and one.experiment != "valve"]
+    moved = [one for one in bench.recordings if "x" in one and one.kind.cylinder]
     for one in moved:
         yield from _stroke(one, bench)
         yield from _speed(one)

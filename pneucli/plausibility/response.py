@@ -15,7 +15,7 @@ from pneucli.recording import Recording
 def check(bench: Bench) -> Iterator[Finding]:
     """Yield findings of all recordings in which the piston moves."""
     for one in bench.recordings:
-        if one.experiment == "valve" or not bench.moving(one, "x"):
+        if one.kind.vessel or not bench.moving(one, "x"):
             continue
         yield from _drive(one, bench)
         yield from _closed(one, bench)

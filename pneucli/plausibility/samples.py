@@ -15,7 +15,6 @@ from pneucli.recording import Recording
 
 MOST_MISSING = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
 FEWEST = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
-FREE = {"valve": 1, "friction": 2, "axis": 3}  # parameters of the base model: an area, Coulomb and viscous friction
 STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
 
 
@@ -40,7 +39,7 @@ def _missing(one: Recording) -> Iterator[Finding]:
 def _few(one: Recording) -> Iterator[Finding]:
     """The start of each compared channel is fitted too; effects of [model] come on top."""
     compared = [name for name in CHANNELS if name in one]
-    needed = max(FEWEST, FREE[one.experiment] + sum(STATES.get(name, 0) for name in compared))
+    needed = max(FEWEST, one.kind.parameters + sum(STATES.get(name, 0) for name in compared))
     for signal in compared:
         count = int(np.isfinite(one[signal]).sum())
         if count < needed:
@@ -66,7 +65,7 @@ def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:
     """
     rig = bench.rig
     known = rig.piston_area_1 and rig.moving_mass and rig.dead_volume_1 and "x" in one and "p1" in one
-    if one.experiment == "valve" or one.imposed or not known:
+    if one.kind.vessel or one.imposed or not known:
         return
     stiffness = sum(_spring(bench, one, chamber) for chamber in (1, 2))
     omega = float(np.sqrt(max(stiffness, 0.0) / (rig.moving_mass or 1.0)))

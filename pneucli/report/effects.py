@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pneucli.compare.where import locators
+from pneucli.experiments import KINDS
 from pneucli.physics.declaration import Effect
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
@@ -101,9 +102,10 @@ def _bench(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experim
         if name in signals:
             inputs[:, column] = signals[name]
     flags = np.zeros(at.FLAGS)
-    flags[at.MECHANICS], flags[at.PNEUMATICS] = kind != "valve", kind != "friction"
-    flags[at.CHAMBER_2], flags[at.U_MAX] = at.OPEN if kind == "valve" else at.CLOSED, 10.0
-    recording = Recording(kind, kind, "train", TIME, signals, chamber_2=None if kind == "valve" else "closed")
+    flags[at.MECHANICS], flags[at.PNEUMATICS] = KINDS[kind].cylinder, KINDS[kind].valve
+    vessel = KINDS[kind].vessel
+    flags[at.CHAMBER_2], flags[at.U_MAX] = at.OPEN if vessel else at.CLOSED, 10.0
+    recording = Recording(kind, kind, "train", TIME, signals, chamber_2=None if vessel else "closed")
     return Experiment(recording, rig, signals, {}, {}, None, inputs, np.zeros(1, dtype=np.int64), flags)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from pneucli.experiments import Part
 from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
@@ -58,7 +59,13 @@ class Experiment:
     @property
     def vessel(self) -> bool:
         """Whether the chamber is the fixed vessel of a valve test."""
-        return self.recording.experiment == "valve"
+        return self.recording.kind.vessel
+
+    @cached_property
+    def parts(self) -> frozenset[Part]:
+        """What stands on the bench and can show."""
+        recorded = "p_supply" in self.recording
+        return self.recording.kind.parts(cylinder_known=self.rig.has_cylinder, supply_recorded=recorded)
 
     @property
     def step(self) -> float:
@@ -71,9 +78,7 @@ class Experiment:
         r = self.recording
         if r.imposed == "motion":
             return ("force",)
-        compared = {"valve": ("p1",), "friction": ("x", "v", "a"), "axis": ("p1", "p2", "x", "v", "a")}[r.experiment]
-        if r.experiment == "axis" and r.chamber_2 == "open":
-            compared = tuple(c for c in compared if c != "p2")
+        compared = tuple(c for c in r.kind.compared if c != "p2" or r.chamber_2 != "open")
         known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
         return tuple(c for c in (*compared, "temperature") if c in known)
 
@@ -113,16 +118,7 @@ class Experiment:
 
     def active(self, effects: tuple[Effect, ...]) -> list[str]:
         """Return the names of the effects whose part stands on this bench."""
-        return [
-            e.name
-            for e in effects
-            if e.acts_in(
-                self.recording.experiment,
-                has_cylinder=self.rig.has_cylinder,
-                supply_recorded="p_supply" in self.recording,
-                linear_valve=True,
-            )
-        ]
+        return [e.name for e in effects if e.part in self.parts]
 
     def draw_noise(self, rng: np.random.Generator) -> dict[str, Array]:
         """Return one realisation of every sensor's noise."""
@@ -209,10 +205,10 @@ def _stand_ins(inputs: Array, recording: Recording, rig: Rig) -> None:
 
 def _flags(recording: Recording, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
     flags = np.zeros(at.FLAGS)
-    flags[at.MECHANICS] = recording.experiment != "valve"
-    flags[at.PNEUMATICS] = recording.experiment != "friction"
+    flags[at.MECHANICS] = recording.kind.cylinder
+    flags[at.PNEUMATICS] = recording.kind.valve
     chamber_2 = {"closed": at.CLOSED, "valve": at.VALVE_2}.get(recording.chamber_2 or "closed", at.OPEN)
-    flags[at.CHAMBER_2] = at.OPEN if recording.experiment == "valve" else chamber_2
+    flags[at.CHAMBER_2] = at.OPEN if recording.kind.vessel else chamber_2
     flags[at.VALVE_SHUT] = recording.valve_shut
     flags[at.U_MAX] = U_MAX
     flags[at.INITIAL_U] = _initial_opening(raw, noise)

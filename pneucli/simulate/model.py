@@ -12,9 +12,11 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate.layout import BASE
+from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 
 Array = NDArray[np.float64]
+Valve = ValveArea | LinearValve
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Model:
     rig: Rig
     effects: tuple[Effect, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
-    valve: ValveArea = NO_VALVE
+    valve: Valve = NO_VALVE
 
     def base(self) -> dict[str, float]:
         """Return every base parameter's value."""
@@ -41,10 +43,17 @@ class Model:
         """Return the values of one effect's parameters, in the order of its declaration."""
         return [self.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
 
-    def total(self, port: str) -> float:
-        """Return what the effects give to a port without arguments, which sums them up."""
+    def total(self, port: str, *arguments: float) -> float:
+        """Return what the effects give to a port that sums them up, at the port's arguments."""
         users = [e for e in self.effects if port in e.ports]
-        return float(sum(e.ports[port](*self.own(e)) for e in users))  # type: ignore[misc]
+        return float(sum(e.ports[port](*arguments, *self.own(e)) for e in users))  # type: ignore[misc]
+
+    def through(self, port: str, value: float, *more: float) -> float:
+        """Return a value after the effects of a port that each map it, ``more`` being the port's other arguments."""
+        for effect in sorted(self.effects, key=lambda e: (e.order, e.name)):
+            if port in effect.ports:
+                value = float(effect.ports[port](value, *more, *self.own(effect)))  # type: ignore[arg-type]
+        return value
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """Return the model with some values replaced."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.experiments import KINDS, Name
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
-from pneucli.recording import Experiment as Kind
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
@@ -24,7 +24,12 @@ Array = NDArray[np.float64]
 PERIOD = 1e-3  # s, between the samples of a command
 LONGEST = 1e4  # s of a command
 COMMANDS = ("steps", "sine", "ramp", "recorded")
-BENCHES = {"experiment": ("valve", "axis"), "chamber_2": ("closed", "open"), "command": COMMANDS}
+DRIVEN = tuple(name for name, kind in KINDS.items() if kind.valve)
+BENCHES = {
+    "experiment": DRIVEN,
+    "chamber_2": ("closed", "open"),
+    "command": COMMANDS,
+}
 UNITS = {
     "amplitude": "V",
     "offset": "V",
@@ -156,7 +161,7 @@ def from_rest(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
     """Return the recording of a command (n,) in V at PERIOD, from the state that ``values`` states or from rest."""
     kind = values.get("experiment", "axis" if rig.has_cylinder else "valve")
     start = {"p1": values.get("p1", rig.ambient_pressure)}
-    if kind == "axis":
+    if KINDS[kind].cylinder:
         start |= {
             "p2": values.get("p2", rig.ambient_pressure),
             "x": values.get("x", 0.5 * (rig.stroke or 0.0)),
@@ -168,7 +173,7 @@ def from_rest(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
     return imagined(kind, signals, values.get("chamber_2", "closed"))
 
 
-def imagined(kind: Kind, signals: Mapping[str, Array], chamber_2: Literal["closed", "open"]) -> Recording:
+def imagined(kind: Name, signals: Mapping[str, Array], chamber_2: Literal["closed", "open"]) -> Recording:
     """Return signals (n,) at PERIOD as a recording without noise, for the model to run on."""
     samples = next(iter(signals.values())).size
     return Recording(
@@ -178,7 +183,7 @@ def imagined(kind: Kind, signals: Mapping[str, Array], chamber_2: Literal["close
         time=np.arange(samples, dtype=np.float64) * PERIOD,
         signals=signals,
         noise=dict.fromkeys(signals, NoiseModel(0.0)),
-        chamber_2=None if kind == "valve" else chamber_2,
+        chamber_2=None if KINDS[kind].vessel else chamber_2,
     )
 
 

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from pneucli.experiments import Part
+
 Array = NDArray[np.float64]
 POINTS = 4001  # of the kernel's table over both directions
 CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
+AREA = "valve.effective_area"
+OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
+
+
+def area_name(command: float) -> str:
+    """Return the parameter's name of the effective area at a command in V."""
+    return f"{AREA}({command:+.4g} V)"
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,7 @@ class ValveArea:
     overlap_fill: float = 0.0
     overlap_vent: float = 0.0
     u_max: float = 10.0
+    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects its knots already show
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at u, shape of u."""
@@ -36,6 +48,35 @@ class ValveArea:
     def table(self) -> Array:
         """Return the area over -u_max..u_max, shape (4001,); not to be written to."""
         return _table(self)
+
+    def named(self) -> dict[str, tuple[float, str]]:
+        """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
+        areas = {area_name(c): (a, "m^2") for c, a in zip(self.commands, self.areas, strict=True)}
+        return areas | ({name: (getattr(self, field), "V") for name, field in OVERLAPS.items()} if areas else {})
+
+    def with_named(self, values: Mapping[str, float]) -> ValveArea:
+        """Return the valve with parameters replaced; other names are left alone."""
+        areas = tuple(values.get(area_name(c), a) for c, a in zip(self.commands, self.areas, strict=True))
+        fill, vent = (values.get(name, getattr(self, field)) for name, field in OVERLAPS.items())
+        return replace(self, areas=areas, overlap_fill=fill, overlap_vent=vent)
+
+    def scaled(self, factor: float) -> ValveArea:
+        """Return the valve with ``factor`` times the area."""
+        return replace(self, areas=tuple(a * factor for a in self.areas))
+
+    def roughness(self) -> Array:
+        """Return how far each inner knot's log area lies off the line through its neighbours.
+
+        Over log(|u| - overlap), in which a power law is one.
+        """
+        rows = []
+        for sign, overlap in ((1.0, self.overlap_fill), (-1.0, self.overlap_vent)):
+            side = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
+            x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, CLOSED_AREA) for _, a in side])
+            if x.size > 2:
+                w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+                rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
+        return np.concatenate(rows) if rows else np.zeros(0)
 
     def _side(self, u: Array, sign: float, overlap: float) -> Array:
         knots = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)

@@ -15,6 +15,7 @@ from pneucli.design.controller import Controller
 from pneucli.design.metrics import measure
 from pneucli.design.scenarios import scenarios_from
 from pneucli.executors import executor_from
+from pneucli.experiments import KINDS
 from pneucli.io.artifacts import read_table, write_table
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
@@ -121,7 +122,7 @@ def _robust(
     effects = tuple(
         e
         for e in study.known_effects.values()
-        if e.name not in active and e.acts_in("axis", has_cylinder=True, supply_recorded=False, linear_valve=True)
+        if e.name not in active and e.part in KINDS["axis"].parts(cylinder_known=True, supply_recorded=False)
     )
     axes = robust.Axes(model, robust.sigma_of(intervals, model), wanted.tolerances, effects)
     scenarios: tuple[Scenario, ...] = tuple(s for s in scenarios_from([], controller, "") if s.name in STUDIED)

@@ -48,7 +48,7 @@ def run(context: Context) -> dict[str, Any]:
     Raises NotApplicable where there is no axis to control.
     """
     study = Study(context)
-    axes = [r for r in study.recordings if r.experiment == "axis"]
+    axes = [r for r in study.recordings if r.kind.axis]
     if not study.rig.has_cylinder or not axes:
         raise NotApplicable(f"{context.path}", "no axis to control", "a cylinder and a recording of it with its valve")
     model = load_model(context.artifacts / "identify", study.rig, study.effects)

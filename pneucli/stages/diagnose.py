@@ -37,8 +37,9 @@ def run(context: Context) -> dict[str, Any]:
         )
     context.progress("fitting the model as it is", 0.2)
     fitted = [view.experiment for view in bench.train]
-    guess = first_guess(fitted, study.rig, linear_valve=study.linear_valve)
-    base = fit_model(guess, bench.train, study.effects, linear_valve=study.linear_valve)
+    guess = first_guess(fitted, study.rig, study.valve)
+    base = fit_model(guess, bench.train, study.effects)
+    bench = replace(bench, covered=guess.valve.covers)
     errors = Errors.seen_by(base.model, study.experiments)
     found = diagnose(replace(bench, errors=errors.of, shown=lambda model: shown_error(model, study.experiments)), base)
     context.progress("the error that the user sees", 0.9)
@@ -70,7 +71,8 @@ def _bench(study: Study) -> tuple[Bench, list[str]]:
         n = next(steps)
         study.context.progress(text, 0.25 + 0.65 * n / (n + 40.0))  # how many steps there are, the data decide
 
-    return Bench(train, test, effects, study.linear_valve, tuple(e.name for e in study.effects), progress), warnings
+    given = tuple(e.name for e in study.effects)
+    return Bench(train, test, effects, given=given, progress=progress), warnings
 
 
 def _without_every_third(views: list[View]) -> tuple[list[View], list[View]]:

@@ -47,14 +47,14 @@ def _fitted(study: Study) -> tuple[Model, tuple[Estimate, ...]]:
             f"{study.context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
         )
     study.context.progress("fitting the model", 0.3)
-    guess = first_guess(train, study.rig, linear_valve=study.linear_valve)
-    fitted = fit_model(guess, study.views("train"), study.effects, linear_valve=study.linear_valve)
+    guess = first_guess(train, study.rig, study.valve)
+    fitted = fit_model(guess, study.views("train"), study.effects)
     return fitted.model, fitted.estimates
 
 
 def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
-    tests = [r for r in study.recordings if r.experiment == "valve" and not r.valve_shut and r.use == "train"]
-    if not tests or study.linear_valve:
+    tests = [r for r in study.recordings if r.kind.vessel and not r.valve_shut and r.use == "train"]
+    if not tests or study.valve != "map":
         return None
     try:
         return identify_valve(study.recordings, study.rig)
@@ -64,7 +64,7 @@ def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
 
 
 def _friction(study: Study, warnings: list[str]) -> FrictionIdentification | None:
-    if not any(r.experiment != "valve" and r.use == "train" for r in study.recordings):
+    if not any(r.kind.cylinder and r.use == "train" for r in study.recordings):
         return None
     try:
         found = identify_friction(study.recordings, study.rig)
@@ -77,7 +77,7 @@ def _friction(study: Study, warnings: list[str]) -> FrictionIdentification | Non
 
 def as_ratio(estimate: Estimate, study: Study) -> Estimate:
     """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
-    tested = any(r.experiment == "valve" for r in study.recordings)
+    tested = any(r.kind.vessel for r in study.recordings)
     per_volume = tested and study.rig.vessel_volume is None and not study.rig.has_cylinder
     if not per_volume or not estimate.unit.startswith(("m^2", "m^3", "W/K", "kg")):
         return estimate

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pneucli.config import PipelineConfig, RecordingTable, SignalTable, Source, sources
 from pneucli.errors import InputError
+from pneucli.experiments import KINDS
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw import Channel, RawFile, Repair
@@ -25,7 +26,6 @@ from pneucli.stages.ingest_looks import looked_at
 from pneucli.stages.ingest_tables import Ingested, column_of, row_of, write_tables
 from pneucli.units import factor_and_offset, parse_quantity
 
-NEEDED = {"valve": ("p1",), "friction": ("x",), "axis": ("u", "p1", "x")}
 NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
 FEWEST = 8  # samples that noise is estimated from
 SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
@@ -117,13 +117,7 @@ def _present(source: Source, file: Opened) -> tuple[list[str], set[str]]:
 
 
 def _needed(table: RecordingTable, present: set[str]) -> set[str]:
-    """Return the signals that the experiment cannot do without."""
-    needed = set(NEEDED[table.experiment])
-    if table.experiment == "valve" and table.valve != "shut":
-        needed.add("u")
-    if table.experiment == "friction" and "force" not in present:
-        needed.add("p1")
-    return needed
+    return KINDS[table.experiment].needed(present, valve_shut=table.valve == "shut")
 
 
 def _ingest(

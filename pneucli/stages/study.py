@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from pneucli.pipeline.context import Context
 from pneucli.pipeline.staleness import digest
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.model import Model
+from pneucli.simulate.linear_valve import LinearValve
+from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import ValveArea
 
 MODEL_FILE = "model.parquet"
@@ -55,9 +57,9 @@ class Study:
         return select(self.context.config.model.effects, self.known_effects, where)
 
     @property
-    def linear_valve(self) -> bool:
-        """Whether the valve is one gain."""
-        return self.context.config.model.valve == "linear"
+    def valve(self) -> Literal["map", "linear"]:
+        """The form of the model's valve."""
+        return self.context.config.model.valve
 
     @cached_property
     def experiments(self) -> list[Experiment]:
@@ -124,13 +126,8 @@ class Study:
 
 
 def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
-    """Write a model's values and the valve's knots."""
-    rows = [("value", name, np.nan, value) for name, value in model.values.items()]
-    rows += [("area", "", c, a) for c, a in zip(model.valve.commands, model.valve.areas, strict=True)]
-    rows += [
-        ("overlap", "fill", np.nan, model.valve.overlap_fill),
-        ("overlap", "vent", np.nan, model.valve.overlap_vent),
-    ]
+    """Write a model's values and its valve."""
+    rows = [("value", name, np.nan, value) for name, value in model.values.items()] + _valve_rows(model.valve)
     kind, name, command, value = zip(*rows, strict=True)
     write_table(
         folder / MODEL_FILE,
@@ -141,6 +138,14 @@ def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
     )
 
 
+def _valve_rows(valve: Valve) -> list[tuple[str, str, float, float]]:
+    if isinstance(valve, LinearValve):
+        return [("gain", "", np.nan, valve.gain)]
+    overlaps = (("fill", valve.overlap_fill), ("vent", valve.overlap_vent))
+    rows = [("area", "", c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
+    return rows + [("overlap", name, np.nan, value) for name, value in overlaps]
+
+
 def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
     """Return the model that ``identify`` wrote."""
     table = read_table(folder / MODEL_FILE)
@@ -148,5 +153,8 @@ def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
     values = {str(n): float(v) for k, n, _, v in rows if k == "value"}
     knots = [(float(c), float(v)) for k, _, c, v in rows if k == "area"]
     overlap = {str(n): float(v) for k, n, _, v in rows if k == "overlap"}
+    gains = [float(v) for k, _, _, v in rows if k == "gain"]
+    if gains:
+        return Model(rig, effects, values, LinearValve(*gains))
     valve = ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap["fill"], overlap["vent"])
     return Model(rig, effects, values, valve)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pneucli.compare import ChannelResult, compare, overall_error
-from pneucli.compare.expected import deviations, expected_rms
+from pneucli.compare.expected import expected_rms
+from pneucli.simulate.deviations import deviations
 from tests.compare.benches import Bench, bench
 
 

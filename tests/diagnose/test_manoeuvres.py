@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.manoeuvres import TELLING, manoeuvres, separation
-from pneucli.identify.views import View
+from pneucli.identify.views import Chambers, View
 from pneucli.noise import NoiseModel
 from tests.simulate.benches import RIG, bench, clock, model, steps_of_command
 
@@ -17,7 +17,7 @@ NOISE = {"p1": NoiseModel(500.0), "p2": NoiseModel(500.0), "x": NoiseModel(1e-5)
 
 
 def views(kind: str, **signals) -> list[View]:
-    return [View(replace(bench(kind, TIME, signals), noise=NOISE), "chambers")]
+    return [Chambers(replace(bench(kind, TIME, signals), noise=NOISE))]
 
 
 DRIVEN = views("axis", u=steps_of_command(TIME, [4.0, -4.0], 1.0))

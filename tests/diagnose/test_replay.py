@@ -11,12 +11,13 @@ import pytest
 from pneucli.diagnose import replay
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.unknown import REPLAYED, describe
+from pneucli.identify.views import Chambers, Forces, View, Whole
 
 STRETCHES, LENGTH = 40, 100
 N = STRETCHES * LENGTH
 
 
-def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: str = "forces") -> list[Any]:
+def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[View] = Forces) -> list[Any]:
     """A view whose model errs by ``errors`` (stretches,) times white noise of 1 in each stretch."""
     rng = np.random.default_rng(4)
     error = np.repeat(errors, LENGTH) * rng.normal(size=N)
@@ -27,7 +28,7 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: str = "force
     )
     monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N)})
     monkeypatch.setattr(replay, "deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})
-    return [SimpleNamespace(kind=kind, experiment=experiment, channels=("force",))]
+    return [kind(experiment)]
 
 
 def test_a_true_model_errs_as_its_draws_do(monkeypatch: pytest.MonkeyPatch):
@@ -41,7 +42,7 @@ def test_wild_errors_in_a_third_of_the_stretches_are_stick_slip(monkeypatch: pyt
 
 def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.MonkeyPatch):
     (found,) = replay.astray(None, seen(np.full(STRETCHES, 2.0), monkeypatch))
-    assert (found.kind, found.channel) == ("whole", "x")
+    assert (found.kind, found.channel) == (Whole, "x")
     assert found.ratio == pytest.approx(2.0, rel=0.1)
 
 
@@ -52,10 +53,10 @@ def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
-    assert replay.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind="chambers")) == []
+    assert replay.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=Chambers)) == []
 
 
 def test_what_goes_astray_is_said_in_words(monkeypatch: pytest.MonkeyPatch):
     views = seen(np.full(STRETCHES, 2.0), monkeypatch)
-    found = describe(None, views, Remainder("whole", "x", 2.0, 2.0, ()))
+    found = describe(None, views, Remainder(Whole, "x", 2.0, 2.0, ()))
     assert (found.subsystem, found.channel, found.character) == ("the whole axis", "x", REPLAYED)

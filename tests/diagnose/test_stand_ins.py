@@ -10,6 +10,7 @@ import pytest
 
 from pneucli.diagnose import stand_ins
 from pneucli.diagnose.remainder import Remainder
+from pneucli.identify.views import Chambers, Forces, View
 from pneucli.physics.effects import catalogue
 
 SAMPLES = 1000
@@ -34,7 +35,7 @@ def bench(*, held_out: bool = True, falls: bool = True) -> Any:
     )
 
 
-def left(ratio: float, kind: Any = "forces") -> list[Remainder]:
+def left(ratio: float, kind: type[View] = Forces) -> list[Remainder]:
     return [Remainder(kind, "force", ratio, ratio, ())]
 
 
@@ -72,4 +73,4 @@ def test_what_recordings_contradict_or_raises_the_error_is_not_named():
 
 def test_bounds_are_no_name_for_a_force_that_remains():
     assert not named("friction-hysteresis", 101.0, 3.0, left(2.0))
-    assert named("friction-hysteresis", 101.0, 3.0, left(2.0, kind="chambers"))
+    assert named("friction-hysteresis", 101.0, 3.0, left(2.0, kind=Chambers))

@@ -10,7 +10,8 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.rests import breakaways, unsure
-from pneucli.identify.views import FAR, View, _difference, views_of
+from pneucli.identify.views import Chambers, Forces, View, views_of
+from pneucli.identify.views.view import FAR, difference
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -55,7 +56,7 @@ def test_a_rest_too_short_or_a_motion_to_and_fro_is_no_break_away():
 def test_static_friction_is_met_at_break_aways(stribeck: Bench):
     """What the true model leaves over at 25 break-aways is noise: its mean is within 3 standard errors of none."""
     true, experiments = stribeck
-    left = np.concatenate([leftover(View(e, "forces"), true) for e in experiments])
+    left = np.concatenate([leftover(Forces(e), true) for e in experiments])
     assert left.size > 20
     assert abs(left.mean()) < 3.0 * left.std() / np.sqrt(left.size)
     assert left.std() < 0.05 * true.values["stribeck.static"]
@@ -73,7 +74,7 @@ def test_a_lag_of_the_pressures_is_not_found_too_small(stribeck: Bench):
     true, experiments = stribeck
     late = [through_lag(e, seed) for seed, e in enumerate(experiments)]
     added = [catalogue()["stribeck"], catalogue()["pressure-lag"]]
-    found = fit_model(true, views_of(late), added, linear_valve=False)
+    found = fit_model(true, views_of(late), added)
     assert found["pressure-lag.time_constant"].value == pytest.approx(LAG, rel=0.05)
 
 
@@ -101,7 +102,7 @@ def chamber() -> View:
     recording = replace(exact.recording, signals={**given, "p1": readings})
     ready = prepare(recording, exact.rig, 0.1)
     ready.flags[at.MECHANICS] = 0.0
-    return View(ready, "chambers", whitened=True)
+    return Chambers(ready, whitened=True)
 
 
 def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: View):
@@ -137,19 +138,19 @@ def test_a_channel_that_never_changes_has_no_measure_and_is_left_out():
     e = ideal("axis", clock(1.0), {"u": 1.0, "p1": 2e5, "p2": 2e5, "x": 0.1})
     noise = dict.fromkeys(("p1", "p2", "x"), NoiseModel(white=1.0))
     dead = replace(e, noise={**noise, "p2": NoiseModel(white=0.0)})
-    (chambers,) = [view for view in views_of([dead]) if view.kind == "chambers"]
+    (chambers,) = [view for view in views_of([dead]) if isinstance(view, Chambers)]
     assert chambers.channels == ("p1",)
     both = replace(dead, noise={**dead.noise, "p1": NoiseModel(white=0.0)})
-    assert [view.kind for view in views_of([both])] == ["forces"]
+    assert [type(view) for view in views_of([both])] == [Forces]
 
 
 def test_a_model_that_runs_away_errs_very_much_and_is_finite():
     measured = np.array([1.0, np.nan, 2.0, 3.0])
-    left = _difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
+    left = difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
     np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * FAR, 0.1 * FAR])
 
 
 def test_an_effect_whose_part_no_recording_has_is_refused():
     e = ideal("valve", clock(1.0), {"u": 1.0, "p1": 2e5})
     with pytest.raises(InputError, match=r"stribeck.*no training recording has \(cylinder\)"):
-        fit_model(model(), views_of([e]), [catalogue()["stribeck"]], linear_valve=False)
+        fit_model(model(), views_of([e]), [catalogue()["stribeck"]])

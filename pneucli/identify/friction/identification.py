@@ -96,8 +96,8 @@ def identify_friction(recordings: Sequence[Recording], rig: Rig, nodes: int = GR
 
 
 def _usable(recordings: Sequence[Recording]) -> list[Recording]:
-    tests = [r for r in recordings if r.experiment == "friction"]
-    tests = tests or [r for r in recordings if r.experiment == "axis"]
+    moving = [r for r in recordings if r.kind.cylinder]
+    tests = [r for r in moving if not r.kind.valve] or moving
     if not any(r.use == "train" for r in tests):
         raise InputError("recordings", "no friction test to train on", 'experiment = "friction", use = "train"')
     return tests

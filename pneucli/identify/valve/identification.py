@@ -121,7 +121,7 @@ def identify_valve(recordings: Sequence[Recording], rig: Rig) -> ValveIdentifica
     Needs u and p1, and p_supply or ``rig.supply_pressure``; fits the recordings of use ``train`` and reports the
     others. Raises InputError where there is no valve test or no command other than zero.
     """
-    tests = [r for r in recordings if r.experiment == "valve" and not r.valve_shut]
+    tests = [r for r in recordings if r.kind.vessel and not r.valve_shut]
     train = [r for r in tests if r.use == "train"]
     if not train:
         raise InputError("recordings", "no valve test to train on", 'experiment = "valve", use = "train"')

@@ -1,0 +1,83 @@
+"""The kinds of experiment (interface, section 1): what stands on the bench, what is needed of it, what is compared.
+
+A new kind is one entry of ``KINDS``; what follows from it is asked of the entry, not of its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+Name = Literal["valve", "friction", "axis"]
+Part = Literal["gas", "chamber", "cylinder", "supply", "line", "valve", "linear valve", "sensor"]
+
+PNEUMATIC: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of experiment.
+
+    ``valve``: gas flows through one. ``cylinder``: a piston moves. ``needs`` are the signals that nothing can do
+    without, ``compared`` the channels that a model of it is held against, where they are recorded.
+    """
+
+    name: Name
+    valve: bool
+    cylinder: bool
+    needs: tuple[str, ...]
+    compared: tuple[str, ...]
+    bench: str
+
+    def needed(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
+        """Return the signals without which nothing can be identified, beside those that are ``present``."""
+        driven = {"u"} if self.vessel and not valve_shut else set()
+        pushed = {"p1"} if not self.valve and "force" not in present else set()
+        return set(self.needs) | driven | pushed
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters the base model has at least: an area; Coulomb and viscous friction."""
+        return self.valve + 2 * self.cylinder
+
+    @property
+    def vessel(self) -> bool:
+        """Whether a vessel of fixed volume stands in for chamber 1."""
+        return not self.cylinder
+
+    @property
+    def axis(self) -> bool:
+        """Whether a valve drives a piston."""
+        return self.valve and self.cylinder
+
+    def parts(self, *, cylinder_known: bool, supply_recorded: bool) -> frozenset[Part]:
+        """Return the parts that stand on the bench and can show (interface, section 5).
+
+        A vessel is the chamber of a rig without a cylinder; a supply that is recorded is an input.
+        """
+        found: set[Part] = {"sensor"}
+        if self.valve:
+            found |= PNEUMATIC - ({"supply"} if supply_recorded else set())
+        if self.cylinder:
+            found.add("cylinder")
+        if self.axis or (self.vessel and not cylinder_known):
+            found.add("chamber")
+        return frozenset(found)
+
+
+KINDS: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind("valve", valve=True, cylinder=False, needs=("p1",), compared=("p1",), bench="vessel"),
+        Kind("friction", valve=False, cylinder=True, needs=("x",), compared=("x", "v", "a"), bench="cylinder"),
+        Kind(
+            "axis",
+            valve=True,
+            cylinder=True,
+            needs=("u", "p1", "x"),
+            compared=("p1", "p2", "x", "v", "a"),
+            bench="cylinder",
+        ),
+    )
+}

@@ -1,0 +1,125 @@
+"""One recording seen through one subsystem: what every view has in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.physics.declaration import Effect, Side
+from pneucli.simulate import layout as at
+from pneucli.simulate.deviations import deviations
+from pneucli.simulate.experiment import U_MAX, Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import POINTS
+
+Array = NDArray[np.float64]
+
+FAR = 1e9  # times the noise: more than any model errs that does not run away
+
+
+@dataclass(frozen=True)
+class View(ABC):
+    """One experiment seen through one subsystem.
+
+    ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show, ``base`` the
+    groups of base parameters that matter. ``states_force``: an error of it is one of a force.
+    """
+
+    experiment: Experiment
+    title: ClassVar[str]
+    sides: ClassVar[frozenset[Side]]
+    base: ClassVar[frozenset[str]]
+    states_force: ClassVar[bool] = False
+
+    @property
+    def name(self) -> str:
+        """Recording and view, for people."""
+        return f"{self.experiment.recording.name}: {type(self).__name__.lower()}"
+
+    @property
+    def candidates(self) -> tuple[str, ...]:
+        """The channels that belong to the subsystem, recorded or not."""
+        return self.experiment.channels
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """The channels whose residuals the view holds; one without any noise has no measure for them."""
+        e = self.experiment
+        return tuple(c for c in e.channels if c in self.candidates and (c not in e.noise or e.noise[c].rms))
+
+    def feels(self, effect: Effect) -> bool:
+        """Whether the effect can show in this view."""
+        return effect.part in self.experiment.parts and bool(self.sides & effect.sides)
+
+    def feels_base(self, name: str) -> bool:
+        """Whether a base parameter matters in this view."""
+        return name.partition(".")[0] in self.base
+
+    @abstractmethod
+    def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured.
+
+        ``errors`` of the starts are what :meth:`carried` gives, by default for this very model.
+        """
+
+    def carried(self, model: Model) -> dict[str, Array]:
+        """Return what errors of the starts become, in units of noise; nothing where the view has no such starts."""
+        return {}
+
+    def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+        """Return residuals whitened for such errors."""
+        return dict(residual)
+
+    def volume(self, errors: Mapping[str, Array]) -> Array:
+        """Return what a likelihood adds to the squares of the residuals for such errors, channel after channel (N,)."""
+        return np.zeros(self.experiment.time.size * len(self.channels))
+
+    @cached_property
+    def noise(self) -> dict[str, float]:
+        """The standard deviation of each channel that the sensors alone would give."""
+        e = self.experiment
+        return {c: e.noise[c].rms for c in self.channels if c in e.noise}
+
+    def drawn_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
+        """Return the rms by channel of drawn noise sent through the model, in units of the sensors' noise."""
+        drawn = deviations(model, self.experiment, draws)
+        settled = [self.settled({c: d[i] for c, d in drawn.items()}, errors) for i in range(draws)]
+        power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in self.channels}
+        return {c: float(np.sqrt(p)) / self.noise[c] for c, p in power.items()}
+
+    def feels_valve(self, a: Model, b: Model) -> bool:
+        """Whether two models' valves differ where this recording opened them."""
+        if self.valve_is_given or a.valve == b.valve:
+            return False
+        return bool(np.any((a.valve.table() != b.valve.table())[self.openings]))
+
+    @property
+    def valve_is_given(self) -> bool:
+        """Whether measured pressures take the place of the valve."""
+        return "valve" not in self.base
+
+    @cached_property
+    def openings(self) -> slice:
+        """The part of the valve's table that its opening may pass through, from rest to the largest commands."""
+        u = self.experiment.inputs[:, at.IN_U]
+        place = (np.array([min(u.min(), 0.0), max(u.max(), 0.0)]) / U_MAX + 1.0) * 0.5 * (POINTS - 1)
+        return slice(max(int(place[0]), 0), int(place[1]) + 2)
+
+    @cached_property
+    def measured(self) -> dict[str, Array]:
+        """What was measured by channel, each (n,), NaN where it was not."""
+        return {c: self.experiment.measured(c) for c in self.channels}
+
+
+def difference(measured: Array, modelled: Array, noise: float) -> Array:
+    """Return measured minus model (n,), 0 where nothing was measured; of a model that runs away, very much."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = measured - modelled
+    apart[np.isnan(measured)] = 0.0
+    return np.clip(np.nan_to_num(apart, copy=False, nan=FAR * noise), -FAR * noise, FAR * noise)

@@ -1,0 +1,56 @@
+"""How far readings of a run may lie from a correct model: the sensors' noise, drawn and carried through all of it.
+
+It passes through the same smoothing as the measurement, and the recording is simulated with it; the smoothing being
+linear, the draws need no truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import outputs
+
+Array = NDArray[np.float64]
+
+SEED = 20151
+
+
+def deviations(model: Model, experiment: Experiment, draws: int, seed: int = SEED) -> dict[str, Array]:
+    """Return draws of (measured - model) of a correct model, shape (draws, n) for each channel."""
+    found = list(drawn(model, experiment, draws, seed))
+    return {channel: np.array([one[channel] for one in found]) for channel in experiment.channels}
+
+
+def drawn(model: Model, experiment: Experiment, draws: int, seed: int = SEED) -> Iterator[dict[str, Array]]:
+    """Yield such draws one after the other, shape (n,) for each channel."""
+    rng = np.random.default_rng(seed)
+    nominal = outputs(model, experiment)
+    for _ in range(draws):
+        yield _deviation(model, experiment, nominal, rng)
+
+
+def _deviation(
+    model: Model, experiment: Experiment, nominal: dict[str, Array], rng: np.random.Generator
+) -> dict[str, Array]:
+    noise = experiment.draw_noise(rng)
+    inputs = experiment.read_again(noise)
+    disturbed = outputs(model, experiment, inputs, noise)
+    return {
+        channel: experiment.filtered(_reading_noise(experiment, channel, noise, inputs))
+        - (disturbed[channel] - nominal[channel])
+        for channel in experiment.channels
+    }
+
+
+def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array], inputs: Array) -> Array:
+    if channel in noise:
+        return noise[channel]
+    if channel == "v":
+        return np.asarray(inputs[:, at.IN_V] - experiment.inputs[:, at.IN_V])
+    return experiment.net_pressure_noise(noise)

@@ -1,0 +1,55 @@
+"""A valve whose effective area is proportional to the command, where no valve test tells more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.experiments import Part
+from pneucli.simulate.valve_area import POINTS
+
+Array = NDArray[np.float64]
+
+GAIN = "valve.gain"
+
+
+@dataclass(frozen=True)
+class LinearValve:
+    """One gain in m^2/V for both directions, up to ``u_max`` V."""
+
+    gain: float
+    u_max: float = 10.0
+    covers: ClassVar[frozenset[Part]] = frozenset()
+
+    def __call__(self, u: Array) -> Array:
+        """Return the effective area in m^2 at u, shape of u."""
+        return self.gain * np.abs(u)
+
+    def table(self) -> Array:
+        """Return the area over -u_max..u_max, shape (4001,)."""
+        return self(np.linspace(-self.u_max, self.u_max, POINTS))
+
+    @property
+    def commands(self) -> tuple[float, ...]:
+        """The ends of the line."""
+        return (-self.u_max, self.u_max)
+
+    def named(self) -> dict[str, tuple[float, str]]:
+        """Return value and unit of each parameter by name."""
+        return {GAIN: (self.gain, "m^2/V")}
+
+    def with_named(self, values: Mapping[str, float]) -> LinearValve:
+        """Return the valve with parameters replaced; other names are left alone."""
+        return replace(self, gain=values.get(GAIN, self.gain))
+
+    def scaled(self, factor: float) -> LinearValve:
+        """Return the valve with ``factor`` times the area."""
+        return replace(self, gain=self.gain * factor)
+
+    def roughness(self) -> Array:
+        """Return how far the area is from a power law: a line is one."""
+        return np.zeros(0)

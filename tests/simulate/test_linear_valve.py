@@ -1,0 +1,32 @@
+"""A valve of one gain: its area is proportional to the command, and it says what it cannot show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneucli.simulate.linear_valve import GAIN, LinearValve
+from pneucli.simulate.valve_area import POINTS, ValveArea
+
+VALVE = LinearValve(2e-7)
+
+
+def test_the_area_is_proportional_to_the_command_both_ways():
+    assert VALVE(np.array([-3.0, 0.0, 5.0])) == pytest.approx([6e-7, 0.0, 1e-6])
+
+
+def test_the_table_ends_at_the_largest_command():
+    table = VALVE.table()
+    assert table.shape == (POINTS,)
+    assert table[0] == table[-1] == pytest.approx(2e-6)
+
+
+def test_one_parameter_is_read_and_set_by_name():
+    assert VALVE.named() == {GAIN: (2e-7, "m^2/V")}
+    assert VALVE.with_named({GAIN: 3e-7, "rig.moving_mass": 1.0}).gain == 3e-7
+    assert VALVE.scaled(2.0).gain == 4e-7
+
+
+def test_a_map_covers_the_overlap_a_gain_does_not():
+    assert "linear valve" in ValveArea((-1.0, 1.0), (1e-7, 1e-7)).covers
+    assert not VALVE.covers

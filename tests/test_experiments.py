@@ -1,0 +1,59 @@
+"""What a kind of experiment means is asked of its one entry."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+
+from pneucli.experiments import KINDS, Name
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from pneucli.physics.declaration import PORTS
+from pneucli.physics.effects import catalogue
+
+
+def test_every_name_of_the_pipeline_file_has_its_entry():
+    assert set(KINDS) == set(get_args(Name))
+
+
+@pytest.mark.parametrize(
+    ("kind", "cylinder", "recorded", "stands", "lacks"),
+    [
+        ("valve", True, False, {"gas", "valve", "line", "supply", "sensor"}, {"chamber", "cylinder"}),
+        ("valve", False, True, {"gas", "valve", "chamber"}, {"supply", "cylinder"}),
+        ("friction", True, False, {"cylinder", "sensor"}, {"gas", "valve", "chamber", "supply"}),
+        ("axis", True, False, {"gas", "valve", "chamber", "cylinder", "supply"}, set()),
+    ],
+)
+def test_parts_stand_on_the_bench_as_the_interface_says(kind, cylinder, recorded, stands, lacks):
+    parts = KINDS[kind].parts(cylinder_known=cylinder, supply_recorded=recorded)
+    assert stands <= parts
+    assert not lacks & parts
+
+
+def test_a_valve_test_needs_a_command_unless_the_valve_is_shut():
+    assert "u" in KINDS["valve"].needed(set(), valve_shut=False)
+    assert "u" not in KINDS["valve"].needed(set(), valve_shut=True)
+
+
+def test_a_piston_is_pushed_by_a_recorded_force_or_by_pressures():
+    assert "p1" in KINDS["friction"].needed({"x"}, valve_shut=False)
+    assert "p1" not in KINDS["friction"].needed({"x", "force"}, valve_shut=False)
+
+
+def test_every_effect_shows_in_a_subsystem_by_its_ports_alone():
+    for effect in catalogue().values():
+        assert any(view.sides & effect.sides for view in (Chambers, Forces)), effect.name
+        assert Whole.sides >= effect.sides
+
+
+def test_flow_is_not_felt_where_pressures_are_given():
+    assert not Forces.sides & catalogue()["piston-leak"].sides
+    assert not Imposed.sides & catalogue()["piston-leak"].sides
+    assert not Chambers.sides & catalogue()["stribeck"].sides
+    assert all(view.sides & catalogue()["pressure-offset"].sides for view in (Chambers, Forces))
+
+
+def test_two_branches_of_friction_alone_state_bounds():
+    assert [name for name, port in PORTS.items() if port.bounds] == ["slowing"]
+    assert [e.name for e in catalogue().values() if e.bounds] == ["friction-hysteresis"]
