@@ -11,6 +11,7 @@ import pytest
 from pneucli.compare import channels, expected
 from pneucli.compare.channels import Comparison
 from pneucli.noise import NoiseModel
+from pneucli.simulate import deviations
 from pneucli.simulate import layout as at
 from tests.simulate.benches import bench, clock, model
 
@@ -112,7 +113,7 @@ def still(noise: dict[str, float], low_pass: float | None = None) -> Any:
 
 def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
-    drawn = expected.deviations(model(), e, draws=5)
+    drawn = deviations.deviations(model(), e, draws=5)
     assert drawn["x"].shape == (5, e.time.size)
     # the state at the restart is read too, with the same sensor
     rms = expected.expected_rms(model(), e)["x"]
@@ -122,7 +123,7 @@ def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -
 def test_what_shows_is_not_less_than_the_sensors_noise_unless_it_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
     quiet = {c: np.full(e.time.size, 1e-9) for c in e.channels}
-    monkeypatch.setattr(expected, "_drawn", lambda *_: iter([quiet, quiet]))
+    monkeypatch.setattr(expected, "drawn", lambda *_: iter([quiet, quiet]))
     assert expected.expected_rms(model(), e)["x"] == 2e-6
     object.__setattr__(e, "low_pass", 10.0)
     assert expected.expected_rms(model(), e)["x"] == pytest.approx(1e-9)
@@ -134,7 +135,7 @@ def test_what_shows_is_not_less_than_the_sensors_noise_unless_it_is_smoothed(mon
 def test_the_level_is_the_root_of_the_mean_square_over_all_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({"p1": 1e-9, "p2": 1e-9, "x": 1e-9})
     draws = [{c: np.full(e.time.size, level) for c in e.channels} for level in (3.0, 4.0)]
-    monkeypatch.setattr(expected, "_drawn", lambda *_: iter(draws))
+    monkeypatch.setattr(expected, "drawn", lambda *_: iter(draws))
     assert expected.expected_rms(model(), e)["x"] == pytest.approx(np.sqrt(12.5))
 
 
@@ -142,5 +143,5 @@ def test_what_is_read_of_velocity_errs_by_its_reading_again(monkeypatch: pytest.
     e = still({})
     inputs = e.inputs.copy()
     inputs[:, at.IN_V] += 0.3
-    assert expected._reading_noise(e, "v", {}, inputs) == pytest.approx(np.full(e.time.size, 0.3))
-    assert expected._reading_noise(e, "x", {"x": np.ones(3)}, inputs).tolist() == [1.0, 1.0, 1.0]
+    assert deviations._reading_noise(e, "v", {}, inputs) == pytest.approx(np.full(e.time.size, 0.3))
+    assert deviations._reading_noise(e, "x", {"x": np.ones(3)}, inputs).tolist() == [1.0, 1.0, 1.0]

@@ -12,7 +12,8 @@ import pytest
 from pneucli.identify import fit as fits
 from pneucli.identify.fit import Fit, Problem, block_numbers, fit, joined
 from pneucli.identify.parameters import Free
-from tests.simulate.benches import model
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from tests.simulate.benches import bench, clock, model
 
 RNG = np.random.default_rng
 N = 2000
@@ -23,8 +24,7 @@ WAVES = {"x": np.sin(TIME * 3.0), "a": np.cos(TIME * 7.0)}
 class Line:
     """A view whose channels are a wave times Coulomb friction, and one times viscous friction, plus noise of 2."""
 
-    kind = "whole"
-    openings = slice(0, 1)
+    name = "a line"
 
     def __init__(self, channels: tuple[str, ...] = ("x", "a"), seed: int = 1, noise: float = 2.0) -> None:
         self.channels = channels
@@ -36,6 +36,9 @@ class Line:
 
     def feels(self, effect: Any) -> bool:
         return False
+
+    def feels_base(self, name: str) -> bool:
+        return name == {"x": "friction.coulomb", "a": "friction.viscous"}.get("".join(self.channels), name)
 
     def carried(self, model: Any) -> dict[str, np.ndarray]:
         return {}
@@ -171,45 +174,53 @@ def test_scores_of_a_block_add_up_before_they_are_squared() -> None:
 # --- which views are run
 
 
+E = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+
+
 @pytest.mark.parametrize(
     ("kind", "changed", "differs"),
     [
-        ("chambers", "friction.coulomb", False),
-        ("forces", "friction.coulomb", True),
-        ("whole", "friction.viscous", True),
-        ("chambers", "rig.dead_volume_1", True),
-        ("forces", "rig.moving_mass", True),
-        ("chambers", "valve.critical_ratio", True),
-        ("forces", "valve.critical_ratio", False),
+        (Chambers, "friction.coulomb", False),
+        (Forces, "friction.coulomb", True),
+        (Whole, "friction.viscous", True),
+        (Chambers, "rig.dead_volume_1", True),
+        (Forces, "rig.moving_mass", True),
+        (Chambers, "valve.critical_ratio", True),
+        (Forces, "valve.critical_ratio", False),
+        (Imposed, "friction.viscous", True),
+        (Imposed, "valve.critical_ratio", False),
     ],
 )
-def test_only_views_that_feel_a_parameter_are_run(kind: str, changed: str, differs: bool) -> None:
-    view: Any = SimpleNamespace(kind=kind, feels=lambda effect: False, openings=slice(0, 4001))
+def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, differs: bool) -> None:
     known = model(values={changed: 1.0})
-    assert fits.differ(known, known.with_values({changed: 1.1}), view) == differs
-    assert not fits.differ(known, known, view)
+    assert fits.differ(known, known.with_values({changed: 1.1}), kind(E)) == differs
+    assert not fits.differ(known, known, kind(E))
 
 
 @pytest.mark.parametrize(
-    ("kind", "opened", "differs"),
-    [("chambers", True, True), ("whole", True, True), ("forces", True, False), ("chambers", False, False)],
+    ("kind", "most", "differs"),
+    [(Chambers, 6.0, True), (Whole, 6.0, True), (Forces, 6.0, False), (Chambers, 4.0, False)],
 )
-def test_a_valve_shows_where_its_opening_passes(kind: str, opened: bool, differs: bool) -> None:
-    """An area that grows at +5 V; one view opens that far, the other stays below 2 V."""
+def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs: bool) -> None:
+    """An area that grows beyond +5 V; one recording opens that far, the other does not."""
     known = model()
     grown = replace(known, valve=replace(known.valve, areas=(1.8e-6, 0.9e-6, 0.9e-6, 2.0e-6)))
-    view: Any = SimpleNamespace(
-        kind=kind, feels=lambda effect: False, openings=slice(3500, 4001) if opened else slice(0, 2000)
-    )
-    assert fits.differ(known, grown, view) == differs
+    seen = bench("axis", clock(0.1), {"u": np.linspace(-most, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
+    bent = beyond_5_v(known, grown)
+    assert fits.differ(known, bent, kind(seen)) == differs
+
+
+def beyond_5_v(known: Any, grown: Any) -> Any:
+    """The grown valve with the known one's table up to 5 V."""
+    table = np.where(np.linspace(-10.0, 10.0, 4001) > 5.0, grown.valve.table(), known.valve.table())
+    return SimpleNamespace(valve=SimpleNamespace(table=lambda: table), values=known.values, effects=known.effects)
 
 
 def test_an_effects_parameter_shows_where_the_effect_does() -> None:
     known = model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01})
     other = known.with_values({"stribeck.static": 21.0})
-    for felt in (True, False):
-        view: Any = SimpleNamespace(kind="chambers", feels=lambda effect, felt=felt: felt, openings=slice(0, 1))
-        assert fits.differ(known, other, view) == felt
+    assert fits.differ(known, other, Forces(E))
+    assert not fits.differ(known, other, Chambers(E))
 
 
 # --- differences

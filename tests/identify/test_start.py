@@ -11,10 +11,11 @@ import pytest
 
 from pneucli.identify import restarts, start
 from pneucli.identify.rests import breakaways, unsure
-from pneucli.identify.start import first_guess, friction_guess, mass_flow, overlap_of, valve_guess
+from pneucli.identify.start import first_guess, friction_guess, guess_gain, guess_map, mass_flow, overlap_of
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.linear_valve import LinearValve
 from tests.simulate.benches import RIG, bench, clock, model, steps_of_command
 
 TIME = clock(4.0)
@@ -136,7 +137,7 @@ LEVELS = list(AREAS)
 
 
 def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
-    found = valve_guess([driven(LEVELS)], RIG, {"rig.vessel_volume": 1e-3}, linear=False)
+    found = guess_map([driven(LEVELS)], RIG, {"rig.vessel_volume": 1e-3})
     assert found.commands == tuple(AREAS)
     assert found.areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
     assert found.overlap_fill == pytest.approx(0.2, abs=0.011)
@@ -144,12 +145,12 @@ def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
 
 
 def test_a_vessel_of_unknown_volume_stands_in_for_a_litre() -> None:
-    assert valve_guess([driven(LEVELS)], RIG, {}, linear=False).areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
+    assert guess_map([driven(LEVELS)], RIG, {}).areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
 
 
 def test_both_directions_have_their_own_areas_and_overlap() -> None:
     uneven = {u: 2e-7 * (abs(u) - (0.1 if u > 0 else 0.5)) for u in LEVELS}
-    found = valve_guess([driven(LEVELS, uneven)], RIG, {}, linear=False)
+    found = guess_map([driven(LEVELS, uneven)], RIG, {})
     assert found.areas == pytest.approx(tuple(uneven.values()), rel=1e-6)
     assert found.overlap_fill == pytest.approx(0.1, abs=0.011)
     assert found.overlap_vent == pytest.approx(0.5, abs=0.011)
@@ -161,7 +162,7 @@ def test_what_follows_a_jump_of_the_command_within_five_samples_is_left_out_on_a
     for jump in range(500, spoiled.size - 1, 500):
         spoiled[jump : jump + 5] = 1e9
     e.smoothers["p1"] = SimpleNamespace(slope=lambda raw: spoiled)
-    assert valve_guess([e], RIG, {}, linear=False).areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
+    assert guess_map([e], RIG, {}).areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
 
 
 def test_commands_held_only_shortly_get_no_knot_where_enough_are_held_longer() -> None:
@@ -170,13 +171,13 @@ def test_commands_held_only_shortly_get_no_knot_where_enough_are_held_longer() -
     brief = e.inputs[:, at.IN_U].copy()
     brief[-100:-50], brief[-50:] = 3.0, -3.0
     e.inputs[:, at.IN_U] = brief
-    assert valve_guess([e], RIG, {}, linear=False).commands == tuple(AREAS)
+    assert guess_map([e], RIG, {}).commands == tuple(AREAS)
 
 
 def test_neighbouring_commands_share_a_knot() -> None:
     """ln(2.2 / 2) = 0.1 is nearer than 0.2; the longer held one has it."""
     both = AREAS | {2.2: 3e-7}
-    found = valve_guess([driven([*LEVELS, 2.0, 2.2], both)], RIG, {}, linear=False)
+    found = guess_map([driven([*LEVELS, 2.0, 2.2], both)], RIG, {})
     assert found.commands == tuple(AREAS)
 
 
@@ -189,17 +190,15 @@ def test_a_command_that_is_never_held_has_knots_of_its_own() -> None:
     volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.1
     slope = np.array([1e-7 * abs(c) * (per_area(c, 3e5) if c else 0.0) for c in u]) * gas / volume
     e.smoothers["p1"] = SimpleNamespace(slope=lambda raw: slope)
-    found = valve_guess([e], RIG, {}, linear=False)
+    found = guess_map([e], RIG, {})
     assert [c for c in found.commands if c > 0] == [0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]
     assert found.areas == pytest.approx(tuple(1e-7 * abs(c) for c in found.commands), rel=0.05)
 
 
 def test_a_linear_valve_has_one_gain() -> None:
     straight = {u: 3e-7 * abs(u) for u in LEVELS}
-    found = valve_guess([driven(LEVELS, straight)], RIG, {}, linear=True)
-    assert found.commands == (-10.0, 10.0)
-    assert found.areas == pytest.approx((3e-6, 3e-6))
-    assert valve_guess([driven(LEVELS, dict.fromkeys(LEVELS, -1e-7))], RIG, {}, linear=True).areas == (1e-11, 1e-11)
+    assert guess_gain([driven(LEVELS, straight)], RIG, {}).gain == pytest.approx(3e-7)
+    assert guess_gain([driven(LEVELS, dict.fromkeys(LEVELS, -1e-7))], RIG, {}).gain == 1e-12
 
 
 @pytest.mark.parametrize("overlap", [0.0, 0.3, 0.8])
@@ -214,16 +213,16 @@ def test_two_areas_tell_no_overlap() -> None:
 
 
 def test_the_first_guess_takes_from_each_experiment_what_it_tells() -> None:
-    found = first_guess([driven(LEVELS), pushed()], RIG, linear_valve=False)
+    found = first_guess([driven(LEVELS), pushed()], RIG)
     assert found.effects == ()
     assert found.values["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
     assert found.values["rig.vessel_volume"] == 1e-3
     assert found.valve.commands == tuple(AREAS)
-    known = first_guess([driven(LEVELS)], replace(RIG, vessel_volume=2e-3), linear_valve=True)
+    known = first_guess([driven(LEVELS)], replace(RIG, vessel_volume=2e-3), "linear")
     assert known.values == {"rig.vessel_volume": 2e-3}
-    assert known.valve.commands == (-10.0, 10.0)
+    assert isinstance(known.valve, LinearValve)
     shut = replace(driven(LEVELS), recording=replace(driven(LEVELS).recording, valve_shut=True))
-    assert first_guess([pushed(), shut], RIG, linear_valve=False).valve.commands == ()
+    assert first_guess([pushed(), shut], RIG).valve.commands == ()
 
 
 # --- restarts
