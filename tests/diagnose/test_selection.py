@@ -1,0 +1,355 @@
+"""Every step of the selection, on effects whose share of the remainder is stated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import search as selection
+from pneucli.diagnose.evidence import Gain
+from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.search import Search, as_good, leading, search, supported, tried
+from pneucli.diagnose.trial import State, Trial
+from pneucli.identify.views import Forces
+from tests.diagnose.toys import Toys, adding, effect
+
+ALL: Any = None
+CERTAIN, VAGUE = Gain(400.0, 300.0, 1e-9, 30.0), Gain(400.0, -1.0, 0.1, 30.0)
+
+
+@pytest.fixture(autouse=True)
+def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left of a state is its cost over its samples."""
+
+    def left(bench: Any, state: State) -> tuple[list[Remainder], list[Remainder]]:
+        ratio = float(np.sqrt(state.cost / state.samples))
+        return [Remainder(Forces, "force", ratio, ratio, ())], []
+
+    monkeypatch.setattr(selection, "remains", left)
+
+
+def found(bench: Toys, *base: str) -> Search:
+    return search(bench, bench.state(base))  # type: ignore[arg-type]
+
+
+def names(result: Search) -> set[str]:
+    return set(result.added)
+
+
+A, B, C, D, E = (effect(name) for name in "abcde")
+
+
+def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
+    result = found(Toys([A, B, C], adding(a=1.0)))
+    assert result.added == ["a"]
+    assert result.adequate
+    assert [s.names for s in result.rungs] == [[], ["a"]]
+    assert result.last.names == ["a"]
+
+
+def test_where_noise_alone_is_left_nothing_is_found() -> None:
+    result = found(Toys([A, B, C], adding(), excess=0.0))
+    assert result.added == []
+    assert result.adequate
+    assert len(result.rungs) == 1
+
+
+def test_two_effects_are_found_the_larger_one_first() -> None:
+    result = found(Toys([A, B, C], adding(a=0.3, b=0.7)))
+    assert result.added == ["b", "a"]
+    assert result.adequate
+
+
+def test_effects_that_the_model_has_are_not_found_again() -> None:
+    result = found(Toys([A, B, C], adding(a=0.5, b=0.5)), "a")
+    assert result.added == ["b"]
+    assert [s.names for s in result.rungs] == [["a"], ["a", "b"]]
+
+
+def test_what_no_effect_explains_is_left_over() -> None:
+    result = found(Toys([A, B, C], adding(a=0.3)))
+    assert result.added == ["a"]
+    assert not result.adequate
+
+
+def test_what_falls_on_the_fitted_data_alone_is_not_found() -> None:
+    assert found(Toys([A, B], adding(a=0.5), unseen=adding(a=-0.02), excess=0.5)).added == []
+
+
+def test_without_held_out_data_the_fitted_ones_decide() -> None:
+    assert found(Toys([A, B], adding(a=0.5), unseen=adding(), excess=0.5, held_out=False)).added == ["a"]
+
+
+def test_an_effect_that_raises_the_error_the_user_sees_is_not_found() -> None:
+    assert found(Toys([A, B], adding(a=1.0), worse={"a"})).added == []
+
+
+def test_no_more_than_four_effects_are_found_one_by_one() -> None:
+    six = [effect(n) for n in "abcdef"]
+    assert len(found(Toys(six, adding(**dict.fromkeys("abcdef", 0.3)), excess=2.0)).added) == 4
+
+
+def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        pair = 0.5 * len(chosen & {"b", "c"})
+        return max(pair, 0.6 + 0.3 * pair) if "a" in chosen else pair
+
+    assert names(found(Toys([A, B, C], takes))) == {"b", "c"}
+
+
+def test_a_better_rival_takes_the_place_of_an_effect() -> None:
+    """Alone a explains more than b; beside c it is b that does."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        alone = {"a": 0.5, "b": 0.4}
+        if "c" in chosen:
+            alone = {"a": 0.2, "b": 0.6}
+        return max((alone[n] for n in chosen & {"a", "b"}), default=0.0) + 0.4 * ("c" in chosen)
+
+    result = found(Toys([A, B, C], takes))
+    assert names(result) == {"b", "c"}
+
+
+def test_equals_of_an_effect_are_its_rivals() -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        return 1.0 if chosen & {"a", "b"} else 0.0
+
+    result = found(Toys([A, B, C], takes))
+    (name,) = result.added
+    assert {t.effect.name for t in result.rivals[name]} == {"a", "b"} - {name}
+
+
+def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
+    result = found(Toys([A, B, C], lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0))
+    assert names(result) == {"a", "b"}
+    assert result.adequate
+
+
+def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        pair = 0.3 * ("b" in chosen) + 0.7 * ("c" in chosen)
+        return max(pair, 0.75 + 0.2 * pair) if "a" in chosen else pair
+
+    assert found(Toys([A, B, C], takes)).added == ["c", "b"]
+
+
+def test_what_explains_all_needs_no_proof_against_the_whole_family() -> None:
+    """A chance of 1 in 200 is nothing in a family of 50, but the remainder is there for certain."""
+    assert found(Toys([A, B], adding(a=1.0), chance={"a": 5e-3})).added == ["a"]
+    assert found(Toys([A, B], adding(a=0.3), chance={"a": 5e-3})).added == []
+
+
+# --- a trial by itself
+
+
+def trial(one: Any = A, **given: Any) -> Trial:
+    known: dict[str, Any] = {"train": CERTAIN, "test": CERTAIN, "p_value": 1e-9, "value": 1.0, "at_bound": False}
+    known |= given
+    stands = {"value": known["value"], "at_bound": known["at_bound"]}
+    estimates = [SimpleNamespace(name=f"{one.name}.{p.name}", **stands) for p in one.parameters]
+    values = {e.name: known["value"] for e in estimates}
+    fit: Any = SimpleNamespace(estimates=estimates, model=SimpleNamespace(values=values, effects=(one,)))
+    cost = known.get("cost", 9000.0)
+    state = State(fit, np.full(40, cost / 40.0), np.zeros(0), np.zeros(0))
+    return Trial(one, state, known["train"], known["test"], known["p_value"])
+
+
+BEFORE: Any = SimpleNamespace(train=np.full(40, 250.0), cost=20000.0, samples=10000, names=["old"])
+
+
+def bench(**given: Any) -> Any:
+    view = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
+    known = {"hypotheses": 50, "held_out": [view], "train": [view], "given": ("old",)}
+    return SimpleNamespace(**{**known, **given})
+
+
+def holds(one: Trial, before: Any = BEFORE, **given: Any) -> bool:
+    return bool(supported(bench(**given), before, [one]))
+
+
+@pytest.mark.parametrize(
+    ("p_value", "hypotheses", "named"), [(3.9e-4, 50, True), (4.1e-4, 50, False), (4.1e-4, 40, True)]
+)
+def test_the_chance_of_naming_anything_by_mistake_is_two_percent_for_the_whole_family(
+    p_value: float, hypotheses: int, named: bool
+) -> None:
+    assert holds(trial(p_value=p_value), hypotheses=hypotheses) == named
+
+
+def test_a_family_of_its_own_may_be_stated() -> None:
+    one = trial(p_value=0.015)
+    assert supported(bench(), BEFORE, [one], hypotheses=1) == [one]
+    assert supported(bench(), BEFORE, [one]) == []
+
+
+@pytest.mark.parametrize(("total", "named"), [(41.0, True), (39.0, False)])
+def test_less_than_four_thousandths_of_the_cost_does_not_matter(total: float, named: bool) -> None:
+    assert holds(trial(train=Gain(total, 1.0, 1e-9, 30.0))) == named
+
+
+@pytest.mark.parametrize(
+    ("cost", "known", "total", "named"),
+    [
+        (10400.0, ["old", "new"], 190.0, False),  # noise is left and something was found: 2 % are asked for
+        (10400.0, ["old", "new"], 210.0, True),
+        (10600.0, ["old", "new"], 190.0, True),  # more than noise is left
+        (10400.0, ["old"], 190.0, True),  # nothing was found yet
+    ],
+)
+def test_beside_what_was_found_and_at_the_noise_more_is_asked_for(
+    cost: float, known: list[str], total: float, named: bool
+) -> None:
+    before = SimpleNamespace(train=np.full(40, 250.0), cost=cost, samples=10000, names=known)
+    assert holds(trial(train=Gain(total, 1.0, 1e-9, 30.0)), before) == named
+
+
+def test_held_out_data_must_be_certain_where_there_are_any() -> None:
+    assert not holds(trial(test=VAGUE))
+    assert holds(trial(test=VAGUE), held_out=[])
+
+
+@pytest.mark.parametrize(
+    ("train", "test", "p_value", "named"),
+    [
+        (CERTAIN, Gain(5.0, -1.0, 0.2, 4.9), 1e-9, True),
+        (CERTAIN, Gain(5.0, -1.0, 0.2, 5.0), 1e-9, False),  # shown often, and not certain
+        (CERTAIN, Gain(0.0, -1.0, 0.2, 1.0), 1e-9, False),  # not shown at all
+        (Gain(400.0, 0.0, 1e-9, 9.0), Gain(5.0, -1.0, 0.2, 1.0), 1e-9, False),  # the fitted data are not certain
+        (CERTAIN, Gain(5.0, -1.0, 0.2, 1.0), 2.1e-6, False),  # 50 times that is more than one in 1e4
+        (CERTAIN, Gain(5.0, -1.0, 0.2, 1.0), 1.9e-6, True),
+    ],
+)
+def test_what_is_rarely_shown_need_not_be_certain_on_held_out_data(
+    train: Gain, test: Gain, p_value: float, named: bool
+) -> None:
+    assert holds(trial(train=train, test=test, p_value=p_value)) == named
+
+
+@pytest.mark.parametrize(("value", "at_bound", "named"), [(9.0, True, False), (0.0, True, True), (9.0, False, True)])
+def test_a_parameter_at_a_bound_other_than_its_null_speaks_against_an_effect(
+    value: float, at_bound: bool, named: bool
+) -> None:
+    assert holds(trial(value=value, at_bound=at_bound)) == named
+
+
+def test_a_bound_of_a_parameter_without_null_or_of_another_effect_does_not() -> None:
+    free = effect("a")
+    free.parameters[0].null = None
+    assert holds(trial(free, at_bound=True))
+    other = trial()
+    other.state.fit.estimates.append(SimpleNamespace(name="b.p0", value=9.0, at_bound=True))  # type: ignore[attr-defined]
+    assert holds(other)
+
+
+def lag(**units: str) -> Any:
+    parameters = [SimpleNamespace(name=n, unit=u, null=0.0, lower=0.0, upper=1.0) for n, u in units.items()]
+    return SimpleNamespace(name="lag", parameters=tuple(parameters), part="line")
+
+
+@pytest.mark.parametrize(("value", "named"), [(0.4e-3, False), (0.6e-3, True), (-0.4e-3, False)])
+def test_a_time_below_half_a_sample_may_be_the_clocks(value: float, named: bool) -> None:
+    assert holds(trial(lag(delay="s"), value=value)) == named
+    assert holds(trial(lag(delay="s", gain="1"), value=value))
+    assert holds(trial(lag(gain="1"), value=value))
+
+
+def test_the_slowest_clock_counts() -> None:
+    slow = [SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=p))) for p in (1e-3, 5e-3)]
+    assert not holds(trial(lag(delay="s"), value=2e-3), train=slow)
+
+
+# --- which one
+
+
+def able(*trials: Trial) -> Any:
+    return bench(no_worse=lambda before, found: found)
+
+
+def test_of_equals_the_simplest_leads_and_a_sensors_fault_comes_last() -> None:
+    """Costs that differ by chance alone."""
+    sensor, two, one = effect("s", part="sensor"), effect("t", parameters=2), effect("o")
+    trials = [trial(sensor, cost=8999.0), trial(two, cost=8998.0), trial(one, cost=9000.0)]
+    for t, seed in zip(trials, (1, 2, 3), strict=True):
+        object.__setattr__(
+            t.state, "train", np.full(40, 225.0) + np.random.default_rng(seed).normal(scale=3.0, size=40)
+        )
+    leader = leading(able(), BEFORE, trials)
+    assert leader is not None
+    assert leader.effect.name == "o"
+    assert leading(able(), BEFORE, trials[:2]).effect.name == "s"  # type: ignore[union-attr]
+    assert leading(able(), BEFORE, []) is None
+
+
+def test_what_certainly_leaves_less_leads_however_many_parameters_it_has() -> None:
+    better, simple = trial(effect("t", parameters=3), cost=8000.0), trial(effect("o"), cost=9000.0)
+    assert leading(able(), BEFORE, [simple, better]).effect.name == "t"  # type: ignore[union-attr]
+    assert as_good(better.state, simple.state)
+    assert not as_good(simple.state, better.state)
+
+
+# --- what is tried
+
+
+class Screened(Toys):
+    """Signatures promise what is stated; fits cost what is stated."""
+
+    def __init__(self, promised: dict[str, float], costs: dict[str, float] | None = None) -> None:
+        super().__init__([effect(n) for n in promised], adding())
+        self.promised, self.costs = promised, costs or {}
+
+    def screen(self, state: State) -> list[Any]:
+        ranked = sorted(self.promised.items(), key=lambda pair: -pair[1])
+        return [(self.effects[n], [SimpleNamespace(gain=g)]) for n, g in ranked]
+
+    def added(self, state: State, one: Any, ranked: Any = None) -> Trial:
+        cost = self.costs.get(one.name, 9000.0)
+        return trial(one, cost=cost, train=Gain(10000.0 - cost, 1.0, 1e-9, 30.0))
+
+
+def order(bench: Screened, without: tuple[str, ...] = ()) -> list[str]:
+    return [t.effect.name for t in tried(bench, BEFORE, without)]  # type: ignore[arg-type]
+
+
+def test_no_more_than_six_are_refitted_those_that_promise_most() -> None:
+    assert set(order(Screened({n: 100.0 + k for k, n in enumerate("abcdefgh")}))) == set("hgfedc")
+
+
+@pytest.mark.parametrize(("promise", "refitted"), [(12.1, True), (11.9, False)])
+def test_a_signature_must_promise_a_chi_square_of_twelve(promise: float, refitted: bool) -> None:
+    assert ("b" in order(Screened({"a": 100.0, "b": promise}))) == refitted
+
+
+def test_and_a_hundredth_of_the_best() -> None:
+    assert order(Screened({"a": 10000.0, "b": 99.0})) == ["a"]
+    assert set(order(Screened({"a": 10000.0, "b": 101.0}))) == {"a", "b"}
+
+
+def test_an_effect_may_be_left_out_and_then_the_next_is_the_best() -> None:
+    assert order(Screened({"a": 10000.0, "b": 99.0}), ("a",)) == ["b"]
+    assert order(Screened({"a": 10000.0}), ("a",)) == []
+
+
+def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to_the_end() -> None:
+    bench = Screened({"a": 50.0, "b": 60.0, "c": 70.0}, {"a": 8000.0, "b": 8500.0, "c": 8300.0})
+    assert order(bench) == ["a", "c", "b"]
+    assert set(bench.polished_names) == {"a", "c"}  # within 5 %
+    slight = Screened({"a": 50.0}, {"a": 9970.0})
+    order(slight)
+    assert slight.polished_names == []  # 0.3 % of the cost
+
+
+def test_two_signatures_promise_together_what_their_span_explains() -> None:
+    target = np.array([3.0, 4.0, 12.0])
+    assert selection._joint(target, np.array([2.0, 0, 0]), np.array([0, 5.0, 0])) == pytest.approx(25.0)
+    assert selection._joint(target, np.array([1.0, 0, 0]), np.array([2.0, 0, 0])) == pytest.approx(9.0)
+
+
+def test_a_search_knows_what_was_added_to_what() -> None:
+    toys = Toys([A, B, C], adding())
+    rungs = tuple(toys.state(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
+    result = Search(rungs, (), {}, (), ())
+    assert result.added == ["b", "c"]
+    assert result.adequate
