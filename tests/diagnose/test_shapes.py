@@ -113,9 +113,8 @@ def test_what_is_unknown_or_constant_has_no_shape(values: np.ndarray) -> None:
 
 
 def view(kind: Any = Forces, period: float = 0.0, over: str = "time") -> Any:
-    e = bench(
-        "axis", TIME, {"u": SWING, "p1": 3e5, "p2": 3e5, "x": 0.1 + 0.05 * SWING, "v": 0.05 * np.cos(TIME), **given}
-    )
+    signals = {"u": SWING, "p1": 3e5, "p2": 3e5, "x": 0.1 + 0.05 * SWING, "v": 0.05 * np.cos(TIME)}
+    e = bench("axis", TIME, signals)
     found = kind(e)
     q = e.time if over == "time" else e.raw["x"]
     wave = np.sin(2 * np.pi * q / period) if period else np.zeros(N)

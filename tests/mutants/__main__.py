@@ -72,7 +72,7 @@ def _survivor(mutant: Mutant, outcome: Outcome, reasons: dict[tuple[str, str, st
 
 
 def _say(mutant: Mutant, outcome: Outcome) -> None:
-    print({"killed": ".", "timeout": "T", "no test": "-"}.get(outcome, "s"), end="", flush=True)
+    print("." if outcome == "killed" else f"\n{_survivor(mutant, outcome, {})}", end="", flush=True)
 
 
 def _arguments() -> argparse.Namespace:
