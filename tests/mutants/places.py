@@ -111,6 +111,7 @@ def sample(root: Path, packages: Mapping[str, int], seed: int) -> list[Mutant]:
         found = list(places(root, package))
         made = filter(None, (place.mutant(rng) for place in rng.sample(found, len(found))))
         drawn += [mutant for _, mutant in zip(range(number), made, strict=False)]
+    rng.shuffle(drawn)  # so that what has run after half of the time stands for all
     return drawn
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import multiprocessing
 import os
@@ -10,6 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -75,17 +77,27 @@ def copied(target: Path, tree: Path = ROOT) -> Path:
 
 
 def contexts(tree: Path, packages: Sequence[str], folders: Sequence[str]) -> Contexts:
-    """Run all tests once and return which lines they run. Raises SystemExit where one fails without any mutant."""
-    out = tree / "contexts.json"
-    more = {"MUTANTS_CONTEXTS": str(out), "MUTANTS_SOURCE": ",".join(packages)}
-    command = [sys.executable, "-m", "pytest", *QUIET, "-p", "tests.mutants.contexts", *folders]
-    subprocess.run(command, cwd=tree, env=os.environ | more, check=False)
+    """Return which lines all tests run, from a run of them, or from the last one where nothing has changed since.
+
+    Raises SystemExit where a test fails without any mutant.
+    """
+    out = Path(tempfile.gettempdir(), f"pneucli-mutants-{_digest([*packages, *folders])}.json")
+    if not out.exists():
+        more = {"MUTANTS_CONTEXTS": str(out), "MUTANTS_SOURCE": ",".join(packages)}
+        command = [sys.executable, "-m", "pytest", *QUIET, "-p", "tests.mutants.contexts", *folders]
+        subprocess.run(command, cwd=tree, env=os.environ | more, check=False)
     if not out.exists():
         sys.exit("the tests did not run")
     found = json.loads(out.read_text())
     if found["failed"]:
+        out.unlink()
         sys.exit("tests fail though nothing is mutated: " + ", ".join(found["failed"]))
     return Contexts(found["seconds"], found["lines"])
+
+
+def _digest(asked: Sequence[str]) -> str:
+    files = sorted(file for folder in ("pneucli", "tests") for file in (ROOT / folder).rglob("*.py"))
+    return hashlib.sha256("".join([*asked, *(file.read_text() for file in files)]).encode()).hexdigest()[:16]
 
 
 def outcomes(
