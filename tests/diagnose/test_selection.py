@@ -50,6 +50,12 @@ def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
     assert result.last.names == ["a"]
 
 
+def test_what_was_tried_from_the_model_as_it_is_is_not_tried_again() -> None:
+    toys = Toys([A, B, C], adding(a=1.0))
+    found(toys)
+    assert sorted(toys.added_names) == [("a",), ("a", "b"), ("a", "c")]
+
+
 def test_where_noise_alone_is_left_nothing_is_found() -> None:
     result = found(Toys([A, B, C], adding(), excess=0.0))
     assert result.added == []

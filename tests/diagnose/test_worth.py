@@ -17,7 +17,7 @@ from pneucli.diagnose.diagnosis import Moved, _moved, equal, how_to_tell
 from pneucli.diagnose.evidence import Gain, disagreement, effective_number, gain, holm, wald
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.fit import Estimate, Fit
-from pneucli.identify.parameters import effect_parameters
+from pneucli.identify.parameters import Free, effect_parameters
 from pneucli.physics.effects import catalogue
 from tests.simulate.benches import model
 
@@ -109,9 +109,37 @@ def test_two_parameters_are_tested_together() -> None:
     assert wald(none, catalogue()["friction-asymmetry"]) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("with_base", [False, True])
+def test_a_null_that_is_another_parameter_moves_with_it_where_that_is_fitted_too(with_base: bool) -> None:
+    """Static friction against Coulomb's: the covariance of both goes into the distance; the velocity is held."""
+    rng = RNG(5)
+    columns = 0.02 * rng.standard_normal((N, 3))
+    columns[:, 1] += 0.5 * columns[:, 0]
+    found = ended("stribeck", {"static": 16.0, "velocity": 0.01}, columns[:, 1:], rng.standard_normal(N))
+    if with_base:
+        base = Free("friction.coulomb", "N", 14.0, 0.0, 1e5, 14.0)
+        found = replace(found, free=(base, *found.free), jacobian=columns)
+    kept = columns[:, :2] if with_base else columns[:, 1:2]
+    slopes = np.array([-14.0, found.free[1].scale]) if with_base else np.array([found.free[0].scale])
+    influence = kept @ np.linalg.inv(kept.T @ kept) @ slopes
+    scores = np.bincount(BLOCKS, influence * found.residual)
+    statistic = (16.0 - 14.0) ** 2 / float(scores @ scores)
+    wanted = fisher.sf(statistic, 1, effective_number(scores))
+    assert wald(found, catalogue()["stribeck"]) == pytest.approx(wanted, rel=1e-6)
+
+
 def test_an_effect_without_fitted_parameters_has_no_test() -> None:
     found = replace(ended("constant-force", {"force": 1.0}, np.ones((N, 1)), np.ones(N)), free=())
     assert math.isnan(wald(replace(found, jacobian=np.zeros((N, 0))), catalogue()["constant-force"]))
+
+
+@pytest.mark.parametrize("scale", [5.0, 40.0])
+def test_recordings_disagree_by_a_share_of_the_effects_size_whatever_its_scale(scale: float) -> None:
+    """One recording wants 20 N as they are, the other half as much again; the column is of one scale."""
+    force, halves = catalogue()["constant-force"], np.arange(N) // (N // 2)
+    found = ended("constant-force", {"force": 20.0}, np.full((N, 1), scale), halves * -0.5 * 20.0)
+    found = replace(found, free=(replace(found.free[0], scale=scale),))
+    assert disagreement(found, force, halves) == pytest.approx(0.5 / 2**0.5)
 
 
 def test_recordings_of_which_one_knows_nothing_agree() -> None:
@@ -371,3 +399,24 @@ def test_an_effect_without_a_null_shows_at_its_typical_size_or_not(error: float,
     assert (found.size, found.plausible) == (2e4, plausible)
     if plausible:
         assert "at 2e+04 N/m" in found.would_show
+
+
+def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Static friction counts from the model's Coulomb friction of 14 N: 22 N are 8 N beyond, known to a tenth."""
+    effects = {n: catalogue()[n] for n in ("constant-force", "stribeck", "extra-mass", "valve-lag")}
+    values = {
+        "stribeck": {"stribeck.static": 22.0, "stribeck.velocity": 0.01},
+        "constant-force": {"constant-force.force": 10.0},
+    }
+
+    def found_for(effect: Any, fit: Any, views: Any) -> list[Any]:
+        known = values.get(effect.name)
+        return [SimpleNamespace(values=known, error=0.1, gain=1.0)] if known else []
+
+    monkeypatch.setattr(trials, "signatures", found_for)
+    ready = bench(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
+    has: Any = SimpleNamespace(names=["extra-mass"], fit=None, model=model())
+    found = visible.detectable(ready, has)
+    assert [d.effect.name for d in found] == ["constant-force", "stribeck"]
+    assert [d.size for d in found] == pytest.approx([4.0, 4 * 0.1 * 8.0])
+    assert [d.parameter.name for d in found] == ["force", "static"]

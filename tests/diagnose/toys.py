@@ -40,8 +40,8 @@ class Toys:
         self.chance: dict[str, float] = more.get("chance", {})
         self.worse: set[str] = more.get("worse", set())
         self.at_bound: set[str] = more.get("at_bound", set())
-        self.screened_last: list[str] = []
         self.polished_names: list[str] = []
+        self.added_names: list[tuple[str, ...]] = []
         view = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
         self.train, self.held_out = [view], [view] if more.get("held_out", True) else []
 
@@ -76,6 +76,7 @@ class Toys:
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
     def added(self, state: State, one: Any, ranked: Any = None) -> Trial:
+        self.added_names.append((*state.names, one.name))
         return self.trial(state, self.state([*state.names, one.name]), one)
 
     def polished(self, before: State, trial: Trial) -> Trial:

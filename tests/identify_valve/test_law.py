@@ -146,7 +146,9 @@ def test_sensitivities_of_a_curve_are_its_differences() -> None:
     for k in (0, 1, 2, 5, LAW.offsets()[1], LAW.size - 1):
         row = 1e-5 * np.eye(LAW.size)[k]
         slope = (simulate(LAW, THETA + row, START, s) - simulate(LAW, THETA - row, START, s)) / 2e-5
-        assert by_theta[..., k] == pytest.approx(slope, abs=0.02 * np.abs(slope).max() + 1.0)
+        off = np.abs(by_theta[..., k] - slope) / np.abs(slope).max()
+        assert np.median(off) < 1e-3
+        assert off.max() < 0.1  # at the kink of the flow function
 
 
 def problem(noise: float = 300.0) -> tuple[Round, np.ndarray]:
