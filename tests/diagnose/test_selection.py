@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.diagnose import evidence
 from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.remainder import Remainder
@@ -29,6 +30,7 @@ def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
         return [Remainder(Forces, "force", ratio, ratio, ())], []
 
     monkeypatch.setattr(selection, "remains", left)
+    monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
 
 
 def found(bench: Toys, *base: str) -> Search:
