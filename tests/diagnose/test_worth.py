@@ -272,7 +272,7 @@ def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by(m
     """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
     monkeypatch.setattr(trials, "drawn_rms", lambda model, view, errors: dict.fromkeys(view.channels, 1.0))
     residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
-    found = trials.costs(model(), [view_of()], residual, [{}])
+    found = trials.costs(model(), [view_of()], residual, [{"each": 0.1}])  # type: ignore[dict-item]
     assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
 
 
