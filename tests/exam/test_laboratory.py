@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -494,3 +495,97 @@ def test_the_sealed_truth_says_what_was_hidden(hidden: list[str], outside: str, 
         },
         "sensor_noise_pressure_Pa": 250.0,
     }  # fmt: skip
+
+
+def planned(folder: Path, monkeypatch: pytest.MonkeyPatch, **given: int) -> list[tuple]:
+    """What every case of an exam is asked to hide, nothing simulated."""
+    asked: list[tuple] = []
+
+    def generate(case: Path, kind: str, hidden: tuple, outside: str, size: float, seed: int) -> dict[str, object]:
+        case.mkdir(parents=True)
+        asked.append((case.name, kind, hidden, outside, size, seed))
+        return {"hidden": list(hidden), "outside": outside}
+
+    monkeypatch.setattr(cases, "generate_case", generate)
+    names = cases.write_exam(folder, **given)
+    assert names == [name for name, *_ in asked]
+    sealed = [json.loads((folder / ".sealed" / f"{name}.json").read_text()) for name in names]
+    assert sealed == [{"hidden": list(hidden), "outside": outside} for _, _, hidden, outside, _, _ in asked]
+    return asked
+
+
+def test_an_exam_repeats_by_its_seed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "b").mkdir()  # an empty folder will do
+    one, again, other = (
+        planned(tmp_path / n, monkeypatch, cases=12, nulls=3, seed=s) for n, s in zip("abc", (1, 1, 2), strict=True)
+    )
+    assert one == again
+    assert one != other
+    assert [name for name, *_ in one] == [f"case-{k:03d}" for k in range(1, 16)]
+    assert len({seed for *_, seed in one}) == 15
+
+
+def test_cases_are_shuffled_and_each_is_on_a_rig_that_shows_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = planned(tmp_path / "exam", monkeypatch, cases=30, nulls=10, size=0.5, seed=3)
+    nulls = [k for k, (_, _, hidden, outside, _, _) in enumerate(found) if not hidden and not outside]
+    assert len(nulls) == 10
+    assert nulls != list(range(30, 40))
+    assert {kind for _, kind, hidden, outside, _, _ in found if not hidden and not outside} > {"valve"}
+    for _, kind, hidden, outside, size, _ in found:
+        assert kind in cases._kinds([*hidden, *([outside] if outside else [])])
+        assert size == 0.5
+
+
+def test_an_exam_has_sixty_cases_and_twenty_nulls_of_full_size_unless_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = planned(tmp_path / "exam", monkeypatch)
+    assert len(found) == 80
+    assert sum(not hidden and not outside for _, _, hidden, outside, _, _ in found) == 20
+    assert {size for *_, size, _ in found} == {1.0}
+    assert found == planned(tmp_path / "again", monkeypatch, seed=1)
+
+
+def handed_over(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str, hidden: list[str], seed: int = 1, size: float = 1.0
+) -> Laboratory:
+    """The laboratory of a case, nothing recorded."""
+    seen: list[Laboratory] = []
+    monkeypatch.setattr(Laboratory, "record", lambda self, raw, takes, rng: seen.append(self))
+    folder.mkdir(exist_ok=True)
+    cases.generate_case(folder, kind, hidden, "", size, seed)
+    return seen[0]
+
+
+def test_the_rig_of_a_case_has_what_is_hidden_in_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full, half = (handed_over(tmp_path, monkeypatch, "axis", ["chamber-leak"], size=s) for s in (1.0, 0.5))
+    assert 0.75 * 3e-8 <= full.parameters.leak_area <= 1.25 * 3e-8
+    assert half.parameters.leak_area == pytest.approx(0.5 * full.parameters.leak_area)
+    assert full.name == tmp_path.name
+
+
+def test_cases_differ_in_what_a_lab_differs_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    labs = [handed_over(tmp_path, monkeypatch, "axis", ["chamber-leak"], seed) for seed in range(60)]
+    assert {lab.sensors.pressure for lab in labs} == {250.0, 400.0, 800.0}
+    assert {lab.sensors.pole for lab in labs} == {0.0, 0.5, 0.8}
+    assert 0.05 < np.mean([lab.linear_valve for lab in labs]) < 0.3
+    assert 0.1 < np.mean([lab.effects == ("stribeck",) for lab in labs]) < 0.45
+    assert 0.65 < np.mean([lab.supply_recorded for lab in labs]) < 0.97
+    assert all((lab.vessel is None) == lab.linear_valve for lab in labs)
+    vessels = [lab.vessel for lab in labs if lab.vessel]
+    assert 120e-6 <= min(vessels) < 140e-6
+    assert 230e-6 < max(vessels) <= 250e-6
+    for lab in labs:
+        assert (lab.parameters.static > lab.parameters.coulomb) == (lab.effects == ("stribeck",))
+        assert lab.has_cylinder
+
+
+def test_what_an_effect_needs_to_show_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in range(8):
+        assert handed_over(tmp_path, monkeypatch, "axis", ["valve-deadband"], seed).linear_valve
+        assert not handed_over(tmp_path, monkeypatch, "axis", ["supply-droop"], seed).supply_recorded
+        assert handed_over(tmp_path, monkeypatch, "axis", ["stribeck"], seed).effects == ()
+    friction, valve = (handed_over(tmp_path, monkeypatch, kind, []) for kind in ("friction", "valve"))
+    assert (friction.vessel, friction.linear_valve, friction.effects) == (None, False, ())
+    assert (valve.has_cylinder, valve.linear_valve) == (False, False)
+    assert valve.vessel is not None
