@@ -141,7 +141,7 @@ def test_a_file_has_milliseconds_laboratory_units_and_rounded_values(tmp_path: P
     signals = ("u", "p_supply", "p1", "p2", "x", "a")
     seen = {
         name: np.array([0.0, value])
-        for name, value in zip(signals, (1.23456, 654321.9, 123456.7, -3.0, 0.0123456, -9.87654), strict=True)
+        for name, value in zip(signals, (1.23456, 654321.9, 123456.7, 98765.43, 0.0123456, -9.87654), strict=True)
     }
     write_csv(tmp_path / "new" / "run.csv", "rig-7", seen, signals)
     assert (tmp_path / "new" / "run.csv").read_text().splitlines() == [
@@ -149,7 +149,7 @@ def test_a_file_has_milliseconds_laboratory_units_and_rounded_values(tmp_path: P
         "# run run",
         "t [ms],U_valve [V],P_supply [bar],P1 [bar],P2 [bar],Pos [mm],Acc [m/s2]",
         "0.0,0.0,0.0,0.0,0.0,0.0,0.0",
-        "1.0,1.2346,6.54322,1.23457,-3e-05,12.346,-9.8765",
+        "1.0,1.2346,6.54322,1.23457,0.98765,12.346,-9.8765",
     ]
     write_csv(tmp_path / "run.csv", "rig", seen, ("x",))
     assert (tmp_path / "run.csv").read_text().splitlines()[2:] == ["t [ms],Pos [mm]", "0.0,0.0", "1.0,12.346"]
@@ -338,6 +338,15 @@ def test_every_effect_of_the_catalogue_is_hidden_in_its_own_names_and_units() ->
         assert set(told) == set(declared)
         for parameter, value in told.items():
             assert declared[parameter].lower <= value <= declared[parameter].upper, (effect.name, parameter)
+
+
+def test_a_rig_hides_nothing_unless_it_is_set_to() -> None:
+    plain = Parameters()
+    for effect in CATALOGUE + OUTSIDE:
+        for field, null in effect.scaled.items():
+            assert getattr(plain, field) == (0.0 if effect.inverse else null), field
+    assert plain.heat_conductance < 0.0  # a constant temperature
+    assert (plain.viscous_asymmetry, plain.cushion_length, plain.load_gap) == (0.0, 0.0, 0.0)
 
 
 def test_units_of_the_catalogue_are_not_always_the_rigs() -> None:
