@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import sys
 import tempfile
@@ -11,7 +12,7 @@ from pathlib import Path
 
 from tests.mutants.places import Mutant, sample, shares
 from tests.mutants.report import accepted, report, survivor
-from tests.mutants.run import ROOT, TOGETHER, Outcome, contexts, copied, outcomes
+from tests.mutants.run import ENVIRONMENT, ROOT, TOGETHER, Outcome, contexts, copied, outcomes
 
 PACKAGES = {
     "pneucli/identify": ("tests/identify", "tests/identify_friction", "tests/identify_valve"),
@@ -26,6 +27,7 @@ WANTED = 0.85
 
 def main() -> None:
     """Draw, run, report; exit 1 where fewer than WANTED are killed."""
+    os.environ.update(ENVIRONMENT)  # before the forks load what reads it
     asked = _arguments()
     print(f"seed {asked.seed}", flush=True)
     began = time.monotonic()

@@ -37,7 +37,6 @@ LIBRARIES = (
     *("numba", "pint", "pyarrow.parquet", "pydantic", "pytest", "scipy.optimize", "scipy.signal"),
     *("scipy.stats", "statsmodels.stats.multitest"),
 )
-os.environ.update(ENVIRONMENT)  # before anything is loaded that reads it
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(list(LIBRARIES))
 Outcome = Literal["killed", "survived", "timeout", "no test"]
