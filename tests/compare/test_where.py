@@ -33,6 +33,15 @@ def test_two_neighbouring_humps_with_little_between_are_one_stretch() -> None:
     assert (error, samples) == (pytest.approx(1.0, abs=0.01), pytest.approx(0.25, abs=0.005))
 
 
+def test_the_shares_are_those_of_the_stretch_alone() -> None:
+    """A hump of 9 in a tenth of the samples above a level of 1: 0.9 of 1.8."""
+    squared = np.where((LINE > 0.4) & (LINE < 0.5), 9.0, 1.0)
+    low, high, error, samples = worst_stretch(LINE, squared)  # type: ignore[misc]
+    assert (low, high) == (pytest.approx(0.4), pytest.approx(0.5))
+    assert error == pytest.approx(0.5, abs=0.005)
+    assert samples == pytest.approx(0.1, abs=0.002)
+
+
 def test_a_hump_far_from_a_larger_one_is_left_out() -> None:
     squared = np.where((LINE > 0.1) & (LINE < 0.15), 1.0, np.where((LINE > 0.7) & (LINE < 0.8), 2.0, 0.0))
     low, high, error, _ = worst_stretch(LINE, squared)  # type: ignore[misc]

@@ -107,6 +107,11 @@ def test_hum_that_half_of_the_recordings_have_is_the_sensors(heard: int, kept: b
         assert amplitude == pytest.approx(2.0 * np.sqrt(heard / 4))
 
 
+def test_hum_of_two_in_five_recordings_is_not_the_sensors() -> None:
+    heard = [NoiseModel(1.0, lines=((50.0, 2.0),))] * 2
+    assert pool([*heard, *[NoiseModel(1.0)] * 3]).lines == ()
+
+
 def test_hum_and_its_harmonics_are_pooled_each_by_itself() -> None:
     lines = pool(
         [NoiseModel(1.0, lines=((49.9, 3.0), (100.1, 1.0))), NoiseModel(1.0, lines=((50.1, 3.0), (60.0, 1.0)))]
