@@ -1,4 +1,4 @@
-"""One recording of 1,000,000 samples through ingest, identify and compare: ``python benchmarks/million.py [KIND] [N]``.
+"""One recording of 1,000,000 samples through ingest, identify and compare: ``python -m benchmarks.million [KIND] [N]``.
 
 KIND is axis, friction or valve. Prints processor seconds and peak memory of each stage, in a process of its own.
 """
@@ -55,17 +55,18 @@ def main(kind: str, samples: int) -> None:
         size = (folder / "raw" / "long.csv").stat().st_size / 1e6
         print(f"{kind}: {samples} samples, {size:.0f} MB of CSV")
         for stage in ("ingest", "identify", "compare"):
-            start = time.monotonic()
-            command = [sys.executable, "-m", "pneucli", stage, str(folder / "pipeline.toml"), "--quiet"]
-            child = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-            _, status, used = os.wait4(child.pid, 0)
-            seconds, memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
-            wall = time.monotonic() - start
-            print(
-                f"{stage:9} exit {os.waitstatus_to_exitcode(status)} {seconds:6.1f} s of processor time"
-                f" ({wall:.1f} s), {memory:5.0f} MB",
-                flush=True,
-            )
+            print(f"{stage:9} {measured(stage, folder / 'pipeline.toml')}", flush=True)
+
+
+def measured(stage: str, pipeline: Path) -> str:
+    """Run a stage in a process of its own; return how it ended, its processor and wall time and its peak memory."""
+    start = time.monotonic()
+    command = [sys.executable, "-m", "pneucli", stage, str(pipeline), "--quiet"]
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(child.pid, 0)
+    seconds, memory, wall = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, time.monotonic() - start
+    ended = os.waitstatus_to_exitcode(status)
+    return f"exit {ended} {seconds:6.1f} s of processor time ({wall:.1f} s), {memory:5.0f} MB"
 
 
 if __name__ == "__main__":

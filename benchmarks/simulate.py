@@ -114,7 +114,7 @@ def closed_loop(
     switches, gains = flags(), np.array([GAIN, LIMIT])
 
     def run() -> Array:
-        kernel.run(TIME, given.copy(), starts, base, th, on, switches, AREAS, step, np.zeros(1), gains, out)
+        kernel.run(TIME, given, starts, base, th, on, switches, AREAS, step, np.zeros(1), gains, out)
         return out
 
     return run

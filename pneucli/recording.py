@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrangements import ARRANGEMENTS, Arrangement
+from pneucli.arrangements import Name as ArrangementName
 from pneucli.experiments import KINDS, Kind
 from pneucli.experiments import Name as Experiment
 
@@ -25,7 +27,8 @@ class Recording:
 
     ``signals`` maps names of :mod:`pneucli.quantities` (without ``time``) to arrays of shape ``(n,)`` in SI units,
     pressures absolute; NaN marks a sample that was not measured. ``noise`` holds one model per signal.
-    ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (second valve, command u2).
+    ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (as the rig's valves are arranged).
+    ``chamber``: of a valve test, the chamber whose valve fills the vessel.
     ``imposed = "motion"``: the motion is taken as given and the force is compared. ``valve_shut``: no flow through it.
     """
 
@@ -38,6 +41,7 @@ class Recording:
     chamber_2: Literal["closed", "open", "valve"] | None = None
     imposed: Literal["motion"] | None = None
     valve_shut: bool = False
+    chamber: Literal[1, 2] = 1
 
     @property
     def kind(self) -> Kind:
@@ -61,7 +65,9 @@ class Rig:
     """What is known of the rig, SI; ``None`` where the pipeline file leaves it out (then it is identified).
 
     Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K,
-    ``gas_constant`` in J/(kg K).
+    ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows,
+    to be identified where it is ``null_free``, then with
+    the ``null_range`` in which it lies.
     """
 
     gas_temperature: float = 293.15
@@ -76,6 +82,16 @@ class Rig:
     dead_volume_1: float | None = None
     dead_volume_2: float | None = None
     moving_mass: float | None = None
+    valve_null: float = 0.0
+    null_free: bool = False
+    null_range: tuple[float, float] | None = None
+    valve_arrangement: ArrangementName = "one-chamber"
+    valve_kind: Literal["proportional", "switching"] = "proportional"
+
+    @property
+    def arrangement(self) -> Arrangement:
+        """How the valves are connected to the chambers."""
+        return ARRANGEMENTS[self.valve_arrangement]
 
     @property
     def has_cylinder(self) -> bool:

@@ -9,6 +9,7 @@ import typer
 
 from pneucli.cli import console, examples
 from pneucli.cli.options import Json, Quiet
+from pneucli.exam import conditions
 
 
 def register(app: typer.Typer) -> None:
@@ -22,10 +23,31 @@ def register(app: typer.Typer) -> None:
 
 def _exam(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the exam.", show_default=False)],
-    cases: Annotated[int, typer.Option("--cases", min=0, help="Cases with something hidden (60).")] = 60,
-    nulls: Annotated[int, typer.Option("--nulls", min=0, help="Cases with nothing hidden (20).")] = 20,
+    cases: Annotated[
+        int, typer.Option("--cases", min=0, help="Cases with something hidden (60), for each condition.")
+    ] = 60,
+    nulls: Annotated[
+        int, typer.Option("--nulls", min=0, help="Cases with nothing hidden (20), for each condition.")
+    ] = 20,
     size: Annotated[float, typer.Option("--size", min=0.0, help="Of what is hidden, over the usual (1).")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Another seed gives another exam (1).")] = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            min=0,
+            help="Another seed gives another exam; default: one from the hash of this program, which nobody chose.",
+            show_default=False,
+        ),
+    ] = None,
+    condition: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--condition",
+            metavar="NAME",
+            help="Repeatable: as many cases of each, by names that + joins to hold at once. " + conditions.listed(),
+            show_default=False,
+        ),
+    ] = None,
     answer: Annotated[bool, typer.Option("--answer", help="Diagnose every case that has no answer yet.")] = False,
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
     json: Json = False,
@@ -41,7 +63,7 @@ def _exam(
         result = exam.grade(directory)
         words = exam.to_markdown(result).rstrip()
     if not (answer or grade):
-        result = exam.write(directory, cases, nulls, size, seed)
+        result = exam.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
         words = (
             f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
         )

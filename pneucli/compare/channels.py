@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare.expected import expected_rms
+from pneucli.compare.expected import MOTION, expected_rms
 from pneucli.quantities import SIGNALS
+from pneucli.simulate.ends import at_ends
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
@@ -53,10 +54,16 @@ class Comparison:
 
 
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:
-    """Compare a model with one experiment; ``noise`` by channel is drawn where it is not given."""
+    """Compare a model with one experiment; ``noise`` by channel is drawn where it is not given.
+
+    Where an end decides on the motion, it is not compared.
+    """
     noise = expected_rms(model, experiment) if noise is None else noise
     modelled = outputs(model, experiment)
     measured = {channel: experiment.measured(channel) for channel in experiment.channels}
+    if "x" in modelled:
+        given = {c: at_ends(experiment, modelled["x"], c) for c in MOTION if c in measured}
+        measured |= {c: np.where(ends, np.nan, measured[c]) for c, ends in given.items()}
     results = tuple(
         _channel(experiment, channel, measured[channel], modelled[channel], noise[channel])
         for channel in experiment.channels

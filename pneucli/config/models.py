@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from pneucli.arrangements import Name as ArrangementName
 from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands, size
 from pneucli.errors import UnitError
 from pneucli.experiments import KINDS
@@ -73,6 +74,14 @@ class VesselTable(Table):
     volume: Volume | None = None
 
 
+class ValveTable(Table):
+    """``[rig.valve]``: how the valves are connected, the command in V at which nothing flows, and their kind."""
+
+    arrangement: Literal["one-chamber", "5/3", "two"] | None = None
+    null: Voltage | Literal["identify"] = 0.0
+    kind: Literal["proportional", "switching"] = "proportional"
+
+
 class CylinderTable(Table):
     """``[rig.cylinder]`` in m^2, m, m^3 and kg."""
 
@@ -93,6 +102,7 @@ class RigTable(Table):
     heat_capacity_ratio: HeatCapacityRatio = 1.4
     gas_constant: GasConstant = 287.0
     vessel: VesselTable = VesselTable()
+    valve: ValveTable = ValveTable()
     cylinder: CylinderTable = CylinderTable()
 
 
@@ -181,6 +191,7 @@ class RecordingTable(Table):
     use: Use
     take: list[SignalName] | None = None
     chamber_2: Literal["closed", "open", "valve"] | None = None
+    chamber: Literal[1, 2] = 1
     imposed: Literal["motion"] | None = None
     valve: Literal["shut"] | None = None
     signals: SignalsTable = SignalsTable()
@@ -286,5 +297,30 @@ class PipelineConfig(Table):
 
     def to_rig(self) -> Rig:
         """Return what is known of the rig, as domain packages receive it (SI)."""
-        plain = self.rig.model_dump(exclude={"vessel", "cylinder"})
-        return Rig(**plain, **self.rig.cylinder.model_dump(), vessel_volume=self.rig.vessel.volume)
+        plain, valve = self.rig.model_dump(exclude={"vessel", "cylinder", "valve"}), self.rig.valve
+        return Rig(
+            **plain,
+            **self.rig.cylinder.model_dump(),
+            vessel_volume=self.rig.vessel.volume,
+            valve_null=0.0 if valve.null == "identify" else valve.null,
+            null_free=valve.null == "identify",
+            valve_arrangement=self.arrangement,
+            valve_kind=valve.kind,
+        )
+
+    @model_validator(mode="after")
+    def _arranged(self) -> PipelineConfig:
+        driven = [t for t in self.recordings if t.chamber_2 == "valve"]
+        if driven and self.rig.valve.arrangement == "one-chamber":
+            name = driven[0].name or driven[0].file
+            raise ValueError(
+                f'{name} says chamber_2 = "valve", but [rig.valve] has no path to chamber 2; wanted "5/3" or "two"'
+            )
+        return self
+
+    @property
+    def arrangement(self) -> ArrangementName:
+        """How the valves are connected: as stated, else as the recordings need it."""
+        stated = self.rig.valve.arrangement
+        driven = any(table.chamber_2 == "valve" for table in self.recordings)
+        return stated or ("two" if driven else "one-chamber")

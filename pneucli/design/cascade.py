@@ -16,7 +16,7 @@ pressure that an inner, faster loop makes. The rules, each overruled by a requir
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, latene
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.physics.gas import flow_function
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import CLOSED_AREA
 
 Array = NDArray[np.float64]
@@ -54,12 +54,12 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     ambient and supply pressure). Raises InputError where the model has no cylinder, mass, supply pressure or valve.
     """
     _require(model)
-    fill, vent = inverse_table(model, 1.0), inverse_table(model, -1.0)
-    axis = axis_values(model, wanted, fill[1], vent[1], sealed)
+    tables = [inverse_table(model, valve, way) for valve in (model.valve, model.second) for way in (1.0, -1.0)]
+    axis = axis_values(model, wanted, [area for _, area in tables], sealed)
     corners = corners_of(model, wanted, axis)
     values = axis | gains(corners, axis, wanted) | reference_limits(corners, axis, wanted)
     values |= standstill(corners, values, wanted)
-    return Controller(values, fill[0], vent[0])
+    return Controller(values, *(commands for commands, _ in tables))
 
 
 def _require(model: Model) -> None:
@@ -74,27 +74,34 @@ def _require(model: Model) -> None:
     ):
         if value is None:
             raise InputError(f"[rig] {key}", "a controller needs it, and it is not known", "its value in the pipeline")
-    if not any(c > 0 for c in model.valve.commands) or not any(c < 0 for c in model.valve.commands):
+    if any(min(v.commands, default=0.0) >= 0.0 or max(v.commands, default=0.0) <= 0.0 for v in model.valves):
         raise InputError(
             "the valve", "not identified in both directions", "recordings that fill and that vent chamber 1"
         )
 
 
-def inverse_table(model: Model, direction: float) -> tuple[tuple[float, ...], float, float]:
-    """Return commands in V at areas (i / (n - 1))^2 of the largest one, that area in m^2, and its command.
+def inverse_table(model: Model, valve: Valve, direction: float) -> tuple[tuple[float, ...], float]:
+    """Return commands in V at areas (i / (n - 1))^2 of the largest one, and that area in m^2.
 
     The largest area is that of the largest command tested: what lies beyond is not known, hence not reachable.
     """
-    top = max(direction * c for c in model.valve.commands if direction * c > 0)
+    top = max(direction * c for c in valve.commands if direction * c > 0)
     u = np.linspace(0.0, top, 40 * NODES)
-    area = np.maximum.accumulate(model.valve(direction * u))
+    area = np.maximum.accumulate(valve(direction * u))
     open_ = int(np.argmax(area > CLOSED_AREA))
     wanted = area[-1] * np.linspace(0.0, 1.0, NODES) ** 2
-    return tuple(direction * np.interp(wanted, area[open_:], u[open_:])), float(area[-1]), float(direction * top)
+    null = model.base()["valve.null"]
+    return tuple(null + direction * np.interp(wanted, area[open_:], u[open_:])), float(area[-1])
 
 
-def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, sealed: float | None) -> dict[str, float]:
-    """Return what the controller knows of the axis: the model's nominal values by the layout's names."""
+def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], sealed: float | None) -> dict[str, float]:
+    """Return what the controller knows of the axis: the model's nominal values by the layout's names.
+
+    ``areas``: the largest in m^2 of filling and venting chamber 1, and chamber 2.
+    """
+    driven = wanted.chamber_2 == "valve"
+    mirrored = driven and model.rig.arrangement.second == "mirrored"
+    fill, vent, fill_2, vent_2 = areas
     base, (dead_1, dead_2), (static, fallen) = model.base(), dead_volumes(model), breakaway(model)
     rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
     coulomb = base["friction.coulomb"]
@@ -102,7 +109,8 @@ def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, se
     return {
         "C_PERIOD": wanted.period,
         "C_U_MAX": max(abs(c) for c in model.valve.commands),
-        "C_TWO_VALVES": float(wanted.chamber_2 == "valve"),
+        "C_TWO_VALVES": float(driven and not mirrored),
+        "C_MIRRORED": float(mirrored),
         "C_COMPENSATION": 1.0,
         "C_MASS": moving_mass(model),
         "C_AREA_1": base["rig.piston_area_1"],
@@ -125,6 +133,8 @@ def axis_values(model: Model, wanted: Requirements, fill: float, vent: float, se
         "C_P_MEAN": sealed or math.sqrt(ambient * supply),
         "C_AREA_FILL": fill,
         "C_AREA_VENT": vent,
+        "C_AREA_FILL_2": fill_2,
+        "C_AREA_VENT_2": vent_2,
         "C_NODES": float(NODES),
     }
 
@@ -191,6 +201,11 @@ def reachable(axis: Mapping[str, float]) -> tuple[float, float]:
     flow = np.vectorize(flow_function)
     fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow(high, axis["C_CRITICAL"])
     vent = axis["C_AREA_VENT"] * scale * p1 * flow(low, axis["C_CRITICAL"])
+    if axis["C_MIRRORED"] > 0.5:  # the other chamber gives way at the same time
+        share = axis["C_AREA_2"] / area_1 * axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_2
+        ratio_2 = p2 / axis["C_SUPPLY"], axis["C_AMBIENT"] / p2
+        fill = fill + share * axis["C_AREA_VENT_2"] * p2 * flow(ratio_2[1], axis["C_CRITICAL"])
+        vent = vent + share * axis["C_AREA_FILL_2"] * axis["C_SUPPLY"] * flow(ratio_2[0], axis["C_CRITICAL"])
     rate = np.minimum(fill, vent)
     per_speed = gamma * (p1 * area_1 / volume_1 + p2 * area_2**2 / (area_1 * volume_2))
     within = p1 == balance if np.any(p1 == balance) else np.ones(x.size, dtype=bool)
@@ -199,7 +214,7 @@ def reachable(axis: Mapping[str, float]) -> tuple[float, float]:
 
 def spring_pressure(axis: Mapping[str, float], x: Array) -> Array:
     """Return the pressure in Pa of chamber 2 at x: closed in the middle (isentropic), or held by its own valve."""
-    if axis["C_TWO_VALVES"] > 0.5:
+    if axis["C_TWO_VALVES"] > 0.5 or axis["C_MIRRORED"] > 0.5:
         return np.full_like(x, axis["C_P_MEAN"])
     half = axis["C_DEAD_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
     volume = axis["C_DEAD_2"] + axis["C_AREA_2"] * (axis["C_STROKE"] - x)

@@ -92,6 +92,7 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
         kernel.switches([e.name for e in model.effects]),
         _flags(controller),
         model.valve.table(),
+        model.second.table(),
         STEP["axis"],
         state,
         np.concatenate([controller.vector(), [bench.quantum_x, bench.quantum_p, bench.delay]]),
@@ -122,6 +123,7 @@ def _inputs(scenario: Scenario) -> Array:
 def _flags(controller: Controller) -> Array:
     flags = np.zeros(at.FLAGS)
     flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0
-    flags[at.CHAMBER_2] = at.VALVE_2 if controller.values["C_TWO_VALVES"] > 0.5 else at.CLOSED
+    two, mirrored = (controller.values[name] > 0.5 for name in ("C_TWO_VALVES", "C_MIRRORED"))
+    flags[at.CHAMBER_2] = at.MIRRORED if mirrored else at.VALVE_2 if two else at.CLOSED
     flags[at.U_MAX] = U_MAX
     return flags

@@ -19,13 +19,15 @@ TABLE = "C_TABLE"
 class Controller:
     """A cascade controller: ``values`` by the names of :mod:`pneucli.design.layout` (SI), and the valve's inverse.
 
-    ``fill`` and ``vent`` hold commands in V at effective areas ``(i / (n - 1))^2`` of the largest one of that
-    direction; both have n entries.
+    ``fill`` and ``vent``, those of chamber 1 and then of chamber 2, hold commands in V at effective areas
+    ``(i / (n - 1))^2`` of the largest one of that direction; all have n entries.
     """
 
     values: Mapping[str, float]
     fill: tuple[float, ...]
     vent: tuple[float, ...]
+    fill_2: tuple[float, ...]
+    vent_2: tuple[float, ...]
 
     @property
     def period(self) -> float:
@@ -35,7 +37,11 @@ class Controller:
     def vector(self) -> Array:
         """Return the parameter array of :func:`pneucli.design.step.step`."""
         numbers = [self.values[name] for name in PARAMETERS if name != TABLE]
-        return np.array([*numbers, *self.fill, *self.vent])
+        return np.concatenate([numbers, *self.tables().values()])
+
+    def tables(self) -> dict[str, tuple[float, ...]]:
+        """Return the inverse tables by name, in the order in which they follow the numbers."""
+        return {"fill": self.fill, "vent": self.vent, "fill_2": self.fill_2, "vent_2": self.vent_2}
 
     def with_values(self, **values: float) -> Controller:
         """Return the controller with some numbers replaced, by the names of the layout."""
@@ -49,4 +55,4 @@ class Controller:
     def from_json(text: str) -> Controller:
         """Return the controller that :meth:`to_json` wrote."""
         plain = json.loads(text)
-        return Controller(plain["values"], tuple(plain["fill"]), tuple(plain["vent"]))
+        return Controller(plain["values"], *(tuple(plain[name]) for name in ("fill", "vent", "fill_2", "vent_2")))

@@ -42,6 +42,7 @@ from __future__ import annotations
     C_PERIOD,  # s
     C_U_MAX,  # V
     C_TWO_VALVES,  # 1: a second valve drives chamber 2
+    C_MIRRORED,  # 1: the other way of the one spool does (5/3)
     C_COMPENSATION,  # 1: both disturbance estimates are subtracted, 0: the PIDs alone
     C_MASS,  # kg, m^2, m, m^3
     C_AREA_1,
@@ -86,11 +87,14 @@ from __future__ import annotations
     C_P_LOW,  # Pa: range of the pressure references
     C_P_HIGH,
     C_P_MEAN,  # Pa: mean of both pressures, where there are two valves
-    C_AREA_FILL,  # m^2: largest effective areas
+    C_AREA_FILL,  # m^2: largest effective areas of the paths of chamber 1, and of chamber 2
     C_AREA_VENT,
-    C_NODES,  # of each inverse table, which follow: commands in V at (i / (nodes - 1))^2 of the largest area
+    C_AREA_FILL_2,
+    C_AREA_VENT_2,
+    C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
+    # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(51)
+) = range(54)
 
 STATE = tuple(name for name in globals() if name.startswith("S_"))
 PARAMETERS = tuple(name for name in globals() if name.startswith("C_"))
@@ -104,7 +108,7 @@ UNITS = {
     **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE"), "s"),
     "C_U_MAX": "V",
     "C_MASS": "kg",
-    **dict.fromkeys(("C_AREA_1", "C_AREA_2", "C_AREA_FILL", "C_AREA_VENT"), "m^2"),
+    **dict.fromkeys(("C_AREA_1", "C_AREA_2", "C_AREA_FILL", "C_AREA_VENT", "C_AREA_FILL_2", "C_AREA_VENT_2"), "m^2"),
     **dict.fromkeys(("C_STROKE", "C_REACH"), "m"),
     **dict.fromkeys(("C_DEAD_1", "C_DEAD_2"), "m^3"),
     **dict.fromkeys(("C_AMBIENT", "C_SUPPLY", "C_P_LOW", "C_P_HIGH", "C_P_MEAN", "C_P_BAND"), "Pa"),

@@ -81,7 +81,7 @@ def measure(run: Run, model: Model, controller: Controller) -> Metrics:
         _reversals(run.log[:, layout.L_U1], 0.02 * controller.values["C_U_MAX"]) / float(time[-1] - time[0]),
         share,
         fast,
-        air_used(run, model),
+        air_used(run, model, controller),
     )
 
 
@@ -150,15 +150,17 @@ def _chattering(u: Array, period: float) -> tuple[float, float]:
     return float(np.sqrt(high)), high / total if total > 0.0 else 0.0
 
 
-def air_used(run: Run, model: Model) -> float:
+def air_used(run: Run, model: Model, controller: Controller) -> float:
     """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
     base = model.base()
     k, b = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"])), critical_ratio(model)
-    table, total = model.valve.table(), 0.0
-    for u, p in ((layout.L_U1, at.P1), (layout.L_U2, at.P2)):
+    null, total = base["valve.null"], 0.0
+    second = null - run.log[:, layout.L_U1] if controller.values["C_MIRRORED"] > 0.5 else run.log[:, layout.L_U2] - null
+    driven = controller.values["C_MIRRORED"] > 0.5 or controller.values["C_TWO_VALVES"] > 0.5
+    sides = [(model.valve, run.log[:, layout.L_U1] - null, at.P1)] + [(model.second, second, at.P2)] * driven
+    for valve, opened, p in sides:
         ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)
         psi = PSI_MAX * np.sqrt(1.0 - (np.maximum(ratio - b, 0.0) / (1.0 - b)) ** 2)  # 2.42
-        place = np.linspace(-model.valve.u_max, model.valve.u_max, table.size)
-        area = np.where(run.log[:, u] > 0.0, np.interp(run.log[:, u], place, table), 0.0)
+        area = np.where(opened > 0.0, valve(opened), 0.0)
         total += float(np.sum(area * run.scenario.supply * k * psi)) * float(run.time[1] - run.time[0])
     return total

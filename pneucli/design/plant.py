@@ -47,21 +47,39 @@ def opening(area, most, table: int, c):
     return c[table + i] + (place - i) * (c[table + i + 1] - c[table + i])
 
 
-def valve_command(gradient, p, volume, c):
-    """Return the command in V that makes dp/dt in Pa/s at p: the inverse of the valve's map, clipped at its ends."""
+def command_for(gradient, p, volume, fill, vent, table: int, c):
+    """Return the command in V that makes dp/dt in Pa/s at p, by the inverse tables from ``table`` on."""
     nodes: int = int(c[C_NODES])
     if gradient == 0.0:
-        return 0.5 * (c[C_TABLE] + c[C_TABLE + nodes])
+        return 0.5 * (c[table] + c[table + nodes])
     filling = gradient > 0.0
-    most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
-    begin: int = C_TABLE if filling else C_TABLE + nodes
+    most = fill if filling else vent
+    begin: int = table if filling else table + nodes
     slope = per_area(filling, p, volume, c)
     reachable = slope * most > math.fabs(gradient)
     return opening(math.fabs(gradient) / slope if reachable else most, most, begin, c)
 
 
+def valve_command(gradient, p, volume, c):
+    """Return the command in V that makes dp/dt in Pa/s in chamber 1: the inverse of its map, clipped at its ends."""
+    return command_for(gradient, p, volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, c)
+
+
+def valve_command_2(gradient, p, volume, c):
+    """Return the same for the valve of chamber 2."""
+    begin: int = C_TABLE + 2 * int(c[C_NODES])
+    return command_for(gradient, p, volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, c)
+
+
 def reached(gradient, p, volume, c):
-    """Return dp/dt in Pa/s that the valve makes where ``gradient`` is asked for: what it cannot reach is cut."""
+    """Return dp/dt in Pa/s that the valve makes in chamber 1 where ``gradient`` is asked for: cut where it must be."""
     if gradient > 0.0:
         return min(gradient, c[C_AREA_FILL] * per_area(True, p, volume, c))
     return max(gradient, -c[C_AREA_VENT] * per_area(False, p, volume, c))
+
+
+def reached_2(gradient, p, volume, c):
+    """Return the same for chamber 2."""
+    if gradient > 0.0:
+        return min(gradient, c[C_AREA_FILL_2] * per_area(True, p, volume, c))
+    return max(gradient, -c[C_AREA_VENT_2] * per_area(False, p, volume, c))

@@ -11,7 +11,18 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.design.plant import clamp, dry_friction, reached, sign, usable, valve_command
+from pneucli.design.plant import (
+    clamp,
+    dry_friction,
+    opening,
+    per_area,
+    reached,
+    reached_2,
+    sign,
+    usable,
+    valve_command,
+    valve_command_2,
+)
 
 
 def start(x_ref, x, p1, p2, s, c):
@@ -200,6 +211,35 @@ def quiet(error, s, c):
     return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_P_BAND]
 
 
+def both_ways(wanted, s, c):
+    """Set the one command of a 5/3 valve: what fills one chamber vents the other; return what of ``wanted`` it makes.
+
+    ``wanted`` is the rate of the force over the first area in Pa/s. The paths of chamber 2 are taken to open in
+    proportion to those of chamber 1.
+    """
+    share = c[C_AREA_2] / c[C_AREA_1]
+    if wanted == 0.0:
+        s[S_RATE1] = 0.0
+        s[S_RATE2] = 0.0
+        s[S_U1] = 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_NODES])])
+        return 0.0
+    filling = wanted > 0.0
+    way = 1.0 if filling else -1.0
+    most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
+    ratio = (c[C_AREA_VENT_2] if filling else c[C_AREA_FILL_2]) / most
+    slope_1 = per_area(filling, s[S_P1], c[C_DEAD_1] + c[C_AREA_1] * s[S_X], c)
+    volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+    slope_2 = ratio * per_area(not filling, s[S_P2], volume_2, c)
+    area = math.fabs(wanted) / (slope_1 + share * slope_2)
+    enough = area < most
+    area = area if enough else most
+    s[S_RATE1] = way * area * slope_1
+    s[S_RATE2] = -way * area * slope_2
+    begin: int = C_TABLE if filling else C_TABLE + int(c[C_NODES])
+    s[S_U1] = opening(area, most, begin, c)
+    return wanted if enough else way * area * (slope_1 + share * slope_2)
+
+
 def chamber_1(s, c):
     """Set the command of the valve at chamber 1: the piston's motion ahead and minus the other flows, or a PI alone."""
     volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
@@ -210,14 +250,20 @@ def chamber_1(s, c):
         if c[C_TWO_VALVES] < 0.5:
             volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
             wanted += c[C_AREA_2] / c[C_AREA_1] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume_2
+        if c[C_MIRRORED] > 0.5:
+            wanted += c[C_AREA_2] / c[C_AREA_1] * s[S_FLOW2]
     else:
         wanted += s[S_INTEGRAL1]
     if quiet(error, s, c):
         wanted = 0.0
-    s[S_RATE1] = reached(wanted, s[S_P1], volume, c)
-    if s[S_RATE1] == wanted:
+    if c[C_MIRRORED] > 0.5:
+        made = both_ways(wanted, s, c)
+    else:
+        made = reached(wanted, s[S_P1], volume, c)
+        s[S_RATE1] = made
+        s[S_U1] = valve_command(wanted, s[S_P1], volume, c)
+    if made == wanted:
         s[S_INTEGRAL1] += c[C_PERIOD] * c[C_P_KI] * error
-    s[S_U1] = valve_command(wanted, s[S_P1], volume, c)
 
 
 def chamber_2(s, c):
@@ -233,10 +279,10 @@ def chamber_2(s, c):
         wanted += s[S_INTEGRAL2]
     if quiet(error, s, c):
         wanted = 0.0
-    s[S_RATE2] = reached(wanted, s[S_P2], volume, c)
+    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, c)
     if s[S_RATE2] == wanted:
         s[S_INTEGRAL2] += c[C_PERIOD] * c[C_P_KI] * error
-    s[S_U2] = valve_command(wanted, s[S_P2], volume, c)
+    s[S_U2] = valve_command_2(wanted, s[S_P2], volume, c)
 
 
 def step(x_ref, x, p1, p2, s, c):

@@ -60,15 +60,20 @@ def manoeuvres(model: Model, views: Sequence[View]) -> Iterator[tuple[str, Exper
     """Yield words and a ready experiment for each manoeuvre that the benches of the views allow."""
     benches = {view.experiment.recording.experiment: view.experiment for view in views}
     for seen in benches.values():
-        if seen.recording.imposed or seen.recording.valve_shut or seen.recording.chamber_2 == "valve":
+        if seen.recording.imposed or seen.recording.valve_shut or _two_commands(seen):
             continue
         if not seen.recording.kind.valve:
             for words, push in _pushes(PUSH * max(value_of(model, "friction.coulomb"), 1.0)):
                 yield words, prepare(_pushed(push, seen.rig), seen.rig, None)
         elif "u" in seen.raw:
-            largest = float(np.abs(seen.inputs[:, at.IN_U]).max()) or 1.0
+            null = seen.rig.valve_null
+            largest = float(np.abs(seen.inputs[:, at.IN_U] - null).max()) or 1.0
             for words, command in _commands(largest):
-                yield f"{words} ({seen.recording.kind.bench})", _commanded(command, seen)
+                yield f"{words} ({seen.recording.kind.bench})", _commanded(null + command, seen)
+
+
+def _two_commands(seen: Experiment) -> bool:
+    return seen.recording.chamber_2 == "valve" and seen.rig.arrangement.second == "own"
 
 
 def _held(values: Sequence[float], dwell: float) -> Array:
@@ -93,8 +98,8 @@ def _commands(u: float) -> Iterator[tuple[str, Array]]:
 
 def _commanded(command: Array, seen: Experiment) -> Experiment:
     values: dict[str, Any] = {"experiment": seen.recording.experiment}
-    if seen.recording.chamber_2 == "open":
-        values["chamber_2"] = "open"
+    if seen.recording.chamber_2 in ("open", "valve"):
+        values["chamber_2"] = seen.recording.chamber_2
     if "p_supply" in seen.raw and seen.rig.supply_pressure:
         values["p_supply"] = seen.rig.supply_pressure
     return prepare(from_rest(command, values, seen.rig), seen.rig, None)

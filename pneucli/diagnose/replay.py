@@ -11,10 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.compare.expected import MOTION
 from pneucli.diagnose.remainder import Remainder
 from pneucli.identify.restarts import lengths
 from pneucli.identify.views import Forces, View, Whole
 from pneucli.simulate.deviations import deviations
+from pneucli.simulate.ends import at_ends
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
@@ -54,7 +56,10 @@ def _of(model: Model, experiment: Experiment) -> dict[str, Array]:
     """Return by channel the error of each stretch over the largest and over the typical draw (stretches, 2)."""
     simulated, drawn, found = outputs(model, experiment), deviations(model, experiment, DRAWS), {}
     for channel, draws in drawn.items():
-        error = _rms(np.nan_to_num(experiment.measured(channel) - simulated[channel]), experiment)
+        left = np.nan_to_num(experiment.measured(channel) - simulated[channel])
+        if channel in MOTION and "x" in simulated:
+            left[at_ends(experiment, simulated["x"], channel)] = 0.0
+        error = _rms(left, experiment)
         noise = np.maximum(np.array([_rms(d, experiment) for d in draws]), 1e-12)
         found[channel] = np.column_stack([error / noise.max(axis=0), error / np.sqrt(np.mean(noise**2, axis=0))])
     return found

@@ -3,51 +3,74 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
+from pneucli.exam.arrangement import arranged
+from pneucli.exam.conditions import USUAL, WIDE, Conditions, drawn, parse
 from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE, Hidden
-from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_stairs, valve_step, wandering
-from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.programme import Programme
+from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.similar import Similar
 
-Kind = Literal["valve", "friction", "axis"]
-KINDS: tuple[Kind, ...] = ("valve", "friction", "axis")
 SEALED = ".sealed"
-STEPS = ((0.6, 1.2, 2.5, 4.0, 6.0, 8.0, 10.0), (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0))
-STAIRS = ((0.5, 1.6), (0.7, 1.2))
+EXAM = "exam.json"  # there: what was asked for, and where the seed came from
 
 
-def write_exam(directory: Path, cases: int = 60, nulls: int = 20, size: float = 1.0, seed: int = 1) -> list[str]:
-    """Write ``cases`` cases with something hidden and ``nulls`` without; returns the names of the folders.
+def write_exam(
+    directory: Path,
+    cases: int = 60,
+    nulls: int = 20,
+    size: float = 1.0,
+    seed: int = 1,
+    conditions: Sequence[str] = (USUAL,),
+    about: Mapping[str, Any] | None = None,
+) -> list[str]:
+    """Write ``cases`` cases with something hidden and ``nulls`` without, for each of the ``conditions``.
 
     Every sixth case hides two effects of the catalogue, every fifth one from outside; the others go through the
-    catalogue in random order. The names do not tell which is which.
-    Raises InputError where the directory holds something already.
+    catalogue in random order. Conditions get the same rigs with the same effects as far as these show under them, so
+    that what a condition costs is seen. What was asked for is sealed with what there is to say ``about`` the exam. The
+    names of the folders, which are returned, do not tell which is which. Raises InputError where the directory holds
+    something already, or for an unknown condition.
     """
+    each = [parse(text) for text in conditions]
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
-    rng = np.random.default_rng(seed)
-    plan = [*_plan(cases, rng), *([((), "")] * nulls)]
+    asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
+    _seal(directory, EXAM, asked | dict(about or {"seed_from": "given"}))
+    plan = [planned for one in each for planned in _plan(cases, nulls, one, seed)]
     names = [f"case-{k:03d}" for k in range(1, len(plan) + 1)]
-    for name, which in zip(names, rng.permutation(len(plan)), strict=True):
-        hidden, outside = plan[which]
-        kind = str(rng.choice(_kinds([*hidden, *([outside] if outside else [])])))
-        truth = generate_case(directory / name, kind, hidden, outside, size, int(rng.integers(2**31)))
-        sealed = directory / SEALED / f"{name}.json"
-        sealed.parent.mkdir(exist_ok=True)
-        sealed.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+    for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
+        planned = plan[which]
+        truth = generate_case(
+            directory / name, planned.kind, planned.hidden, planned.outside, size, planned.seed, planned.conditions
+        )
+        _seal(directory, f"{name}.json", truth)
     return names
 
 
+def _seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:
+    sealed = directory / SEALED / name
+    sealed.parent.mkdir(parents=True, exist_ok=True)
+    sealed.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
 def generate_case(
-    folder: Path, kind: str, hidden: Sequence[str], outside: str, size: float, seed: int
+    folder: Path,
+    kind: str,
+    hidden: Sequence[str],
+    outside: str,
+    size: float,
+    seed: int,
+    conditions: Conditions = Conditions(),  # noqa: B008  (frozen)
 ) -> dict[str, object]:
     """Write ``folder/pipeline.toml`` and ``folder/raw/*.csv``; returns the truth, which is written nowhere.
 
@@ -55,55 +78,132 @@ def generate_case(
     ``size``. Raises InputError where a name is unknown or does not show on this kind of rig.
     """
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
-    rng = np.random.default_rng(seed)
-    linear = kind == "axis" and ("valve-deadband" in hidden or rng.random() < 0.15)
-    baseline = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
-    base = _rig(kind, linear, rng)
-    par = base
-    for effect in [*(BY_NAME[name] for name in baseline), *effects]:
-        par = effect.set(par, size if effect in effects else 1.0, rng)
+    # what came with the conditions is drawn apart, so that the rest of a rig does not depend on them
+    rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    base, known, baseline = _known(kind, hidden, conditions, rng, apart)
+    par = known
+    for effect in effects:
+        par = effect.set(par, size, rng)
+    mess = _mess(kind, outside, conditions, apart) if conditions.messy else {}
+    for small, share in mess.items():
+        par = BY_NAME[small].set(par, share, apart)
+    similar = Similar.of(base, conditions.bore, conditions.supply, conditions.command)
     laboratory = Laboratory(
         folder.name,
-        par,
-        Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng)),
-        vessel=None if kind == "friction" or linear else rng.uniform(120e-6, 250e-6),
+        similar.rig(par),
+        _sensors(conditions, similar, rng),
+        vessel=None if kind == "friction" or _is_linear(base, kind) else _vessel(similar, rng),
         has_cylinder=kind != "valve",
-        supply_recorded="supply-droop" not in hidden and rng.random() > 0.15,
-        linear_valve=linear,
+        supply_recorded=("supply-droop" not in hidden and rng.random() > 0.15) or conditions.tank,
+        linear_valve=_is_linear(base, kind),
         effects=baseline,
+        null=conditions.null_stated,
+        stroke_stated=_stated(similar.rig(known).stroke, apart) if conditions.ends else None,
+        absent=conditions.absent,
     )
-    takes = _takes(kind, laboratory, rng)
-    laboratory.record(folder / "raw", takes, rng)
+    takes = Programme(laboratory, similar.rig(known), similar, conditions, rng).takes(kind)
+    at_ends = laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
-    return _truth(laboratory, [BY_NAME[name] for name in hidden], outside)
+    truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
+    return truth | {"mess": mess, "share_at_ends": at_ends}
 
 
-def _plan(cases: int, rng: np.random.Generator) -> list[tuple[tuple[str, ...], str]]:
-    plan: list[tuple[tuple[str, ...], str]] = []
-    singles, strangers = _endless(CATALOGUE, rng), _endless(OUTSIDE, rng)
-    for k in range(cases):
-        if k % 6 == 5:
-            plan.append((_pair(rng), ""))
-        elif k % 5 == 4:
-            plan.append(((), next(strangers)))
-        else:
-            plan.append(((next(singles),), ""))
-    return plan
+def _known(
+    kind: str, hidden: Sequence[str], conditions: Conditions, rng: np.random.Generator, apart: np.random.Generator
+) -> tuple[Parameters, Parameters, tuple[str, ...]]:
+    """The usual rig, what the conditions and known effects make of it, and the names of these effects."""
+    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
+    friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
+    base = _rig(kind, linear, rng)
+    known, loads = arranged(base, kind, conditions, apart)
+    for name in friction:
+        known = BY_NAME[name].set(known, 1.0, rng)
+    return base, known, (*friction, *loads)
 
 
-def _endless(effects: Sequence[Hidden], rng: np.random.Generator) -> Iterator[str]:
+def _is_linear(base: Parameters, kind: str) -> bool:
+    """Whether the valve is described by one gain: an axis without a valve test."""
+    return kind == "axis" and base.overlap == 0.0
+
+
+def _sensors(conditions: Conditions, similar: Similar, rng: np.random.Generator) -> Sensors:
+    usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
+    sensors = replace(usual, bits=conditions.bits, drift=conditions.drift, outliers=conditions.outliers)
+    return replace(similar.sensors(sensors), rate=conditions.rate)
+
+
+def _hum(rng: np.random.Generator) -> float:
+    return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
+
+
+def _vessel(similar: Similar, rng: np.random.Generator) -> float:
+    """Volume in m^3 of the vessel on the valve's bench."""
+    return rng.uniform(120e-6, 250e-6) * similar.length * similar.area
+
+
+def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
+    """Three or four small effects from outside the catalogue, and their sizes over the usual."""
+    taken = set(BY_NAME[outside].scaled) if outside else set()
+    mess: dict[str, float] = {}
+    wanted = int(rng.integers(3, 5))
+    for i in rng.permutation(len(OUTSIDE)):
+        effect = OUTSIDE[i]
+        fits = kind in effect.kinds and conditions.allows(effect.name) and not taken & set(effect.scaled)
+        if fits and len(mess) < wanted:
+            mess[effect.name] = float(rng.uniform(0.05, 0.25))
+            taken |= set(effect.scaled)
+    return mess
+
+
+def _stated(stroke: float, rng: np.random.Generator) -> float | None:
+    """What is stated of a stroke (m): in half of the cases a few thousandths too much or too little."""
+    return stroke * (1.0 + rng.uniform(-5e-3, 5e-3)) if rng.random() < 0.5 else None
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One case to be written."""
+
+    kind: str
+    hidden: tuple[str, ...]
+    outside: str
+    seed: int
+    conditions: Conditions
+
+
+def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[Planned]:
+    rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    singles, strangers = (_endless(effects, conditions, rng) for effects in (CATALOGUE, OUTSIDE))
+    for k in range(cases + nulls):
+        hidden: tuple[str, ...] = ()
+        outside = ""
+        if k < cases and k % 6 == 5:
+            hidden = _pair(conditions, rng)
+        elif k < cases and k % 5 == 4:
+            outside = next(strangers)
+        elif k < cases:
+            hidden = (next(singles),)
+        names = [*hidden, *([outside] if outside else [])]
+        of_case = conditions
+        while WIDE in of_case.names and (of_case is conditions or not _kinds(names, of_case)):
+            of_case = drawn(apart, names)
+        yield Planned(str(rng.choice(_kinds(names, of_case))), hidden, outside, int(rng.integers(2**31)), of_case)
+
+
+def _endless(effects: Sequence[Hidden], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
     while True:
-        yield from (effects[i].name for i in rng.permutation(len(effects)))
+        order = [effects[i].name for i in rng.permutation(len(effects))]
+        yield from (name for name in order if conditions.allows(name) and _kinds([name], conditions))
 
 
-def _pair(rng: np.random.Generator) -> tuple[str, ...]:
-    kind = str(rng.choice(KINDS))
-    names = [effect.name for effect in CATALOGUE if kind in effect.kinds]
+def _pair(conditions: Conditions, rng: np.random.Generator) -> tuple[str, ...]:
+    kind = str(rng.choice(conditions.kinds))
+    names = [effect.name for effect in CATALOGUE if kind in effect.kinds and conditions.allows(effect.name)]
     return tuple(str(name) for name in rng.choice(names, 2, replace=False))
 
 
-def _kinds(names: Sequence[str]) -> list[str]:
-    return [kind for kind in KINDS if all(kind in BY_NAME[name].kinds for name in names)]
+def _kinds(names: Sequence[str], conditions: Conditions) -> list[str]:
+    return [kind for kind in conditions.kinds if all(kind in BY_NAME[name].kinds for name in names)]
 
 
 def _effect(name: str, kind: str) -> Hidden:
@@ -118,8 +218,8 @@ def _rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
     area = rng.uniform(5.5e-4, 12e-4)
     return Parameters(
         supply=rng.uniform(6.1e5, 8.0e5),
-        piston_area_1=area if kind != "valve" else 0.0,
-        piston_area_2=area * float(rng.choice([1.0, rng.uniform(0.85, 0.9)])) if kind != "valve" else 0.0,
+        piston_area_1=area,
+        piston_area_2=area * float(rng.choice([1.0, rng.uniform(0.85, 0.9)])) if kind != "valve" else area,
         dead_volume_1=rng.uniform(20e-6, 40e-6),
         dead_volume_2=rng.uniform(20e-6, 40e-6),
         mass=rng.uniform(1.3, 4.0),
@@ -131,54 +231,34 @@ def _rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
     )
 
 
-def _hum(rng: np.random.Generator) -> float:
-    return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
+def _second(par: Parameters) -> dict[str, float]:
+    return {
+        "effective_area_2_at_10V": par.effective_area_2,
+        "overlap_2_V": par.overlap_2,
+        "area_exponent_2": par.exponent_2,
+    }
 
 
-def _takes(kind: str, laboratory: Laboratory, rng: np.random.Generator) -> list[Take]:
-    par, bench = laboratory.parameters, laboratory.bench
-    takes: list[Take] = []
-    if laboratory.vessel is not None:
-        steps = STEPS[int(rng.integers(len(STEPS)))]
-        tested = steps[3] if kind == "valve" else None
-        takes += [Take(f"step_+{v}V", "valve", "test" if v == tested else "train", valve_step(bench, v)) for v in steps]
-        takes += [
-            Take(f"stairs_{i}", "valve", "test" if i == 2 else "train", valve_stairs(bench, *levels))
-            for i, levels in enumerate(STAIRS, 1)
-        ]
-    if kind == "friction":
-        rates = (rng.uniform(5e3, 8e3), rng.uniform(9e3, 14e3))
-        takes += [
-            Take(f"stickslip_{i}", "friction", "test" if i == 2 else "train", stick_slip(par, rate))
-            for i, rate in enumerate(rates, 1)
-        ]
-        takes += [
-            Take(f"driven_{i}", "friction", "test" if i == 3 else "train", _driven(par, 6000, rng)) for i in (1, 2, 3)
-        ]
-    if kind == "axis":
-        takes += [
-            Take(f"axis_{i}", "axis", "test" if i == 4 else "train", _driven(par, 8000, rng)) for i in (1, 2, 3, 4)
-        ]
-    return takes
-
-
-def _driven(par: Parameters, samples: int, rng: np.random.Generator) -> Manoeuvre:
-    return closed_loop(par, wandering(rng, samples), rng.uniform(100.0, 200.0), rng.uniform(1.3e5, 2.2e5))
-
-
-def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str) -> dict[str, object]:
+def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, conditions: Conditions) -> dict[str, object]:
     par = laboratory.parameters
     return {
         "hidden": {effect.name: effect.truth(par) for effect in hidden},
         "outside_the_catalogue": outside or None,
         "baseline": list(laboratory.effects),
+        "part": BY_NAME[outside].part if outside else None,
+        "over": BY_NAME[outside].over if outside else None,
+        "conditions": list(conditions.names) or [USUAL],
         "verdict": "unexplained" if outside else "missing-effect" if hidden else "adequate",
+        "unexplained_is_right": bool(outside) or conditions.allows_unexplained,
         "base": {
             "coulomb": par.coulomb,
             "viscous": par.viscous,
             "effective_area_at_10V": par.effective_area,
             "overlap_V": par.overlap,
             "area_exponent": par.exponent,
+            "null_V": par.command_null,
+            "fully_open_V": par.command_range,
+            **({} if par.arrangement == ONE_CHAMBER else _second(par)),
         },
         "sensor_noise_pressure_Pa": laboratory.sensors.pressure,
     }

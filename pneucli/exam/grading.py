@@ -1,11 +1,10 @@
-"""Grading answers: how often the hidden effect was named, nothing was named where nothing was, and how exactly."""
+"""Grading answers, by condition: what was named, what should have been, how exactly, and why the rest failed."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,136 +12,83 @@ import numpy as np
 from scipy.stats import binomtest
 
 from pneucli.errors import InputError
-from pneucli.exam.cases import SEALED
+from pneucli.exam.cases import EXAM, SEALED
+from pneucli.exam.graded import Graded
 
-TOLERANCE = 0.15
 SECONDS = "seconds.json"
-
-
-@dataclass(frozen=True)
-class Graded:
-    """One case: what was hidden, and what was answered (the object of ``diagnose --json``)."""
-
-    case: str
-    truth: dict[str, Any]
-    answer: dict[str, Any]
-
-    @property
-    def hidden(self) -> set[str]:
-        """The true effects of the catalogue."""
-        return set(self.truth["hidden"])
-
-    @property
-    def missing(self) -> set[str]:
-        """The effects that the answer names."""
-        return set(self.answer["missing"])
-
-    @property
-    def candidates(self) -> dict[str, dict[str, Any]]:
-        """The candidates that the answer names, by effect."""
-        return {c["effect"]: c for c in self.answer.get("candidates", []) if c["effect"] in self.missing}
-
-    @property
-    def covered(self) -> set[str]:
-        """All effects in the answer: named, or stated not to be told apart from a named one."""
-        return self.missing.union(*(c.get("indistinguishable_from", []) for c in self.candidates.values()))
-
-    @property
-    def kind_of_truth(self) -> str:
-        """The row of the confusion matrix."""
-        return self.truth["outside_the_catalogue"] or " + ".join(sorted(self.hidden)) or "none"
-
-    @property
-    def said(self) -> str:
-        """The column of the confusion matrix."""
-        names = " + ".join(sorted(self.missing))
-        return (
-            f"{names} (unexplained)"
-            if names and self.answer["verdict"] == "unexplained"
-            else names or self.answer["verdict"]
-        )
-
-    @property
-    def parameters_right(self) -> list[bool]:
-        """For every parameter of a true effect that was named: whether it is within 15 % of the truth."""
-        return [
-            abs(self.candidates[effect]["parameters"][name]["value"] - value) <= TOLERANCE * abs(value)
-            for effect in self.hidden & set(self.candidates)
-            for name, value in self.truth["hidden"][effect].items()
-            if name in self.candidates[effect]["parameters"]
-        ]
-
-    @property
-    def error_after(self) -> float | None:
-        """Error of the last rung of the ladder, in units of the noise floor."""
-        if not self.answer.get("ladder"):
-            return None
-        rung = self.answer["ladder"][-1]
-        error = rung["error_test"] if rung["error_test"] is not None else rung["error_train"]
-        return None if error is None else float(error)
 
 
 def grade(directory: Path, answers: Path) -> dict[str, Any]:
     """Grade ``answers/CASE.json`` against the sealed truths (or ``CASE/truth.json``) below ``directory``.
 
     A share comes as right, of, share and its exact 95 % interval (Clopper and Pearson); a case without an answer is
-    listed and counts as wrong. Raises InputError where there is no truth or an answer cannot be read.
+    listed and counts as wrong. The same comes for each condition. Raises InputError where there is no truth or an
+    answer cannot be read.
     """
-    truths = _truths(directory)
-    graded = [Graded(case, truth, _answer(answers / f"{case}.json")) for case, truth in truths.items()]
-    known = [g for g in graded if g.hidden]
-    nulls = [g for g in graded if g.truth["verdict"] == "adequate"]
-    strangers = [g for g in graded if g.truth["outside_the_catalogue"]]
-    right = [right for g in known for right in g.parameters_right]
-    errors = [g.error_after for g in known if g.hidden == g.missing and g.error_after is not None]
+    graded = graded_cases(directory, answers)
+    sealed = directory / SEALED / EXAM
+    return {
+        "exam": json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else None,
+        "answered_by": sorted({str(g.answer["program"]) for g in graded if "program" in g.answer}),
+        **report(graded),
+    }
+
+
+def report(graded: Sequence[Graded]) -> dict[str, Any]:
+    """Count all cases, those of each condition, and what was answered to what."""
+    groups = {name: [g for g in graded if name in g.conditions] for each in graded for name in each.conditions}
     return {
         "schema": "pneucli/exam/1",
-        "cases": len(graded),
-        "unanswered": [g.case for g in graded if g.answer["verdict"] == "no answer"],
-        "shares": {
-            "verdict right": _share(graded, lambda g: g.answer["verdict"] == g.truth["verdict"]),
-            "true effects in the answer": _share(known, lambda g: g.hidden <= g.covered),
-            "exactly the true effects": _share(known, lambda g: g.hidden == g.missing),
-            "nulls named nothing": _share(nulls, lambda g: g.answer["verdict"] == "adequate" and not g.missing),
-            "unknown flagged": _share(strangers, lambda g: g.answer["verdict"] == "unexplained"),
-            "unknown wrongly named": _share(strangers, lambda g: bool(g.missing)),
-            "parameters within 15 %": _proportion(sum(right), len(right)),
-        },
-        "error_after": {"median": float(np.median(errors)), "largest": max(errors)} if errors else None,
-        "seconds": _seconds(answers / SECONDS),
+        **_counts(graded),
+        "conditions": [{"condition": name, **_counts(cases)} for name, cases in sorted(groups.items())],
         "confusion": _confusion(graded),
     }
 
 
-def to_markdown(result: dict[str, Any]) -> str:
-    """The grades and the confusion matrix as two Markdown tables."""
-    lines = [f"{result['cases']} cases, {len(result['unanswered'])} without an answer", ""]
-    lines += ["| what | right | of | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
-    for what, share in result["shares"].items():
-        if share["of"]:
-            low, high = share["ci95"]
-            lines.append(
-                f"| {what} | {share['right']} | {share['of']} | {share['share']:.0%} | {low:.0%} to {high:.0%} |"
-            )
-    if result["error_after"]:
-        errors = result["error_after"]
-        lines += [
-            "",
-            f"Error after, over the noise floor: {errors['median']:.2f} (median), {errors['largest']:.2f} (largest)",
-        ]
-    if result["seconds"]:
-        taken = result["seconds"]
-        lines += [
-            "",
-            f"Seconds a case: {taken['median']:.0f} (median), {taken['slowest']:.0f} ({taken['case']}, slowest)",
-        ]
-    lines += ["", "| hidden | answered | cases |", "| --- | --- | ---: |"]
-    lines += [f"| {row['hidden']} | {row['answered']} | {row['cases']} |" for row in result["confusion"]]
-    return "\n".join(lines) + "\n"
+def graded_cases(directory: Path, answers: Path) -> list[Graded]:
+    """All cases with their answers. Raises InputError as ``grade`` does."""
+    seconds = answers / SECONDS
+    taken: dict[str, float] = json.loads(seconds.read_text(encoding="utf-8")) if seconds.exists() else {}
+    return [
+        Graded(case, truth, _answer(answers / f"{case}.json"), taken.get(case))
+        for case, truth in _truths(directory).items()
+    ]
+
+
+def _counts(graded: Sequence[Graded]) -> dict[str, Any]:
+    known = [g for g in graded if g.hidden]
+    nulls = [g for g in graded if g.is_null]
+    strangers = [g for g in graded if g.stranger]
+    right = [right for g in known for right in g.parameters_right]
+    held = [held for g in known for held in g.parameters_covered]
+    sure = [true for g in graded for true in g.sure_ones]
+    return {
+        "cases": len(graded),
+        "unanswered": [g.case for g in graded if g.verdict == "no answer"],
+        "shares": {
+            "verdict right": _share(graded, lambda g: g.verdict_is_right),
+            "true effects in the answer": _share(known, lambda g: g.hidden <= g.covered),
+            "exactly the true effects": _share(known, lambda g: g.hidden == g.missing),
+            "nulls named nothing": _share(nulls, lambda g: g.is_clean),
+            "clean nulls named nothing": _share([g for g in nulls if not g.is_messy], lambda g: g.is_clean),
+            "messy nulls named nothing": _share([g for g in nulls if g.is_messy], lambda g: g.is_clean),
+            "unknown flagged": _share(strangers, lambda g: g.verdict == "unexplained"),
+            "unknown wrongly named": _share(strangers, lambda g: bool(g.missing)),
+            "inconclusive": _share(graded, lambda g: g.verdict == "inconclusive"),
+            "parameters within 15 %": _proportion(sum(right), len(right)),
+            "intervals that hold the truth": _proportion(sum(held), len(held)),
+            "named with 0.9 or more, and true": _proportion(sum(sure), len(sure)),
+        },
+        "set_size": _summary([size for g in known for size in g.set_sizes]),
+        "error_after": _summary([g.error_after for g in known if g.hidden == g.missing]),
+        "seconds": _seconds(graded),
+        "failures": dict(sorted(Counter(g.failure for g in graded if g.failure).items())),
+    }
 
 
 def _truths(directory: Path) -> dict[str, dict[str, Any]]:
-    files = {path.stem: path for path in sorted((directory / SEALED).glob("*.json"))}
+    sealed = sorted((directory / SEALED).glob("*.json"))
+    files = {path.stem: path for path in sealed if path.name != EXAM}
     files = files or {path.parent.name: path for path in sorted(directory.glob("*/truth.json"))}
     if not files:
         raise InputError(
@@ -163,13 +109,18 @@ def _answer(path: Path) -> dict[str, Any]:
     return answer
 
 
-def _seconds(path: Path) -> dict[str, Any] | None:
-    """Return the median and the slowest of the seconds by case, None where nobody noted them."""
-    seconds: dict[str, float] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    if not seconds:
+def _summary(values: Sequence[float | None]) -> dict[str, float] | None:
+    there = [value for value in values if value is not None]
+    return {"median": float(np.median(there)), "largest": float(max(there))} if there else None
+
+
+def _seconds(graded: Sequence[Graded]) -> dict[str, Any] | None:
+    """The median and the slowest of the processor seconds; None where nobody noted them."""
+    noted = {g.case: g.seconds for g in graded if g.seconds is not None}
+    if not noted:
         return None
-    slowest = max(seconds, key=seconds.__getitem__)
-    return {"median": float(np.median(list(seconds.values()))), "slowest": seconds[slowest], "case": slowest}
+    slowest = max(noted, key=noted.__getitem__)
+    return {"median": float(np.median(list(noted.values()))), "slowest": noted[slowest], "case": slowest}
 
 
 def _share(cases: Sequence[Graded], is_right: Callable[[Graded], bool]) -> dict[str, Any]:

@@ -25,6 +25,8 @@ class Hidden:
 
     ``fields`` maps the catalogue's parameter names to the rig's, with the factor from the catalogue's unit to SI.
     ``scaled`` maps the rig's fields that carry the size to their null values; an ``inverse`` one is null at infinity.
+    Of an effect outside the catalogue, ``part`` says where it acts (force, flow or sensor) and ``over`` the signal of
+    which it is a function.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Hidden:
     scaled: dict[str, float]
     draw: Draw
     inverse: bool = False
+    part: str = ""
+    over: str = ""
 
     def set(self, par: Parameters, size: float, rng: np.random.Generator) -> Parameters:
         """Return the rig with this effect of the given size."""
@@ -197,34 +201,74 @@ CATALOGUE = (
 """The effects of the catalogue (interface, section 5)."""
 
 
-def _outside(name: str, kinds: tuple[Kind, ...], scaled: str, draw: Draw) -> Hidden:
-    return Hidden(name, kinds, {}, dict.fromkeys(scaled.split(), 0.0), draw)
+def _outside(name: str, kinds: tuple[Kind, ...], part: str, over: str, scaled: str, draw: Draw) -> Hidden:
+    return Hidden(name, kinds, {}, dict.fromkeys(scaled.split(), 0.0), draw, part=part, over=over)
 
 
 OUTSIDE = (
-    _outside("dry friction falls over the first seconds", MOTION, "running_in", _about(running_in=0.4)),
-    _outside("viscous friction falls while warming up", MOTION, "warming", _about(warming=0.55)),
-    _outside("force periodic over position", MOTION, "pitch_force", _about(pitch_force=9.0, pitch=0.02)),
-    _outside("quadratic drag", MOTION, "quadratic_drag", _about(quadratic_drag=250.0)),
+    _outside(
+        "dry friction falls over the first seconds", MOTION, "force", "time", "running_in", _about(running_in=0.4)
+    ),
+    _outside("viscous friction falls while warming up", MOTION, "force", "time", "warming", _about(warming=0.55)),
+    _outside("force periodic over position", MOTION, "force", "x", "pitch_force", _about(pitch_force=9.0, pitch=0.02)),
+    _outside("quadratic drag", MOTION, "force", "v", "quadratic_drag", _about(quadratic_drag=250.0)),
     _outside(
         "resonance of a flexibly coupled load",
         MOTION,
+        "force",
+        "time",
         "load_mass load_stiffness load_damping",
         _about(load_mass=1.0, load_stiffness=2500.0, load_damping=4.0),
     ),
     _outside(
         "backlash between piston and load",
         MOTION,
+        "force",
+        "time",
         "load_mass load_stiffness load_damping",
         _about(load_mass=1.2, load_stiffness=2e4, load_damping=40.0, load_gap=3e-3),
     ),
-    _outside("load periodic in time", MOTION, "swinging_force", _about(swinging_force=9.0, swinging_frequency=1.3)),
-    _outside("supply ripple that its sensor misses", GAS, "ripple", _about(ripple=4e4, ripple_frequency=7.0)),
-    _outside("valve gain drifts over each recording", GAS, "gain_drift", _either_sign(gain_drift=0.06)),
-    _outside("spool sticks and jumps", GAS, "spool_stiction", _about(spool_stiction=1.8)),
-    _outside("clogged silencer", GAS, "silencer", _about(silencer=300.0)),
     _outside(
-        "curved characteristic of the sensor of p1", GAS, "pressure_curvature", _either_sign(pressure_curvature=8e-8)
+        "load periodic in time",
+        MOTION,
+        "force",
+        "time",
+        "swinging_force",
+        _about(swinging_force=9.0, swinging_frequency=1.3),
+    ),
+    _outside("bent guide", MOTION, "force", "x", "bent_guide", _about(bent_guide=1.2)),
+    _outside(
+        "supply ripple that its sensor misses", GAS, "flow", "time", "ripple", _about(ripple=4e4, ripple_frequency=7.0)
+    ),
+    _outside("valve gain drifts over each recording", GAS, "flow", "time", "gain_drift", _either_sign(gain_drift=0.06)),
+    _outside("spool sticks and jumps", GAS, "flow", "u", "spool_stiction", _about(spool_stiction=1.8)),
+    _outside(
+        "spool opens slowly and shuts at once", GAS, "flow", "u", "sluggish_opening", _about(sluggish_opening=0.04)
+    ),
+    _outside("clogged silencer", GAS, "flow", "p1", "silencer", _about(silencer=300.0)),
+    _outside(
+        "leak that opens with the pressure",
+        GAS,
+        "flow",
+        "p1",
+        "relief_area",
+        _about(relief_area=4e-7, relief_pressure=2.2e5),
+    ),
+    _outside(
+        "curved characteristic of the sensor of p1",
+        GAS,
+        "sensor",
+        "p1",
+        "pressure_curvature",
+        _either_sign(pressure_curvature=8e-8),
+    ),
+    _outside(
+        "curved characteristic of the sensor of x",
+        AXIS,
+        "sensor",
+        "x",
+        "position_curvature",
+        _either_sign(position_curvature=0.2),
     ),
 )
 """Effects that no catalogue names."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pneucli.exam.rig.files import LAYOUT, write_csv
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors, measure
 
@@ -19,7 +20,7 @@ Experiment = Literal["valve", "friction", "axis"]
 SIGNALS: dict[Experiment, tuple[str, ...]] = {
     "valve": ("u", "p_supply", "p1"),
     "friction": ("p1", "p2", "x", "a"),
-    "axis": ("u", "p_supply", "p1", "p2", "x", "a"),
+    "axis": ("u", "u2", "p_supply", "p1", "p2", "x", "a"),
 }
 
 
@@ -31,13 +32,7 @@ class Take:
     experiment: Experiment
     use: Literal["train", "test"]
     manoeuvre: Manoeuvre
-
-    @property
-    def chamber_2(self) -> str | None:
-        """``open`` or ``closed``; None on the bench, which has none."""
-        if self.experiment == "valve":
-            return None
-        return "open" if self.manoeuvre.chamber_2_open else "closed"
+    chamber: Literal[1, 2] = 1  # on the bench: whose valve, or whose port, is tested
 
 
 @dataclass(frozen=True)
@@ -46,6 +41,8 @@ class Laboratory:
 
     ``vessel`` is the fixed chamber of the valve's bench, ``has_cylinder`` whether there is a cylinder; without
     ``supply_recorded`` the files have no p_supply; ``effects`` are those that the pipeline already knows of.
+    ``null`` is what it says of the valve's null, ``stroke_stated`` (m) of the stroke, where that is not exact;
+    signals in ``absent`` are not recorded.
     """
 
     name: str
@@ -56,24 +53,44 @@ class Laboratory:
     supply_recorded: bool = True
     linear_valve: bool = False
     effects: tuple[str, ...] = ()
+    null: str | None = None
+    stroke_stated: float | None = None
+    absent: frozenset[str] = frozenset()
 
     @property
     def bench(self) -> Parameters:
+        """The valve of chamber 1 on the vessel."""
+        return self.bench_of(1)
+
+    def bench_of(self, chamber: Literal[1, 2]) -> Parameters:
         """The same valve, supply and sensors on the vessel; a leak of the cylinder stays with the cylinder."""
         par = self.parameters._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=self.vessel or 0.0)
-        par = par._replace(dead_volume_added=0.0, piston_leak_area=0.0, load_mass=0.0)
-        return par._replace(leak_area=0.0) if self.has_cylinder else par
+        par = par._replace(dead_volume_added=0.0, piston_leak_area=0.0, load_mass=0.0, arrangement=ONE_CHAMBER)
+        if chamber == 2:
+            edges = {"effective_area": par.effective_area_2, "overlap": par.overlap_2, "exponent": par.exponent_2}
+            is_one_spool = self.parameters.arrangement == FIVE_THREE
+            par = par._replace(command_sign=-1.0 if is_one_spool else 1.0, **edges)
+        return par._replace(leak_area=0.0, relief_area=0.0) if self.has_cylinder else par
 
     def signals(self, experiment: Experiment) -> tuple[str, ...]:
         """The recorded signals of an experiment."""
-        return tuple(s for s in SIGNALS[experiment] if s != "p_supply" or self.supply_recorded)
+        absent = set(self.absent) if self.supply_recorded else {"p_supply", *self.absent}
+        if self.parameters.arrangement != TWO_VALVES:
+            absent.add("u2")
+        return tuple(signal for signal in SIGNALS[experiment] if signal not in absent)
 
-    def record(self, folder: Path, takes: Sequence[Take], rng: np.random.Generator) -> None:
-        """Simulate every take and write ``folder/NAME.csv``."""
+    def record(self, folder: Path, takes: Sequence[Take], rng: np.random.Generator) -> dict[str, float]:
+        """Simulate every take and write ``folder/NAME.csv``; returns the share of its time at an end of the stroke."""
+        at_ends = {}
         for take in takes:
-            par = self.bench if take.experiment == "valve" else self.parameters
-            seen = measure(par, self.sensors, run(par, take.manoeuvre), rng)
-            write_csv(folder / f"{take.name}.csv", self.name, seen, self.signals(take.experiment))
+            par = self.bench_of(take.chamber) if take.experiment == "valve" else self.parameters
+            truth = run(par, take.manoeuvre, self.sensors.fine_rate)
+            seen = measure(par, self.sensors, truth, rng)
+            names = self.signals(take.experiment)
+            write_csv(folder / f"{take.name}.csv", self.name, seen, names, self.sensors.position_step)
+            if take.experiment != "valve":
+                at_ends[take.name] = float(np.mean((truth["x"] <= 0.0) | (truth["x"] >= par.stroke)))
+        return at_ends
 
     def pipeline(self, takes: Sequence[Take], folder: str, checks: str = "") -> str:
         """Return the pipeline file's text; ``folder`` is where its recordings lie, relative to it."""
@@ -82,36 +99,64 @@ class Laboratory:
             f'[pipeline]\nname = "{self.name}"\n',
             self._rig(),
             self._columns(takes),
-            *(_recording(take, folder, self.signals(take.experiment)) for take in takes),
+            *(self._recording(take, folder) for take in takes),
             self._model(takes),
         ]
         return "\n".join(parts) + checks
 
     def _rig(self) -> str:
         par = self.parameters
+        stroke = self.stroke_stated or par.stroke
+        # beside another stroke, the volume that was measured at the other end
+        dead_volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - stroke)
         text = f'[rig]\ngas_temperature = "{par.temperature} K"\n'
         text += f'ambient_pressure = "{par.ambient / 1e5:.3f} bar"      # absolute\n'
         text += f'supply_pressure = "{par.supply / 1e5:.4f} bar"     # absolute; the regulator\'s setting\n'
         if self.has_cylinder:
             text += (
-                f'\n[rig.cylinder]\npiston_area_1 = "{par.piston_area_1 * 1e4:.4f} cm^2"\n'
-                f'piston_area_2 = "{par.piston_area_2 * 1e4:.4f} cm^2"\nstroke = "{par.stroke * 1e3:.1f} mm"\n'
-                f'dead_volume_1 = "{par.dead_volume_1 * 1e6:.3f} cm^3"\n'
-                f'dead_volume_2 = "{par.dead_volume_2 * 1e6:.3f} cm^3"\nmoving_mass = "{par.mass:.4f} kg"\n'
+                f'\n[rig.cylinder]\npiston_area_1 = "{_number(par.piston_area_1 * 1e4, 4)} cm^2"\n'
+                f'piston_area_2 = "{_number(par.piston_area_2 * 1e4, 4)} cm^2"\n'
+                f'stroke = "{_number(stroke * 1e3, 1)} mm"\n'
+                f'dead_volume_1 = "{_number(par.dead_volume_1 * 1e6, 3)} cm^3"\n'
+                f'dead_volume_2 = "{_number(dead_volume_2 * 1e6, 3)} cm^3"\n'
+                f'moving_mass = "{_number(par.mass, 4)} kg"\n'
             )
         if self.vessel is not None:
-            text += f'\n[rig.vessel]\nvolume = "{self.vessel * 1e6:.3f} cm^3"\n'
-        return text
+            text += f'\n[rig.vessel]\nvolume = "{_number(self.vessel * 1e6, 3)} cm^3"\n'
+        return text + self._valve()
+
+    def _valve(self) -> str:
+        """The table of the valve; the usual one goes without saying."""
+        par = self.parameters
+        lines = {
+            "arrangement": {FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement),
+            "null": self.null,
+            "kind": "switching" if par.switching else None,
+        }
+        if par.switching and par.arrangement == ONE_CHAMBER:
+            lines["arrangement"] = "one-chamber"
+        said = [f'{key} = "{value}"' for key, value in lines.items() if value]
+        return "\n".join(["\n[rig.valve]", *said]) + "\n" if said else ""
 
     def _columns(self, takes: Sequence[Take]) -> str:
         recorded = {signal for take in takes for signal in self.signals(take.experiment)}
-        units = {"u": "V", "x": "mm", "a": "m/s^2"}
+        units = {"u": "V", "u2": "V", "x": "mm", "a": "m/s^2"}
         lines = ["[signals]", 'time = { column = "t [ms]", unit = "ms" }']
         for name, (column, _, _) in LAYOUT.items():
             if name in recorded:
                 unit = f'unit = "{units[name]}"' if name in units else 'unit = "bar", reference = "gauge"'
                 lines.append(f'{name} = {{ column = "{column}", {unit} }}')
         return "\n".join(lines) + "\n"
+
+    def _recording(self, take: Take, folder: str) -> str:
+        text = f'[[recordings]]\nname = "{take.name}"\nfile = "{folder}/{take.name}.csv"\n'
+        text += f'experiment = "{take.experiment}"\nuse = "{take.use}"\n'
+        if take.experiment != "valve":
+            follows = self.parameters.arrangement != ONE_CHAMBER
+            state = "open" if take.manoeuvre.chamber_2_open else "valve" if follows else "closed"
+            return text + f'chamber_2 = "{state}"\n'
+        names = ", ".join(f'"{signal}"' for signal in ("time", *self.signals("valve")))
+        return text + ("chamber = 2\n" if take.chamber == 2 else "") + f"take = [{names}]\n"
 
     def _model(self, takes: Sequence[Take]) -> str:
         horizon = "5 s" if all(take.experiment == "valve" for take in takes) else "0.5 s"
@@ -120,10 +165,6 @@ class Laboratory:
         return f'[model]\neffects = [{effects}]\n{valve}\n[compare]\nhorizon = "{horizon}"\n'
 
 
-def _recording(take: Take, folder: str, signals: tuple[str, ...]) -> str:
-    text = f'[[recordings]]\nname = "{take.name}"\nfile = "{folder}/{take.name}.csv"\n'
-    text += f'experiment = "{take.experiment}"\nuse = "{take.use}"\n'
-    if take.chamber_2:
-        return text + f'chamber_2 = "{take.chamber_2}"\n'
-    names = ", ".join(f'"{signal}"' for signal in ("time", *signals))
-    return text + f"take = [{names}]\n"
+def _number(value: float, decimals: int) -> str:
+    """As many decimals as given, and more where fewer than four digits would be left."""
+    return f"{value:.{max(decimals, 3 - math.floor(math.log10(value)))}f}"

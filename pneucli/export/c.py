@@ -29,7 +29,7 @@ def source(controller: Controller, pipeline: str) -> str:
     """Return ``pneucli_controller.c``; every equation in it is translated from :mod:`pneucli.design.step`."""
     known = [f for module in (plant, step) for f in vars(module).values() if isinstance(f, FunctionType)]
     numbers = [f"    {controller.values[n]!r}, /* {n} */" for n in layout.PARAMETERS if n != "C_TABLE"]
-    for title, table in (("fill", controller.fill), ("vent", controller.vent)):
+    for title, table in controller.tables().items():
         numbers += [f"    /* {title}: V at (i / {len(table) - 1})^2 of the largest area */"]
         numbers += [f"    {', '.join(map(repr, map(float, table[i : i + 6])))}," for i in range(0, len(table), 6)]
     return (

@@ -70,7 +70,7 @@ def write_mat(path: Path, controller: Controller, tables: Mapping[str, Table]) -
     """Write a MATLAB file (v5): the controller's numbers and inverse tables, and each table as a struct of columns."""
     numbers = {name.removeprefix("C_").lower(): value for name, value in controller.values.items()}
     content: dict[str, Any] = {
-        "controller": {**numbers, "fill": np.array(controller.fill), "vent": np.array(controller.vent)}
+        "controller": {**numbers, **{name: np.array(table) for name, table in controller.tables().items()}}
     }
     for name, table in tables.items():
         content[name] = {k: np.array(v, dtype=object) if isinstance(v, list) else v for k, v in table.items()}

@@ -25,7 +25,7 @@ from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import OVERLAPS, ValveArea
+from pneucli.simulate.valve_area import ValveArea
 
 Array = NDArray[np.float64]
 
@@ -206,15 +206,13 @@ def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit
 
     There the valve opens all at once at its smallest knot, and the fit does not come back by itself.
     """
-    valve = found.model.valve
-    if not isinstance(valve, ValveArea):
-        return found
-    at_bound = {e.name for e in found.estimates if e.name in OVERLAPS and e.at_bound and e.value > 0.0}
+    at_bound = {e.name for e in found.estimates if e.at_bound and e.value > 0.0}
     guessed = {}
-    for sign, name in ((1.0, "valve.overlap_fill"), (-1.0, "valve.overlap_vent")):
-        side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > 0.0)
-        if name in at_bound and side:
-            guessed[name] = overlap_of(*np.array(side).T)
+    for valve in (v for v in found.model.valves if isinstance(v, ValveArea)):
+        for sign, name in ((1.0, f"{valve.label}.overlap_fill"), (-1.0, f"{valve.label}.overlap_vent")):
+            side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > 0.0)
+            if name in at_bound and side:
+                guessed[name] = overlap_of(*np.array(side).T)
     if not guessed:
         return found
     model = with_parameters(found.model, guessed)

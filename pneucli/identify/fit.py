@@ -121,7 +121,8 @@ class Problem:
 
     def prior(self, z: Array) -> Array:
         """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
-        return np.concatenate([self.tight * (z - self.start), self.model_at(z).valve.roughness() / ROUGH])
+        rough = [valve.roughness() / ROUGH for valve in self.model_at(z).valves]
+        return np.concatenate([self.tight * (z - self.start), *rough])
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""
@@ -197,7 +198,7 @@ def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
 
 def differ(a: Model, b: Model, view: View) -> bool:
     """Whether two models that differ in one parameter differ in this view at all."""
-    if a.valve != b.valve:
+    if a.valves != b.valves:
         return view.feels_valve(a, b)
     changed = {name for name in b.values if a.values.get(name) != b.values[name]}
     parts = {name.partition(".")[0] for name in changed}
@@ -230,7 +231,8 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     if not problem.free:
         cost, none = float(residual @ residual), np.zeros((0, 0))
         return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
-    jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)  # beyond all numbers nothing is known of it
+    for column in jacobian.T:  # beyond all numbers nothing is known of it; written there alone, zeros take no memory
+        column[~np.isfinite(column)] = 0.0
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread

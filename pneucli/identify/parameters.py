@@ -52,7 +52,7 @@ class Free:
 
 def value_of(model: Model, name: str) -> float:
     """Return the value of any parameter of a model by its name."""
-    named = model.valve.named()
+    named = model.named()
     if name in named:
         return named[name][0]
     return model.values[name] if name in model.values else model.base()[name]
@@ -60,9 +60,10 @@ def value_of(model: Model, name: str) -> float:
 
 def with_parameters(model: Model, values: dict[str, float]) -> Model:
     """Return the model with parameters of any kind replaced."""
-    valve = model.valve.named()
-    rest = {name: v for name, v in values.items() if name not in valve}
-    return replace(model.with_values(rest), valve=model.valve.with_named(values))
+    valves = model.named()
+    rest = {name: v for name, v in values.items() if name not in valves}
+    second = None if model.valve_2 is None else model.valve_2.with_named(values)
+    return replace(model.with_values(rest), valve=model.valve.with_named(values), valve_2=second)
 
 
 def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[Free]:
@@ -79,7 +80,7 @@ def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[Fre
             mass = value_of(model, "rig.moving_mass")
             free.append(Free("rig.moving_mass", "kg", mass, 1e-3, 1e5, mass))
     if driven:
-        free += _valve(model.valve)
+        free += [one for valve in model.valves for one in _valve(valve)]
     return free
 
 

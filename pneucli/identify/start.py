@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from pneucli.identify.parameters import LARGEST_OVERLAP
-from pneucli.physics.gas import CRITICAL_RATIO, orifice_flow
+from pneucli.identify.paths import Paths, paths
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed import motion
 from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.model import Model, Valve
+from pneucli.simulate.switching_valve import SwitchingValve
 from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 
 Array = NDArray[np.float64]
@@ -34,10 +35,12 @@ def first_guess(experiments: Sequence[Experiment], rig: Rig, valve: str = "map")
     values = friction_guess([e for e in experiments if e.recording.kind.cylinder], rig)
     if rig.vessel_volume is not None:
         values["rig.vessel_volume"] = rig.vessel_volume
-    driven = [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
     if any(e.vessel for e in experiments) and rig.vessel_volume is None:
         values["rig.vessel_volume"] = STAND_IN_VOLUME
-    return Model(rig, (), values, FORMS[valve](driven, rig, values) if driven else NO_VALVE)
+    volume, guess = values.get("rig.vessel_volume", STAND_IN_VOLUME), FORMS[valve]
+    first, second = (list(paths(experiments, rig, chamber, volume)) for chamber in (1, 2))
+    known = guess(first, "valve") if first else NO_VALVE
+    return Model(rig, (), values, known, guess(second, "valve_2") if second else None)
 
 
 def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
@@ -74,59 +77,50 @@ def _force(e: Experiment, rig: Rig) -> Array:
     return np.asarray(a1 * p1 - a2 * p2 + e.inputs[:, at.IN_FORCE])
 
 
-def mass_flow(e: Experiment, rig: Rig, vessel_volume: float) -> tuple[Array, Array]:
-    """Return (mass flow into chamber 1, flow per effective area at the recorded command), each (n,).
-
-    kg/s and kg/(s m^2), by the base model's balance of the smoothed pressure.
-    """
-    gas = rig.heat_capacity_ratio * rig.gas_constant * rig.gas_temperature
-    p, u = e.inputs[:, at.IN_P1], e.inputs[:, at.IN_U]
-    slope = e.smoothers["p1"].slope(e.raw["p1"]) if "p1" in e.smoothers else np.gradient(p, e.time)
-    area = 0.0 if e.vessel else rig.piston_area_1 or 0.0
-    volume = vessel_volume if e.vessel else (rig.dead_volume_1 or 0.0) + area * e.inputs[:, at.IN_X]
-    flow = (slope * volume + rig.heat_capacity_ratio * p * area * e.inputs[:, at.IN_V]) / gas
-    k = np.sqrt(2.0 / (rig.gas_constant * rig.gas_temperature))
-    supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
-    unit = (
-        orifice_flow(s, q, CRITICAL_RATIO, k, k) if c > 0 else -orifice_flow(q, ambient, CRITICAL_RATIO, k, k)
-        for c, q, s in zip(u, p, supply, strict=True)
-    )
-    return flow, np.fromiter(unit, np.float64, u.size)
+def _settled(shown: Sequence[Paths]) -> tuple[Array, Array, Array]:
+    """Return openings in V, mass flow, and flow per effective area where the valve has settled."""
+    parts = []
+    for one in shown:
+        changed = np.abs(np.diff(one.opening, prepend=0.0)) > 0
+        settled = np.convolve(changed, np.ones(HELD))[: one.flow.size] == 0
+        keep = settled if one.experiment.vessel else np.ones(one.flow.size, dtype=bool)
+        parts.append((one.opening[keep], one.flow[keep], one.per_area[keep]))
+    opening, flow, per_area = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return opening, flow, per_area
 
 
-def _flows(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> tuple[Array, Array, Array]:
-    """Return commands in V, mass flow, and flow per effective area (:func:`mass_flow`) where the valve has settled."""
-    u, flow, unit = [], [], []
-    for e in experiments:
-        q, per_area = mass_flow(e, rig, values.get("rig.vessel_volume", STAND_IN_VOLUME))
-        settled = np.convolve(np.abs(np.diff(e.inputs[:, at.IN_U], prepend=0.0)) > 0, np.ones(HELD))[: q.size] == 0
-        keep = settled if e.vessel else np.ones(q.size, dtype=bool)
-        u.append(e.inputs[keep, at.IN_U])
-        flow.append(q[keep])
-        unit.append(per_area[keep])
-    return np.concatenate(u), np.concatenate(flow), np.concatenate(unit)
-
-
-def guess_gain(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> LinearValve:
+def guess_gain(shown: Sequence[Paths], label: str) -> LinearValve:
     """Return the valve with one gain for all commands."""
-    command, q, per_area = _flows(experiments, rig, values)
+    command, q, per_area = _settled(shown)
     power = float(np.sum((per_area * command) ** 2))
-    return LinearValve(max(float(np.sum(q * per_area * np.abs(command))) / max(power, 1e-300), 1e-12))
+    gain = float(np.sum(q * per_area * np.abs(command))) / max(power, 1e-300)
+    return LinearValve(max(gain, 1e-12), label=label)
 
 
-def guess_map(experiments: Sequence[Experiment], rig: Rig, values: dict[str, float]) -> ValveArea:
+def guess_switching(shown: Sequence[Paths], label: str) -> SwitchingValve:
+    """Return the valve with one area to fill and one to vent."""
+    command, q, per_area = _settled(shown)
+    sides = [np.sign(command) == sign for sign in (1.0, -1.0)]
+    areas = [float(np.sum((q * per_area)[s])) / max(float(np.sum(per_area[s] ** 2)), 1e-300) for s in sides]
+    fill, vent = (max(area, 1e-12) for area in areas)
+    return SwitchingValve(fill, vent, label=label)
+
+
+def guess_map(shown: Sequence[Paths], label: str) -> ValveArea:
     """Return the valve's area at the commands that were held longest."""
-    command, q, per_area = _flows(experiments, rig, values)
-    enough = int(HELD_FOR / float(np.median([e.recording.period for e in experiments])))
+    command, q, per_area = _settled(shown)
+    enough = int(HELD_FOR / float(np.median([one.experiment.recording.period for one in shown])))
     sides = [_side(command, q, per_area, sign, enough) for sign in (-1.0, 1.0)]
     knots = [(c, a) for commands, areas, _ in sides for c, a in zip(commands, areas, strict=True)]
     knots.sort()
-    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), sides[1][2], sides[0][2])
+    fill, vent = sides[1][2], sides[0][2]
+    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), fill, vent, label=label)
 
 
-FORMS: dict[str, Callable[[Sequence[Experiment], Rig, dict[str, float]], Valve]] = {
+FORMS: dict[str, Callable[[Sequence[Paths], str], Valve]] = {
     "map": guess_map,
     "linear": guess_gain,
+    "switching": guess_switching,
 }  # of the valve, by what the pipeline file says
 
 

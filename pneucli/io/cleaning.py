@@ -1,8 +1,8 @@
 """Checks and repairs of one recording, batch by batch. Good data pass bit by bit; no value is invented.
 
 Rows are left out by the law of :mod:`pneucli.io.rows`, and where they lie outside the stretch that is wanted; infinite
-values and spikes become NaN; all with counts. Noticed only: NaN, tiny values, gaps, a clock that jitters, frozen
-and saturated channels.
+values and spikes become NaN; all with counts. Noticed only: NaN, tiny values, pressures below
+none, gaps, a clock that jitters, frozen and saturated channels.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pneucli.io.spikes import MARGIN, find_spikes
 
 Batch = dict[str, Array]
 
+PRESSURES = ("p_supply", "p1", "p2")  # absolute: no gas has less than none
 COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they may jump and rest as they like
 GAP = 10.0  # sampling periods
 JITTER = 0.2  # of a sampling period
@@ -93,22 +94,24 @@ class Cleaner:
 
     def _mended(self, name: str, values: Array, start: int, end: int) -> Array:
         """Return one signal with its rows start..end mended; the same array where nothing is to mend."""
+        size = np.abs(values)
+        mine = size[start:end]
+        self._count(name, "tiny", int(np.count_nonzero((mine < SMALLEST) & (mine > 0))))
         if name == "time":
             return values
-        size = np.abs(values)
         missing, infinite = np.flatnonzero(np.isnan(size)), np.flatnonzero(size > LARGEST)
-        tiny = np.flatnonzero((size < SMALLEST) & (size > 0))
         finite = _without(values, infinite)
         infinite = _within(infinite, start, end)
         self._count(name, "infinite", infinite.size)
         self._count(name, "nan", _within(missing, start, end).size)
-        self._count(name, "tiny", _within(tiny, start, end).size)
         values = _without(values, infinite)
         if name in COMMANDS:
             return values
         spikes = _within(find_spikes(finite, self._noise.get(name, 0.0)), start, end)
         self._count(name, "spike", spikes.size)
         values = _without(values, spikes)
+        if name in PRESSURES:
+            self._count(name, "vacuum", int(np.count_nonzero(values[start:end] <= 0.0)))
         self._runs.setdefault(name, Runs(name)).see(values[start:end])
         return values
 
@@ -137,6 +140,7 @@ _MESSAGES = {
     "infinite": "{} infinite values, or beyond 1e30, became NaN",
     "nan": "{} values are missing (NaN)",
     "tiny": "{} values are neither zero nor as large as 1e-30: computed, or damaged; kept",
+    "vacuum": "{} pressures are 0 bar absolute or less, which no gas has; kept",
     "spike": "{} spikes became NaN",
 }
 

@@ -145,11 +145,10 @@ class DelimitedReader:
         self.repairs.append(Repair("", "truncated", 1, "the last line is cut off and was left out"))
 
     def _doubt_last_line(self) -> None:
-        """Say so where the last number may be cut off: its line has no end, and it is not as long as those above."""
+        """Say that the last line has no end, and of its last number that it may be cut off, unless all are as long."""
         decimals = {len(line.rpartition(self._look.decimal)[2]) for line in self._tail()}
-        if len(decimals) > 1:
-            message = "the last line has no end: its last number may be cut off; kept"
-            self.repairs.append(Repair("", "no-line-end", 1, message))
+        kind, what = ("cut-number", "its last number") if len(decimals) > 1 else ("no-line-end", "what comes after it")
+        self.repairs.append(Repair("", kind, 1, f"the last line has no end: {what} may be cut off; kept"))
 
     def _fields(self, row: str) -> list[str]:
         return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import sys
 import traceback
@@ -38,9 +39,10 @@ def reading(path: Path, name: str, repairs: list[Repair]) -> Iterator[None]:
         ) from None
     except Exception as error:  # these libraries raise all kinds of things on damaged files
         found = f"cannot be read as {name}: {type(error).__name__}: {_line(str(error))}"
-        with _mute():
-            traceback.clear_frames(error.__traceback__)  # half-made readers complain while they are collected
+        with _mute():  # half-made readers complain while they are collected
+            traceback.clear_frames(error.__traceback__)
             del error
+            gc.collect()  # what is left of them may hold itself
         raise InputError(str(path), found, f"a whole {name} file", "copy or export it again") from None
     notes += [str(one.message) for one in caught if not issubclass(one.category, _PASSED)]
     repairs += [Repair("", "reader", 1, f"while reading: {_line(note)}") for note in dict.fromkeys(notes)]

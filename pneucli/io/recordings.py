@@ -63,6 +63,7 @@ def _recording(row: dict[str, Any], signals: dict[str, Array], noise: dict[str, 
         chamber_2=row["chamber_2"] or None,
         imposed=row["imposed"] or None,
         valve_shut=bool(row["valve_shut"]),
+        chamber=2 if row.get("chamber") == 2 else 1,
     )
 
 

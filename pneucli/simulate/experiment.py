@@ -34,9 +34,10 @@ STEP = {"valve": 5e-4, "friction": 2e-4, "axis": 2.5e-4}  # s, the kernel's long
 class Experiment:
     """One recording, smoothed, with what the kernel needs to run it.
 
-    ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 10) the
+    ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 8) the
     smoothed readings in the kernel's layout, ``restarts`` the samples at which the model is set to them; ``still`` is
-    the speed in m/s below which the piston is taken to rest.
+    the speed in m/s below which the piston is taken to rest; ``ends`` the least and the largest x in m that it can
+    have, None as the rig states them, ``outmost`` those at which it rests in any recording of the rig.
     """
 
     recording: Recording
@@ -50,6 +51,8 @@ class Experiment:
     flags: Array
     low_pass: float | None = None
     still: float = 0.0
+    ends: tuple[float, float] | None = None
+    outmost: tuple[float, float] = (-np.inf, np.inf)
 
     @property
     def time(self) -> Array:
@@ -125,7 +128,7 @@ class Experiment:
         return _draw(self.noise, self.time, rng)
 
     def read_again(self, noise: Mapping[str, Array]) -> Array:
-        """Return the inputs (n, 10) that other readings of the same run would give: smoothed, with noise, smoothed.
+        """Return the inputs (n, 8) that other readings of the same run would give: smoothed, with noise, smoothed.
 
         Windows are chosen anew, since their choice follows the noise; the motion's least squares is linear.
         """
@@ -159,8 +162,10 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
         drawn = _draw(noise, recording.time, np.random.default_rng(0))
         still = RESTING * float(np.std(smooth_motion(drawn, smoothers, fusion, recording.time)[1]))
         inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
+    if recording.chamber == 2 and rig.arrangement.second == "mirrored":
+        inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
     _stand_ins(inputs, recording, rig)
-    flags = _flags(recording, raw, noise)
+    flags = _flags(recording, rig, raw, noise)
     starts = restarts(recording.time, horizon)
     return Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, starts, flags, low_pass, still)
 
@@ -170,7 +175,7 @@ def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator
 
 
 def smooth(raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Fusion | None, time: Array) -> Array:
-    """Return the kernel's inputs (n, 10) from raw signals, which may be readings or draws of their noise."""
+    """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
     inputs = np.zeros((time.size, len(at.INPUTS)))
     for column, name in enumerate(at.INPUTS):
         if name in raw:
@@ -203,24 +208,36 @@ def _stand_ins(inputs: Array, recording: Recording, rig: Rig) -> None:
             inputs[:, column] = value
 
 
-def _flags(recording: Recording, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
+def _flags(recording: Recording, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
     flags = np.zeros(at.FLAGS)
     flags[at.MECHANICS] = recording.kind.cylinder
     flags[at.PNEUMATICS] = recording.kind.valve
-    chamber_2 = {"closed": at.CLOSED, "valve": at.VALVE_2}.get(recording.chamber_2 or "closed", at.OPEN)
-    flags[at.CHAMBER_2] = at.OPEN if recording.kind.vessel else chamber_2
+    flags[at.CHAMBER_2] = _chamber_2(recording, rig)
     flags[at.VALVE_SHUT] = recording.valve_shut
     flags[at.U_MAX] = U_MAX
-    flags[at.INITIAL_U] = _initial_opening(raw, noise)
+    flags[at.INITIAL_U] = _initial_opening("u", "p1", rig, raw, noise)
+    mirrored = flags[at.CHAMBER_2] == at.MIRRORED
+    flags[at.INITIAL_U2] = -flags[at.INITIAL_U] if mirrored else _initial_opening("u2", "p2", rig, raw, noise)
     return flags
 
 
-def _initial_opening(raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> float:
-    """Return where the valve stood before the recording: centred where the pressure has not begun to move."""
-    if "u" not in raw or "p1" not in raw or raw["p1"].size < 10:
+def _chamber_2(recording: Recording, rig: Rig) -> int:
+    """Return what closes chamber 2, as the kernel counts it; that of a vessel takes no part."""
+    if recording.kind.vessel or recording.chamber_2 == "open":
+        return at.OPEN
+    if recording.chamber_2 != "valve":
+        return at.CLOSED
+    return at.MIRRORED if rig.arrangement.second == "mirrored" else at.VALVE_2
+
+
+def _initial_opening(
+    command: str, pressure: str, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
+) -> float:
+    """Return where a valve stood before the recording: centred where the pressure has not begun to move."""
+    if command not in raw or pressure not in raw or raw[pressure].size < 10:
         return 0.0
-    moving = abs(raw["p1"][3] - raw["p1"][0]) > 5 * noise["p1"].rms
-    return float(raw["u"][0]) if moving else 0.0
+    moving = abs(raw[pressure][3] - raw[pressure][0]) > 5 * noise[pressure].rms
+    return float(raw[command][0] - rig.valve_null) if moving else 0.0
 
 
 def restarts(time: Array, horizon: float | None) -> NDArray[np.int64]:

@@ -49,10 +49,8 @@ def imposed_force(model: Model, experiment: Experiment, noise: Mapping[str, Arra
     out = np.zeros(experiment.time.size)
     base, th = base_vector(model, experiment), kernel.vector(model.effect_values())
     on = kernel.switches(experiment.active(model.effects))
-    kernel.functions.run_imposed(experiment.time, inputs, a, still, base, th, on, out)
-    if "force" in experiment.recording:
-        p1, p2 = inputs[:, at.IN_P1] - base[at.AMBIENT], inputs[:, at.IN_P2] - base[at.AMBIENT]
-        out -= base[at.AREA_1] * p1 - base[at.AREA_2] * p2
+    driven = "force" in experiment.recording
+    kernel.functions.run_imposed(experiment.time, inputs, a, still, driven, base, th, on, out)
     return out
 
 

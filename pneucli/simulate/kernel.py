@@ -316,51 +316,49 @@ def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, 
     return max(p + h * rate, 1.0), rate, max(mass + h * (q_in - q_out), 1e-9), T
 
 
-def undo_lag(time, inputs, column, lag):
-    """Turn what a first-order sensor reads into what it saw, in place: ``lag`` times the slope is added.
+def undo_lag(time, inputs, column, lag, true, chamber):
+    """Turn what a first-order sensor reads into what it saw: ``lag`` times the slope is added.
 
     The slope is taken over half the lag to each side: over single samples it would mostly be noise.
     """
-    kept = column - IN_P1 + IN_R1
     half, i, j = 0.5 * lag + 1e-9, 0, 0
     for k in range(time.size):
         while i < k - 1 and time[k] - time[i] > half:
             i += 1
         while j < time.size - 1 and (j <= k or time[j + 1] - time[k] <= half):
             j += 1
-        inputs[k, column] += lag * (inputs[j, kept] - inputs[i, kept]) / (time[j] - time[i])
+        true[k, chamber] += lag * (inputs[j, column] - inputs[i, column]) / (time[j] - time[i])
 
 
-def advance(time, inputs, column, delay):
-    """Move a measured column earlier in time by ``delay`` in place; its last value is held.
+def advance(time, inputs, column, delay, true, chamber):
+    """Move a measured column earlier in time by ``delay``; its last value is held.
 
     From the nearest sample along the readings' slope over 4 samples to each side: the mean of two neighbours would
     have less noise than either, and a delay could gain by it.
     """
-    kept, last, j = column - IN_P1 + IN_R1, time.size - 1, 0
+    last, j = time.size - 1, 0
     for k in range(time.size):
         while j < last and 0.5 * (time[j] + time[j + 1]) <= time[k] + delay:
             j += 1
-        inputs[k, column] = inputs[j, column]  # j >= k: it has not been overwritten
+        true[k, chamber] = true[j, chamber]  # j >= k: it has not been overwritten
         if j < last:
             before, after = max(j - 4, 0), min(j + 4, last)
-            slope = (inputs[after, kept] - inputs[before, kept]) / (time[after] - time[before])
-            inputs[k, column] += (time[k] + delay - time[j]) * slope
+            slope = (inputs[after, column] - inputs[before, column]) / (time[after] - time[before])
+            true[k, chamber] += (time[k] + delay - time[j]) * slope
 
 
 def true_pressures(time, inputs, lag, base, th, on):
-    """Undo in place what the sensors of p1 and p2 do to the measured (smoothed) pressures; ``lag`` in s of it."""
-    delay = sensor_delay(th, on)
-    for k in range(time.size):
-        inputs[k, IN_R1], inputs[k, IN_R2] = inputs[k, IN_P1], inputs[k, IN_P2]
-    for column in (IN_P1, IN_P2):
+    """Return the pressures (n, 2) of which the measured (smoothed) ones are what the sensors read; ``lag`` in s."""
+    true, delay = inputs[:, IN_P1 : IN_P2 + 1].copy(), sensor_delay(th, on)
+    for chamber in range(2):
         if lag > 0.0:
-            undo_lag(time, inputs, column, lag)
+            undo_lag(time, inputs, IN_P1 + chamber, lag, true, chamber)
         if delay > 0.0:
-            advance(time, inputs, column, delay)
+            advance(time, inputs, IN_P1 + chamber, delay, true, chamber)
     for k in range(time.size):
-        inputs[k, IN_P1] = unread_p1(inputs[k, IN_P1], base[AMBIENT], th, on)
-        inputs[k, IN_P2] = unread_p2(inputs[k, IN_P2], base[AMBIENT], th, on)
+        true[k, 0] = unread_p1(true[k, 0], base[AMBIENT], th, on)
+        true[k, 1] = unread_p2(true[k, 1], base[AMBIENT], th, on)
+    return true
 
 
 def past_pressure(time, measured, simulated, first, k, t):
@@ -383,13 +381,13 @@ def lagged(time, now, k, lag, reading, before):
     return e * reading + (g - e) * before + (1.0 - g) * now
 
 
-def read_pressures(time, inputs, out, before, first, k, base, th, on):
+def read_pressures(time, inputs, true, out, before, first, k, base, th, on):
     """Write what the sensors of p1 and p2 read at sample k; ``before`` keeps their last undelayed inputs."""
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
     now_1, now_2 = out[k, P1], out[k, P2]
     if delay > 0.0:
-        now_1 = past_pressure(time, inputs[:, IN_P1], out[:, P1], first, k, time[k] - delay)
-        now_2 = past_pressure(time, inputs[:, IN_P2], out[:, P2], first, k, time[k] - delay)
+        now_1 = past_pressure(time, true[:, 0], out[:, P1], first, k, time[k] - delay)
+        now_2 = past_pressure(time, true[:, 1], out[:, P2], first, k, time[k] - delay)
     now_1, now_2 = read_p1(now_1, base[AMBIENT], th, on), read_p2(now_2, base[AMBIENT], th, on)
     if lag <= 0.0:
         out[k, R1], out[k, R2] = now_1, now_2
@@ -398,7 +396,7 @@ def read_pressures(time, inputs, out, before, first, k, base, th, on):
         out[k, R1] = lagged(time, now_1, k, lag, out[k - 1, R1], before[0])
         out[k, R2] = lagged(time, now_2, k, lag, out[k - 1, R2], before[1])
     else:
-        out[k, R1], out[k, R2] = inputs[k, IN_R1], inputs[k, IN_R2]
+        out[k, R1], out[k, R2] = inputs[k, IN_P1], inputs[k, IN_P2]
     before[0], before[1] = now_1, now_2
 
 
@@ -407,12 +405,13 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     return min(max(cp[0] * (x_ref - x), -cp[1]), cp[1]), 0.0
 
 
-def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, h_max, cs, cp, out):
+def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
     """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
 
-    time (n,), inputs (n, 10) of smoothed readings (overwritten with what they say of the truth), restarts (r,) sample
-    indices at which x, v, p1, p2 are set to them, base (15,) and th parameters, on (effects + 1,) switches, flags (7,),
-    areas (any,) over -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor go on over a restart.
+    time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
+    they say of the truth, base (18,) and th parameters, on (effects + 1,) switches, flags (8,), areas and areas_2
+    (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor
+    go on over a restart.
     """
     n = time.size
     base, th, on = scalars(base_values, th_values, on_values)
@@ -421,7 +420,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     gamma_rt = base[GAMMA] * base[GAS] * base[TEMP]
     k_gas = math.sqrt(2.0 / (base[GAS] * base[TEMP]))
     hot = has_heat(on)
-    true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
+    true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
 
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     area_1, area_2, stroke = base[AREA_1], base[AREA_2], base[STROKE]
@@ -429,11 +428,12 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     m = base[MASS] + mass(th, on)
     stiffness = bristle_stiffness(th, on)
     bias = (area_1 - area_2) * p_amb
+    null, lower, upper = base[NULL], base[LOWER_END], base[UPPER_END]
 
     delay = flow_delay(th, on)
     ring = np.full((most_steps(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 3), -1e30)
     head, tail = 0, ring.shape[0] - 1
-    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U])
+    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
     s_supply, before = np.zeros(on_values.size), np.zeros(2)
 
     x = v = z = rest = dv = dp1 = dp2 = q_supply = 0.0
@@ -453,7 +453,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
         if fresh or not mechanics:
             x, v = inputs[k, IN_X], inputs[k, IN_V]
         if fresh or not pneumatics:
-            p1, p2 = inputs[k, IN_P1], inputs[k, IN_P2]
+            p1, p2 = true[k, 0], true[k, 1]
         if chamber_2 == OPEN and pneumatics:
             p2 = p_amb
         if fresh:
@@ -461,14 +461,18 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
-        read_pressures(time, inputs, out, before, first, k, base, th, on)
+        read_pressures(time, inputs, true, out, before, first, k, base, th, on)
         u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
         if loop:
             u, u2 = control(k, inputs[k, IN_U], x, out[k, R1], out[k, R2], cs, cp)
         out[k, U] = u
+        u -= null
+        u2 = -u if chamber_2 == MIRRORED else u2 - null
         if mechanics:
             push = area_1 * p1 - area_2 * p2 - bias + inputs[k, IN_FORCE] + force(x, v, stroke, th, on)
             a = acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
+            if v == 0.0 and ((x <= lower and push < 0.0) or (x >= upper and push > 0.0)):
+                a = 0.0  # the end carries it
             out[k, A] = read_a(a, th, on)
         if last:
             break
@@ -478,8 +482,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             w = (i + 0.5) / steps
             p1_mid, p2_mid = p1 + 0.5 * h * dp1, p2 + 0.5 * h * dp2
             if not pneumatics:
-                p1_mid = inputs[k, IN_P1] + w * (inputs[nxt, IN_P1] - inputs[k, IN_P1])
-                p2_mid = inputs[k, IN_P2] + w * (inputs[nxt, IN_P2] - inputs[k, IN_P2])
+                p1_mid = true[k, 0] + w * (true[nxt, 0] - true[k, 0])
+                p2_mid = true[k, 1] + w * (true[nxt, 1] - true[k, 1])
             x_mid, v_mid = x, v
             if mechanics:
                 driven = inputs[k, IN_FORCE] + w * (inputs[nxt, IN_FORCE] - inputs[k, IN_FORCE])
@@ -491,8 +495,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                     x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1_mid, p2_mid, stiffness, base, th, on)
                 else:
                     x, v, rest = slide(x, v, v_guess, push, h, rest, m, p1_mid, p2_mid, base, th, on)
-                if x < 0.0 or x > stroke:
-                    x, v = min(max(x, 0.0), stroke), 0.0
+                if x < lower or x > upper:
+                    x, v = min(max(x, lower), upper), 0.0
                     rest = rest_old + h if v_old == 0.0 else 0.0  # a piston that is pressed against a stop rests
                 dv = v - v_old
                 x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
@@ -525,9 +529,9 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             if chamber_2 == OPEN:
                 continue
             q_in, q_out = across, leak_2_ambient(p2_mid, p_amb, k2, th, on)
-            if chamber_2 == VALVE_2:
+            if chamber_2 != CLOSED:
                 opening = command(u2, h, s2, th, on)
-                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas)
+                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas_2)
                 q_in, q_out, q_supply = q_in + more_in, q_out + more_out, q_supply + more_in
             volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
             p2, dp2, m2, T2 = chamber_step(
@@ -543,16 +547,17 @@ def bristles(z, dx, h, level, stiffness, th, on):
     return z + change, stiffness * (z + change) + bristle_damping(th, on) * speed
 
 
-def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out):
-    """Write the driving force in N that the model needs for a given motion, shape (n,).
+def run_imposed(time, inputs, a, v_still, driven, base_values, th_values, on_values, out):
+    """Write the driving force in N that the model needs for a given motion, shape (n,): the net force of the pressures,
+    or what is left to a measured one beside them, where it is ``driven`` by one.
 
     Within ``v_still`` dry friction goes through zero in a straight line: what it is at rest, motion does not tell.
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0
-    true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
+    true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
     for k in range(time.size):
-        x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
+        x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], true[k, 0], true[k, 1]
         direction = 1.0 if v >= 0.0 else -1.0
         rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
         level = falling if a[k] * direction < 0.0 else rising
@@ -562,12 +567,13 @@ def run_imposed(time, inputs, a, v_still, base_values, th_values, on_values, out
             dx, h = x - inputs[max(k - 1, 0), IN_X], time[k] - time[max(k - 1, 0)]
             z, friction = bristles(z, dx, h, level, stiffness, th, on)
             friction += c * v
-        out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on)
+        known = pressures_force(true, k, base) if driven else 0.0
+        out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on) - known
 
 
-def pressures_force(inputs, k, base):
+def pressures_force(pressures, k, base):
     """Force in N of the pressures on the piston at sample k, over that of the ambient pressure."""
-    return base[AREA_1] * (inputs[k, IN_P1] - base[AMBIENT]) - base[AREA_2] * (inputs[k, IN_P2] - base[AMBIENT])
+    return base[AREA_1] * (pressures[k, 0] - base[AMBIENT]) - base[AREA_2] * (pressures[k, 1] - base[AMBIENT])
 
 
 def changing(k):
@@ -575,7 +581,7 @@ def changing(k):
     return 1.0 if k % 2 else -1.0
 
 
-def read_late(time, inputs, readings, unsure, lag, noise, base, out, back):
+def read_late(time, inputs, true, readings, unsure, lag, noise, base, out, back):
     """Turn what is left over while the piston moves into what sensors with a lag would read of it, in place.
 
     The force that the model needs, as its sensors would read it, against the force that they read: to undo the lag in
@@ -589,7 +595,7 @@ def read_late(time, inputs, readings, unsure, lag, noise, base, out, back):
             moving = False
             continue
         read, before = pressures_force(readings, k, base), needed
-        needed = pressures_force(inputs, k, base) - out[k]
+        needed = pressures_force(true, k, base) - out[k]
         if moving:
             reading = lagged(time, needed, k, lag, reading, before)
         else:
@@ -599,13 +605,14 @@ def read_late(time, inputs, readings, unsure, lag, noise, base, out, back):
         back[k] += changing(k) * noise * math.sqrt(forgetting * (2.0 - forgetting))
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_values, on_values, out, gap):
+def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_values, th_values, on_values, out, gap):
     """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
 
-    inputs (n, 10) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, rough (n,) the
+    inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, rough (n,) the
     force in N of the noise taken out of the pressures, leaving (n,) the velocity in m/s of a piston that breaks away at
-    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there. At rest only a
-    force that is more than the model can hold counts, of the smoothed pressures, so that noise does not pass for it.
+    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there, contact (n,) the
+    side on which an end may carry the piston. At rest only a force that is more than the model can hold counts, of the
+    smoothed pressures, so that noise does not pass for it, and none that an end may carry.
     Between the branches of friction the drive itself is the friction, smoothing noise and all. That noise is known,
     noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of
     risk, 1981). gap (n,) gets the chance that the drive is between the branches, where the model states bounds and no
@@ -618,20 +625,22 @@ def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_
     gain = 1e-5 * (read_p1(p_amb + 1e5, p_amb, th, on) - read_p1(p_amb, p_amb, th, on))
     spread = math.hypot(noise[0], lag * noise[1]) / gain
     bias = read_a(0.0, th, on)
-    readings, back = inputs.copy(), np.zeros(time.size)
-    true_pressures(time, readings, 0.0, base, th, on)
-    true_pressures(time, inputs, lag, base, th, on)
+    back = np.zeros(time.size)
+    readings, true = true_pressures(time, inputs, 0.0, base, th, on), true_pressures(time, inputs, lag, base, th, on)
     late, read = sensor_delay(th, on), 0
     for k in range(time.size):
-        x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], inputs[k, IN_P1], inputs[k, IN_P2]
+        x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], true[k, 0], true[k, 1]
         h = time[k] - time[max(k - 1, 0)]
         while read < time.size - 1 and 0.5 * (time[read] + time[read + 1]) <= time[k] + late:
             read += 1  # the sample at which the sensor read what was there at k, as in advance()
-        push = pressures_force(inputs, k, base) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
+        push = pressures_force(true, k, base) + inputs[k, IN_FORCE] + force(x, v, base[STROKE], th, on)
         resting = v == 0.0 and leaving[k] == 0.0
         friction = push if resting else push - m * (a[k] - bias)
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         speed = abs(v + leaving[k])
+        if resting and contact[k] * friction > 0.0:
+            rest += h
+            continue
         rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
         c = base[VISCOUS] * viscous_factor(direction, th, on)
         # what drives the piston tells the branch: beyond both it speeds up or slows, between them it goes on (Filippov)
@@ -653,6 +662,6 @@ def run_balance(time, inputs, a, rough, leaving, unsure, noise, base_values, th_
         back[k] += changing(k) * noise[0] * math.sqrt(2.0 * between)
         out[k] = friction - c * v - direction * branch
     if lag > 0.0:
-        read_late(time, inputs, readings, unsure, lag, noise[0], base, out, back)
+        read_late(time, inputs, true, readings, unsure, lag, noise[0], base, out, back)
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain + back[k]

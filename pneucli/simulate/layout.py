@@ -17,29 +17,21 @@ BASE = (
     "rig.gas_constant",
     "valve.critical_ratio",
     "rig.wall_temperature",
+    "valve.null",
+    "rig.lower_end",
+    "rig.upper_end",
 )
 COULOMB, VISCOUS, MASS, AREA_1, AREA_2, STROKE, DEAD_1, DEAD_2 = range(8)
-AMBIENT, SUPPLY, TEMP, GAMMA, GAS, CRITICAL, WALL = range(8, 15)
+AMBIENT, SUPPLY, TEMP, GAMMA, GAS, CRITICAL, WALL, NULL, LOWER_END, UPPER_END = range(8, 18)
 
 # columns of the inputs: commands (held), measured signals (interpolated, smoothed readings)
-IN_U, IN_U2, IN_SUPPLY, IN_P1, IN_P2, IN_FORCE, IN_X, IN_V, IN_R1, IN_R2 = range(10)
-INPUTS = (
-    "u",
-    "u2",
-    "p_supply",
-    "p1",
-    "p2",
-    "force",
-    "x",
-    "v",
-    "reading_1",
-    "reading_2",
-)  # the kernel keeps p1, p2 in the last
+IN_U, IN_U2, IN_SUPPLY, IN_P1, IN_P2, IN_FORCE, IN_X, IN_V = range(8)
+INPUTS = ("u", "u2", "p_supply", "p1", "p2", "force", "x", "v")
 
 # switches of a recording
-MECHANICS, PNEUMATICS, CHAMBER_2, VALVE_SHUT, LOOP, U_MAX, INITIAL_U = range(7)
-CLOSED, OPEN, VALVE_2 = 0, 1, 2
-FLAGS = 7
+MECHANICS, PNEUMATICS, CHAMBER_2, VALVE_SHUT, LOOP, U_MAX, INITIAL_U, INITIAL_U2 = range(8)
+CLOSED, OPEN, VALVE_2, MIRRORED = 0, 1, 2, 3  # of chamber 2; mirrored: by the other way of one spool (5/3)
+FLAGS = 8
 
 # columns of the output; R1 and R2 are what the sensors of p1 and p2 read, A what the accelerometer does
 X, V, A, P1, P2, R1, R2, GAS_T, U = range(9)

@@ -14,15 +14,14 @@ from pneucli.simulate.valve_area import POINTS
 
 Array = NDArray[np.float64]
 
-GAIN = "valve.gain"
-
 
 @dataclass(frozen=True)
 class LinearValve:
-    """One gain in m^2/V for both directions, up to ``u_max`` V."""
+    """One gain in m^2/V for both directions, up to ``u_max`` V; ``label`` begins its parameter's name."""
 
     gain: float
     u_max: float = 10.0
+    label: str = "valve"
     covers: ClassVar[frozenset[Part]] = frozenset()
 
     def __call__(self, u: Array) -> Array:
@@ -40,11 +39,11 @@ class LinearValve:
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""
-        return {GAIN: (self.gain, "m^2/V")}
+        return {f"{self.label}.gain": (self.gain, "m^2/V")}
 
     def with_named(self, values: Mapping[str, float]) -> LinearValve:
         """Return the valve with parameters replaced; other names are left alone."""
-        return replace(self, gain=values.get(GAIN, self.gain))
+        return replace(self, gain=values.get(f"{self.label}.gain", self.gain))
 
     def scaled(self, factor: float) -> LinearValve:
         """Return the valve with ``factor`` times the area."""

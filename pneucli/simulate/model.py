@@ -13,10 +13,11 @@ from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate.layout import BASE
 from pneucli.simulate.linear_valve import LinearValve
+from pneucli.simulate.switching_valve import SwitchingValve
 from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 
 Array = NDArray[np.float64]
-Valve = ValveArea | LinearValve
+Valve = ValveArea | LinearValve | SwitchingValve
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,28 @@ class Model:
     """Effects that are on, and values by name: base parameters (layout.BASE) and EFFECT.PARAMETER; SI.
 
     A base parameter that ``values`` leaves out has the rig's value. An effect's parameter has the catalogue's unit.
+    ``valve`` has the paths of chamber 1; ``valve_2`` those of chamber 2, where they are known by themselves.
     """
 
     rig: Rig
     effects: tuple[Effect, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     valve: Valve = NO_VALVE
+    valve_2: Valve | None = None
+
+    @property
+    def valves(self) -> tuple[Valve, ...]:
+        """The valves that have parameters of their own."""
+        return (self.valve,) if self.valve_2 is None else (self.valve, self.valve_2)
+
+    def named(self) -> dict[str, tuple[float, str]]:
+        """Return value and unit of the valves' parameters by name."""
+        return {name: value for valve in self.valves for name, value in valve.named().items()}
+
+    @property
+    def second(self) -> Valve:
+        """The paths of chamber 2, which are like those of chamber 1 where nothing tells them apart."""
+        return self.valve if self.valve_2 is None else self.valve_2
 
     def base(self) -> dict[str, float]:
         """Return every base parameter's value."""
@@ -79,4 +96,7 @@ def rig_values(rig: Rig) -> dict[str, float]:
         "rig.gas_constant": rig.gas_constant,
         "valve.critical_ratio": CRITICAL_RATIO,
         "rig.wall_temperature": rig.gas_temperature,
+        "valve.null": rig.valve_null,
+        "rig.lower_end": 0.0,
+        "rig.upper_end": rig.stroke or np.inf,
     }

@@ -27,7 +27,7 @@ COMMANDS = ("steps", "sine", "ramp", "recorded")
 DRIVEN = tuple(name for name, kind in KINDS.items() if kind.valve)
 BENCHES = {
     "experiment": DRIVEN,
-    "chamber_2": ("closed", "open"),
+    "chamber_2": ("closed", "open", "valve"),
     "command": COMMANDS,
 }
 UNITS = {
@@ -173,7 +173,7 @@ def from_rest(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
     return imagined(kind, signals, values.get("chamber_2", "closed"))
 
 
-def imagined(kind: Name, signals: Mapping[str, Array], chamber_2: Literal["closed", "open"]) -> Recording:
+def imagined(kind: Name, signals: Mapping[str, Array], chamber_2: Literal["closed", "open", "valve"]) -> Recording:
     """Return signals (n,) at PERIOD as a recording without noise, for the model to run on."""
     samples = next(iter(signals.values())).size
     return Recording(

@@ -44,13 +44,13 @@ def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Ar
     out = np.zeros((experiment.time.size, at.OUTPUTS))
     kernel.run(
         experiment.time,
-        np.array(experiment.inputs if inputs is None else inputs),
+        experiment.inputs if inputs is None else inputs,
         experiment.restarts,
         base_vector(model, experiment),
         kernel.vector(model.effect_values()),
         kernel.switches(active),
         experiment.flags,
-        model.valve.table(),
+        *tables(model, experiment),
         experiment.step,
         np.zeros(1),
         np.zeros(2),
@@ -59,11 +59,19 @@ def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Ar
     return out
 
 
+def tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:
+    """Return the areas of the paths that fill and vent chamber 1, or the vessel in its place, and chamber 2."""
+    first = model.second if experiment.recording.chamber == 2 else model.valve
+    return first.table(), model.second.table()
+
+
 def base_vector(model: Model, experiment: Experiment) -> Array:
     """Return the base parameters in the kernel's order; a valve test's vessel stands in for chamber 1."""
     base = model.base()
     if experiment.vessel:
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
+    if experiment.ends is not None:
+        base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.ends, strict=True))
     return np.array([base[name] for name in at.BASE])
 
 

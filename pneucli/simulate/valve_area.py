@@ -16,18 +16,12 @@ from pneucli.experiments import Part
 Array = NDArray[np.float64]
 POINTS = 4001  # of the kernel's table over both directions
 CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
-AREA = "valve.effective_area"
-OVERLAPS = {"valve.overlap_fill": "overlap_fill", "valve.overlap_vent": "overlap_vent"}
-
-
-def area_name(command: float) -> str:
-    """Return the parameter's name of the effective area at a command in V."""
-    return f"{AREA}({command:+.4g} V)"
+OVERLAPS = ("overlap_fill", "overlap_vent")
 
 
 @dataclass(frozen=True)
 class ValveArea:
-    """Effective areas in m^2 at signed commands in V, and the overlap (V) of each direction.
+    """Effective areas in m^2 at signed commands in V from the null one, and the overlap (V) of each direction.
 
     Between knots the area follows a monotone cubic in (log(|u| - overlap), log A), which is exact for a power law
     beyond the overlap; outside them the power law of the two nearest knots goes on.
@@ -38,6 +32,7 @@ class ValveArea:
     overlap_fill: float = 0.0
     overlap_vent: float = 0.0
     u_max: float = 10.0
+    label: str = "valve"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects its knots already show
 
     def __call__(self, u: Array) -> Array:
@@ -51,13 +46,17 @@ class ValveArea:
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
-        areas = {area_name(c): (a, "m^2") for c, a in zip(self.commands, self.areas, strict=True)}
-        return areas | ({name: (getattr(self, field), "V") for name, field in OVERLAPS.items()} if areas else {})
+        areas = {self.area_name(c): (a, "m^2") for c, a in zip(self.commands, self.areas, strict=True)}
+        return areas | ({f"{self.label}.{name}": (getattr(self, name), "V") for name in OVERLAPS} if areas else {})
+
+    def area_name(self, command: float) -> str:
+        """Return the parameter's name of the effective area at a command in V."""
+        return f"{self.label}.effective_area({command:+.4g} V)"
 
     def with_named(self, values: Mapping[str, float]) -> ValveArea:
         """Return the valve with parameters replaced; other names are left alone."""
-        areas = tuple(values.get(area_name(c), a) for c, a in zip(self.commands, self.areas, strict=True))
-        fill, vent = (values.get(name, getattr(self, field)) for name, field in OVERLAPS.items())
+        areas = tuple(values.get(self.area_name(c), a) for c, a in zip(self.commands, self.areas, strict=True))
+        fill, vent = (values.get(f"{self.label}.{name}", getattr(self, name)) for name in OVERLAPS)
         return replace(self, areas=areas, overlap_fill=fill, overlap_vent=vent)
 
     def scaled(self, factor: float) -> ValveArea:

@@ -2,34 +2,77 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from pneucli.errors import InputError
 from pneucli.exam.cases import write_exam
-from pneucli.exam.grading import SECONDS, to_markdown
+from pneucli.exam.conditions import USUAL
+from pneucli.exam.grading import SECONDS, graded_cases
 from pneucli.exam.grading import grade as grade_answers
-from pneucli.io.artifacts import atomic_path
+from pneucli.exam.tables import case_rows, rows, to_markdown
+from pneucli.io.artifacts import Provenance, TableWriter, atomic_path, schema_of
 from pneucli.pipeline.context import Progress, silent
 from pneucli.pipeline.runner import open_pipeline
+from pneucli.pipeline.staleness import program_digest
 from pneucli.stages.load import load
 
 __all__ = ["answer", "grade", "to_markdown", "write"]
 
 ANSWERS = "answers"
 GRADES, SUMMARY = "grades.json", "grades.md"
+GRADES_TABLE, CASES_TABLE = "grades.parquet", "cases.parquet"
 FAILED = "failed"
+UNITS = {
+    "value": "see column unit",
+    "right": "1",
+    "of": "1",
+    "ci_low": "1",
+    "ci_high": "1",
+    "largest_set": "1",
+    "error_after": "1",
+    "seconds": "s",
+}
 
 
-def write(directory: Path, cases: int = 60, nulls: int = 20, size: float = 1.0, seed: int = 1) -> dict[str, Any]:
+def write(
+    directory: Path,
+    cases: int = 60,
+    nulls: int = 20,
+    size: float = 1.0,
+    seed: int | None = None,
+    conditions: Sequence[str] = (USUAL,),
+) -> dict[str, Any]:
     """Write an exam into an empty or new folder; the truths lie sealed in its hidden folder.
 
-    ``cases`` have something hidden, of ``size`` times the usual, ``nulls`` have nothing. Raises InputError where
-    the folder holds something already.
+    Of each of the ``conditions``, ``cases`` have something hidden, of ``size`` times the usual, and ``nulls`` have
+    nothing. Without a ``seed`` it comes from the hash of this program, so that nobody can have seen the cases before
+    the program was as it is. Raises InputError where the folder holds something already, or for an unknown condition.
     """
-    names = write_exam(directory, cases, nulls, size, seed)
-    return {"schema": "pneucli/exam-written/1", "directory": str(directory), "size": size, "seed": seed, "cases": names}
+    program = program_digest()
+    about = {"seed_from": "program" if seed is None else "given", "program": program}
+    seed = seed_of(program) if seed is None else seed
+    names = write_exam(directory, cases, nulls, size, seed, conditions, about)
+    return {
+        "schema": "pneucli/exam-written/1",
+        "directory": str(directory),
+        "size": size,
+        "seed": seed,
+        **about,
+        "conditions": list(conditions),
+        "cases": names,
+    }
+
+
+def seed_of(program: str) -> int:
+    """The seed that follows from a program's version and hash."""
+    return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
 
 
 def answer(directory: Path, progress: Progress = silent) -> dict[str, Any]:
@@ -58,19 +101,21 @@ def answer(directory: Path, progress: Progress = silent) -> dict[str, Any]:
 
 
 def _answer(pipeline: Path, answers: Path, case: str) -> None:
-    """Write the seconds that the stages took, then the answer: no answer without its seconds."""
+    """Write the processor seconds that the stages took, then the answer: no answer without its seconds."""
+    begun = time.process_time()
     try:
         done = open_pipeline(pipeline, load).bring_up(["diagnose"])
         content = dict(done["diagnose"].answer)
-        _write(answers / SECONDS, _read(answers / SECONDS) | {case: sum(d.manifest.seconds for d in done.values())})
     except Exception as error:  # one case must not stop the others
         content = {"verdict": FAILED, "missing": [], "error": f"{type(error).__name__}: {error}"}
-    _write(answers / f"{case}.json", content)
+    _write(answers / SECONDS, _read(answers / SECONDS) | {case: time.process_time() - begun})
+    _write(answers / f"{case}.json", content | {"program": program_digest()})
 
 
 def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
     """Grade ``answers/CASE.json`` (default: the folder ``answers`` in the exam's) into ``grades.json`` and ``.md``.
 
+    ``grades.parquet`` has a row for each condition and measure, ``cases.parquet`` one for each case.
     Raises InputError where there is no truth or an answer cannot be read.
     """
     answers = answers or directory / ANSWERS
@@ -78,7 +123,18 @@ def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
     _write(answers / GRADES, result)
     with atomic_path(answers / SUMMARY) as path:
         path.write_text(to_markdown(result), encoding="utf-8")
+    made_of = Provenance(parameters={"exam": result["exam"], "answered_by": result["answered_by"]})
+    _table(answers / GRADES_TABLE, rows(result), "pneucli/exam-grades/1", made_of)
+    _table(answers / CASES_TABLE, case_rows(graded_cases(directory, answers)), "pneucli/exam-cases/1", made_of)
     return result
+
+
+def _table(path: Path, lines: Sequence[Mapping[str, Any]], schema: str, provenance: Provenance) -> None:
+    """Write rows of texts and, in the columns of ``UNITS``, numbers that may be absent."""
+    names = list(lines[0])
+    types = {name: pa.float64() if name in UNITS else pa.string() for name in names}
+    with TableWriter(path, schema_of(types, units=UNITS, schema=schema, provenance=provenance)) as writer:
+        writer.write({name: [line[name] for line in lines] for name in names})
 
 
 def _read(path: Path) -> dict[str, Any]:

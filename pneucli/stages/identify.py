@@ -12,6 +12,7 @@ from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
+from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.stages.friction_tables import write_friction
 from pneucli.stages.study import Study, save_model
@@ -33,10 +34,18 @@ def run(context: Context) -> dict[str, Any]:
     valve = _valve(study, warnings)
     context.progress("identifying friction", 0.7)
     friction = _friction(study, warnings)
-    estimates = [as_ratio(e, study) for e in found]
+    estimates = [as_ratio(e, study) for e in found] + _null(study.rig)
     _write(study, model, estimates, valve, friction)
     warnings += [AT_BOUND.format(e.name) for e in found if e.at_bound]
     return _answer(study, estimates, valve, friction, warnings)
+
+
+def _null(rig: Rig) -> list[Estimate]:
+    """Return the null command where it was identified: anywhere in its range it explains the recordings as well."""
+    if rig.null_range is None:
+        return []
+    low, high = rig.null_range
+    return [Estimate("valve.null", "V", rig.valve_null, 0.25 * (high - low), (low, high), False)]
 
 
 def _fitted(study: Study) -> tuple[Model, tuple[Estimate, ...]]:
@@ -57,7 +66,7 @@ def _valve(study: Study, warnings: list[str]) -> ValveIdentification | None:
     if not tests or study.valve != "map":
         return None
     try:
-        return identify_valve(study.recordings, study.rig)
+        return identify_valve([r for r in study.recordings if r.chamber == 1], study.rig)
     except InputError as error:
         warnings.append(f"no valve map: {error.where}: {error.found}")
         return None

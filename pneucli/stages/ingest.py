@@ -31,7 +31,7 @@ FEWEST = 8  # samples that noise is estimated from
 SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
 WARNINGS = (
     *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
-    *("no-line-end", "empty", "reader"),
+    *("vacuum", "cut-number", "empty", "reader"),
 )
 
 Array = NDArray[np.float64]

@@ -41,7 +41,7 @@ def write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
     """Write all tables but the signals."""
     recordings = [row_of(one) for one in done]
     columns = {key: [row[key] for row in recordings] for key in recordings[0]}
-    units = {"period": "s"} | dict.fromkeys(("rows_read", "samples", *map(column_of, LOSSES)), "1")
+    units = {"period": "s", "chamber": "1"} | dict.fromkeys(("rows_read", "samples", *map(column_of, LOSSES)), "1")
     write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
     _write_noise(out, done, about)
     repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
@@ -61,6 +61,7 @@ def row_of(one: Ingested) -> dict[str, Any]:
         "chamber_2": table.chamber_2 or "",
         "imposed": table.imposed or "",
         "valve_shut": table.valve == "shut",
+        "chamber": table.chamber,
         "file": str(one.source.path),
         "sha256": one.sha256,
         "rows_read": one.rows,

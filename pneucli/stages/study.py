@@ -11,17 +11,21 @@ import numpy as np
 
 from pneucli.config import plugin_files
 from pneucli.errors import InputError
+from pneucli.identify.null import with_null
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
 from pneucli.io.recordings import load_recordings
+from pneucli.memory import give_back
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.staleness import digest
 from pneucli.recording import Recording, Rig
+from pneucli.simulate.ends import with_ends
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.model import Model, Valve
+from pneucli.simulate.switching_valve import SwitchingValve
 from pneucli.simulate.valve_area import ValveArea
 
 MODEL_FILE = "model.parquet"
@@ -37,8 +41,8 @@ class Study:
 
     @cached_property
     def rig(self) -> Rig:
-        """What is known of the rig."""
-        return self.context.config.to_rig()
+        """What is known of the rig, its null command identified where the file asks for it."""
+        return with_null(self.recordings, self.context.config.to_rig())
 
     @cached_property
     def recordings(self) -> list[Recording]:
@@ -57,9 +61,9 @@ class Study:
         return select(self.context.config.model.effects, self.known_effects, where)
 
     @property
-    def valve(self) -> Literal["map", "linear"]:
+    def valve(self) -> Literal["map", "linear", "switching"]:
         """The form of the model's valve."""
-        return self.context.config.model.valve
+        return "switching" if self.rig.valve_kind == "switching" else self.context.config.model.valve
 
     @cached_property
     def experiments(self) -> list[Experiment]:
@@ -73,7 +77,8 @@ class Study:
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
             self._require_noise(ready[-1])
-        return ready
+        give_back()  # smoothing takes several times what it leaves
+        return with_ends(ready, self.rig)
 
     def _require_noise(self, experiment: Experiment) -> None:
         """Raise InputError where a reading that the model is held against has no noise: errors count in units of it.
@@ -113,6 +118,7 @@ class Study:
     def forget_experiments(self) -> None:
         """Free what the experiments hold; they are made anew where they are asked for again."""
         self.__dict__.pop("experiments", None)
+        give_back()
 
     def views(self, use: str, *, whitened: bool = False) -> list[View]:
         """The recordings of one use, one subsystem at a time."""
@@ -127,7 +133,8 @@ class Study:
 
 def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
     """Write a model's values and its valve."""
-    rows = [("value", name, np.nan, value) for name, value in model.values.items()] + _valve_rows(model.valve)
+    rows = [("value", name, np.nan, value) for name, value in model.values.items()]
+    rows += [row for valve in model.valves for row in _valve_rows(valve)]
     kind, name, command, value = zip(*rows, strict=True)
     write_table(
         folder / MODEL_FILE,
@@ -139,22 +146,41 @@ def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
 
 
 def _valve_rows(valve: Valve) -> list[tuple[str, str, float, float]]:
+    """Return a valve's rows: kind, name, command, value; the name begins with its label."""
+    name = valve.label
     if isinstance(valve, LinearValve):
-        return [("gain", "", np.nan, valve.gain)]
-    overlaps = (("fill", valve.overlap_fill), ("vent", valve.overlap_vent))
-    rows = [("area", "", c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
-    return rows + [("overlap", name, np.nan, value) for name, value in overlaps]
+        return [("gain", name, np.nan, valve.gain)]
+    if isinstance(valve, SwitchingValve):
+        return [("switching", name, 1.0, valve.fill), ("switching", name, -1.0, valve.vent)]
+    overlaps = ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent))
+    rows = [("area", name, c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
+    return rows + [("overlap", name, sign, value) for sign, value in overlaps]
+
+
+def _valve_of(rows: list[tuple[str, float, float]], label: str) -> Valve:
+    """Return the valve whose rows (kind, command, value) these are."""
+    by_kind: dict[str, list[tuple[float, float]]] = {}
+    for kind, command, value in rows:
+        by_kind.setdefault(kind, []).append((command, value))
+    if "gain" in by_kind:
+        return LinearValve(by_kind["gain"][0][1], label=label)
+    if "switching" in by_kind:
+        (_, fill), (_, vent) = by_kind["switching"]
+        return SwitchingValve(fill, vent, label=label)
+    knots, overlap = by_kind.get("area", []), dict(by_kind["overlap"])
+    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap[1.0], overlap[-1.0], label=label)
 
 
 def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
     """Return the model that ``identify`` wrote."""
     table = read_table(folder / MODEL_FILE)
-    rows = list(zip(table["kind"], table["name"], table["command"], table["value"], strict=True))
-    values = {str(n): float(v) for k, n, _, v in rows if k == "value"}
-    knots = [(float(c), float(v)) for k, _, c, v in rows if k == "area"]
-    overlap = {str(n): float(v) for k, n, _, v in rows if k == "overlap"}
-    gains = [float(v) for k, _, _, v in rows if k == "gain"]
-    if gains:
-        return Model(rig, effects, values, LinearValve(*gains))
-    valve = ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap["fill"], overlap["vent"])
-    return Model(rig, effects, values, valve)
+    rows = [
+        (str(k), str(n), float(c), float(v))
+        for k, n, c, v in zip(table["kind"], table["name"], table["command"], table["value"], strict=True)
+    ]
+    values = {n: v for k, n, _, v in rows if k == "value"}
+    valves = {
+        label: [(k, c, v) for k, n, c, v in rows if k != "value" and n == label] for label in ("valve", "valve_2")
+    }
+    second = _valve_of(valves["valve_2"], "valve_2") if valves["valve_2"] else None
+    return Model(rig, effects, values, _valve_of(valves["valve"], "valve"), second)

@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from pneucli.io.artifacts import read_table
+from pneucli.pipeline.staleness import program_digest
+from pneucli.stages.exam import seed_of
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
 
@@ -94,7 +98,7 @@ def test_grades_show_the_confusion_and_the_seconds(pneucli: Command, exam: Path)
     assert page.code == 0
     assert "| valve-leak | valve-lag | 1 |" in page.out
     assert "| none | failed | 1 |" in page.out
-    assert "Seconds a case: 20 (median), 30 (a, slowest)" in page.out
+    assert "Processor seconds a case: 20 (median), 30 (a, slowest)" in page.out
     grades = json.loads(pneucli("exam", exam, "--grade", "--json").out)
     assert grades["shares"]["verdict right"]["right"] == 2  # of a and b
     assert grades["shares"]["exactly the true effects"]["right"] == 0
@@ -115,3 +119,58 @@ def test_a_folder_that_is_no_exam_is_the_users_error(pneucli: Command, tmp_path:
     result = pneucli("exam", tmp_path, what)
     assert result.code == 2
     assert "pneucli exam" in result.err or "write an exam" in result.err
+
+
+def test_conditions_are_asked_for_by_name_and_a_wrong_one_is_the_users_error(pneucli: Command, exam: Path) -> None:
+    wrong = pneucli("exam", exam, "--condition", "rate-20kHz")
+    assert wrong.code == 2
+    assert "rate-#Hz" in wrong.err
+    result = pneucli(
+        "exam", exam, "--cases", 1, "--nulls", 0, "--condition", "usual", "--condition", "rate-200Hz", "--json"
+    )
+    written = json.loads(result.out)
+    assert written["conditions"] == ["usual", "rate-200Hz"]
+    assert len(written["cases"]) == 2
+
+
+def test_without_a_seed_it_follows_from_the_program_and_both_are_sealed_and_graded(
+    pneucli: Command, exam: Path, tmp_path: Path
+) -> None:
+    pneucli("exam", exam, "--cases", 0, "--nulls", 1)
+    sealed = json.loads((exam / ".sealed" / "exam.json").read_text())
+    assert sealed["program"] == program_digest()
+    assert sealed["seed"] == seed_of(program_digest()) != seed_of(program_digest() + "changed")
+    answered(exam, "case-001", ADEQUATE | {"program": program_digest()})
+    page = pneucli("exam", exam, "--grade").out
+    assert f"Seed {sealed['seed']}, from the hash of the program that answers" in page
+    assert program_digest() in page
+    answered(exam, "case-001", ADEQUATE | {"program": "0.1 of yesterday"})
+    assert "from the hash of another program" in pneucli("exam", exam, "--grade").out
+    assert json.loads(pneucli("exam", exam, "--grade", "--json").out)["answered_by"] == ["0.1 of yesterday"]
+    pneucli("exam", tmp_path / "other", "--cases", 0, "--nulls", 1, "--seed", 7)
+    other = json.loads((tmp_path / "other" / ".sealed" / "exam.json").read_text())
+    assert (other["seed"], other["seed_from"]) == (7, "given")
+
+
+def test_an_answer_says_which_program_gave_it(pneucli: Command, exam: Path) -> None:
+    case(exam, "a")
+    pneucli("exam", exam, "--answer")
+    assert json.loads((exam / "answers" / "a.json").read_text())["program"] == program_digest()
+
+
+def test_grades_are_also_tables_with_units(pneucli: Command, exam: Path) -> None:
+    for name, conditions in (("a", ["usual"]), ("b", ["messy", "rate-200Hz"])):
+        seal(exam, name)
+        path = exam / ".sealed" / f"{name}.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"conditions": conditions}))
+    answered(exam, "a", ADEQUATE)
+    pneucli("exam", exam, "--grade")
+    grades = read_table(exam / "answers" / "grades.parquet")
+    assert set(grades["condition"]) == {"all", "usual", "messy", "rate-200Hz", "messy+rate-200Hz"}
+    of = dict(zip(zip(grades["condition"], grades["what"], strict=True), grades["value"], strict=True))
+    assert (of["all", "verdict right"], of["usual", "verdict right"], of["messy", "verdict right"]) == (0.5, 1.0, 0.0)
+    assert of["messy", "failure: no answer"] == 1.0
+    assert np.isnan(of["all", "unknown flagged"])
+    cases = read_table(exam / "answers" / "cases.parquet")
+    assert list(cases["case"]) == ["a", "b"]
+    assert list(cases["failure"]) == ["", "no answer"]

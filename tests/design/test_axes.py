@@ -376,18 +376,28 @@ def test_a_check_that_no_run_shows_has_no_rate() -> None:
 
 def test_every_number_of_the_controller_has_its_place() -> None:
     vector = axis.controller().vector()
-    assert vector.size == len(layout.PARAMETERS) - 1 + 2 * 201
+    assert vector.size == len(layout.PARAMETERS) - 1 + 4 * 201
     for name in layout.PARAMETERS[:-1]:
         assert vector[getattr(layout, name)] == C[name]
     assert tuple(vector[layout.C_TABLE : layout.C_TABLE + 201]) == axis.controller().fill
-    assert tuple(vector[layout.C_TABLE + 201 :]) == axis.controller().vent
+    assert tuple(vector[layout.C_TABLE + 201 : layout.C_TABLE + 402]) == axis.controller().vent
     assert len(layout.STATE) == 33
     assert len({getattr(layout, name) for name in layout.STATE}) == 33
 
 
 def test_every_number_with_a_unit_has_one() -> None:
     assert set(layout.UNITS) <= set(layout.PARAMETERS)
-    none = {"C_TWO_VALVES", "C_COMPENSATION", "C_GAMMA", "C_CRITICAL", "C_OBS_X", "C_OBS_P", "C_NODES", "C_TABLE"}
+    none = {
+        "C_MIRRORED",
+        "C_TWO_VALVES",
+        "C_COMPENSATION",
+        "C_GAMMA",
+        "C_CRITICAL",
+        "C_OBS_X",
+        "C_OBS_P",
+        "C_NODES",
+        "C_TABLE",
+    }
     assert set(layout.PARAMETERS) - set(layout.UNITS) == none
     units = {
         "C_PERIOD": "s",

@@ -203,7 +203,7 @@ def test_the_least_speed_is_two_quanta_a_sample_or_a_hundredth_of_the_largest() 
 
 def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
     known = having(**{"extra-mass.mass": 0.5, "dead-volume.volume_added": 1e-5, "critical-ratio.critical_ratio": 0.3})
-    found = axis_values(known, replace(PLAIN, period=2e-3, chamber_2="valve"), 2e-6, 1e-6, 2.5e5)
+    found = axis_values(known, replace(PLAIN, period=2e-3, chamber_2="valve"), (2e-6, 1e-6, 4e-6, 3e-6), 2.5e5)
     rig, base = axis.RIG, MODEL.base()
     rt = base["rig.gas_constant"] * rig.gas_temperature
     assert found == {
@@ -215,27 +215,27 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         "C_CRITICAL": 0.3, "C_COULOMB": axis.TRUTH["coulomb"], "C_STATIC": pytest.approx(axis.TRUTH["static"]),
         "C_STRIBECK": pytest.approx(axis.TRUTH["stribeck_velocity"]), "C_VISCOUS": axis.TRUTH["viscous"],
         "C_P_LOW": pytest.approx(1.05 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.95 * rig.supply_pressure),
-        "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_NODES": 201.0,
+        "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6, "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0,
     }  # fmt: skip
 
 
 def test_without_effects_the_controller_knows_the_base_alone() -> None:
     plain = replace(MODEL, effects=(), values={"friction.coulomb": 15.0, "friction.viscous": 50.0})
-    found = axis_values(plain, PLAIN, 2e-6, 1e-6, None)
+    found = axis_values(plain, PLAIN, (2e-6, 1e-6, 4e-6, 3e-6), None)
     assert (found["C_STATIC"], found["C_STRIBECK"], found["C_TWO_VALVES"]) == (15.0, 1.0, 0.0)
     assert found["C_MASS"] == axis.RIG.moving_mass
     assert found["C_CRITICAL"] == plain.base()["valve.critical_ratio"]
     assert found["C_P_MEAN"] == pytest.approx(math.sqrt(axis.RIG.ambient_pressure * axis.RIG.supply_pressure))
     low = having(**{"stribeck.static": 5.0})
-    assert axis_values(low, PLAIN, 2e-6, 1e-6, None)["C_STATIC"] == axis.TRUTH["coulomb"]
+    assert axis_values(low, PLAIN, (2e-6, 1e-6, 4e-6, 3e-6), None)["C_STATIC"] == axis.TRUTH["coulomb"]
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_the_inverse_table_leads_back_to_its_areas(direction: float) -> None:
     """201 commands whose areas are even over the root, from the closing edge to the largest command tested."""
-    commands, largest, top = inverse_table(MODEL, direction)
+    commands, largest = inverse_table(MODEL, MODEL.valve, direction)
     assert len(commands) == 201
-    assert top == direction * 10.0
+    assert commands[-1] == direction * 10.0
     assert largest == pytest.approx(axis.area(10.0), rel=1e-3)
     wanted = largest * (np.arange(201) / 200) ** 2
     assert np.abs([MODEL.valve(np.array([u]))[0] for u in commands] - wanted).max() < 2e-3 * largest
@@ -245,10 +245,10 @@ def test_the_inverse_table_leads_back_to_its_areas(direction: float) -> None:
 
 def test_each_direction_ends_at_its_own_largest_command() -> None:
     uneven = replace(MODEL, valve=ValveArea((-6.0, -3.0, 4.0, 8.0), (6e-7, 3e-7, 4e-7, 8e-7)))
-    assert inverse_table(uneven, 1.0)[2] == 8.0
-    assert inverse_table(uneven, -1.0)[2] == -6.0
-    assert inverse_table(uneven, -1.0)[1] == pytest.approx(6e-7)
-    assert axis_values(uneven, PLAIN, 1.0, 1.0, None)["C_U_MAX"] == 8.0
+    assert inverse_table(uneven, uneven.valve, 1.0)[0][-1] == 8.0
+    assert inverse_table(uneven, uneven.valve, -1.0)[0][-1] == -6.0
+    assert inverse_table(uneven, uneven.valve, -1.0)[1] == pytest.approx(6e-7)
+    assert axis_values(uneven, PLAIN, (1.0, 1.0, 1.0, 1.0), None)["C_U_MAX"] == 8.0
 
 
 @pytest.mark.parametrize(

@@ -132,7 +132,7 @@ def test_the_compiled_loop_is_the_python_text() -> None:
         flags = closed_loop._flags(CONTROLLER)
         kernel.run(
             TIME[:200], closed_loop._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.vector({}),
-            kernel.switches(()), flags, MODEL.valve.table(), STEP["axis"], state, cp, out,
+            kernel.switches(()), flags, MODEL.valve.table(), MODEL.second.table(), STEP["axis"], state, cp, out,
         )  # fmt: skip
         outs.append(out)
     assert np.allclose(outs[0], outs[1], rtol=1e-9, atol=1e-12)

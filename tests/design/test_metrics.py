@@ -169,7 +169,9 @@ def test_air_is_drawn_while_a_valve_fills_by_the_flow_law() -> None:
     k = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"]))
     choked = axis.area(5.0) * SUPPLY * k * 0.484 * 6.0
     assert judged(0.1, u=5.0).air_kg == pytest.approx(choked, rel=2e-3)
-    assert judged(0.1, u2=5.0).air_kg == pytest.approx(choked, rel=2e-3)
+    two = CONTROLLER.with_values(C_TWO_VALVES=1.0)
+    assert measure(made_up(0.1, u2=5.0), MODEL, two).air_kg == pytest.approx(choked, rel=2e-3)
+    assert judged(0.1, u2=5.0).air_kg == 0.0
     assert judged(0.1, u=-5.0).air_kg == 0.0
     ratio, b = 0.8, base["valve.critical_ratio"]
     throttled = judged(0.1, u=5.0, p1=ratio * SUPPLY).air_kg

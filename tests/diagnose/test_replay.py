@@ -12,6 +12,7 @@ from pneucli.diagnose import replay
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.unknown import REPLAYED, describe
 from pneucli.identify.views import Chambers, Forces, View, Whole
+from pneucli.simulate import layout as at
 
 STRETCHES, LENGTH = 40, 100
 N = STRETCHES * LENGTH
@@ -25,6 +26,9 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[View] =
         restarts=np.arange(0, N, LENGTH),
         recording=SimpleNamespace(experiment="axis"),
         measured=lambda channel: error,
+        inputs=np.zeros((N, len(at.INPUTS))),
+        noise={"x": SimpleNamespace(rms=1.0)},
+        outmost=(-np.inf, np.inf),
     )
     monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N)})
     monkeypatch.setattr(replay, "deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})

@@ -10,8 +10,9 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case, write_exam
-from pneucli.exam.grading import grade, to_markdown
+from pneucli.exam.grading import grade
 from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.tables import to_markdown
 from pneucli.stages import exam
 
 
@@ -47,7 +48,7 @@ def test_the_same_seed_gives_the_same_case_and_another_seed_another(tmp_path):
 
 def test_an_exam_has_nulls_strangers_and_pairs_and_its_names_do_not_tell(tmp_path):
     exam.write(tmp_path / "exam", cases=6, nulls=2, seed=3)
-    truths = [json.loads(p.read_text()) for p in sorted((tmp_path / "exam" / ".sealed").glob("*.json"))]
+    truths = [json.loads(p.read_text()) for p in sorted((tmp_path / "exam" / ".sealed").glob("case-*.json"))]
     assert sorted(t["verdict"] for t in truths) == ["adequate"] * 2 + ["missing-effect"] * 5 + ["unexplained"]
     assert sorted(len(t["hidden"]) for t in truths) == [0, 0, 0, 1, 1, 1, 1, 2]
     assert not list((tmp_path / "exam").glob("case-*/truth*"))
@@ -92,9 +93,14 @@ def test_grading_counts_by_hand(tmp_path):
         "true effects in the answer": (2, 3),
         "exactly the true effects": (1, 3),
         "nulls named nothing": (1, 2),
+        "clean nulls named nothing": (1, 2),
+        "messy nulls named nothing": (0, 0),
         "unknown flagged": (1, 1),
         "unknown wrongly named": (1, 1),
+        "inconclusive": (0, 6),
         "parameters within 15 %": (1, 1),
+        "intervals that hold the truth": (0, 0),
+        "named with 0.9 or more, and true": (0, 0),
     }
     assert result["unanswered"] == ["c"]
     assert result["error_after"] == {"median": 1.02, "largest": 1.02}

@@ -27,9 +27,9 @@ def recorded(par: Parameters, kind: str) -> dict[str, np.ndarray]:
 
 
 def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:
-    """Largest change, in units of the noise of ordinary sensors (400 Pa, 0.05 m/s^2)."""
+    """Largest change, in units of the noise of ordinary sensors (400 Pa, 0.05 m/s^2, 10 um)."""
     pressure = max(np.max(np.abs(one[p] - other[p])) / 400.0 for p in ("p1", "p2"))
-    return max(pressure, np.max(np.abs(one["a"] - other["a"])) / 0.05)
+    return max(pressure, np.max(np.abs(one["a"] - other["a"])) / 0.05, np.max(np.abs(one["x"] - other["x"])) / 1e-5)
 
 
 @pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)

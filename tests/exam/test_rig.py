@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from pneucli.exam.hidden import CATALOGUE, OUTSIDE
 from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, P1, PS, T1, flow, valve_flow
-from pneucli.exam.rig.manoeuvres import stick_slip, valve_step
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_step, wandering
+from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.exam.similar import DIMENSIONS, Similar
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
@@ -130,7 +132,7 @@ def test_sensors_do_what_their_parameters_say():
         pressure_offset=5e3, pressure_scale=1.1, pressure_lag=0.02, pressure_skew=0.005, acceleration_bias=0.3
     )
     ramp = par.ambient + 1e5 * np.arange(1000) * 1e-3
-    truth = {name: np.zeros(1000) for name in ("u", "x", "a")} | dict.fromkeys(("p1", "p2", "p_supply"), ramp)
+    truth = {name: np.zeros(1000) for name in ("u", "u2", "x", "a")} | dict.fromkeys(("p1", "p2", "p_supply"), ramp)
     seen = measure(par, Sensors(pressure=0.0, acceleration=0.0), truth, np.random.default_rng(1))
     # a lag and a delay both shift a ramp, by 20 ms and 5 ms
     assert seen["p1"][500:] == pytest.approx(1.1e5 * (np.arange(500, 1000) * 1e-3 - 0.025) + 5e3, abs=1.0)
@@ -141,12 +143,129 @@ def test_sensors_do_what_their_parameters_say():
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.8])
 def test_pressure_noise_has_its_level_and_colour(pole):
     n = 40_000
-    truth = {name: np.zeros(n) for name in ("u", "x", "a")} | {
+    truth = {name: np.zeros(n) for name in ("u", "u2", "x", "a")} | {
         p: np.full(n, 101_300.0) for p in ("p1", "p2", "p_supply")
     }
     noise = measure(Parameters(), Sensors(pressure=400.0, pole=pole), truth, np.random.default_rng(2))["p1"]
     assert np.std(noise) == pytest.approx(400.0, rel=0.05)
     assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(pole, abs=0.02)
+
+
+def quiet(n: int = 20_000) -> dict[str, np.ndarray]:
+    """A rig at which nothing happens."""
+    signals = {name: np.zeros(n) for name in ("u", "u2", "x", "a")}
+    return signals | {p: np.full(n, 3e5) for p in ("p1", "p2", "p_supply")}
+
+
+def test_a_drifting_zero_wanders_slowly_and_by_a_few_times_the_noise():
+    seen = measure(Parameters(), Sensors(pressure=400.0, drift=4.0), quiet(), np.random.default_rng(3))
+    for name in ("p1", "p2", "p_supply"):
+        course = seen[name].reshape(20, -1).mean(axis=1) - seen[name][:1000].mean()
+        assert 400.0 < np.max(np.abs(course)) < 4000.0
+        assert np.max(np.abs(np.diff(course))) < 1200.0
+
+
+def test_outliers_are_few_and_far_out():
+    still = measure(Parameters(), Sensors(), quiet(), np.random.default_rng(3))
+    seen = measure(Parameters(), Sensors(outliers=1e-3), quiet(), np.random.default_rng(3))
+    wrong = np.abs(seen["p1"] - still["p1"])
+    assert 5 < np.count_nonzero(wrong) < 50
+    assert np.min(wrong[wrong > 0.0]) > 20 * 400.0
+
+
+USUAL = Similar()
+SILENT = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
+
+
+def moved(par: Parameters, similar: Similar = USUAL, rate: float = 1000.0) -> dict[str, np.ndarray]:
+    """Back and forth, then against an end."""
+    reference = np.r_[wandering(np.random.default_rng(1), 700, par.stroke), np.full(800, -0.3 * par.stroke)]
+    gain = 150.0 * similar.command / similar.length
+    second = 0.1 * par.command_range * np.sin(np.arange(1500) / 100)
+    return run(par, closed_loop(par, reference, gain, 1.8e5 * similar.pressure, second=second), rate)
+
+
+def shown(par: Parameters, similar: Similar = USUAL) -> dict[str, np.ndarray]:
+    """What sensors without noise show of that motion, in the usual rig's sizes."""
+    seen = measure(par, SILENT, moved(par, similar), np.random.default_rng(1))
+    return {"p1": seen["p1"] / similar.pressure, "x": seen["x"] / similar.length, "a": seen["a"] / similar.length}
+
+
+def everything_hidden(*but: str) -> Parameters:
+    par = Parameters(overlap=0.2, arrangement=TWO_VALVES, effective_area_2=1.5e-6, overlap_2=0.3)
+    for effect in CATALOGUE + OUTSIDE:
+        if effect.name not in ("valve-deadband", *but):
+            par = effect.set(par, 0.5, np.random.default_rng(6))
+    return par
+
+
+@pytest.mark.parametrize("rate", [200.0, 500.0, 5000.0, 10_000.0])
+def test_another_rate_records_the_same_motion(rate):
+    usual, sensors = moved(Parameters()), Sensors(rate=rate)
+    other = moved(Parameters(), rate=sensors.fine_rate)
+    thinned = {name: signal[:: max(1, round(rate / 1e3))] for name, signal in other.items()}
+    for name in ("u", "p1", "x", "v"):
+        assert np.array_equal(thinned[name], usual[name]), name
+    seen = measure(Parameters(), sensors, other, np.random.default_rng(1))
+    assert seen["time"] == pytest.approx(np.arange(1.5 * rate) / rate)
+    assert np.array_equal(seen["u"], other["u"][:: sensors.kept])
+
+
+def test_the_loop_has_its_own_clock_so_that_commands_change_between_samples_or_stand_over_many():
+    usual = moved(Parameters())["u"]
+    assert np.all(np.diff(usual[5:200]) != 0.0)
+    quick = moved(Parameters(), rate=10_000.0)["u"].reshape(-1, 10)
+    assert np.all(quick == quick[:, :1])
+
+
+def test_a_rate_that_does_not_divide_the_loops_changes_the_motion_little():
+    odd = moved(Parameters(), rate=Sensors(rate=330.0).fine_rate)
+    time = np.arange(odd["x"].size) / Sensors(rate=330.0).fine_rate
+    usual = np.interp(time, np.arange(1500) * 1e-3, moved(Parameters())["x"])
+    assert odd["x"] == pytest.approx(usual, abs=1e-3)
+
+
+def test_slow_sensors_are_followed_finely_before_the_logger_thins_them():
+    sensors = Sensors(pressure=0.0, rate=100.0)
+    par = Parameters(pressure_lag=0.02)
+    step = par.ambient + 1e5 * (np.arange(1000) >= 305)
+    truth = {name: np.zeros(1000) for name in ("u", "u2", "x", "a")} | dict.fromkeys(("p1", "p2", "p_supply"), step)
+    seen = measure(par, sensors, truth, np.random.default_rng(1))["p2"]
+    assert seen[31:40] == pytest.approx(1e5 * (1 - np.exp(-(10 * np.arange(31, 40) - 304.5) / 20)), rel=1e-3)
+
+
+@pytest.mark.parametrize("bore", [6e-3, 200e-3])
+def test_a_rig_of_another_bore_moves_as_the_usual_one_does(bore):
+    """With all that can be hidden at once: a quantity whose dimension is wrong or forgotten would show."""
+    par = everything_hidden()
+    similar = Similar.of(par, bore, None, 5.0)
+    assert np.pi / 4 * bore**2 == pytest.approx(similar.rig(par).piston_area_1)
+    for name, other in shown(similar.rig(par), similar).items():
+        usual = shown(par)[name]
+        # commands are rounded: an impact may come a moment later
+        assert np.mean(np.abs(other - usual)) < 5e-5 * np.ptp(usual), name
+
+
+def test_a_rig_of_another_pressure_moves_so_in_thicker_air():
+    par = everything_hidden("heat-transfer")
+    similar = Similar(pressure=5.0, supply=5.0)
+    there = similar.rig(par)._replace(ambient=5.0 * par.ambient, supply=5.0 * par.supply)
+    for name, other in shown(there, similar).items():
+        usual = shown(par)[name]
+        # commands are rounded: an impact may come a moment later
+        assert np.mean(np.abs(other - usual)) < 5e-5 * np.ptp(usual), name
+
+
+def test_a_patch_of_friction_lies_at_the_same_share_of_the_stroke():
+    par = Parameters(position_from=0.05, position_to=0.1)
+    other = Similar.of(par, 0.1, None).rig(par)
+    shares = [other.position_from / other.stroke, other.position_to / other.stroke]
+    assert shares == pytest.approx([0.25, 0.5])
+
+
+def test_supplies_are_what_was_asked_for():
+    assert Similar.of(Parameters(), None, 50e5).rig(Parameters()).supply == pytest.approx(50e5)
+    assert set(DIMENSIONS) < set(Parameters._fields)
 
 
 TRANSLATED = {
@@ -178,10 +297,3 @@ def test_with_the_true_parameters_the_shared_valve_cases_come_out_at_the_sensor_
         # white noise of that level, plus hum (the shared cases: up to 0.5 of it) where the supply's sensor shows it
         floor = np.std(table[:, 2] * 1e5)
         assert np.sqrt(np.mean((table[:, 3] * 1e5 - model) ** 2)) / floor == pytest.approx(1.0, abs=0.12)
-
-
-def test_a_piston_without_cushions_loses_its_velocity_at_the_stop_that_it_hits():
-    """From 3 m/s the air spring of chamber 1 then pushes it back slowly."""
-    seen = run(Parameters(), free(position=0.01, velocity=-3.0, seconds=0.03, pressure_1=101_300.0))
-    assert 0.0 <= seen["x"].min() < 1e-5
-    assert np.abs(seen["v"][5:]).max() < 0.5

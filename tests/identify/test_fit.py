@@ -213,7 +213,8 @@ def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs:
 def beyond_5_v(known: Any, grown: Any) -> Any:
     """The grown valve with the known one's table up to 5 V."""
     table = np.where(np.linspace(-10.0, 10.0, 4001) > 5.0, grown.valve.table(), known.valve.table())
-    return SimpleNamespace(valve=SimpleNamespace(table=lambda: table), values=known.values, effects=known.effects)
+    valve = SimpleNamespace(table=lambda: table)
+    return SimpleNamespace(valve=valve, valves=(valve,), values=known.values, effects=known.effects)
 
 
 def test_an_effects_parameter_shows_where_the_effect_does() -> None:

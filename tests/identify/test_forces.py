@@ -23,7 +23,13 @@ def pushed(force: float, v: float = 0.0, **more: Any) -> Forces:
     p2 = 2e5
     p1 = RIG.ambient_pressure + (force + AREA_2 * (p2 - RIG.ambient_pressure)) / AREA_1
     signals = {"p1": p1, "p2": p2, "x": 0.1 + v * TIME, "v": v, **more}
-    return Forces(bench("friction", TIME, signals))
+    return Forces(with_noise(bench("friction", TIME, signals)))
+
+
+def with_noise(e: Any) -> Any:
+    """The experiment with a sensor of position that is nearly perfect."""
+    e.noise["x"] = NoiseModel(1e-9)
+    return e
 
 
 INSIDE = slice(20, -20)
@@ -51,7 +57,7 @@ def test_acceleration_is_a_force_of_the_mass() -> None:
     p1 = RIG.ambient_pressure + force / AREA_1
     signals = {"p1": p1, "p2": RIG.ambient_pressure, "x": 0.05 + 0.1 * TIME + 1.5 * TIME**2, "v": v}
     for more in ({}, {"a": 3.0}):
-        e = bench("friction", TIME, {**signals, **more})
+        e = with_noise(bench("friction", TIME, {**signals, **more}))
         e.noise.update({"a": NoiseModel(0.0)})
         assert Forces(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
 
@@ -69,7 +75,7 @@ def test_loads_are_the_acceleration_and_what_smoothing_took_out_of_the_pressures
 
 
 def resting(noise: float = 0.05, **values: float) -> Forces:
-    e = bench("friction", TIME, {"p1": 2e5, "p2": 2e5, "x": 0.1, "v": 0.0, "a": 0.3})
+    e = with_noise(bench("friction", TIME, {"p1": 2e5, "p2": 2e5, "x": 0.1, "v": 0.0, "a": 0.3}))
     e.noise["a"] = NoiseModel(noise)
     return Forces(e)
 

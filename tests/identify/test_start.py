@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from pneucli.identify import restarts, start
+from pneucli.identify.paths import paths
 from pneucli.identify.rests import breakaways, unsure
-from pneucli.identify.start import first_guess, friction_guess, guess_gain, guess_map, mass_flow, overlap_of
+from pneucli.identify.start import first_guess, friction_guess, guess_gain, guess_map, overlap_of
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
@@ -103,7 +104,8 @@ def per_area(u: float, p: float, rig: Rig = RIG) -> float:
 def test_flow_is_the_balance_of_mass_and_the_valves_share_of_it_by_area(u: float, p: float) -> None:
     slope = 4e5
     e = bench("axis", TIME, {"u": u, "p1": p + slope * (TIME - 2.0), "x": 0.12, "v": 0.3})
-    flow, unit = mass_flow(e, RIG, 1.0)
+    (shown,) = paths([e], RIG, 1, 1.0)
+    flow, unit = shown.flow, shown.per_area
     volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.12
     gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
     middle = 2000
@@ -115,7 +117,7 @@ def test_flow_is_the_balance_of_mass_and_the_valves_share_of_it_by_area(u: float
 def test_a_vessel_has_its_own_volume_and_no_piston() -> None:
     e = bench("valve", TIME, {"u": 5.0, "p1": 2e5 + 1e5 * TIME})
     gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
-    assert mass_flow(e, RIG, 3e-4)[0][2000] == pytest.approx(1e5 * 3e-4 / gas)
+    assert next(paths([e], RIG, 1, 3e-4)).flow[2000] == pytest.approx(1e5 * 3e-4 / gas)
 
 
 AREAS = {u: 2e-7 * (abs(u) - 0.2) ** 1.2 for u in (-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0)}
@@ -136,8 +138,13 @@ def driven(levels: list[float], areas: dict[float, float] = AREAS, each: float =
 LEVELS = list(AREAS)
 
 
+def shown(experiments: list[Any], values: dict[str, float]) -> list[Any]:
+    """What they show of the paths of chamber 1, of a vessel of a litre unless known."""
+    return list(paths(experiments, RIG, 1, values.get("rig.vessel_volume", start.STAND_IN_VOLUME)))
+
+
 def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
-    found = guess_map([driven(LEVELS)], RIG, {"rig.vessel_volume": 1e-3})
+    found = guess_map(shown([driven(LEVELS)], {"rig.vessel_volume": 1e-3}), "valve")
     assert found.commands == tuple(AREAS)
     assert found.areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
     assert found.overlap_fill == pytest.approx(0.2, abs=0.011)
@@ -145,12 +152,12 @@ def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
 
 
 def test_a_vessel_of_unknown_volume_stands_in_for_a_litre() -> None:
-    assert guess_map([driven(LEVELS)], RIG, {}).areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
+    assert guess_map(shown([driven(LEVELS)], {}), "valve").areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
 
 
 def test_both_directions_have_their_own_areas_and_overlap() -> None:
     uneven = {u: 2e-7 * (abs(u) - (0.1 if u > 0 else 0.5)) for u in LEVELS}
-    found = guess_map([driven(LEVELS, uneven)], RIG, {})
+    found = guess_map(shown([driven(LEVELS, uneven)], {}), "valve")
     assert found.areas == pytest.approx(tuple(uneven.values()), rel=1e-6)
     assert found.overlap_fill == pytest.approx(0.1, abs=0.011)
     assert found.overlap_vent == pytest.approx(0.5, abs=0.011)
@@ -162,7 +169,7 @@ def test_what_follows_a_jump_of_the_command_within_five_samples_is_left_out_on_a
     for jump in range(500, spoiled.size - 1, 500):
         spoiled[jump : jump + 5] = 1e9
     e.smoothers["p1"] = SimpleNamespace(slope=lambda raw: spoiled)
-    assert guess_map([e], RIG, {}).areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
+    assert guess_map(shown([e], {}), "valve").areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
 
 
 def test_commands_held_only_shortly_get_no_knot_where_enough_are_held_longer() -> None:
@@ -171,13 +178,13 @@ def test_commands_held_only_shortly_get_no_knot_where_enough_are_held_longer() -
     brief = e.inputs[:, at.IN_U].copy()
     brief[-100:-50], brief[-50:] = 3.0, -3.0
     e.inputs[:, at.IN_U] = brief
-    assert guess_map([e], RIG, {}).commands == tuple(AREAS)
+    assert guess_map(shown([e], {}), "valve").commands == tuple(AREAS)
 
 
 def test_neighbouring_commands_share_a_knot() -> None:
     """ln(2.2 / 2) = 0.1 is nearer than 0.2; the longer held one has it."""
     both = AREAS | {2.2: 3e-7}
-    found = guess_map([driven([*LEVELS, 2.0, 2.2], both)], RIG, {})
+    found = guess_map(shown([driven([*LEVELS, 2.0, 2.2], both)], {}), "valve")
     assert found.commands == tuple(AREAS)
 
 
@@ -190,15 +197,15 @@ def test_a_command_that_is_never_held_has_knots_of_its_own() -> None:
     volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.1
     slope = np.array([1e-9 * abs(c) ** 3 * (per_area(c, 3e5) if c else 0.0) for c in u]) * gas / volume
     e.smoothers["p1"] = SimpleNamespace(slope=lambda raw: slope)
-    found = guess_map([e], RIG, {})
+    found = guess_map(shown([e], {}), "valve")
     assert [c for c in found.commands if c > 0] == [0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0]
     assert found.areas[:-1] == pytest.approx(tuple(1e-9 * abs(c) ** 3 for c in found.commands[:-1]), rel=0.04)
 
 
 def test_a_linear_valve_has_one_gain() -> None:
     straight = {u: 3e-7 * abs(u) for u in LEVELS}
-    assert guess_gain([driven(LEVELS, straight)], RIG, {}).gain == pytest.approx(3e-7)
-    assert guess_gain([driven(LEVELS, dict.fromkeys(LEVELS, -1e-7))], RIG, {}).gain == 1e-12
+    assert guess_gain(shown([driven(LEVELS, straight)], {}), "valve").gain == pytest.approx(3e-7)
+    assert guess_gain(shown([driven(LEVELS, dict.fromkeys(LEVELS, -1e-7))], {}), "valve").gain == 1e-12
 
 
 @pytest.mark.parametrize("overlap", [0.0, 0.3, 0.8])

@@ -63,7 +63,7 @@ def two(tmp_path: Path) -> Path:
     rows = [f"{t},{6.5 + 0.004 * rng.standard_normal():.5f}" for t in range(100)]
     (tmp_path / "charge.csv").write_text("t,P\n" + "\n".join(rows) + "\n")
     (tmp_path / "stroke.csv").write_text(
-        "t,P,X\n" + "\n".join(f"{row},{n * n * 1e-3:.4f}" for n, row in enumerate(rows))
+        "t,P,X\n" + "\n".join(f"{row},{n * n * 1e-3:.4f}" for n, row in enumerate(rows)) + "\n"
     )
     (tmp_path / "two.toml").write_text(PIPELINE)
     return tmp_path / "two.toml"

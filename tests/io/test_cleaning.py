@@ -77,7 +77,7 @@ def test_a_command_may_pulse() -> None:
 
 def test_an_impact_that_rings_is_no_spike() -> None:
     rung = signal(noise=1.0)
-    rung["p1"] = np.random.default_rng(1).standard_normal(N)
+    rung["p1"] = 1e5 + np.random.default_rng(1).standard_normal(N)
     rung["p1"][900:930] += 300 * np.exp(-np.arange(30) / 6) * np.cos(2 * np.arange(30))
     assert clean(rung)[1] == {}
 
@@ -92,6 +92,14 @@ def test_time_stamps_are_put_right_and_counted() -> None:
     assert np.all(np.diff(cleaned["time"]) > 0)
     np.testing.assert_array_equal(cleaned["p1"], np.delete(bad["p1"], [100, 200, 300, 400]))
     assert repairs == {("time", "duplicate"): 1, ("time", "backward"): 2, ("time", "no-stamp"): 1}
+
+
+def test_what_no_gas_and_no_clock_shows_is_counted_and_kept() -> None:
+    odd = signal()
+    odd["p1"][700:708], odd["time"][0] = 0.0, 4e-320
+    cleaned, repairs = clean(odd)
+    assert repairs == {("p1", "vacuum"): 8, ("time", "tiny"): 1}
+    np.testing.assert_array_equal(cleaned["p1"], odd["p1"])
 
 
 def test_missing_and_infinite_values_are_counted() -> None:

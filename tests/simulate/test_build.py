@@ -15,7 +15,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector, effects_of, kernel_for, run, run_many
+from pneucli.simulate.run import base_vector, effects_of, kernel_for, run, run_many, tables
 
 from .benches import bench, clock, model, steps_of_command, typical
 
@@ -59,13 +59,13 @@ def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.n
     given = {"flags": experiment.flags, "cp": np.zeros(2)} | changes
     kernel.run(
         experiment.time,
-        experiment.inputs.copy(),
+        experiment.inputs,
         experiment.restarts,
         base_vector(which, experiment),
         kernel.vector(which.effect_values()),
         kernel.switches(experiment.active(which.effects)),
         given["flags"],
-        which.valve.table(),
+        *tables(which, experiment),
         experiment.step,
         np.zeros(1),
         given["cp"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.simulate.linear_valve import GAIN, LinearValve
+from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.valve_area import POINTS, ValveArea
 
 VALVE = LinearValve(2e-7)
@@ -22,8 +22,8 @@ def test_the_table_ends_at_the_largest_command():
 
 
 def test_one_parameter_is_read_and_set_by_name():
-    assert VALVE.named() == {GAIN: (2e-7, "m^2/V")}
-    assert VALVE.with_named({GAIN: 3e-7, "rig.moving_mass": 1.0}).gain == 3e-7
+    assert VALVE.named() == {"valve.gain": (2e-7, "m^2/V")}
+    assert VALVE.with_named({"valve.gain": 3e-7, "rig.moving_mass": 1.0}).gain == 3e-7
     assert VALVE.scaled(2.0).gain == 4e-7
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from pneucli.exam.rig.kernel import Array
 # column, factor from SI, decimals
 LAYOUT = {
     "u": ("U_valve [V]", 1.0, 4),
+    "u2": ("U_valve_2 [V]", 1.0, 4),
     "p_supply": ("P_supply [bar]", 1e-5, 5),
     "p1": ("P1 [bar]", 1e-5, 5),
     "p2": ("P2 [bar]", 1e-5, 5),
@@ -19,11 +21,13 @@ LAYOUT = {
 }
 
 
-def write_csv(path: Path, rig: str, seen: dict[str, Array], signals: tuple[str, ...]) -> None:
-    """Write the chosen signals (SI) at 1 kHz below a header of one line and two comments."""
-    columns = [[f"{k}.0" for k in range(seen[signals[0]].size)]]
+def write_csv(path: Path, rig: str, seen: dict[str, Array], signals: tuple[str, ...], position_step: float) -> None:
+    """Write the chosen signals (SI) below a header of one line and two comments; positions to ``position_step`` (m)."""
+    columns = [[repr(value) for value in np.round(seen["time"] * 1e3, 6).tolist()]]
     for name in signals:
         _, factor, decimals = LAYOUT[name]
+        if name == "x":
+            decimals = max(decimals, math.ceil(-math.log10(position_step * factor)))
         columns.append([repr(value) for value in (np.round(seen[name] * factor, decimals) + 0.0).tolist()])
     header = ",".join(["t [ms]", *(LAYOUT[name][0] for name in signals)])
     lines = [f"# rig {rig}", f"# run {path.stem}", header, *map(",".join, zip(*columns, strict=True))]

@@ -1,8 +1,8 @@
 """The rig's own equations and integrator, compiled; no code is shared with the simulator that it examines.
 
-One fixed step of ``STEP`` holds the valve's area, takes the midpoint rule for gas and motion with the sign of the
-friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves the
-breakaway level.
+One fixed step, ``STEP`` at most, holds the valve's area, takes the midpoint rule for gas and motion with the sign of
+the friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves
+the breakaway level.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from pneucli.caches import compiled
 from pneucli.exam.rig.parameters import Parameters
 
 Array = NDArray[np.float64]
+Flows = tuple[float, float, float, float]  # kg/s: into and out of chamber 1, into and out of chamber 2
 
-STEP = 25e-6
-SAMPLE = 1e-3
+STEP = 25e-6  # s, the longest
 KAPPA = 1.4
 GAS_CONSTANT = 287.0
 PSI_MAX = 0.484
@@ -41,23 +41,36 @@ def flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> 
 
 
 @compiled()
-def valve_area(par: Parameters, opening: float, t: float) -> float:
-    """Effective area in m^2, positive toward the supply, negative toward the exhaust."""
-    beyond = abs(opening) - par.overlap
+def _opened(par: Parameters, opening: float, full: float, overlap: float, exponent: float, t: float) -> float:
+    if par.switching > 0.0:
+        return math.copysign(full, opening) if abs(opening) > 0.5 * par.command_range else 0.0
+    beyond = abs(opening) - overlap
     if beyond <= 0.0:
         return 0.0
-    area = par.effective_area * (beyond / (10.0 - par.overlap)) ** par.exponent * (1.0 + par.gain_drift * t)
+    area = full * (beyond / (par.command_range - overlap)) ** exponent * (1.0 + par.gain_drift * t)
     return math.copysign(area, opening)
 
 
 @compiled()
-def valve_flow(par: Parameters, area: float, t: float, s: Array) -> tuple[float, float]:
-    """Mass flows in kg/s (supply to outlet, outlet to exhaust); neither reverses."""
+def valve_area(par: Parameters, opening: float, t: float) -> float:
+    """Effective area in m^2 of the edges to chamber 1, positive toward the supply, negative toward the exhaust."""
+    return _opened(par, opening, par.effective_area, par.overlap, par.exponent, t)
+
+
+@compiled()
+def valve_area_2(par: Parameters, opening: float, t: float) -> float:
+    """The same of the edges to chamber 2."""
+    return _opened(par, opening, par.effective_area_2, par.overlap_2, par.exponent_2, t)
+
+
+@compiled()
+def valve_flow(par: Parameters, area: float, t: float, s: Array, chamber: int = 0) -> tuple[float, float]:
+    """Mass flows in kg/s (supply to chamber, chamber to exhaust); neither reverses. ``chamber``: 0 or 1."""
     open_in, open_out = max(area, 0.0) + par.valve_leak_area, max(-area, 0.0) + par.valve_leak_area
     supply = s[PS] + par.ripple * math.sin(2.0 * math.pi * par.ripple_frequency * t)
-    ratio = par.critical_ratio
-    q_in = flow(open_in, supply, par.temperature, s[P1], ratio)
-    q_out = flow(open_out, s[P1], s[T1], par.ambient, ratio)
+    p, temperature = s[P1 + 2 * chamber], s[T1 + 2 * chamber]
+    q_in = flow(open_in, supply, par.temperature, p, par.critical_ratio)
+    q_out = flow(open_out, p, temperature, par.ambient, par.critical_ratio)
     return q_in, q_out / (1.0 + par.silencer * q_out)
 
 
@@ -74,27 +87,35 @@ def chamber(
 
 
 @compiled()
-def gas(par: Parameters, s: Array, q_in: float, q_out: float, held: int, ds: Array) -> None:
+def relief(par: Parameters, p: float) -> float:
+    """Area in m^2 of a leak that opens with the pressure."""
+    above = p - par.ambient - par.relief_pressure
+    return par.relief_area * max(above, 0.0) / (par.supply - par.ambient)
+
+
+@compiled()
+def gas(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
     """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
     if held == 2:
         return
     wall = par.temperature
-    lost = flow(par.leak_area, s[P1], s[T1], par.ambient, LEAK_RATIO)
+    lost = flow(par.leak_area + relief(par, s[P1]), s[P1], s[T1], par.ambient, LEAK_RATIO)
     drawn = flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
     over = flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
     back = flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
-    gained, given = q_in + drawn, q_out + lost
+    gained, given = q[0] + drawn, q[1] + lost
     volume_1 = par.dead_volume_1 + par.dead_volume_added + par.piston_area_1 * s[X]
     heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
     mass_1 = gained - given + back - over
     ds[P1], ds[T1] = chamber(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1)
     if held == 0:
         volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - s[X])
-        heat_2 = over * s[T1] - back * s[T2]
-        ds[P2], ds[T2] = chamber(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], over - back, heat_2)
+        heat_2 = q[2] * wall + over * s[T1] - (q[3] + back) * s[T2]
+        mass_2 = q[2] - q[3] + over - back
+        ds[P2], ds[T2] = chamber(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2)
     if par.supply_volume > 0.0:
         feed = par.regulator_conductance * max(par.supply - s[PS], 0.0)
-        ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q_in) / par.supply_volume
+        ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q[0] - q[2]) / par.supply_volume
 
 
 @compiled()
@@ -103,6 +124,7 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     factor = 1.0 + par.pressure_gain * (s[P1] + s[P2] - 2.0 * par.ambient)
     if par.position_from <= s[X] <= par.position_to:
         factor *= 1.0 + par.position_gain
+    factor *= 1.0 + par.bent_guide * s[X] / par.stroke
     factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / SETTLING)))
     rise = max(par.static - par.coulomb, 0.0) / (1.0 + (s[V] / par.stribeck_velocity) ** 2)
     rising = factor * (par.coulomb + rise)
@@ -118,6 +140,16 @@ def coupling(par: Parameters, s: Array) -> float:
 
 
 @compiled()
+def contact(par: Parameters, x: float, v: float) -> float:
+    """Force in N of the ends on the piston: each pushes it away, or does nothing."""
+    if x < 0.0:
+        return max(-par.stop_stiffness * x - par.stop_damping * v, 0.0)
+    if x > par.stroke:
+        return min(-par.stop_stiffness * (x - par.stroke) - par.stop_damping * v, 0.0)
+    return 0.0
+
+
+@compiled()
 def net_force(par: Parameters, t: float, s: Array) -> float:
     """All forces in N toward +x but the dry friction."""
     v = s[V]
@@ -125,12 +157,13 @@ def net_force(par: Parameters, t: float, s: Array) -> float:
     force -= par.constant_force + par.spring_stiffness * (s[X] - par.spring_rest)
     force -= par.pitch_force * math.sin(2.0 * math.pi * s[X] / par.pitch)
     force -= par.swinging_force * math.sin(2.0 * math.pi * par.swinging_frequency * t)
+    force += contact(par, s[X], v)
     if par.load_mass > 0.0:
         force += coupling(par, s)
     slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
     slope *= 1.0 - par.warming * (1.0 - math.exp(-t / SETTLING))
-    room = s[X] if v < 0.0 else par.stroke - s[X]
-    if max(room, 0.0) < par.cushion_length:  # beyond the stop without one, too, there is nothing to divide by
+    room = max(s[X] if v < 0.0 else par.stroke - s[X], 0.0)
+    if room < par.cushion_length:
         slope += par.cushion_damping * (1.0 - room / par.cushion_length)
     return float(force - slope * v - par.quadratic_drag * v * abs(v))
 
@@ -151,9 +184,9 @@ def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) ->
 
 
 @compiled()
-def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, float], held: int, ds: Array) -> None:
+def rates(par: Parameters, t: float, s: Array, mode: float, q: Flows, held: int, ds: Array) -> None:
     """Time derivative of the whole state."""
-    gas(par, s, q[0], q[1], held, ds)
+    gas(par, s, q, held, ds)
     if par.piston_area_1 > 0.0:
         ds[X], ds[V] = s[V], acceleration(par, t, s, mode, ds)
     if par.load_mass > 0.0:
@@ -162,12 +195,10 @@ def rates(par: Parameters, t: float, s: Array, mode: float, q: tuple[float, floa
 
 @compiled()
 def mode_at(par: Parameters, t: float, s: Array, rest: float) -> float:
-    """Sign of the motion that begins or goes on; 0 while the piston sticks or lies at a stop."""
+    """Sign of the motion that begins or goes on; 0 while the piston sticks."""
     if s[V] != 0.0:
         return float(np.sign(s[V]))
     force = net_force(par, t, s)
     direction = float(np.sign(force))
-    if (s[X] <= 0.0 and direction < 0.0) or (s[X] >= par.stroke and direction > 0.0):
-        return 0.0
     grown = 1.0 + par.dwell_gain * (1.0 - math.exp(-rest / par.dwell_time))
     return direction if abs(force) > dry_friction(par, t, s, direction)[0] * grown else 0.0

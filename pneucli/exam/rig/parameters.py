@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+ONE_CHAMBER, FIVE_THREE, TWO_VALVES = 0.0, 1.0, 2.0
+
 
 class Parameters(NamedTuple):
     """One rig, SI, pressures absolute.
 
     The base is a piston with Coulomb and viscous friction between two isentropic chambers of constant temperature
     (thesis 2.47-2.52, 3.4) and a valve of area ``effective_area ((|u| - overlap)/(10 V - overlap))**exponent``.
-    A vessel is a chamber 1 with ``piston_area_1 = 0``.
+    A vessel is a chamber 1 with ``piston_area_1 = 0``. All fields are floats, so that numba compiles the rig once.
     """
 
     # what is known of a rig
@@ -85,3 +87,20 @@ class Parameters(NamedTuple):
     spool_stiction: float = 0.0  # V that the command must move before the spool jumps after it
     silencer: float = 0.0  # s/kg, by which a clogged one throttles the exhaust more, the larger the flow
     pressure_curvature: float = 0.0  # 1/Pa, of the sensor of p1
+    relief_area: float = 0.0  # m^2 at the full supply, of a leak that opens where chamber 1 is above relief_pressure
+    relief_pressure: float = 0.0  # Pa, gauge
+    bent_guide: float = 0.0  # share by which dry friction grows over the stroke
+    sluggish_opening: float = 0.0  # s, of a spool that is slow away from its middle and quick back
+    position_curvature: float = 0.0  # 1/m, of the sensor of x, which is right at both ends
+    # arrangement
+    arrangement: float = ONE_CHAMBER
+    command_null: float = 0.0  # V, at which the valve is in its middle
+    command_range: float = 10.0  # V from there, at which it is fully open
+    command_sign: float = 1.0  # -1: a command below the null fills chamber 1
+    switching: float = 0.0  # 1: an edge is shut, or beyond half the range fully open
+    effective_area_2: float = 0.0  # of the edges to chamber 2
+    overlap_2: float = 0.0
+    exponent_2: float = 1.1
+    # the ends of the stroke, which push and never pull
+    stop_stiffness: float = 5e6  # N/m
+    stop_damping: float = 3e3  # N s/m; small: the piston bounces

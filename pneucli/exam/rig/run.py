@@ -1,4 +1,7 @@
-"""Running the rig: spool, line and controller around the kernel's equations, one row a sample."""
+"""Running the rig: spool, line and controller around the kernel's equations, one row a sample.
+
+The controller has a clock of its own, so that commands may change between two samples, or stand over many.
+"""
 
 from __future__ import annotations
 
@@ -12,34 +15,39 @@ from pneucli.exam.rig.kernel import (
     P1,
     P2,
     PS,
-    SAMPLE,
     STEP,
     T1,
     T2,
     XL,
     Array,
+    Flows,
     V,
     X,
     mode_at,
     rates,
     valve_area,
+    valve_area_2,
     valve_flow,
 )
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 
-COLUMNS = ("u", "p_supply", "p1", "p2", "x", "v", "a", "temperature")
+COLUMNS = ("u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "temperature", "temperature_2")
 NOTHING = np.empty((0, 2))
+LOOP = 1e-3  # s, the period of the commands
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What is done to the rig: ``command`` holds one value a sample (1 ms), held until the next.
+    """What is done to the rig: ``command`` holds one value a period of the loop (``LOOP``), held until the next.
 
-    With ``gain`` (V/m) above zero the command is a position reference in m, and u = gain (reference - x) within 10 V.
-    ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the samples.
+    It is the opening of the valve in V, from its null. With ``gain`` (V/m) above zero it is a position reference in m,
+    and the opening is gain (reference - x) within the valve's range; a switching valve opens beyond a tenth of that.
+    ``second`` is the same for the valve of chamber 2, where it has one; with a gain it is added to the opposite of the
+    first's opening. ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the commands.
     """
 
     command: Array
+    second: Array = field(default_factory=lambda: np.zeros(1))
     gain: float = 0.0
     chamber_2_open: bool = False
     position: float = 0.0
@@ -49,19 +57,20 @@ class Manoeuvre:
     imposed: Array = field(default_factory=lambda: NOTHING)
 
 
-def run(par: Parameters, manoeuvre: Manoeuvre) -> dict[str, Array]:
-    """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... ms."""
+def run(par: Parameters, manoeuvre: Manoeuvre, rate: float = 1000.0) -> dict[str, Array]:
+    """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... over ``rate`` (Hz)."""
     m = manoeuvre
+    every = math.ceil(1.0 / (rate * STEP) - 1e-9)  # steps a sample, then a command
+    step = 1.0 / (rate * every)
+    hold = round(LOOP / step)
     start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
     held = 2 if m.imposed.size else int(m.chamber_2_open)
-    rows = _run(par, m.command, m.gain, held, start, m.imposed)
+    rows = _run(par, m.command, np.resize(m.second, m.command.size), m.gain, held, start, m.imposed, step, hold, every)
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
 @compiled()
-def _step(
-    par: Parameters, t: float, h: float, s: Array, mode: float, q: tuple[float, float], held: int, work: Array
-) -> None:
+def _step(par: Parameters, t: float, h: float, s: Array, mode: float, q: Flows, held: int, work: Array) -> None:
     """One midpoint step of length h (s) into ``s``."""
     middle, ds = work[0], work[1]
     rates(par, t, s, mode, q, held, ds)
@@ -71,31 +80,30 @@ def _step(
 
 
 @compiled()
-def _advance(par: Parameters, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array) -> float:
-    """Advance ``s`` by STEP, cut where the piston comes to rest; returns the time at rest in s."""
+def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flows, held: int, work: Array) -> float:
+    """Advance ``s`` by h (s), cut where the piston comes to rest; returns the time at rest in s."""
     mode = mode_at(par, t, s, rest)
     before = work[2]
     before[:] = s
-    _step(par, t, STEP, s, mode, q, held, work)
+    _step(par, t, h, s, mode, q, held, work)
     if mode != 0.0 and s[V] * mode < 0.0 and par.bristle_stiffness == 0.0:
         part = before[V] / (before[V] - s[V])
         s[:] = before
-        _step(par, t, part * STEP, s, mode, q, held, work)
+        _step(par, t, part * h, s, mode, q, held, work)
         s[V] = 0.0
         mode = mode_at(par, t, s, 0.0)
-        _step(par, t, (1.0 - part) * STEP, s, mode, q, held, work)
-    if s[X] < 0.0 or s[X] > par.stroke:
-        s[X], s[V] = min(max(s[X], 0.0), par.stroke), 0.0
-    return rest + STEP if mode == 0.0 else 0.0
+        _step(par, t, (1.0 - part) * h, s, mode, q, held, work)
+    return rest + h if mode == 0.0 else 0.0
 
 
 @compiled()
-def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[float, float]:
+def _spool(par: Parameters, h: float, u: float, spool: float, opening: float) -> tuple[float, float]:
     """Spool (lag, stiction) and opening (play) in V after one step."""
     if par.spool_stiction > 0.0:
         spool = u if abs(u - spool) > par.spool_stiction else spool
-    elif par.valve_lag > 0.0:
-        spool = u + (spool - u) * math.exp(-STEP / par.valve_lag)
+    elif par.valve_lag > 0.0 or par.sluggish_opening > 0.0:
+        slow = par.valve_lag + (par.sluggish_opening if abs(u) > abs(spool) else 0.0)
+        spool = u + (spool - u) * math.exp(-h / slow) if slow > 0.0 else u
     else:
         spool = u
     width = par.valve_half_width
@@ -103,35 +111,67 @@ def _spool(par: Parameters, u: float, spool: float, opening: float) -> tuple[flo
 
 
 @compiled()
-def _row(
-    par: Parameters, u: float, t: float, s: Array, rest: float, q: tuple[float, float], held: int, work: Array
-) -> Array:
-    rates(par, t, s, mode_at(par, t, s, rest), q, held, work[1])
-    return np.array([u, s[PS], s[P1], s[P2], s[X], s[V], work[1][V], s[T1]])
+def _limited(par: Parameters, opening: float) -> float:
+    """The opening in V that the valve's amplifier passes on."""
+    if par.switching > 0.0:
+        return math.copysign(par.command_range, opening) if abs(opening) > 0.1 * par.command_range else 0.0
+    return min(max(opening, -par.command_range), par.command_range)
 
 
 @compiled()
-def _run(par: Parameters, command: Array, gain: float, held: int, start: Array, imposed: Array) -> Array:
-    n, substeps = command.size, round(SAMPLE / STEP)
-    s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty((n, 8))
+def _row(
+    par: Parameters, o: float, o2: float, t: float, s: Array, rest: float, q: Flows, held: int, work: Array
+) -> Array:
+    rates(par, t, s, mode_at(par, t, s, rest), q, held, work[1])
+    u, u2 = par.command_null + par.command_sign * o, par.command_null + o2
+    return np.array([u, u2, s[PS], s[P1], s[P2], s[X], s[V], work[1][V], s[T1], s[T2]])
+
+
+@compiled()
+def _run(
+    par: Parameters,
+    command: Array,
+    second: Array,
+    gain: float,
+    held: int,
+    start: Array,
+    imposed: Array,
+    step: float,
+    hold: int,
+    every: int,
+) -> Array:
+    """Rows of the true signals, one every ``every`` steps of ``step`` (s); a command is held for ``hold`` steps."""
+    steps = command.size * hold
+    s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty(((steps - 1) // every + 1, 10))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
     s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
-    line = np.zeros((round(par.line_delay / STEP) + 1, 2))
-    spool, opening, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0)
-    for k in range(n):
-        u = command[k]
-        if gain > 0.0:
-            u = round(min(max(gain * (command[k] - s[X]), -10.0), 10.0), 4)
-        rows[k] = _row(par, u, k * SAMPLE, s, rest, q, held, work)
-        for j in range(substeps):
-            i, t = k * substeps + j, k * SAMPLE + j * STEP
-            if imposed.size:
-                s[P1 : P2 + 1 : 2] = _between(imposed, k, (j + 0.5) / substeps)
-            spool, opening = _spool(par, u, spool, opening)
-            line[i % len(line)] = valve_flow(par, valve_area(par, opening, t), t, s)
-            late = line[(i + 1) % len(line)]
-            q = (late[0], late[1])
-            rest = _advance(par, t, s, rest, q, held, work)
+    line = np.zeros((round(par.line_delay / step) + 1, 4))
+    o, o2, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
+    spool, opening, spool_2, opening_2 = 0.0, 0.0, 0.0, 0.0
+    for i in range(steps):
+        k, t = i // hold, i * step
+        if i % hold == 0:
+            o = _limited(par, command[k])
+            if gain > 0.0:
+                o = round(_limited(par, gain * (command[k] - s[X])), 4)
+            if par.arrangement == TWO_VALVES:
+                o2 = _limited(par, second[k] - o if gain > 0.0 else second[k])
+        if i % every == 0:
+            rows[i // every] = _row(par, o, o2, t, s, rest, q, held, work)
+        if imposed.size:
+            s[P1 : P2 + 1 : 2] = _between(imposed, k, (i % hold + 0.5) / hold)
+        spool, opening = _spool(par, step, o, spool, opening)
+        now = line[i % len(line)]
+        now[0], now[1] = valve_flow(par, valve_area(par, opening, t), t, s)
+        if par.arrangement == TWO_VALVES:
+            spool_2, opening_2 = _spool(par, step, o2, spool_2, opening_2)
+        elif par.arrangement == FIVE_THREE:
+            opening_2 = -opening
+        if par.arrangement != ONE_CHAMBER:
+            now[2], now[3] = valve_flow(par, valve_area_2(par, opening_2, t), t, s, 1)
+        late = line[(i + 1) % len(line)]
+        q = (late[0], late[1], late[2], late[3])
+        rest = _advance(par, t, step, s, rest, q, held, work)
     return rows
 
 

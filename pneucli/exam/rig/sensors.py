@@ -1,23 +1,28 @@
-"""The rig's sensors: what they distort, what they add, and how they round."""
+"""The rig's sensors: what they distort, what they add, how they round, and which samples are kept."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
 
-from pneucli.exam.rig.kernel import SAMPLE, Array
+from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import Parameters
 
 HUM_HZ = 50.0
+SLOWEST = 1000.0  # Hz, at which the sensors themselves are followed
 
 
 @dataclass(frozen=True)
 class Sensors:
     """Noise of the pressure sensors (Pa) with its AR(1) ``pole`` per ms, mains ``hum`` (Pa) and the other channels.
 
-    Positions (m) are rounded to ``position_step``; accelerations have white noise (m/s^2).
+    Positions (m) are rounded to ``position_step``; accelerations have white noise (m/s^2). ``rate`` (Hz) is that of
+    the logger: of what the sensors show it keeps every n-th value, unfiltered. ``bits``: of the converter, over the
+    range that a laboratory would choose; 0 for one that is finer than the noise. ``drift``: how far a zero wanders over
+    a recording, over the noise. ``outliers``: the share of samples that are wrong.
     """
 
     pressure: float = 400.0
@@ -25,42 +30,98 @@ class Sensors:
     hum: float = 0.0
     position_step: float = 1e-6
     acceleration: float = 0.05
+    rate: float = 1000.0
+    bits: int = 0
+    drift: float = 0.0
+    outliers: float = 0.0
+
+    @property
+    def kept(self) -> int:
+        """Of so many values of the sensors the logger keeps one."""
+        return math.ceil(SLOWEST / self.rate - 1e-9)
+
+    @property
+    def fine_rate(self) -> float:
+        """Values a second (Hz) that the sensors show."""
+        return self.rate * self.kept
 
 
 def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-    """Return the recorded signals, each of shape (n,), SI, pressures above ambient."""
-    seen = {"u": truth["u"], "x": _rounded(truth["x"], sensors.position_step)}
-    seen["p_supply"] = truth["p_supply"] - par.ambient + _pressure_noise(sensors, truth["u"].size, rng)
+    """Return the recorded signals, each of shape (n,), SI, pressures above ambient, and their time in s.
+
+    ``truth`` is at ``sensors.fine_rate``.
+    """
+    kept = slice(None, None, sensors.kept)
+    u, u2, x, a = (truth[name][kept] for name in ("u", "u2", "x", "a"))
+    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "u2": u2, "x": _rounded(x, sensors.position_step)}
+    seen["p_supply"] = truth["p_supply"][kept] - par.ambient + _pressure_noise(sensors, u.size, rng)
     for name in ("p1", "p2"):
-        seen[name] = _pressure(par, truth[name], name == "p1") + _pressure_noise(sensors, truth["u"].size, rng)
-    white = sensors.acceleration * rng.standard_normal(truth["a"].size)
-    seen["a"] = truth["a"] + par.acceleration_bias + white
+        shown = _pressure(par, truth[name], 1.0 / sensors.fine_rate, name == "p1")[kept]
+        seen[name] = shown + _pressure_noise(sensors, u.size, rng)
+    seen["a"] = a + par.acceleration_bias + sensors.acceleration * rng.standard_normal(u.size)
+    seen["x"] = seen["x"] + par.position_curvature * x * (par.stroke - x)
+    return _converted(par, sensors, _disturbed(sensors, seen, rng))
+
+
+def _disturbed(sensors: Sensors, seen: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+    """Zeros that wander and samples that are wrong; the noise of a position is taken as ten of its steps."""
+    noises = dict.fromkeys(("p_supply", "p1", "p2"), sensors.pressure)
+    noises |= {"x": 10 * sensors.position_step, "a": sensors.acceleration}
+    for name, noise in noises.items():
+        signal = seen[name]
+        if sensors.drift > 0.0:
+            turns = rng.uniform(0.2, 0.6) * np.linspace(0.0, 1.0, signal.size) + rng.random()
+            signal = signal + sensors.drift * noise * (np.sin(2 * np.pi * turns) - np.sin(2 * np.pi * turns[0]))
+        if sensors.outliers > 0.0:
+            wrong = rng.random(signal.size) < sensors.outliers
+            wrong[:5] = False
+            size = noise * rng.uniform(30.0, 300.0, signal.size) * rng.choice([-1.0, 1.0], signal.size)
+            signal = np.where(wrong, signal + size, signal)
+        seen[name] = signal
     return seen
 
 
-def _pressure(par: Parameters, p: Array, is_first: bool) -> Array:
+def _converted(par: Parameters, sensors: Sensors, seen: dict[str, Array]) -> dict[str, Array]:
+    """What a converter of that many bits leaves of every sensor, over a range that holds what is measured."""
+    if sensors.bits == 0:
+        return seen
+    gauge = 1.25 * (par.supply - par.ambient)
+    spans = {"p_supply": gauge, "p1": gauge, "p2": gauge, "x": 1.1 * par.stroke}
+    spans["a"] = 2 * _range(float(np.max(np.abs(seen["a"]), initial=1e-9)))
+    return seen | {name: _rounded(seen[name], span / 2**sensors.bits) for name, span in spans.items()}
+
+
+def _range(largest: float) -> float:
+    """The smallest of 1, 2, 5, 10, ... that holds it."""
+    decade = 10.0 ** math.floor(math.log10(largest))
+    return next(decade * step for step in (1.0, 2.0, 5.0, 10.0) if decade * step >= largest)
+
+
+def _pressure(par: Parameters, p: Array, period: float, is_first: bool) -> Array:
     gauge = (p - par.ambient) * par.pressure_scale
     if is_first:
         gauge = gauge + par.pressure_offset + par.pressure_curvature * gauge**2
-    gauge = _lagged(gauge, par.pressure_lag)
-    time = SAMPLE * np.arange(p.size)
+    gauge = _lagged(gauge, period, par.pressure_lag)
+    time = period * np.arange(p.size)
     return np.asarray(np.interp(time - par.pressure_skew, time, gauge), dtype=np.float64)
 
 
-def _lagged(signal: Array, time_constant: float) -> Array:
+def _lagged(signal: Array, period: float, time_constant: float) -> Array:
     """First-order lag, exact for a signal that is linear between its samples, at rest before the first."""
     if time_constant <= 0:
         return signal
-    pole = np.exp(-SAMPLE / time_constant)
-    share = time_constant / SAMPLE * (1 - pole)
+    pole = np.exp(-period / time_constant)
+    share = time_constant / period * (1 - pole)
     level = signal - signal[0]
     return np.asarray(lfilter([1 - share, share - pole], [1.0, -pole], level) + signal[0])
 
 
 def _pressure_noise(sensors: Sensors, n: int, rng: np.random.Generator) -> Array:
-    white = rng.standard_normal(n + 200)
-    coloured = lfilter([np.sqrt(1 - sensors.pole**2)], [1.0, -sensors.pole], white)[200:]
-    hum = sensors.hum * np.sin(2 * np.pi * (HUM_HZ * SAMPLE * np.arange(n) + rng.random()))
+    pole = sensors.pole ** (1000.0 / sensors.rate)  # the noise has its colour in time, not in samples
+    settled = 200 * max(1, round(sensors.rate / 1000.0))
+    white = rng.standard_normal(n + settled)
+    coloured = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], white)[settled:]
+    hum = sensors.hum * np.sin(2 * np.pi * (HUM_HZ / sensors.rate * np.arange(n) + rng.random()))
     return np.asarray(sensors.pressure * coloured + hum)
 
 

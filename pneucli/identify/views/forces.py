@@ -14,6 +14,7 @@ from pneucli.identify.rests import STARTED, breakaways, unsure
 from pneucli.identify.views.view import Array, View
 from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
+from pneucli.simulate.ends import contact
 from pneucli.simulate.experiment import Experiment, smooth, smooth_motion
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for
@@ -73,7 +74,12 @@ class Forces(View):
         e = self.experiment
         smoothed = smooth_motion(e.raw, e.smoothers, e.fusion, e.time)[1]
         leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still)
-        return leaving, unsure(e.inputs[:, at.IN_V], leaving)
+        bouncing = (self._contact != 0.0) & (e.inputs[:, at.IN_V] != 0.0)
+        return leaving, unsure(e.inputs[:, at.IN_V], leaving) | bouncing
+
+    @cached_property
+    def _contact(self) -> Array:
+        return contact(self.experiment)
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
@@ -82,7 +88,7 @@ class Forces(View):
     def loads(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
         """Return the acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
 
-        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 10). The accelerometer's reading is
+        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 8). The accelerometer's reading is
         taken as it is: it jumps where the piston breaks away and stops, which smoothing would spread.
         """
         (area_1, area_2), rough = self.experiment.rig.areas, np.zeros(self.experiment.time.size)
@@ -111,7 +117,7 @@ class Forces(View):
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
         ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
 
-        ``inputs`` (n, 10) and ``loads`` are the experiment's own, or of other readings of the same run; ``noise``
+        ``inputs`` (n, 8) and ``loads`` are the experiment's own, or of other readings of the same run; ``noise``
         (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
@@ -119,11 +125,12 @@ class Forces(View):
         out, gap = np.zeros(e.time.size), np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
-            inputs.copy(),
+            inputs,
             a,
             rough,
             leaving,
             doubtful,
+            self._contact,
             self._left_noise if noise is None else noise,
             base_vector(model, e),
             kernel.vector(model.effect_values()),

@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.paths import opening_of
 from pneucli.physics.declaration import Effect, Side
-from pneucli.simulate import layout as at
 from pneucli.simulate.deviations import deviations
 from pneucli.simulate.experiment import U_MAX, Experiment
 from pneucli.simulate.model import Model
@@ -95,9 +95,16 @@ class View(ABC):
 
     def feels_valve(self, a: Model, b: Model) -> bool:
         """Whether two models' valves differ where this recording opened them."""
-        if self.valve_is_given or a.valve == b.valve:
+        if self.valve_is_given:
             return False
-        return bool(np.any((a.valve.table() != b.valve.table())[self.openings]))
+        seen = self.openings
+        pairs = [(a.second, b.second)] if self.experiment.recording.chamber == 2 else [(a.valve, b.valve)]
+        if len(seen) == 2:
+            pairs.append((a.second, b.second))
+        return any(
+            old != new and bool(np.any((old.table() != new.table())[part]))
+            for (old, new), part in zip(pairs, seen, strict=True)
+        )
 
     @property
     def valve_is_given(self) -> bool:
@@ -105,16 +112,21 @@ class View(ABC):
         return "valve" not in self.base
 
     @cached_property
-    def openings(self) -> slice:
-        """The part of the valve's table that its opening may pass through, from rest to the largest commands."""
-        u = self.experiment.inputs[:, at.IN_U]
-        place = (np.array([min(u.min(), 0.0), max(u.max(), 0.0)]) / U_MAX + 1.0) * 0.5 * (POINTS - 1)
-        return slice(max(int(place[0]), 0), int(place[1]) + 2)
+    def openings(self) -> list[slice]:
+        """The part of each valve's table that its opening may pass through, from rest to the largest commands."""
+        e = self.experiment
+        chambers = [e.recording.chamber] if e.vessel else [1, 2]
+        return [_passed(u) for u in (opening_of(e, chamber) for chamber in chambers) if u is not None]
 
     @cached_property
     def measured(self) -> dict[str, Array]:
         """What was measured by channel, each (n,), NaN where it was not."""
         return {c: self.experiment.measured(c) for c in self.channels}
+
+
+def _passed(u: Array) -> slice:
+    place = (np.array([min(u.min(), 0.0), max(u.max(), 0.0)]) / U_MAX + 1.0) * 0.5 * (POINTS - 1)
+    return slice(max(int(place[0]), 0), int(place[1]) + 2)
 
 
 def difference(measured: Array, modelled: Array, noise: float) -> Array:

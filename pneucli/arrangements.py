@@ -1,0 +1,37 @@
+"""How valves are connected to the chambers of a cylinder (interface, ``[rig.valve]``).
+
+A new arrangement is one entry of ``ARRANGEMENTS``: which command opens the paths of chamber 2. A path set is a map of
+its own: fill and vent of one chamber. Openings count from the null command, positive where the chamber is filled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Name = Literal["one-chamber", "5/3", "two"]
+Second = Literal["none", "mirrored", "own"]
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """One arrangement: chamber 2 has no valve, the other way of the first one's spool, or a valve with command u2."""
+
+    name: Name
+    second: Second
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """The signals that command it."""
+        return ("u", "u2") if self.second == "own" else ("u",)
+
+    @property
+    def drives_both(self) -> bool:
+        """Whether gas flows into both chambers."""
+        return self.second != "none"
+
+
+ARRANGEMENTS: dict[str, Arrangement] = {
+    one.name: one
+    for one in (Arrangement("one-chamber", "none"), Arrangement("5/3", "mirrored"), Arrangement("two", "own"))
+}

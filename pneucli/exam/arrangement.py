@@ -1,0 +1,58 @@
+"""What a rig consists of: its valves, its load and its supply, drawn for the usual rig as the conditions say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pneucli.exam.conditions import Conditions
+from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
+
+CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
+
+
+def arranged(
+    par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Return the usual rig with these valves, loads and ends, and the effects that its pipeline file knows by this."""
+    par = _ends(_valves(par, conditions, rng), rng)
+    force = (par.supply - par.ambient) * par.piston_area_1
+    if conditions.differential:
+        par = par._replace(piston_area_2=par.piston_area_1 * rng.uniform(0.4, 0.7))
+    if conditions.load == "spring":
+        preload, stiffness = force * rng.uniform(0.12, 0.25), force / par.stroke * rng.uniform(0.1, 0.3)
+        return par._replace(spring_stiffness=stiffness, spring_rest=-preload / stiffness), ("spring-force",)
+    if conditions.load == "weight":
+        weight = force * rng.uniform(0.08, 0.16)
+        # a chamber 1 that fills beside an open chamber 2 cannot hold what pulls outward
+        side = 1.0 if kind == "friction" else float(rng.choice([-1.0, 1.0]))
+        return par._replace(constant_force=side * weight, mass=par.mass + weight / 9.81), ("constant-force",)
+    if conditions.tank:
+        # litres against a vessel of about 0.2, and a hose of metres
+        par = par._replace(supply_volume=rng.uniform(0.8e-3, 2e-3), regulator_conductance=0.0)
+        hose = {"line_delay": rng.uniform(0.006, 0.015), "critical_ratio": rng.uniform(0.15, 0.3)}
+        return par._replace(**hose), ("line-delay", "critical-ratio")
+    return par, ()
+
+
+def _valves(par: Parameters, conditions: Conditions, rng: np.random.Generator) -> Parameters:
+    par = par._replace(switching=float(conditions.switching), command_null=conditions.null)
+    if conditions.null_stated == "identify":
+        par = par._replace(command_null=conditions.null + rng.uniform(-0.15, 0.15))
+    if conditions.valve is None:
+        return par
+    # the edges of one spool differ a little, two valves as two of a series do
+    spread = 0.12 if conditions.valve == "5/3" else 0.25
+    return par._replace(
+        arrangement=CODES[conditions.valve],
+        effective_area_2=par.effective_area * rng.uniform(1 - spread, 1 + spread),
+        overlap_2=par.overlap * rng.uniform(1 - spread, 1 + spread),
+        exponent_2=max(1.0, par.exponent + spread * rng.uniform(-0.4, 0.4)),
+    )
+
+
+def _ends(par: Parameters, rng: np.random.Generator) -> Parameters:
+    """Ends that the full supply presses in by 0.2 to 1 thousandth of the stroke, half of them so that it bounces."""
+    pressed = par.stroke * rng.uniform(2e-4, 1e-3)
+    stiffness = (par.supply - par.ambient) * par.piston_area_1 / pressed
+    ratio = rng.uniform(0.05, 0.3) if rng.random() < 0.5 else rng.uniform(0.7, 1.0)
+    return par._replace(stop_stiffness=stiffness, stop_damping=2 * ratio * np.sqrt(stiffness * par.mass))

@@ -1,0 +1,219 @@
+"""Under which conditions an exam's cases are recorded; each has a name, such as ``rate-200Hz``.
+
+Names joined by ``+`` hold at once. Where nothing is said, things are as usual: a bore near 32 mm, 7 bar, 1 kHz.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from pneucli.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    import numpy as np
+
+Kind = Literal["valve", "friction", "axis"]
+KINDS: tuple[Kind, ...] = ("valve", "friction", "axis")
+MOTION: tuple[Kind, ...] = ("friction", "axis")
+VALVES: tuple[Kind, ...] = ("valve", "axis")
+USUAL, WIDE = "usual", "wide"
+
+# of each line of what "wide" draws from, one is taken, most often the first
+DRAWN = (
+    ("usual", "bore-6mm", "bore-12mm", "bore-50mm", "bore-100mm", "bore-200mm"),
+    ("usual", "supply-3bar", "supply-5bar", "supply-12bar", "supply-50bar"),
+    ("usual", "rate-200Hz", "rate-500Hz", "rate-2000Hz", "rate-5000Hz", "rate-10000Hz"),
+    ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves"),
+    ("usual", "usual", "usual", "switching"),
+    ("usual", "usual", "return-spring", "hanging-load", "differential"),
+    ("usual", "ends"),
+    ("usual", "messy"),
+    ("usual", "usual", "bits-8", "bits-10", "bits-12", "bits-16"),
+    ("usual", "usual", "no-acceleration"),
+    ("usual", "usual", "no-p2"),
+    ("usual", "usual", "usual", "drift"),
+    ("usual", "usual", "usual", "outliers"),
+)
+
+# there is no overlap to look for where the valve is mapped, and no map where it switches
+MAPPED = frozenset({"valve-deadband"})
+SWITCHED = MAPPED | {"valve-lag", "valve-hysteresis", "spool sticks and jumps"}
+# a spring's rest takes up any other constant force
+LOADED = frozenset({"constant-force", "spring-force"})
+PIPED = frozenset({"supply-droop", "line-delay", "critical-ratio"})
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """All conditions of a case, SI; the defaults are the usual ones, None leaves it to the case."""
+
+    names: tuple[str, ...] = ()
+    bore: float | None = None  # m
+    supply: float | None = None  # Pa, absolute
+    rate: float = 1000.0  # Hz, of the logger
+    ends: bool = False  # the piston rests at its ends most of the time
+    valve: str | None = None  # as [rig.valve] arrangement has it; None: one chamber, which goes without saying
+    null: float = 0.0  # V
+    null_stated: str | None = None  # what the pipeline file says of it
+    command: float = 10.0  # V from the null, at which the valve is fully open
+    switching: bool = False
+    load: str | None = None  # "spring" or "weight"
+    differential: bool = False
+    tank: bool = False
+    messy: bool = False  # several small unknown effects act besides
+    bits: int = 0  # of the converters; 0: finer than the noise
+    drift: float = 0.0  # of the sensors' zeros over a recording, over their noise
+    outliers: float = 0.0  # share of the samples
+    absent: frozenset[str] = frozenset()  # signals that are not recorded
+    kinds: tuple[Kind, ...] = KINDS  # of rigs, on which all of this makes sense
+    excluded: frozenset[str] = frozenset()  # effects that mean nothing, or nothing of their own, under this
+
+    @property
+    def allows_unexplained(self) -> bool:
+        """Whether something stays that nothing in the catalogue accounts for, in every case."""
+        return self.messy or self.drift > 0.0
+
+    @property
+    def allows_linear(self) -> bool:
+        """Whether the valve may be described by one gain."""
+        return self.allows("valve-deadband")
+
+    def allows(self, effect: str) -> bool:
+        """Whether the effect may be hidden under these conditions."""
+        return effect not in self.excluded
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One kind of condition: its form (``#`` stands for a number from ``low`` to ``high``) and what it changes."""
+
+    form: str
+    about: str
+    change: Callable[[float], dict[str, Any]]
+    low: float = 0.0
+    high: float = 0.0
+    kinds: tuple[Kind, ...] = KINDS
+    excluded: frozenset[str] = frozenset()
+
+    def read(self, name: str) -> dict[str, Any] | None:
+        """What ``name`` changes; None where it is no name of this form. Raises InputError beyond the limits."""
+        found = re.fullmatch(re.escape(self.form).replace(r"\#", r"(\d+(?:\.\d+)?)"), name)
+        if found is None:
+            return None
+        value = float(found[1]) if found.groups() else 0.0
+        if not self.low <= value <= self.high:
+            raise InputError("--condition", name, f"{self.form} with # from {self.low:g} to {self.high:g}")
+        return self.change(value)
+
+
+def _always(**change: Any) -> Callable[[float], dict[str, Any]]:
+    return lambda _: change
+
+
+CONDITIONS = (
+    Condition(USUAL, "nothing but the usual", _always()),
+    Condition("bore-#mm", "a piston of this diameter", lambda mm: {"bore": mm * 1e-3}, 6, 200),
+    Condition("supply-#bar", "a supply of this pressure, absolute", lambda bar: {"supply": bar * 1e5}, 3, 50),
+    Condition("rate-#Hz", "logged at this rate; the loop keeps its 1 kHz", lambda hz: {"rate": hz}, 100, 10_000),
+    Condition("ends", "at rest against the ends for up to 80 % of the time", _always(ends=True), kinds=MOTION),
+    Condition("5/3", "one 5/3 valve for both chambers, at rest at 0 V", _always(valve="5/3"), excluded=MAPPED),
+    Condition(
+        "5/3-5V",
+        "the same at rest at 5 V",
+        _always(valve="5/3", null=5.0, null_stated="5 V", command=5.0),
+        excluded=MAPPED,
+    ),
+    Condition(
+        "5/3-null",
+        "the same at rest near 5 V, where it is not known",
+        _always(valve="5/3", null=5.0, null_stated="identify", command=5.0),
+        excluded=MAPPED,
+    ),
+    Condition("two-valves", "a valve of its own for each chamber", _always(valve="two"), excluded=MAPPED),
+    Condition(
+        "switching",
+        "valves that are open or shut",
+        _always(switching=True, command=24.0),
+        kinds=VALVES,
+        excluded=SWITCHED,
+    ),
+    Condition(
+        "return-spring", "a preloaded spring to x = 0", _always(load="spring"), kinds=MOTION, excluded=LOADED | MAPPED
+    ),
+    Condition(
+        "hanging-load",
+        "a weight that the piston carries",
+        _always(load="weight"),
+        kinds=MOTION,
+        excluded=LOADED | MAPPED,
+    ),
+    Condition("differential", "a thick rod", _always(differential=True), kinds=MOTION),
+    Condition(
+        "tank",
+        "a vessel filled through a hose from a finite tank",
+        _always(tank=True),
+        kinds=("valve",),
+        excluded=PIPED,
+    ),
+    Condition("messy", "several small unknown effects in every case", _always(messy=True)),
+    Condition("bits-#", "converters of so many bits", lambda bits: {"bits": int(bits)}, 8, 16),
+    Condition(
+        "no-acceleration",
+        "not measured",
+        _always(absent=frozenset({"a"})),
+        kinds=MOTION,
+        excluded=frozenset({"acceleration-bias"}),
+    ),
+    Condition("no-p2", "not measured", _always(absent=frozenset({"p2"})), kinds=("axis",)),
+    Condition("drift", "zeros of sensors wander", _always(drift=4.0)),
+    Condition("outliers", "one sample in 2000 is wrong", _always(outliers=5e-4)),
+    Condition(WIDE, "any of these, drawn anew for each case", _always()),
+)
+
+
+def parse(text: str) -> Conditions:
+    """Read names joined by ``+``. Raises InputError for an unknown one, or some that exclude each other."""
+    names = tuple(text.split("+"))
+    found = [_find(name) for name in names]
+    changes: dict[str, Any] = {}
+    for _, change in found:
+        if taken := set(change) & set(changes) - {"absent"}:
+            raise InputError("--condition", text, f"one condition for {', '.join(sorted(taken))}")
+        changes |= change | {"absent": changes.get("absent", frozenset()) | change.get("absent", frozenset())}
+    kinds = tuple(kind for kind in KINDS if all(kind in condition.kinds for condition, _ in found))
+    if not kinds:
+        raise InputError("--condition", text, "conditions that hold on one kind of rig")
+    excluded = frozenset[str]().union(*(condition.excluded for condition, _ in found))
+    return replace(Conditions(names, kinds=kinds, excluded=excluded), **changes)
+
+
+def drawn(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
+    """Conditions of many kinds at once, under which these effects may be hidden."""
+    while True:
+        names = [str(rng.choice(line)) if rng.random() < 0.6 else USUAL for line in DRAWN]
+        try:
+            conditions = parse("+".join(dict.fromkeys([WIDE, *(name for name in names if name != USUAL)])))
+        except InputError:  # they exclude each other
+            continue
+        if all(conditions.allows(effect) for effect in effects):
+            return conditions
+
+
+def listed() -> str:
+    """All forms in one sentence, for the help."""
+    return "; ".join(
+        f"{c.form} ({c.about}" + (f", {c.low:g} to {c.high:g}" if c.high else "") + ")" for c in CONDITIONS
+    )
+
+
+def _find(name: str) -> tuple[Condition, dict[str, Any]]:
+    for condition in CONDITIONS:
+        change = condition.read(name)
+        if change is not None:
+            return condition, change
+    forms = [condition.form for condition in CONDITIONS]
+    wanted = f"one of {', '.join(forms)}, where # is a number, or several joined by +"
+    raise InputError("--condition", f'"{name}"', wanted, did_you_mean(re.sub(r"\d+(\.\d+)?", "#", name), forms))

@@ -1,0 +1,128 @@
+"""Rigs of another size: the usual one with all its lengths, areas, pressures and commands changed, and its times kept.
+
+Every quantity follows by its dimension, what is hidden included, so that a rig of any size moves as the usual one
+does. Only the ambient pressure stays: at 3 bar less of the flow is choked than at 50 bar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.sensors import Sensors
+
+# powers of: the lengths along the stroke, the piston's area, the gauge pressures, the absolute supply, the commands
+LENGTH, AREA, PRESSURE, VOLTAGE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 0, 1)
+VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same time
+FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
+MASS = DAMPING = STIFFNESS  # times are kept
+PER_LENGTH = (-1, 0, 0, 0, 0)
+PER_PRESSURE, HEAT, FLOW_PER_PRESSURE, PER_FLOW = (
+    (0, 0, -1, 0, 0),
+    (1, 1, 0, 1, 0),
+    (1, 1, -1, 1, 0),
+    (-1, -1, 0, -1, 0),
+)
+
+DIMENSIONS = {
+    "piston_area_1": AREA,
+    "piston_area_2": AREA,
+    "stroke": LENGTH,
+    "dead_volume_1": VOLUME,
+    "dead_volume_2": VOLUME,
+    "mass": MASS,
+    "coulomb": FORCE,
+    "viscous": DAMPING,
+    "effective_area": OPENING,
+    "heat_conductance": HEAT,
+    "leak_area": OPENING,
+    "piston_leak_area": OPENING,
+    "dead_volume_added": VOLUME,
+    "supply_volume": VOLUME,
+    "regulator_conductance": FLOW_PER_PRESSURE,
+    "valve_leak_area": OPENING,
+    "static": FORCE,
+    "stribeck_velocity": LENGTH,
+    "bristle_stiffness": STIFFNESS,
+    "bristle_damping": DAMPING,
+    "pressure_gain": PER_PRESSURE,
+    "position_from": LENGTH,
+    "position_to": LENGTH,
+    "constant_force": FORCE,
+    "spring_stiffness": STIFFNESS,
+    "spring_rest": LENGTH,
+    "extra_mass": MASS,
+    "cushion_length": LENGTH,
+    "cushion_damping": DAMPING,
+    "pressure_offset": PRESSURE,
+    "acceleration_bias": LENGTH,
+    "pitch_force": FORCE,
+    "pitch": LENGTH,
+    "quadratic_drag": PER_LENGTH_SQUARED,
+    "load_mass": MASS,
+    "load_stiffness": STIFFNESS,
+    "load_damping": DAMPING,
+    "load_gap": LENGTH,
+    "swinging_force": FORCE,
+    "ripple": PRESSURE,
+    "silencer": PER_FLOW,
+    "pressure_curvature": PER_PRESSURE,
+    "relief_area": OPENING,
+    "relief_pressure": PRESSURE,
+    "position_curvature": PER_LENGTH,
+    "effective_area_2": OPENING,
+    "stop_stiffness": STIFFNESS,
+    "stop_damping": DAMPING,
+    "overlap": VOLTAGE,
+    "overlap_2": VOLTAGE,
+    "valve_half_width": VOLTAGE,
+    "spool_stiction": VOLTAGE,
+    "command_range": VOLTAGE,
+}
+"""The dimension of every field of ``Parameters`` that has one beside time and temperature."""
+
+
+@dataclass(frozen=True)
+class Similar:
+    """The ratios (1) of a rig's lengths, piston areas, gauge pressures, absolute supply and commands to the usual's."""
+
+    length: float = 1.0
+    area: float = 1.0
+    pressure: float = 1.0
+    supply: float = 1.0
+    command: float = 1.0
+
+    @classmethod
+    def of(cls, par: Parameters, bore: float | None, supply: float | None, command: float = 10.0) -> Similar:
+        """Return what makes ``par`` a rig of that bore (m) and supply (Pa, absolute), whose valve is fully open at
+        ``command`` (V from its null); None keeps either.
+
+        The stroke grows as the root of the bore, about as in catalogues of cylinders, in whole millimetres.
+        """
+        area = 1.0 if bore is None else 0.25 * np.pi * bore**2 / par.piston_area_1
+        length = round(par.stroke * area**0.25, 3) / par.stroke
+        wanted = par.supply if supply is None else supply
+        pressure = (wanted - par.ambient) / (par.supply - par.ambient)
+        return cls(length, area, pressure, wanted / par.supply, command / par.command_range)
+
+    def rig(self, par: Parameters) -> Parameters:
+        """Return the similar rig."""
+        ratios = (self.length, self.area, self.pressure, self.supply, self.command)
+        factors = {
+            field: float(np.prod([ratio**power for ratio, power in zip(ratios, powers, strict=True)]))
+            for field, powers in DIMENSIONS.items()
+        }
+        changed = {field: getattr(par, field) * factor for field, factor in factors.items()}
+        return par._replace(supply=par.supply * self.supply, **changed)
+
+    def sensors(self, sensors: Sensors) -> Sensors:
+        """Return sensors whose noise is the same share of what they measure; encoders have decimal steps."""
+        return replace(
+            sensors,
+            pressure=sensors.pressure * self.pressure,
+            hum=sensors.hum * self.pressure,
+            acceleration=sensors.acceleration * self.length,
+            position_step=10.0 ** np.floor(np.log10(sensors.position_step * self.length) + 1e-9),
+        )

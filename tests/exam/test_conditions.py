@@ -1,0 +1,138 @@
+"""Conditions of an exam: how they are named, what they change, and that each case tells which held."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.exam.cases import generate_case, write_exam
+from pneucli.exam.conditions import CONDITIONS, DRAWN, listed, parse
+from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE
+
+
+def test_names_joined_by_plus_hold_at_once():
+    both = parse("bore-6mm+rate-200Hz")
+    assert (both.bore, both.rate, both.supply) == (pytest.approx(6e-3), 200.0, None)
+    assert both.names == ("bore-6mm", "rate-200Hz")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("bore-5mm", "from 6 to 200"),
+        ("rate-50Hz", "from 100 to 10000"),
+        ("bore-6mm+bore-8mm", "one condition for bore"),
+        ("rat-200Hz", 'did you mean "rate-#Hz"'),
+        ("rate-Hz", "is a number"),
+        ("", "one of usual"),
+    ],
+)
+def test_what_is_no_condition_is_refused_with_what_would_be(name, words):
+    with pytest.raises(InputError, match=words):
+        parse(name)
+
+
+def test_the_help_lists_every_condition():
+    assert all(condition.form in listed() and condition.about in listed() for condition in CONDITIONS)
+
+
+def test_the_recordings_and_the_pipeline_file_are_of_that_size_and_rate(tmp_path):
+    generate_case(tmp_path / "case", "axis", [], "", 1.0, 5, parse("bore-6mm+supply-3bar+rate-200Hz"))
+    pipeline = tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())
+    cylinder = pipeline["rig"]["cylinder"]
+    assert float(cylinder["piston_area_1"].split()[0]) == pytest.approx(np.pi / 4 * 0.6**2, rel=1e-3)  # cm^2
+    assert float(cylinder["moving_mass"].split()[0]) < 0.1  # kg
+    assert pipeline["rig"]["supply_pressure"].startswith("3.0")
+    table = np.genfromtxt(tmp_path / "case" / "raw" / "axis_1.csv", delimiter=",", skip_header=3)
+    assert np.diff(table[:, 0]) == pytest.approx(5.0)  # ms
+    assert 0.0 < table[:, -2].min() < table[:, -2].max() < float(cylinder["stroke"].split()[0])
+
+
+def test_conditions_are_recorded_sealed_and_get_the_same_rigs(tmp_path):
+    names = ["usual", "rate-200Hz", "bore-50mm+supply-12bar"]
+    write_exam(tmp_path / "exam", cases=1, nulls=1, seed=3, conditions=names)
+    truths = [json.loads(path.read_text()) for path in sorted((tmp_path / "exam" / ".sealed").glob("case-*.json"))]
+    of = {n: [t for t in truths if t["conditions"] == n.split("+")] for n in names}
+    assert [len(cases) for cases in of.values()] == [2, 2, 2]
+    assert {frozenset(frozenset(t["hidden"]) for t in cases) for cases in of.values()} == {
+        frozenset(frozenset(t["hidden"]) for t in of["usual"])
+    }
+    # what a rig is does not depend on how it is logged
+    assert sorted(t["base"]["coulomb"] for t in of["usual"]) == sorted(t["base"]["coulomb"] for t in of["rate-200Hz"])
+
+
+def _conditions(folder, kind, name, seed=5, hidden=()):
+    truth = generate_case(folder, kind, list(hidden), "", 1.0, seed, parse(name))
+    return truth, tomllib.loads((folder / "pipeline.toml").read_text())
+
+
+def test_small_unknown_effects_act_besides_in_messy_cases_and_may_stay_unexplained(tmp_path):
+    truth, _ = _conditions(tmp_path / "a", "axis", "messy", hidden=["extra-mass"])
+    clean, _ = _conditions(tmp_path / "b", "axis", "usual", hidden=["extra-mass"])
+    assert 3 <= len(truth["mess"]) <= 4
+    assert all(BY_NAME[name] in OUTSIDE and size <= 0.25 for name, size in truth["mess"].items())
+    assert truth["hidden"] == clean["hidden"]  # the same rig
+    assert (truth["verdict"], truth["unexplained_is_right"]) == ("missing-effect", True)
+    assert (clean["mess"], clean["unexplained_is_right"]) == ({}, False)
+    table, pure = (np.genfromtxt(tmp_path / n / "raw" / "axis_1.csv", delimiter=",", skip_header=3) for n in "ab")
+    assert np.std(table[:, 3] - pure[:, 3]) > 0.005  # bar: more than the noise
+
+
+def test_a_healthy_rig_may_be_messy_too(tmp_path):
+    write_exam(tmp_path / "exam", cases=0, nulls=3, seed=2, conditions=["messy"])
+    truths = [json.loads(path.read_text()) for path in (tmp_path / "exam" / ".sealed").glob("case-*.json")]
+    assert all(t["verdict"] == "adequate" and t["mess"] and not t["hidden"] for t in truths)
+
+
+@pytest.mark.parametrize(("name", "gone"), [("no-acceleration", "a"), ("no-p2", "p2"), ("no-p2+no-acceleration", "p2")])
+def test_what_is_not_measured_is_neither_in_the_files_nor_in_the_pipeline(tmp_path, name, gone):
+    _, pipeline = _conditions(tmp_path / "case", "axis", name)
+    assert gone not in pipeline["signals"]
+    assert ("a" in pipeline["signals"]) == ("acceleration" not in name)
+    header = (tmp_path / "case" / "raw" / "axis_1.csv").read_text().splitlines()[2]
+    assert len(header.split(",")) == 1 + len(pipeline["signals"]) - ("time" in pipeline["signals"])
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+def test_converters_leave_so_many_steps(tmp_path, bits):
+    _, pipeline = _conditions(tmp_path / "case", "axis", f"bits-{bits}")
+    table = np.genfromtxt(tmp_path / "case" / "raw" / "axis_1.csv", delimiter=",", names=True, skip_header=2)
+    supply = float(pipeline["rig"]["supply_pressure"].split()[0]) - 1.013
+    for column, span in (("P1_bar", 1.25 * supply), ("Pos_mm", 220.0)):
+        levels = np.unique(table[column])
+        assert np.diff(levels).min() == pytest.approx(span / 2**bits, rel=0.05, abs=1e-5)
+        assert levels.size <= 2**bits
+
+
+def test_unknown_effects_are_of_more_than_a_dozen_kinds_and_say_where_they_act():
+    assert len(OUTSIDE) >= 12
+    assert {effect.part for effect in OUTSIDE} == {"force", "flow", "sensor"}
+    assert all(effect.over in ("time", "x", "v", "u", "p1") for effect in OUTSIDE)
+    assert not {effect.name for effect in OUTSIDE} & {effect.name for effect in CATALOGUE}
+
+
+def test_the_page_of_the_exam_tells_every_condition_and_every_unknown_effect():
+    page = (Path(__file__).parents[2] / "docs" / "exam.md").read_text()
+    names = [condition.form.partition("#")[0] for condition in CONDITIONS]
+    assert [name for name in names if f"`{name}" not in page] == []
+    rows = [f"{effect.part} | {effect.over} |" for effect in OUTSIDE if effect.name in page]
+    assert len(rows) == len(OUTSIDE)
+    assert all(row in page for row in rows)
+
+
+def test_wide_draws_other_conditions_for_each_case_and_records_them(tmp_path):
+    write_exam(tmp_path / "exam", cases=4, nulls=0, seed=2, conditions=["wide"])
+    truths = [json.loads(path.read_text()) for path in (tmp_path / "exam" / ".sealed").glob("case-*.json")]
+    assert all(t["conditions"][0] == "wide" for t in truths)
+    assert len({tuple(t["conditions"]) for t in truths}) > 1
+    for truth in truths:
+        assert all(parse("+".join(truth["conditions"])).allows(name) for name in truth["hidden"])
+
+
+def test_everything_that_wide_draws_from_is_a_condition():
+    assert all(parse(name) for line in DRAWN for name in line)

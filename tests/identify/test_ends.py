@@ -1,0 +1,89 @@
+"""A piston that rests against its ends most of the time: the end carries it, not friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.compare import compare
+from pneucli.identify.effects import fit_model
+from pneucli.identify.start import first_guess
+from pneucli.identify.views import views_of
+from pneucli.noise import NoiseModel
+from pneucli.recording import Recording, Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.ends import contact, find_ends, with_ends
+from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import run
+from tests.identify.test_arrangements import FIRST, NOISE, SECOND
+from tests.simulate.benches import FRICTION, RIG
+
+STROKE = 0.05  # m
+SHORT = replace(RIG, stroke=STROKE, valve_arrangement="5/3")
+PERIOD = 1e-3
+
+
+def to_and_fro(rig: Rig = SHORT, seed: int = 3, dwell: float = 1.0) -> Experiment:
+    """Full steps of a 5/3 valve: the piston crosses its stroke and waits at the end for the next."""
+    levels = np.repeat([4.0, -4.0, 3.0, -3.0], round(dwell / PERIOD))
+    time, rng = PERIOD * np.arange(levels.size), np.random.default_rng(seed)
+    start = {"p1": 2e5, "p2": 2e5, "x": 0.02, "v": 0.0, "p_supply": 7e5}
+    flat = {name: np.full(time.size, value) for name, value in start.items()}
+    blank = Recording(
+        "axis", "axis", "train", time, {"u": levels} | flat, dict.fromkeys(flat, NoiseModel(0.0)), "valve"
+    )
+    true = run(Model(SHORT, (), FRICTION, FIRST, SECOND), prepare(blank, SHORT, None))
+    seen = {"p1": true[:, at.P1], "p2": true[:, at.P2], "x": true[:, at.X]}
+    read = {name: values + NOISE[name].draw(time, rng) for name, values in seen.items()}
+    return prepare(replace(blank, signals={"u": levels} | read, noise=NOISE), replace(rig, supply_pressure=7e5), 0.25)
+
+
+@pytest.fixture(scope="module")
+def resting() -> Experiment:
+    return with_ends([to_and_fro()], SHORT)[0]
+
+
+def test_most_of_this_recording_is_at_the_ends(resting: Experiment):
+    assert np.mean(contact(resting) != 0.0) > 0.6
+
+
+def test_friction_is_what_motion_shows_and_not_what_an_end_carries(resting: Experiment):
+    """The pressures push with up to 400 N at the ends; Coulomb friction is 14 N. 15 %: there is little motion."""
+    found = fit_model(first_guess([resting], SHORT), views_of([resting]), []).model
+    assert found.values["friction.coulomb"] == pytest.approx(FRICTION["friction.coulomb"], rel=0.15)
+    assert found.values["friction.viscous"] == pytest.approx(FRICTION["friction.viscous"], rel=0.15)
+
+
+def test_the_true_model_waits_at_its_ends_as_the_piston_does(resting: Experiment):
+    """Both touch the same end, whose hardness no model states: nothing is compared there, and x is near its noise."""
+    seen = compare(Model(SHORT, (), FRICTION, FIRST, SECOND), resting)
+    waiting = np.convolve(contact(resting) == 0.0, np.ones(101), mode="same") == 0.0
+    assert np.mean(waiting) > 0.3
+    assert np.isnan(seen.residual("x")[waiting]).all()
+    assert np.nanstd(seen.residual("x")[500:]) < 5.0 * NOISE["x"].rms
+
+
+@pytest.mark.parametrize(("stated", "found"), [(STROKE, STROKE), (1.03 * STROKE, STROKE), (None, STROKE)])
+def test_ends_are_found_where_the_stroke_is_not_given_or_not_exact(stated: float | None, found: float):
+    rig = replace(SHORT, stroke=stated)
+    low, high = find_ends([to_and_fro(rig)], rig)
+    assert low == pytest.approx(0.0, abs=1e-4)
+    assert high == pytest.approx(found, abs=1e-4)
+
+
+def test_a_piston_that_friction_holds_in_the_middle_shows_no_end():
+    """Steps too short to cross: rests are where friction held it, and the stated ends stand."""
+    rig = replace(SHORT, stroke=0.2)
+    still = to_and_fro(rig, dwell=0.05)
+    assert find_ends([still], rig)[1] == 0.2
+
+
+def test_force_inward_counts_at_an_end(resting: Experiment):
+    """With friction taken away the piston would have left its end: what held it there is told by the balance."""
+    (forces,) = [view for view in views_of([resting]) if "force" in view.channels]
+    slippery = Model(SHORT, (), {"friction.coulomb": 0.0, "friction.viscous": 45.0}, FIRST, SECOND)
+    left = forces.residual(slippery)["force"][contact(resting) != 0.0]
+    assert np.max(np.abs(left)) > 5.0
