@@ -215,7 +215,8 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         "C_CRITICAL": 0.3, "C_COULOMB": axis.TRUTH["coulomb"], "C_STATIC": pytest.approx(axis.TRUTH["static"]),
         "C_STRIBECK": pytest.approx(axis.TRUTH["stribeck_velocity"]), "C_VISCOUS": axis.TRUTH["viscous"],
         "C_P_LOW": pytest.approx(1.05 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.95 * rig.supply_pressure),
-        "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6, "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0,
+        "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6,
+        "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0,
     }  # fmt: skip
 
 

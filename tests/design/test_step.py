@@ -19,7 +19,8 @@ ROUND = {
     "SECTOR_2": 40.0, "SECTOR_RATE": 1e5, "SECTOR_SLOW": 14.0, "SECTOR_FAST": 500.0, "LINGER": 0.02, "REACH": 1e-5,
     "OBS_X": 0.5, "OBS_V": 100.0, "OBS_LOAD": 1e5, "LOAD_STEP": 3.0, "P_KP": 100.0, "P_KI": 300.0, "OBS_P": 0.25,
     "OBS_FLOW": 20.0, "FLOW_STEP": 1e4, "P_BAND": 1e3, "P_LOW": 1.05e5, "P_HIGH": 6.5e5, "P_MEAN": 3e5,
-    "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0, "NODES": float(NODES),
+    "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0,
+    "NODES": float(NODES),
 }  # fmt: skip
 FILL, VENT = (1.0, 2.0, 4.0, 7.0, 10.0), (-2.0, -3.0, -5.0, -7.0, -9.0)
 
