@@ -1,0 +1,129 @@
+"""The diagnosis as a whole: which of the effects found are named, what the verdict is, and the errors of the ladder."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import diagnosis, errors
+from pneucli.diagnose.evidence import Gain
+from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.search import Search
+from pneucli.diagnose.trial import Trial
+from pneucli.identify.views import Forces, Whole
+from tests.diagnose.toys import Toys, adding, effect
+
+A, B = effect("a"), effect("b")
+MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
+ASTRAY = Remainder(Whole, "x", 3.0, 3.0, ())
+
+
+class Diagnosed:
+    """A diagnosis whose search ended after ``a`` and ``b``; what is left over and what stands is stated."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **given: Any) -> None:
+        self.toys = Toys([A, B], adding(a=0.6, b=0.4))
+        self.rungs = tuple(self.toys.state(names) for names in ([], ["a"], ["a", "b"]))
+        for rung in self.rungs:
+            rung.fit.estimates[:] = []  # type: ignore[index]
+        self.steps: list[tuple[str, list[str], list[str]]] = []
+        self.described: list[tuple[list[str], Remainder]] = []
+        rival = Trial(A, self.rungs[0], self.rungs[-1], Gain(1.0, 0.0, 1.0, 1.0), Gain(1.0, 0.0, 1.0, 1.0), 0.0)
+        rivals = {"b": (rival,), "a": ()}
+        left = given.get("left", [])
+        found = Search(self.rungs, rivals, (), tuple(left), ())
+        standing = given.get("standing", {"a", "b"})
+
+        def beside(bench: Any, last: Any, left: Any, step: Trial) -> str:
+            self.steps.append((step.effect.name, step.before.names, step.state.names))
+            return "supported" if step.effect.name in standing else "explained-by-unknown"
+
+        def describe(model: Any, views: Any, worst: Remainder) -> str:
+            self.described.append(([e.name for e in model.effects], worst))
+            return "unknown"
+
+        monkeypatch.setattr(diagnosis, "search", lambda bench, start: found)
+        monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
+        monkeypatch.setattr(diagnosis, "remains", lambda bench, state: ([MUCH], []))
+        monkeypatch.setattr(diagnosis, "beside", beside)
+        monkeypatch.setattr(diagnosis, "describe", describe)
+        monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: [tuple(state.names)])
+        monkeypatch.setattr(diagnosis, "cannot_show", lambda bench, sizes: [])
+        self.bench: Any = SimpleNamespace(
+            state=lambda base: self.rungs[0], train=[], held_out=[], effects=self.toys.effects, trial=self.toys.trial
+        )
+        self.result = diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        return {d.effect.name: d.reason for d in self.result.decisions}
+
+
+def test_where_noise_is_left_all_that_was_found_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    d = Diagnosed(monkeypatch)
+    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("missing-effect", ("a", "b"), None)
+    assert d.result.equals == {"a": (), "b": ("a",)}
+    assert d.result.detectable == (("a", "b"),)
+    assert d.steps == []  # nothing has to stand against a remainder
+    assert d.reasons == {"a": "supported", "b": "supported"}
+
+
+@pytest.mark.parametrize("given", [{"left": [MUCH]}, {"astray": [ASTRAY]}])
+def test_beside_something_unknown_only_what_stands_is_named(
+    monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]
+) -> None:
+    d = Diagnosed(monkeypatch, standing={"b"}, **given)
+    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", ("b",), "unknown")
+    assert d.steps == [("a", [], ["a"]), ("b", ["a"], ["a", "b"])]
+    assert d.reasons == {"a": "explained-by-unknown", "b": "supported"}
+    assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
+
+
+def test_where_nothing_stands_what_the_first_rung_leaves_is_described(monkeypatch: pytest.MonkeyPatch) -> None:
+    d = Diagnosed(monkeypatch, left=[MUCH], standing=set())
+    assert (d.result.verdict, d.result.missing) == ("unexplained", ())
+    assert [names for names, _ in d.described] == [[]]
+
+
+def test_nothing_found_and_nothing_left_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
+    d = Diagnosed(monkeypatch)
+    alone = Search(d.rungs[:1], {}, (), (), ())
+    monkeypatch.setattr(diagnosis, "search", lambda bench, start: alone)
+    found = diagnosis.diagnose(d.bench, None)  # type: ignore[arg-type]
+    assert (found.verdict, found.missing, found.unknown, dict(found.equals)) == ("adequate", (), None, {})
+
+
+def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three recordings, each with a channel's ratio of the model's number over the noise that it is given."""
+
+    def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
+        ratio = model / noise["x"]
+        return SimpleNamespace(results=[SimpleNamespace(use=experiment, ratio_to_noise=ratio)])
+
+    drawn: list[float] = []
+
+    def expected(model: float, experiments: list[str]) -> list[dict[str, float]]:
+        drawn.append(model)
+        return [{"x": 2.0 if use == "train" else 4.0} for use in experiments]
+
+    monkeypatch.setattr(errors, "compare", compare)
+    monkeypatch.setattr(errors, "expected_of_all", expected)
+    shown: Any = errors.ShownErrors(["train", "test", "train"])  # type: ignore[list-item]
+    first, other = 6.0, 8.0
+    assert shown(first) == {"train": 3.0, "test": 1.5}
+    assert shown(other) == {"train": 4.0, "test": 2.0}
+    assert shown(first) == {"train": 3.0, "test": 1.5}
+    assert drawn == [6.0, 8.0]  # noise is drawn once for each model
+    alone: Any = errors.ShownErrors(["train"])  # type: ignore[list-item]
+    assert alone(first) == {"train": 3.0, "test": None}
+
+
+def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
+    results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
+    monkeypatch.setattr(errors, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
+    monkeypatch.setattr(errors, "expected_of_all", lambda model, experiments: [{}])
+    shown: Any = errors.ShownErrors([None])  # type: ignore[list-item]
+    assert shown(None)["train"] == pytest.approx(np.sqrt(12.5))

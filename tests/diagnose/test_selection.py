@@ -1,0 +1,224 @@
+"""Every step of the selection, on effects whose share of the remainder is stated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import evidence
+from pneucli.diagnose import search as selection
+from pneucli.diagnose.evidence import Gain
+from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.search import Search, search, tried
+from pneucli.diagnose.trial import State, Trial
+from pneucli.identify.views import Forces
+from tests.diagnose.toys import Toys, adding, effect
+
+
+@pytest.fixture(autouse=True)
+def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left of a state is its cost over its samples."""
+
+    def left(bench: Any, state: State) -> tuple[list[Remainder], list[Remainder]]:
+        ratio = float(np.sqrt(state.cost / state.samples))
+        return [Remainder(Forces, "force", ratio, ratio, ())], []
+
+    monkeypatch.setattr(selection, "remains", left)
+    monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
+
+
+def found(bench: Toys, *base: str) -> Search:
+    return search(bench, bench.state(base))  # type: ignore[arg-type]
+
+
+def names(result: Search) -> set[str]:
+    return set(result.added)
+
+
+A, B, C, D, E = (effect(name) for name in "abcde")
+
+
+def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
+    result = found(Toys([A, B, C], adding(a=1.0)))
+    assert result.added == ["a"]
+    assert result.adequate
+    assert [s.names for s in result.rungs] == [[], ["a"]]
+    assert result.last.names == ["a"]
+
+
+def test_what_was_tried_from_the_model_as_it_is_is_not_tried_again() -> None:
+    toys = Toys([A, B, C], adding(a=1.0))
+    found(toys)
+    assert sorted(toys.added_names) == [("a",), ("a", "b"), ("a", "c")]
+
+
+def test_where_noise_alone_is_left_nothing_is_found() -> None:
+    result = found(Toys([A, B, C], adding(), excess=0.0))
+    assert result.added == []
+    assert result.adequate
+    assert len(result.rungs) == 1
+
+
+def test_two_effects_are_found_the_larger_one_first() -> None:
+    result = found(Toys([A, B, C], adding(a=0.3, b=0.7)))
+    assert result.added == ["b", "a"]
+    assert result.adequate
+
+
+def test_effects_that_the_model_has_are_not_found_again() -> None:
+    result = found(Toys([A, B, C], adding(a=0.5, b=0.5)), "a")
+    assert result.added == ["b"]
+    assert [s.names for s in result.rungs] == [["a"], ["a", "b"]]
+
+
+def test_what_no_effect_explains_is_left_over() -> None:
+    result = found(Toys([A, B, C], adding(a=0.3)))
+    assert result.added == ["a"]
+    assert not result.adequate
+
+
+def test_what_falls_on_the_fitted_data_alone_is_not_found() -> None:
+    assert found(Toys([A, B], adding(a=0.5), unseen=adding(a=-0.02), excess=0.5)).added == []
+
+
+def test_without_held_out_data_the_fitted_ones_decide() -> None:
+    assert found(Toys([A, B], adding(a=0.5), unseen=adding(), excess=0.5, held_out=False)).added == ["a"]
+
+
+def test_an_effect_that_raises_the_error_the_user_sees_is_not_found() -> None:
+    assert found(Toys([A, B], adding(a=1.0), worse={"a"})).added == []
+
+
+def test_no_more_than_four_effects_are_found_one_by_one() -> None:
+    six = [effect(n) for n in "abcdef"]
+    assert len(found(Toys(six, adding(**dict.fromkeys("abcdef", 0.3)), excess=2.0)).added) == 4
+
+
+def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        pair = 0.5 * len(chosen & {"b", "c"})
+        return max(pair, 0.6 + 0.3 * pair) if "a" in chosen else pair
+
+    assert names(found(Toys([A, B, C], takes))) == {"b", "c"}
+
+
+def test_a_better_rival_takes_the_place_of_an_effect() -> None:
+    """Alone a explains more than b; beside c it is b that does."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        alone = {"a": 0.5, "b": 0.4}
+        if "c" in chosen:
+            alone = {"a": 0.2, "b": 0.6}
+        return max((alone[n] for n in chosen & {"a", "b"}), default=0.0) + 0.4 * ("c" in chosen)
+
+    result = found(Toys([A, B, C], takes))
+    assert names(result) == {"b", "c"}
+
+
+def test_equals_of_an_effect_are_its_rivals() -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        return 1.0 if chosen & {"a", "b"} else 0.0
+
+    result = found(Toys([A, B, C], takes))
+    (name,) = result.added
+    assert {t.effect.name for t in result.rivals[name]} == {"a", "b"} - {name}
+
+
+def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
+    result = found(Toys([A, B, C], lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0))
+    assert names(result) == {"a", "b"}
+    assert result.adequate
+
+
+def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        pair = 0.3 * ("b" in chosen) + 0.7 * ("c" in chosen)
+        return max(pair, 0.75 + 0.2 * pair) if "a" in chosen else pair
+
+    assert found(Toys([A, B, C], takes)).added == ["c", "b"]
+
+
+def test_what_explains_all_needs_no_proof_against_the_whole_family() -> None:
+    """A chance of 1 in 200 is nothing in a family of 50, but the remainder is there for certain."""
+    assert found(Toys([A, B], adding(a=1.0), chance={"a": 5e-3})).added == ["a"]
+    assert found(Toys([A, B], adding(a=0.3), chance={"a": 5e-3})).added == []
+
+
+# --- what is tried
+
+
+CERTAIN = Gain(400.0, 300.0, 1e-9, 30.0)
+
+
+def costing(cost: float) -> State:
+    fit: Any = SimpleNamespace(estimates=[], free=(), model=SimpleNamespace(values={}, effects=()))
+    return State(fit, np.full(40, cost / 40.0), np.zeros(0), np.full(40, cost / 40.0), 10000)
+
+
+BEFORE = costing(10000.0)
+
+
+class Screened(Toys):
+    """Signatures promise what is stated; fits cost what is stated."""
+
+    def __init__(self, promised: dict[str, float], costs: dict[str, float] | None = None) -> None:
+        super().__init__([effect(n) for n in promised], adding())
+        self.promised, self.costs = promised, costs or {}
+
+    def screen(self, state: State) -> list[Any]:
+        ranked = sorted(self.promised.items(), key=lambda pair: -pair[1])
+        return [(self.effects[n], [SimpleNamespace(gain=g)]) for n, g in ranked]
+
+    def added(self, state: State, one: Any, ranked: Any = None) -> Trial:
+        cost = self.costs.get(one.name, 9000.0)
+        return Trial(one, BEFORE, costing(cost), Gain(10000.0 - cost, 1.0, 1e-9, 30.0), CERTAIN, 1e-9)
+
+
+def order(bench: Screened, without: tuple[str, ...] = ()) -> list[str]:
+    """The effects that were fitted."""
+    return [d.effect.name for d in tried(bench, BEFORE, without) if d.trial is not None]  # type: ignore[arg-type]
+
+
+def test_no_more_than_six_are_refitted_those_that_promise_most() -> None:
+    assert set(order(Screened({n: 100.0 + k for k, n in enumerate("abcdefgh")}))) == set("hgfedc")
+
+
+@pytest.mark.parametrize(("promise", "refitted"), [(12.1, True), (11.9, False)])
+def test_a_signature_must_promise_a_chi_square_of_twelve(promise: float, refitted: bool) -> None:
+    assert ("b" in order(Screened({"a": 100.0, "b": promise}))) == refitted
+
+
+def test_and_a_hundredth_of_the_best() -> None:
+    assert order(Screened({"a": 10000.0, "b": 99.0})) == ["a"]
+    assert set(order(Screened({"a": 10000.0, "b": 101.0}))) == {"a", "b"}
+
+
+def test_an_effect_may_be_left_out_and_then_the_next_is_the_best() -> None:
+    assert order(Screened({"a": 10000.0, "b": 99.0}), ("a",)) == ["b"]
+    assert order(Screened({"a": 10000.0}), ("a",)) == []
+
+
+def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to_the_end() -> None:
+    bench = Screened({"a": 50.0, "b": 60.0, "c": 70.0}, {"a": 8000.0, "b": 8500.0, "c": 8300.0})
+    assert order(bench) == ["a", "c", "b"]
+    assert set(bench.polished_names) == {"a", "c"}  # within 5 %
+    slight = Screened({"a": 50.0}, {"a": 9970.0})
+    order(slight)
+    assert slight.polished_names == []  # 0.3 % of the cost
+
+
+def test_two_signatures_promise_together_what_their_span_explains() -> None:
+    target = np.array([3.0, 4.0, 12.0])
+    assert selection._joint(target, np.array([2.0, 0, 0]), np.array([0, 5.0, 0])) == pytest.approx(25.0)
+    assert selection._joint(target, np.array([1.0, 0, 0]), np.array([2.0, 0, 0])) == pytest.approx(9.0)
+
+
+def test_a_search_knows_what_was_added_to_what() -> None:
+    toys = Toys([A, B, C], adding())
+    rungs = tuple(toys.state(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
+    result = Search(rungs, (), {}, (), ())
+    assert result.added == ["b", "c"]
+    assert result.adequate

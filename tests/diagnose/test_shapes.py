@@ -1,0 +1,340 @@
+"""What is left over: its size, its shape over a signal, its character in words, and manoeuvres that would tell more."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import manoeuvres, unknown
+from pneucli.diagnose.remainder import Remainder, Shape, _remainder, bulk_rms, shape, too_much
+from pneucli.diagnose.stand_ins import explained
+from pneucli.diagnose.unknown import _law, _line, _sine, describe
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from pneucli.quantities import SIGNALS
+from tests.simulate.benches import RIG, bench, clock, model
+
+RNG = np.random.default_rng
+N = 8000
+TIME = 1e-3 * np.arange(N)
+BLOCKS = np.arange(N) // 100
+SWING = np.sin(2 * np.pi * 0.9 * TIME)
+
+
+# --- how much
+
+
+def left(ratio: float, bulk: float, *shapes: Shape) -> Remainder:
+    return Remainder(Forces, "force", ratio, bulk, shapes)
+
+
+def shaped(share: float, p_value: float) -> Shape:
+    return Shape("x", np.zeros(2), np.zeros(2), np.ones(2), share, p_value)
+
+
+@pytest.mark.parametrize(
+    ("one", "train", "test"),
+    [
+        (left(1.1, 1.1), False, False),
+        (left(1.21, 1.21), True, False),
+        (left(1.41, 1.41), True, True),
+        (left(2.41, 1.0), True, False),  # the worst samples alone
+        (left(2.81, 1.0), True, True),
+        (left(1.1, 1.07, shaped(0.21, 1e-7)), True, False),
+        (left(1.1, 1.05, shaped(0.21, 1e-7)), False, False),  # too faint
+        (left(1.1, 1.07, shaped(0.19, 1e-7)), False, False),
+        (left(1.1, 1.07, shaped(0.21, 1e-5)), False, False),
+        (left(1.1, 1.07, shaped(0.1, 1e-7), shaped(0.5, 1e-9)), False, False),  # the first is the one with most
+    ],
+)
+def test_what_is_more_than_noise_on_fitted_and_on_held_out_data(one: Remainder, train: bool, test: bool) -> None:
+    assert bool(too_much([one], [])) == train
+    assert bool(too_much([], [one])) == test
+
+
+def test_the_worst_comes_first() -> None:
+    assert [r.ratio for r in too_much([left(1.5, 1.5), left(3.0, 1.3)], [left(2.0, 2.0)])] == [3.0, 2.0, 1.5]
+
+
+def test_the_bulk_of_normal_noise_is_its_deviation_and_ignores_the_worst() -> None:
+    noise = 3.0 * RNG(1).standard_normal(20_000)
+    assert bulk_rms(noise) == pytest.approx(3.0, rel=0.02)
+    spoiled = noise.copy()
+    spoiled[:80] = 1e6
+    assert bulk_rms(spoiled) == pytest.approx(3.0, rel=0.05)
+    spoiled[:400] = 1e6
+    assert bulk_rms(spoiled) > 1e4
+
+
+def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
+    before, after = SimpleNamespace(cost=300.0, samples=100), SimpleNamespace(cost=150.0)
+    assert explained(before, after) == pytest.approx(0.75)  # type: ignore[arg-type]
+
+
+# --- its shape
+
+
+def test_a_step_over_a_signal_is_its_means() -> None:
+    x = RNG(1).permutation(np.linspace(0.0, 1.0, N))
+    found = shape("x", x, np.where(x > 0.5, 2.0, -2.0) + RNG(2).standard_normal(N), BLOCKS)
+    assert found is not None
+    assert (found.variable, found.against) == ("x", False)
+    assert np.all(np.diff(found.centres) > 0.0)
+    assert found.means == pytest.approx(np.where(found.centres > 0.5, 2.0, -2.0), abs=0.3)
+    assert found.errors == pytest.approx(np.full(found.errors.size, 1 / np.sqrt(N / found.errors.size)), rel=0.5)
+    assert found.share == pytest.approx(0.8, abs=0.03)
+    assert found.p_value < 1e-12
+    assert shape("x", x, np.ones(N), BLOCKS, against=True).against  # type: ignore[union-attr]
+
+
+def test_few_levels_are_bins_of_their_own() -> None:
+    u = np.repeat([0.0, 1.0, 2.0, 1.0], N // 4)
+    found = shape("u", u, u - 1.0 + RNG(3).standard_normal(N), BLOCKS)
+    assert found is not None
+    assert found.centres == pytest.approx([0.0, 1.0, 2.0])
+    assert found.means == pytest.approx([-1.0, 0.0, 1.0], abs=0.1)
+
+
+def test_unknown_places_are_left_out() -> None:
+    x = np.where(TIME < 4.0, np.nan, TIME)
+    found = shape("x", x, RNG(4).standard_normal(N), BLOCKS)
+    assert found is not None
+    assert found.centres.min() > 4.0
+
+
+@pytest.mark.parametrize("values", [np.full(N, np.nan), np.zeros(N)])
+def test_what_is_unknown_or_constant_has_no_shape(values: np.ndarray) -> None:
+    assert shape("x", values, RNG(5).standard_normal(N), BLOCKS) is None
+
+
+# --- over all recordings
+
+
+def view(kind: Any = Forces, period: float = 0.0, over: str = "time") -> Any:
+    signals = {"u": SWING, "p1": 3e5, "p2": 3e5, "x": 0.1 + 0.05 * SWING, "v": 0.05 * np.cos(TIME)}
+    e = bench("axis", TIME, signals)
+    found = kind(e)
+    q = e.time if over == "time" else e.raw["x"]
+    wave = np.sin(2 * np.pi * q / period) if period else np.zeros(N)
+    found.__dict__["channels"] = ("force",) if kind is Forces else ("p1",)
+    residual = {c: 3.0 * wave + RNG(6).standard_normal(N) for c in found.channels}
+    object.__setattr__(found, "residual", lambda model, errors=None: residual if model else None)
+    return found
+
+
+def test_a_channels_remainder_is_over_what_a_correct_model_would_show() -> None:
+    residual = RNG(7).standard_normal(N)
+    found = _remainder(Forces, "force", [(view(), 2.0 * residual, 0.5), (view(), residual, 1.0)])
+    assert (found.kind, found.channel) == (Forces, "force")
+    assert found.ratio == pytest.approx(np.sqrt((16.0 + 1.0) / 2.0), rel=0.05)
+    assert found.bulk < found.ratio * 1.05
+    assert "force" not in {s.variable for s in found.shapes}
+    assert [s.share for s in found.shapes] == sorted((s.share for s in found.shapes), reverse=True)
+
+
+def test_a_friction_that_drifts_shows_against_the_motion() -> None:
+    one = view()
+    direction = np.sign(np.cos(TIME))
+    found = _remainder(Forces, "force", [(one, direction * (0.5 * TIME - 2.0) + RNG(8).standard_normal(N), 1.0)])
+    best = found.shapes[0]
+    assert (best.variable, best.against) == ("time", True)
+
+
+def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
+    residual = np.where(TIME < 4.0, 0.0, 2.0)
+    assert _remainder(Forces, "force", [(view(), residual, 1.0)]).ratio == pytest.approx(2.0)
+
+
+# --- in words
+
+
+MECHANICS = "mechanics: friction, load or a force on the piston"
+POSITION = SIGNALS["x"].title
+CENTRES = np.linspace(-2.0, 2.0, 12)
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (lambda q: 1.0 + 0.0 * q, "a constant"),
+        (lambda q: 0.7 * q, "proportional to it"),
+        (lambda q: 2.0 * np.sign(q), "a constant that changes sign with it"),
+        (lambda q: 0.5 * q * np.abs(q), "growing with its square, sign kept"),
+        (lambda q: 1.0 + 0.7 * q, "a straight line"),
+        (lambda q: 1.0 + 0.7 * q + 0.9 * q * q, "a parabola"),
+    ],
+)
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_the_simplest_law_that_fits_the_means_is_named(law: Any, words: str, scale: float) -> None:
+    means = law(CENTRES) + 0.01 * RNG(9).standard_normal(12)
+    assert _law(Shape("v", scale * CENTRES, means, np.full(12, 0.02), 1.0, 0.0)) == words
+
+
+def test_means_that_are_known_better_count_for_more() -> None:
+    means = np.where(np.abs(CENTRES) > 1.9, 50.0, 0.7 * CENTRES)
+    errors = np.where(np.abs(CENTRES) > 1.9, 100.0, 0.02)
+    assert _law(Shape("v", CENTRES, means, errors, 1.0, 0.0)) == "proportional to it"
+
+
+@pytest.mark.parametrize("period", [0.25, 0.8])
+def test_a_sine_over_time_is_found_by_its_period(period: float) -> None:
+    share, found = _line(view(period=period), model(), "force", "time")  # type: ignore[misc]
+    assert found == pytest.approx(period, rel=0.03)
+    assert share == pytest.approx(4.5 / 5.5, abs=0.05)
+
+
+def test_a_sine_over_position_is_found_by_its_pitch() -> None:
+    wavy = view(period=0.02, over="x")
+    assert _line(wavy, model(), "force", "x")[1] == pytest.approx(0.02, rel=0.05)  # type: ignore[index]
+    assert _sine(model(), [wavy], "force") == ("x", pytest.approx(0.02, rel=0.05))
+
+
+def test_noise_has_no_sine_nor_have_recordings_that_disagree() -> None:
+    assert _sine(model(), [view()], "force") is None
+    assert _sine(model(), [view(period=0.25), view(period=0.4)], "force") is None
+    assert _sine(model(), [view(period=0.25), view()], "force") is None
+    assert _sine(model(), [view(period=0.25), view(period=0.26)], "force") == ("time", pytest.approx(0.255, rel=0.03))
+
+
+def test_too_few_samples_or_an_unknown_position_have_no_sine() -> None:
+    few = view(period=0.25)
+    few.residual(model())["force"][99:] = 0.0
+    assert _line(few, model(), "force", "time") is None
+    blind = view(period=0.25)
+    del blind.experiment.raw["x"]
+    assert _line(blind, model(), "force", "x") is None
+
+
+def told(worst: Remainder, *views: Any) -> unknown.Unknown:
+    return describe(model(), views, worst)
+
+
+@pytest.mark.parametrize(
+    ("variable", "against", "character"),
+    [
+        ("x", False, f"a function of {POSITION}"),
+        ("time", False, "drifting over each recording"),
+        ("time", True, "a friction drifting over each recording"),
+        ("x", True, f"against the motion, a function of {POSITION}"),
+        ("p_ratio", False, "a function of p ratio"),
+    ],
+)
+def test_a_shape_is_told_in_words(variable: str, against: bool, character: str) -> None:
+    one = Shape(variable, CENTRES, 0.7 * CENTRES, np.full(12, 0.02), 0.3, 0.0, against)
+    found = told(left(2.0, 2.0, one), view())
+    assert found.character == character
+    assert (found.variable, found.law, found.ratio, found.channel) == (variable, "proportional to it", 2.0, "force")
+    assert found.subsystem == MECHANICS
+
+
+def test_a_shape_that_holds_little_is_not_spoken_of() -> None:
+    faint = Shape("x", CENTRES, CENTRES, np.ones(12), 0.04, 0.0)
+    found = told(left(2.0, 2.0, faint), view())
+    assert (found.variable, found.character, found.law) == (None, "without a shape over any signal", None)
+
+
+def test_a_sine_is_told_before_any_shape() -> None:
+    one = Shape("x", CENTRES, CENTRES, np.full(12, 0.02), 0.3, 0.0)
+    found = told(left(2.0, 2.0, one), view(period=0.25))
+    assert (found.variable, found.law) == ("time", "a sine")
+    assert "period 0.2" in found.character
+    assert found.character.endswith(" s")
+    assert told(left(2.0, 2.0), view(period=0.02, over="x")).character.endswith(" m")
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (Chambers, "gas, valve and their sensors"),
+        (Whole, "the whole axis"),
+        (Imposed, "mechanics: friction, load or a force on the piston"),
+    ],
+)
+def test_what_no_view_shows_is_one_of_the_replay(kind: Any, words: str) -> None:
+    found = told(Remainder(kind, "x", 2.0, 2.0, ()), view())
+    assert (found.subsystem, found.channel, found.character) == (words, "x", unknown.REPLAYED)
+
+
+# --- manoeuvres
+
+
+def commands(u: float = 5.0) -> dict[str, np.ndarray]:
+    return dict(manoeuvres._commands(u))
+
+
+def test_commands_charge_discharge_step_climb_and_swing() -> None:
+    found = list(commands().values())
+    charge, discharge, steps, stairs, *sines = found
+    assert [c.size for c in found] == [32_000, 34_000, 6_000, 12_000, 6_000, 6_000, 6_000]
+    assert charge[[0, 1999, 2000, -1]].tolist() == [5.0, 5.0, 0.0, 0.0]
+    assert discharge[[0, 2000, 3999, 4000]].tolist() == [5.0, -5.0, -5.0, 0.0]
+    assert steps[[0, 500, 1000, 5999]].tolist() == [5.0, -5.0, 5.0, -5.0]
+    assert stairs[::1000] == pytest.approx(5.0 * np.array([0.1, -0.1, 0.2, -0.2, 0.3, -0.3] * 2))
+    assert [s.max() for s in sines] == pytest.approx([2.5] * 3, rel=1e-3)
+    turns = [np.count_nonzero(np.diff(np.sign(s[1:]))) for s in sines]
+    assert turns == pytest.approx([6, 36, 120], abs=2)
+    assert all("5 V" in words or "2.5 V" in words or "0.5 to 1.5 V" in words for words in commands())
+
+
+def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:
+    (_, (triangle, levels)), (_, (slow, at)), (_, (fast, _)), (_, (rests, constant)) = manoeuvres._pushes(30.0)
+    assert (triangle.max(), triangle.min()) == (pytest.approx(30.0), pytest.approx(-30.0))
+    assert triangle[0] == pytest.approx(0.0)
+    assert np.abs(np.diff(triangle[:6000])).max() == pytest.approx(30.0e-3, rel=1e-6)
+    assert levels[[0, 6000, 12000]].tolist() == [2e5, 4e5, 6e5]
+    assert (levels.size, triangle.size) == (18_000, 18_000)
+    assert np.abs(np.fft.rfft(slow))[1:].argmax() == 5
+    assert np.abs(np.fft.rfft(fast))[1:].argmax() == 23
+    assert slow.max() == pytest.approx(30.0, rel=1e-4)
+    assert set(at) == set(constant) == {4e5}
+    assert rests.size == constant.size == 11_100 + 3 * 400
+    assert [int(np.flatnonzero(rests[k:])[0]) for k in (0, 500, 1900)] == pytest.approx([101, 1001, 10001], abs=2)
+    assert rests.max() == pytest.approx(30.0, rel=0.01)
+
+
+def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
+    force, p2 = np.array([0.0, 25.0, -25.0]), np.full(3, 4e5)
+    found = manoeuvres._pushed((force, p2), RIG)
+    area_1, area_2 = RIG.areas
+    net = area_1 * (found["p1"] - RIG.ambient_pressure) - area_2 * (found["p2"] - RIG.ambient_pressure)
+    assert net == pytest.approx(force, abs=1e-9)
+    assert found["x"][0] == pytest.approx(0.5 * RIG.stroke)
+    assert found.experiment == "friction"
+
+
+def test_the_manoeuvre_in_which_models_differ_most_over_the_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
+    apart = {"one": {"p1": 500.0, "x": 1e-3}, "two": {"p1": 900.0, "x": np.inf}, "three": {"force": 1e9}}
+    monkeypatch.setattr(manoeuvres, "manoeuvres", lambda model, views: [(w, w) for w in apart])
+    monkeypatch.setattr(manoeuvres, "_apart", lambda one, other, experiment: apart[experiment])
+    noise = {"p1": SimpleNamespace(rms=100.0), "x": SimpleNamespace(rms=2e-4), "p2": SimpleNamespace(rms=0.0)}
+    seen: Any = [SimpleNamespace(experiment=SimpleNamespace(noise=noise))]
+    assert manoeuvres.separation(model(), model(), seen) == manoeuvres.Separation("two", "p1", 9.0)
+    apart["two"]["p1"] = 310.0
+    assert manoeuvres.separation(model(), model(), seen).times_noise == 5.0  # type: ignore[union-attr]
+    apart["one"] = apart["two"] = {"p1": 299.0}
+    assert manoeuvres.separation(model(), model(), seen) is None
+
+
+@pytest.mark.parametrize("chamber_2", ["open", "closed"])
+def test_a_command_is_given_to_the_bench_as_it_was_seen(chamber_2: str) -> None:
+    signals = {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "p_supply": 6e5}
+    seen = bench("axis", clock(0.1), signals, chamber_2=chamber_2)
+    found = manoeuvres._commanded(np.full(200, 3.0), seen)
+    assert found.recording.chamber_2 == chamber_2
+    assert found.recording.experiment == "axis"
+    assert np.all(found.recording["u"] == 3.0)
+    assert np.all(found.recording["p_supply"] == RIG.supply_pressure)
+    unknown_supply = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+    del unknown_supply.raw["p_supply"]
+    assert "p_supply" not in manoeuvres._commanded(np.full(200, 3.0), unknown_supply).recording
+
+
+@pytest.mark.parametrize("changed", [{"valve_shut": True}, {"imposed": "motion"}])
+def test_benches_that_cannot_repeat_it_are_left_out(changed: dict[str, Any]) -> None:
+    from dataclasses import replace
+
+    e = bench("axis", clock(0.5), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+    odd = Chambers(replace(e, recording=replace(e.recording, **changed)))
+    assert list(manoeuvres.manoeuvres(model(), [odd])) == []

@@ -1,0 +1,111 @@
+"""A bench of made-up effects: what each set of them leaves over is stated, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pneucli.diagnose.evidence import gain
+from pneucli.diagnose.trial import State, Trial
+
+TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
+Takes = Callable[[frozenset[str]], float]
+
+
+def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: Any) -> Any:
+    """An effect whose parameters have no unit and a null of zero."""
+    known = [
+        SimpleNamespace(name=f"p{k}", unit="1", null=0.0, lower=-9.0, upper=9.0, **more) for k in range(parameters)
+    ]
+    return SimpleNamespace(name=name, parameters=tuple(known), part=part)
+
+
+class Toys:
+    """Stands in for :class:`pneucli.diagnose.trial.Bench`.
+
+    ``takes`` says what a set of effects takes of the cost, as a share of what noise leaves, in the fitted and in the
+    held-out blocks; every fit scatters a little. ``chance`` gives an effect's p value where it is not that of the gain.
+    """
+
+    def __init__(
+        self, effects: Sequence[Any], takes: Takes, *, unseen: Takes | None = None, excess: float = 1.0, **more: Any
+    ) -> None:
+        self.effects = {e.name: e for e in effects}
+        self.takes, self.unseen, self.excess = takes, unseen or takes, excess
+        self.hypotheses = more.get("hypotheses", 50)
+        self.given: tuple[str, ...] = more.get("given", ())
+        self.chance: dict[str, float] = more.get("chance", {})
+        self.worse: set[str] = more.get("worse", set())
+        self.polished_names: list[str] = []
+        self.added_names: list[tuple[str, ...]] = []
+        view = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
+        self.train, self.held_out = [view], [view] if more.get("held_out", True) else []
+        self.checked = bool(self.held_out)
+
+    def state(self, names: Sequence[str]) -> State:
+        chosen = frozenset(names)
+        rng = np.random.default_rng(sum(map(hash_of, chosen)))
+        train = SAMPLES * (1.0 + self.excess - self.takes(chosen)) + rng.normal(scale=1.0, size=TRAIN)
+        test = SAMPLES * (1.0 + self.excess - self.unseen(chosen)) + rng.normal(scale=1.0, size=TEST)
+        values = {f"{n}.{p.name}": 1.0 for n in names for p in self.effects[n].parameters}
+        model = SimpleNamespace(effects=tuple(self.effects[n] for n in names), values=values)
+        estimates = [SimpleNamespace(name=n, value=1.0, at_bound=False) for n in values]
+        fit: Any = SimpleNamespace(
+            model=model,
+            estimates=estimates,
+            free=(),
+            residual=np.ones(TRAIN * SAMPLES),
+            unexplained=np.ones(4),
+            beyond=lambda change: change,
+        )
+        if not self.held_out:
+            return State(fit, train, np.zeros(0), train, TRAIN * SAMPLES)
+        return State(fit, train, test, np.concatenate([train, test]), (TRAIN + TEST) * SAMPLES)
+
+    def screen(self, state: State) -> list[Any]:
+        promised = [
+            (e, self.takes(frozenset([*state.names, e.name])) - self.takes(frozenset(state.names)))
+            for e in self.effects.values()
+        ]
+        found = [
+            (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0, change=np.eye(4)[i % 4])])
+            for i, (e, p) in enumerate(promised)
+            if e.name not in state.names
+        ]
+        return sorted(found, key=lambda pair: -pair[1][0].gain)
+
+    def added(self, state: State, one: Any, ranked: Any = None) -> Trial:
+        self.added_names.append((*state.names, one.name))
+        return self.trial(state, self.state([*state.names, one.name]), one)
+
+    def polished(self, before: State, trial: Trial) -> Trial:
+        self.polished_names.append(trial.effect.name)
+        return trial
+
+    def without(self, state: State, one: Any) -> State:
+        return self.state([n for n in state.names if n != one.name])
+
+    def trial(self, before: State, after: State, one: Any) -> Trial:
+        train = gain(before.train, after.train)
+        return Trial(one, before, after, train, gain(before.test, after.test), self.chance.get(one.name, train.p_value))
+
+    def lacking(self, state: State) -> list[Any]:
+        return [e for e in self.effects.values() if e.name not in state.names]
+
+    def raises(self, before: State, after: State) -> bool:
+        return bool(self.worse & (set(after.names) - set(before.names)))
+
+    def lowers(self, before: State, after: State) -> bool:
+        return not self.raises(before, after)
+
+
+def hash_of(name: str) -> int:
+    return sum(ord(c) * 31**k for k, c in enumerate(name)) % 10**6
+
+
+def adding(**shares: float) -> Takes:
+    """Each effect takes its own share, whatever else is there."""
+    return lambda names: sum(shares.get(n, 0.0) for n in names)

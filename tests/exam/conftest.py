@@ -1,0 +1,19 @@
+"""The exam's rig as plain Python: small pieces of it are run without waiting for a compiler."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from pneucli.exam.rig import kernel, run
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """All functions of the kernel and of its loop, not compiled; they call each other uncompiled too."""
+    for module in (kernel, run):
+        for name, value in list(vars(module).items()):
+            if hasattr(value, "py_func"):
+                monkeypatch.setattr(module, name, value.py_func)
+    return SimpleNamespace(**{**vars(kernel), **vars(run)})

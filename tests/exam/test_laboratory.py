@@ -1,0 +1,439 @@
+"""What a laboratory hands over: takes, files, and a pipeline file that says what a lab would know."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.exam import cases
+from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE
+from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_stairs, valve_step, wandering
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.facts import facts_of
+from tests.simulate.benches import model
+
+PAR = Parameters(overlap=0.25, effective_area=2e-6, exponent=1.2)
+RNG = np.random.default_rng
+
+
+# --- manoeuvres
+
+
+def test_a_step_charges_rests_and_discharges() -> None:
+    step = valve_step(PAR, 4.0)
+    assert step.command.size == 2600
+    assert [step.command[k] for k in (0, 149, 150, 1299, 1300, 1449, 1450, 2599)] == [0, 0, 4, 4, 0, 0, -4, -4]
+    assert (step.pressure_1, step.pressure_2) == (PAR.ambient, PAR.ambient)
+
+
+def test_stairs_go_up_down_and_back_twice() -> None:
+    command = valve_stairs(PAR, 0.5, 1.6).command
+    assert command.size == 190 + 16 * 90 + 290 + 16 * 90 + 200
+    levels = command[np.flatnonzero(np.diff(command, prepend=np.nan) != 0)]
+    up = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0])
+    assert levels == pytest.approx([0.0, *(0.5 * up), *(1.6 * up)])
+    assert np.all(command[190:280] == 0.5)
+    assert np.all(command[190 + 1440 + 290 :][:90] == 1.6)
+    assert np.array_equal(command, np.round(command, 4))
+
+
+@pytest.mark.parametrize("rate", [5e3, 12e3])
+def test_stick_slip_opens_the_valve_as_far_as_the_rate_needs(rate: float) -> None:
+    """The choked flow through that opening (2.46) fills the stuck chamber at the rate (2.47)."""
+    par = PAR._replace(dead_volume_added=5e-6)
+    move = stick_slip(par, rate)
+    (volts,) = set(move.command)
+    area = par.effective_area * ((volts - par.overlap) / (10.0 - par.overlap)) ** par.exponent
+    flow = 0.484 * area * par.supply * np.sqrt(2.0 / (287.0 * par.temperature))
+    assert 1.4 * 287.0 * par.temperature * flow / (35e-6 + par.piston_area_1 * 0.03) == pytest.approx(rate)
+    assert (move.command.size, move.position, move.chamber_2_open) == (5000, 0.03, True)
+    assert (move.pressure_1, move.pressure_2) == (par.ambient, par.ambient)
+
+
+def test_a_closed_loop_begins_in_balance_on_its_reference() -> None:
+    par = PAR._replace(piston_area_1=8e-4, piston_area_2=6e-4)
+    move = closed_loop(par, np.array([0.12, 0.13]), 150.0, 1.5e5)
+    assert (move.position, move.gain, move.chamber_2_open, move.velocity) == (0.12, 150.0, False, 0.0)
+    assert move.pressure_1 == par.ambient + 1.5e5
+    assert 8e-4 * (move.pressure_1 - par.ambient) == pytest.approx(6e-4 * (move.pressure_2 - par.ambient))
+
+
+def test_a_reference_wanders_about_the_middle_and_within_the_stroke() -> None:
+    paths = np.array([wandering(RNG(seed), 8000) for seed in range(60)])
+    assert np.all(paths[:, 0] == 0.1)
+    assert paths.min() >= 0.015
+    assert paths.max() <= 0.185
+    assert np.ptp(paths, axis=1).min() > 0.08
+    assert {np.sign(path[200] - 0.1) for path in paths} == {-1.0, 1.0}
+    # what is fast is slow enough to be followed: half a metre a second
+    assert np.abs(np.diff(paths, axis=1)).max() < 0.5e-3
+    turns = [np.count_nonzero(np.diff(np.sign(path - 0.1))) for path in paths]
+    assert min(turns) >= 3
+    assert max(turns) <= 30
+
+
+# --- sensors
+
+
+def readings(par: Parameters, sensors: Sensors, **truth: np.ndarray) -> dict[str, np.ndarray]:
+    n = 1000
+    whole = {name: np.zeros(n) for name in ("u", "u2", "x", "a")} | {
+        p: np.full(n, par.ambient) for p in ("p1", "p2", "p_supply")
+    }
+    return measure(par, sensors, whole | truth, RNG(1))
+
+
+QUIET = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
+
+
+def test_a_sensor_without_faults_reads_above_ambient_what_is_there() -> None:
+    ramp = np.linspace(0.0, 1.0, 1000)
+    seen = readings(PAR, QUIET, u=ramp, x=ramp, a=ramp, p1=2e5 + ramp, p2=3e5 + ramp, p_supply=7e5 + ramp)
+    for name, offset in (("u", 0.0), ("x", 0.0), ("a", 0.0), ("p1", 2e5), ("p2", 3e5), ("p_supply", 7e5)):
+        assert seen[name] == pytest.approx(ramp + offset - (PAR.ambient if offset else 0.0))
+
+
+def test_only_p1_has_the_offset_and_the_curve_and_both_have_the_scale() -> None:
+    par = PAR._replace(pressure_offset=1e3, pressure_curvature=1e-7, pressure_scale=1.1)
+    seen = readings(par, QUIET, p1=np.full(1000, par.ambient + 1e5), p2=np.full(1000, par.ambient + 1e5))
+    assert seen["p1"][0] == pytest.approx(1.1e5 + 1e3 + 1e-7 * 1.1e5**2)
+    assert seen["p2"][0] == pytest.approx(1.1e5)
+
+
+def test_a_lag_is_exact_for_a_ramp_and_at_rest_before() -> None:
+    """A lag T of r t is r (t - T (1 - exp(-t/T)))."""
+    time = 1e-3 * np.arange(1000)
+    seen = readings(PAR._replace(pressure_lag=0.02), QUIET, p1=PAR.ambient + 1e5 + 2e5 * time)["p1"]
+    assert seen == pytest.approx(1e5 + 2e5 * (time - 0.02 * (1 - np.exp(-time / 0.02))))
+
+
+def test_positions_are_counted_in_steps_and_acceleration_is_noisy() -> None:
+    seen = readings(PAR, Sensors(pressure=0.0, acceleration=0.3, position_step=1e-4), x=np.linspace(0.0, 1e-2, 1000))
+    assert seen["x"] / 1e-4 == pytest.approx(np.round(seen["x"] / 1e-4), abs=1e-9)
+    assert np.unique(seen["x"]).size == 101
+    assert np.std(seen["a"]) == pytest.approx(0.3, rel=0.1)
+
+
+def test_each_pressure_sensor_has_its_own_noise_and_hum_of_50_hz() -> None:
+    seen = readings(PAR, Sensors(pressure=100.0, pole=0.5, hum=300.0))
+    for name in ("p1", "p2", "p_supply"):
+        spectrum = 2 * np.abs(np.fft.rfft(seen[name])) / 1000
+        assert int(np.argmax(spectrum)) == 50
+        assert spectrum[50] == pytest.approx(300.0, rel=0.1)
+        assert np.std(seen[name]) == pytest.approx(np.hypot(100.0, 300.0 / 2**0.5), rel=0.1)
+    assert abs(np.corrcoef(seen["p1"] - seen["p2"], seen["p_supply"])[0, 1]) < 0.99
+    assert Sensors() == Sensors(400.0, 0.0, 0.0, 1e-6, 0.05)
+
+
+# --- files
+
+
+# --- the pipeline file
+
+
+STEP, SLIP = valve_step(PAR, 4.0), stick_slip(PAR, 5e3)
+MOVE = closed_loop(PAR, np.full(10, 0.1), 150.0, 1e5)
+
+
+def pipeline(laboratory: Laboratory, *takes: Take) -> dict:
+    return tomllib.loads(laboratory.pipeline(takes, "raw"))
+
+
+def test_a_rig_with_everything_says_everything() -> None:
+    par = PAR._replace(piston_area_1=8.1e-4, piston_area_2=7.3e-4, dead_volume_1=31e-6, dead_volume_2=32e-6, mass=2.5)
+    lab = Laboratory("rig-1", par, Sensors(), vessel=160e-6, linear_valve=True, effects=("stribeck", "valve-lag"))
+    said = pipeline(
+        lab, Take("s", "valve", "train", STEP), Take("f", "friction", "test", SLIP), Take("m", "axis", "test", MOVE)
+    )
+    assert said["pipeline"] == {"name": "rig-1"}
+    assert said["rig"] == {
+        "gas_temperature": "293.15 K",
+        "ambient_pressure": "1.013 bar",
+        "supply_pressure": "7.0130 bar",
+        "cylinder": {
+            "piston_area_1": "8.1000 cm^2",
+            "piston_area_2": "7.3000 cm^2",
+            "stroke": "200.0 mm",
+            "dead_volume_1": "31.000 cm^3",
+            "dead_volume_2": "32.000 cm^3",
+            "moving_mass": "2.5000 kg",
+        },
+        "vessel": {"volume": "160.000 cm^3"},
+    }
+    gauge = {"unit": "bar", "reference": "gauge"}
+    assert said["signals"] == {
+        "time": {"column": "t [ms]", "unit": "ms"},
+        "u": {"column": "U_valve [V]", "unit": "V"},
+        "p_supply": {"column": "P_supply [bar]"} | gauge,
+        "p1": {"column": "P1 [bar]"} | gauge,
+        "p2": {"column": "P2 [bar]"} | gauge,
+        "x": {"column": "Pos [mm]", "unit": "mm"},
+        "a": {"column": "Acc [m/s2]", "unit": "m/s^2"},
+    }
+    assert said["recordings"] == [
+        {
+            "name": "s",
+            "file": "raw/s.csv",
+            "experiment": "valve",
+            "use": "train",
+            "take": ["time", "u", "p_supply", "p1"],
+        },
+        {"name": "f", "file": "raw/f.csv", "experiment": "friction", "use": "test", "chamber_2": "open"},
+        {"name": "m", "file": "raw/m.csv", "experiment": "axis", "use": "test", "chamber_2": "closed"},
+    ]
+    assert said["model"] == {"effects": ["stribeck", "valve-lag"], "valve": "linear"}
+    assert said["compare"] == {"horizon": "0.5 s"}
+
+
+def test_a_bench_for_valves_says_nothing_of_a_cylinder_nor_of_a_supply_that_is_not_recorded() -> None:
+    lab = Laboratory("b", PAR, Sensors(), vessel=160e-6, has_cylinder=False, supply_recorded=False)
+    said = pipeline(lab, Take("s", "valve", "train", STEP))
+    assert "cylinder" not in said["rig"]
+    assert list(said["signals"]) == ["time", "u", "p1"]
+    assert said["recordings"][0]["take"] == ["time", "u", "p1"]
+    assert said["model"] == {"effects": []}
+    assert said["compare"] == {"horizon": "5 s"}
+    assert "vessel" not in pipeline(Laboratory("f", PAR, Sensors()), Take("f", "friction", "test", SLIP))["rig"]
+
+
+def test_the_bench_has_the_vessel_and_not_the_cylinders_faults() -> None:
+    par = PAR._replace(dead_volume_added=1e-6, piston_leak_area=1e-8, load_mass=1.0, leak_area=2e-8)
+    on_rig = Laboratory("b", par, Sensors(), vessel=160e-6).bench
+    alone = Laboratory("b", par, Sensors(), vessel=160e-6, has_cylinder=False).bench
+    for bench in (on_rig, alone):
+        assert (bench.piston_area_1, bench.piston_area_2, bench.dead_volume_1) == (0.0, 0.0, 160e-6)
+        assert (bench.dead_volume_added, bench.piston_leak_area, bench.load_mass) == (0.0, 0.0, 0.0)
+    assert (on_rig.leak_area, alone.leak_area) == (0.0, 2e-8)
+    assert Laboratory("b", par, Sensors()).bench.dead_volume_1 == 0.0
+
+
+def test_what_is_recorded_is_the_take_on_its_own_rig(tmp_path: Path) -> None:
+    par = PAR._replace(piston_area_1=8e-4)
+    lab = Laboratory("b", par, Sensors(pressure=0.0), vessel=160e-6, supply_recorded=False)
+    held = Manoeuvre(np.zeros(5), pressure_1=2e5, pressure_2=2e5, position=0.05)
+    lab.record(tmp_path, [Take("s", "valve", "train", held), Take("f", "friction", "test", held)], RNG(1))
+    valve, friction = ((tmp_path / f"{n}.csv").read_text().splitlines() for n in "sf")
+    assert valve[2] == "t [ms],U_valve [V],P1 [bar]"
+    assert friction[2] == "t [ms],P1 [bar],P2 [bar],Pos [mm],Acc [m/s2]"
+    assert friction[3].startswith("0.0,0.987,0.987,50.0,")
+    assert len(valve) == 8
+
+
+# --- what is hidden
+
+
+DRAWS = 300
+ABOUT = {  # centres of what is drawn within 25 %, of either sign where "+-"
+    "heat-transfer": {"heat_conductance": 0.6},
+    "chamber-leak": {"leak_area": 3e-8},
+    "piston-leak": {"piston_leak_area": 8e-8},
+    "dead-volume": {"dead_volume_added": 15e-6},
+    "supply-droop": {"supply_volume": 1.5e-3, "regulator_conductance": 2e-8},
+    "line-delay": {"line_delay": 0.011},
+    "valve-deadband": {"overlap": 0.5},
+    "valve-lag": {"valve_lag": 0.018},
+    "valve-hysteresis": {"valve_half_width": 0.2},
+    "valve-leak": {"valve_leak_area": 3e-8},
+    "critical-ratio": {"critical_ratio": 0.2},
+    "friction-hysteresis": {"drop": 0.45},
+    "presliding": {"bristle_stiffness": 5e4, "bristle_damping": 80.0},
+    "friction-asymmetry": {"asymmetry": 0.25, "viscous_asymmetry": 0.25},
+    "pressure-friction": {"pressure_gain": 0.2e-5},
+    "constant-force": {"constant_force": 16.0},
+    "end-cushion": {"cushion_length": 0.065, "cushion_damping": 250.0},
+    "dwell-breakaway": {"dwell_gain": 0.6, "dwell_time": 0.4},
+    "pressure-offset": {"pressure_offset": 12e3},
+    "pressure-lag": {"pressure_lag": 0.012},
+    "acceleration-bias": {"acceleration_bias": 0.4},
+    "time-skew": {"pressure_skew": 0.012},
+    "dry friction falls over the first seconds": {"running_in": 0.4},
+    "viscous friction falls while warming up": {"warming": 0.55},
+    "force periodic over position": {"pitch_force": 9.0, "pitch": 0.02},
+    "quadratic drag": {"quadratic_drag": 250.0},
+    "resonance of a flexibly coupled load": {"load_mass": 1.0, "load_stiffness": 2500.0, "load_damping": 4.0},
+    "backlash between piston and load": {
+        "load_mass": 1.2,
+        "load_stiffness": 2e4,
+        "load_damping": 40.0,
+        "load_gap": 3e-3,
+    },
+    "load periodic in time": {"swinging_force": 9.0, "swinging_frequency": 1.3},
+    "supply ripple that its sensor misses": {"ripple": 4e4, "ripple_frequency": 7.0},
+    "valve gain drifts over each recording": {"gain_drift": 0.06},
+    "spool sticks and jumps": {"spool_stiction": 1.8},
+    "clogged silencer": {"silencer": 300.0},
+    "curved characteristic of the sensor of p1": {"pressure_curvature": 8e-8},
+}
+EITHER_SIGN = {
+    "asymmetry", "viscous_asymmetry", "constant_force", "pressure_offset", "acceleration_bias", "gain_drift",
+    "pressure_curvature",
+}  # fmt: skip
+BETWEEN = {  # least and most
+    "stribeck": {"static": (1.6 * 15.0, 2.1 * 15.0), "stribeck_velocity": (0.01, 0.025)},
+    "position-friction": {"position_from": (0.06, 0.12), "position_gain": (1.0, 1.8)},
+    "spring-force": {"spring_stiffness": (150.0, 300.0), "spring_rest": (0.03, 0.17)},
+    "extra-mass": {"extra_mass": (0.4 * 2.0, 0.8 * 2.0)},
+}
+
+
+def drawn(name: str, field: str) -> np.ndarray:
+    rng = RNG(3)
+    return np.array([getattr(BY_NAME[name].set(Parameters(), 1.0, rng), field) for _ in range(DRAWS)])
+
+
+@pytest.mark.parametrize("name", [*ABOUT, *BETWEEN])
+def test_a_hidden_effect_is_of_a_size_that_shows(name: str) -> None:
+    bounds = BETWEEN.get(name) or {f: (0.75 * c, 1.25 * c) for f, c in ABOUT[name].items()}
+    for field, (low, high) in bounds.items():
+        sizes = drawn(name, field)
+        assert (len(set(np.sign(sizes))) == 2) == (field in EITHER_SIGN)
+        sizes = np.abs(sizes)
+        assert low <= sizes.min() < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < sizes.max() <= high
+
+
+def test_scales_and_patches_are_drawn_about_what_they_change() -> None:
+    scale = drawn("pressure-scale", "pressure_scale") - 1.0
+    assert 0.04 <= np.abs(scale).min() < 0.045
+    assert 0.075 < np.abs(scale).max() <= 0.08
+    assert set(np.sign(scale)) == {-1.0, 1.0}
+    width = drawn("position-friction", "position_to") - drawn("position-friction", "position_from")
+    assert 0.015 <= width.min() < 0.017
+    assert 0.028 < width.max() <= 0.03
+
+
+def test_every_effect_of_the_catalogue_is_hidden_in_its_own_names_and_units() -> None:
+    """The truth names the declared parameters, within the declared bounds."""
+    assert {e.name for e in CATALOGUE} == set(catalogue())
+    facts = facts_of(model())
+    for effect in CATALOGUE:
+        told = effect.truth(effect.set(Parameters(), 1.0, RNG(4)))
+        declared = {p.name: p for p in catalogue()[effect.name].parameters}
+        assert set(told) == set(declared)
+        for parameter, value in told.items():
+            size = declared[parameter].on(facts)
+            assert size.lower <= value <= size.upper, (effect.name, parameter)
+
+
+def test_a_rig_hides_nothing_unless_it_is_set_to() -> None:
+    plain = Parameters()
+    for effect in CATALOGUE + OUTSIDE:
+        for field, null in effect.scaled.items():
+            assert getattr(plain, field) == (0.0 if effect.inverse else null), field
+    assert plain.heat_conductance < 0.0  # a constant temperature
+    assert (plain.viscous_asymmetry, plain.cushion_length, plain.load_gap) == (0.0, 0.0, 0.0)
+
+
+def test_units_of_the_catalogue_are_not_always_the_rigs() -> None:
+    assert BY_NAME["valve-deadband"].truth(Parameters(overlap=0.5)) == {"width": 1.0}
+    assert BY_NAME["pressure-friction"].truth(Parameters(pressure_gain=2e-6)) == {"gain": pytest.approx(0.2)}
+
+
+def test_an_effect_shows_on_the_rigs_that_have_its_part() -> None:
+    kinds = {e.name: set(e.kinds) for e in CATALOGUE + OUTSIDE}
+    assert kinds["chamber-leak"] == kinds["clogged silencer"] == {"valve", "axis"}
+    assert kinds["piston-leak"] == kinds["valve-deadband"] == {"axis"}
+    assert kinds["stribeck"] == kinds["quadratic drag"] == {"friction", "axis"}
+    assert kinds["pressure-lag"] == {"valve", "friction", "axis"}
+
+
+# --- cases
+
+
+def test_a_refusal_names_the_rigs_on_which_an_effect_shows() -> None:
+    with pytest.raises(InputError, match=r'(?s)"stribeck" does not show on the rig "valve".*friction or axis'):
+        cases._effect("stribeck", "valve")
+    with pytest.raises(InputError, match=r'(?s)no effect "stribek".*an effect that the rig can hide.*stribeck'):
+        cases._effect("stribek", "axis")
+
+
+BOUNDS = {
+    "supply": (6.1e5, 8.0e5),
+    "piston_area_1": (5.5e-4, 12e-4),
+    "dead_volume_1": (20e-6, 40e-6),
+    "dead_volume_2": (20e-6, 40e-6),
+    "mass": (1.3, 4.0),
+    "coulomb": (11.0, 24.0),
+    "viscous": (30.0, 90.0),
+    "effective_area": (1.25e-6, 2.2e-6),
+    "overlap": (0.08, 0.3),
+    "exponent": (1.0, 1.25),
+}
+
+
+def test_rigs_differ_within_what_is_usual() -> None:
+    rigs = [cases._rig("axis", False, RNG(seed)) for seed in range(200)]
+    for field, (low, high) in BOUNDS.items():
+        values = [getattr(rig, field) for rig in rigs]
+        assert low <= min(values) < low + 0.1 * (high - low), field
+        assert high - 0.1 * (high - low) < max(values) <= high, field
+    shares = np.array([rig.piston_area_2 / rig.piston_area_1 for rig in rigs])
+    rods = shares[shares < 1.0 - 1e-9]
+    assert 0.3 < rods.size / shares.size < 0.7
+    assert 0.85 <= rods.min() < rods.max() <= 0.9
+
+
+def test_half_of_the_benches_hum() -> None:
+    hums = np.array([cases._hum(RNG(seed)) for seed in range(200)])
+    loud = hums[hums > 0.0]
+    assert 0.35 < loud.size / hums.size < 0.65
+    assert 140.0 <= loud.min() < 147.0
+    assert 193.0 < loud.max() <= 200.0
+
+
+def takes(kind: str, vessel: float | None) -> list[Take]:
+    par = cases._rig(kind, False, RNG(1))
+    return cases._takes(kind, Laboratory("r", par, Sensors(), vessel, kind != "valve"), RNG(2))
+
+
+def handed_over(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str, hidden: list[str], seed: int = 1, size: float = 1.0
+) -> Laboratory:
+    """The laboratory of a case, nothing recorded."""
+    seen: list[Laboratory] = []
+    monkeypatch.setattr(Laboratory, "record", lambda self, raw, takes, rng: seen.append(self))
+    folder.mkdir(exist_ok=True)
+    cases.generate_case(folder, kind, hidden, "", size, seed)
+    return seen[0]
+
+
+def test_the_rig_of_a_case_has_what_is_hidden_in_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full, half = (handed_over(tmp_path, monkeypatch, "axis", ["chamber-leak"], size=s) for s in (1.0, 0.5))
+    assert 0.75 * 3e-8 <= full.parameters.leak_area <= 1.25 * 3e-8
+    assert half.parameters.leak_area == pytest.approx(0.5 * full.parameters.leak_area)
+    assert full.name == tmp_path.name
+
+
+def test_cases_differ_in_what_a_lab_differs_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    labs = [handed_over(tmp_path, monkeypatch, "axis", ["chamber-leak"], seed) for seed in range(60)]
+    assert {lab.sensors.pressure for lab in labs} == {250.0, 400.0, 800.0}
+    assert {lab.sensors.pole for lab in labs} == {0.0, 0.5, 0.8}
+    assert 0.05 < np.mean([lab.linear_valve for lab in labs]) < 0.3
+    assert 0.1 < np.mean([lab.effects == ("stribeck",) for lab in labs]) < 0.45
+    assert 0.65 < np.mean([lab.supply_recorded for lab in labs]) < 0.97
+    assert all((lab.vessel is None) == lab.linear_valve for lab in labs)
+    vessels = [lab.vessel for lab in labs if lab.vessel]
+    assert 120e-6 <= min(vessels) < 140e-6
+    assert 230e-6 < max(vessels) <= 250e-6
+    for lab in labs:
+        assert (lab.parameters.static > lab.parameters.coulomb) == (lab.effects == ("stribeck",))
+        assert lab.has_cylinder
+
+
+def test_what_an_effect_needs_to_show_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in range(8):
+        assert handed_over(tmp_path, monkeypatch, "axis", ["valve-deadband"], seed).linear_valve
+        assert not handed_over(tmp_path, monkeypatch, "axis", ["supply-droop"], seed).supply_recorded
+        assert handed_over(tmp_path, monkeypatch, "axis", ["stribeck"], seed).effects == ()
+    friction, valve = (handed_over(tmp_path, monkeypatch, kind, []) for kind in ("friction", "valve"))
+    assert (friction.vessel, friction.linear_valve, friction.effects) == (None, False, ())
+    assert (valve.has_cylinder, valve.linear_valve) == (False, False)
+    assert valve.vessel is not None

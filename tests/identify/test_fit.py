@@ -1,0 +1,294 @@
+"""The fit: what it minimises, its intervals, its blocks, and how a part of it is joined to the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.identify import fit as fits
+from pneucli.identify.fit import Fit, Problem, block_numbers, fit, joined
+from pneucli.identify.parameters import Free
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from tests.simulate.benches import bench, clock, model
+
+RNG = np.random.default_rng
+N = 2000
+TIME = 1e-3 * np.arange(N)
+WAVES = {"x": np.sin(TIME * 3.0), "a": np.cos(TIME * 7.0)}
+
+
+class Line:
+    """A view whose channels are a wave times Coulomb friction, and one times viscous friction, plus noise of 2."""
+
+    name = "a line"
+
+    def __init__(self, channels: tuple[str, ...] = ("x", "a"), seed: int = 1, noise: float = 2.0) -> None:
+        self.channels = channels
+        self.experiment = SimpleNamespace(time=TIME)
+        self.noise = dict.fromkeys(channels, noise)
+        rng = RNG(seed)
+        truth = {"x": 15.0, "a": 40.0}
+        self.measured = {c: truth[c] * WAVES[c] + noise * rng.standard_normal(N) for c in channels}
+
+    def feels(self, effect: Any) -> bool:
+        return False
+
+    def tells(self, one: Any, other: Any) -> bool:
+        names = {"x": "friction.coulomb", "a": "friction.viscous"}
+        return any(one.values[names[c]] != other.values[names[c]] for c in self.channels)
+
+    def carried(self, model: Any) -> dict[str, np.ndarray]:
+        return {}
+
+    def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:
+        values = {"x": model.values["friction.coulomb"], "a": model.values["friction.viscous"]}
+        return {c: self.measured[c] - values[c] * WAVES[c] for c in self.channels}
+
+
+COULOMB = Free("friction.coulomb", "N", 10.0, 0.0, 1e3, 10.0)
+VISCOUS = Free("friction.viscous", "N s/m", 50.0, 0.0, 1e3, 25.0)
+
+
+def fitted(*free: Free, views: Any = None, **values: float) -> Fit:
+    return fit(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0, **values}), views or [Line()], free)
+
+
+def test_a_linear_problem_is_solved_by_least_squares_with_its_standard_errors() -> None:
+    """Noise of 2 over waves of power N / 2: 2 / sqrt(N / 2)."""
+    found = fitted(COULOMB, VISCOUS)
+    (line,) = [Line()]
+    for name, channel in (("friction.coulomb", "x"), ("friction.viscous", "a")):
+        wave = WAVES[channel]
+        best = float(wave @ line.measured[channel] / (wave @ wave))
+        error = 2.0 / np.linalg.norm(wave)
+        estimate = found[name]
+        assert estimate.value == pytest.approx(best, rel=1e-6)
+        assert estimate.error == pytest.approx(error, rel=0.6)  # from eight blocks
+        low, high = estimate.ci95
+        assert high - low == pytest.approx(2 * 1.959964 * estimate.error, rel=1e-6)
+        assert low < best < high
+        assert not estimate.at_bound
+        assert found.model.values[name] == estimate.value
+    assert (found["friction.coulomb"].unit, found["friction.viscous"].unit) == ("N", "N s/m")
+    assert found.cost == pytest.approx(float(found.residual @ found.residual))
+    assert np.std(found.residual) == pytest.approx(1.0, rel=0.05)
+
+
+def test_standard_errors_are_those_of_many_data_sets() -> None:
+    found = [fitted(COULOMB, views=[Line(("x",), seed)])["friction.coulomb"] for seed in range(60)]
+    spread = np.std([f.value for f in found])
+    assert np.mean([f.error for f in found]) == pytest.approx(spread, rel=0.3)
+
+
+def test_residuals_and_derivatives_are_in_units_of_noise_and_of_the_scale() -> None:
+    found = fitted(COULOMB, VISCOUS)
+    assert found.residual.shape == (2 * N,)
+    assert found.jacobian == pytest.approx(
+        np.vstack([np.column_stack([-5.0 * WAVES["x"], 0 * TIME]), np.column_stack([0 * TIME, -12.5 * WAVES["a"]])]),
+        abs=1e-6,
+    )
+    assert found.covariance.shape == (2, 2)
+    assert found.errors == [{}]
+
+
+def test_a_logarithmic_parameter_has_an_interval_that_is_a_factor() -> None:
+    found = fitted(replace(COULOMB, logarithmic=True, lower=1e-3), VISCOUS)["friction.coulomb"]
+    linear = fitted(COULOMB, VISCOUS)["friction.coulomb"]
+    assert found.value == pytest.approx(linear.value, rel=1e-4)
+    assert found.error == pytest.approx(linear.error, rel=1e-2)
+    assert found.ci95[1] / found.value == pytest.approx(found.value / found.ci95[0])
+
+
+@pytest.mark.parametrize(("bounds", "value"), [((0.0, 12.0), 12.0), ((20.0, 1e3), 20.0)])
+def test_a_parameter_that_presses_against_a_bound_stands_there_and_says_so(
+    bounds: tuple[float, float], value: float
+) -> None:
+    found = fitted(replace(COULOMB, start=15.0, lower=bounds[0], upper=bounds[1]))["friction.coulomb"]
+    assert found.value == pytest.approx(value)
+    assert found.at_bound
+
+
+def test_a_prior_draws_toward_the_start() -> None:
+    """As tight as the data: half the way."""
+    wave = WAVES["x"]
+    tight = 2.0 / np.linalg.norm(wave) / 10.0
+    free, known = fitted(COULOMB)["friction.coulomb"], fitted(replace(COULOMB, prior=tight))["friction.coulomb"]
+    assert known.value == pytest.approx(0.5 * (10.0 + free.value), rel=1e-3)
+
+
+def test_without_free_parameters_the_model_is_what_it_was() -> None:
+    found = fitted()
+    assert found.estimates == ()
+    assert found.jacobian.shape == (2 * N, 0)
+    assert found.covariance.shape == (0, 0)
+    assert found.residual[:N] == pytest.approx((Line().measured["x"] - 10.0 * WAVES["x"]) / 2.0)
+    assert found.cost == pytest.approx(float(found.residual @ found.residual))
+    with pytest.raises(StopIteration):
+        found["friction.coulomb"]
+
+
+def test_what_the_parameters_can_do_is_taken_out_of_a_change() -> None:
+    found = fitted(COULOMB, VISCOUS)
+    rng = RNG(3)
+    change = rng.standard_normal(2 * N)
+    rest = found.beyond(change)
+    assert found.jacobian.T @ rest == pytest.approx(np.zeros(2), abs=1e-8)
+    assert rest == pytest.approx(change - found.jacobian @ np.linalg.lstsq(found.jacobian, change, rcond=None)[0])
+    assert found.unexplained == pytest.approx(found.beyond(found.residual))
+    assert found.bread @ (found.jacobian.T @ found.jacobian) == pytest.approx(np.eye(2), abs=1e-8)
+
+
+# --- blocks
+
+
+def view_of(seconds: float, channels: int = 1, rate: float = 1e3) -> Any:
+    time = 5.0 + np.arange(round(seconds * rate)) / rate
+    return SimpleNamespace(experiment=SimpleNamespace(time=time), channels=("p1", "p2", "x")[:channels])
+
+
+def test_a_block_is_a_quarter_of_a_second_of_all_channels() -> None:
+    numbers = block_numbers([view_of(1.0, 2)])
+    assert numbers.tolist() == [*np.repeat([0, 1, 2, 3], 250)] * 2
+
+
+def test_a_long_recording_has_forty_blocks_and_a_few() -> None:
+    numbers = block_numbers([view_of(100.0)])
+    assert numbers.max() == 40
+    assert np.bincount(numbers)[:40].tolist() == [2500] * 40 or abs(np.bincount(numbers)[0] - 2500) <= 1
+
+
+def test_blocks_of_different_views_are_different() -> None:
+    numbers = block_numbers([view_of(0.5), view_of(0.5, 2)])
+    assert numbers.tolist() == [*np.repeat([0, 1], 250), *np.repeat([2, 3], 250), *np.repeat([2, 3], 250)]
+
+
+def test_scores_of_a_block_add_up_before_they_are_squared() -> None:
+    """Residuals 1, 1 and 1, -1 with derivatives 1 and 2: scores (2, 4) and (0, 0)."""
+    meat = fits._block_meat(np.array([1.0, 1.0, 1.0, -1.0]), np.tile([[1.0, 2.0]], (4, 1)), np.array([0, 0, 1, 1]))
+    assert meat.tolist() == [[4.0, 8.0], [8.0, 16.0]]
+
+
+# --- which views are run
+
+
+E = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("kind", "changed", "differs"),
+    [
+        (Chambers, "friction.coulomb", False),
+        (Forces, "friction.coulomb", True),
+        (Whole, "friction.viscous", True),
+        (Chambers, "rig.dead_volume_1", True),
+        (Forces, "rig.moving_mass", True),
+        (Chambers, "valve.critical_ratio", True),
+        (Forces, "valve.critical_ratio", False),
+        (Imposed, "friction.viscous", True),
+        (Imposed, "valve.critical_ratio", False),
+    ],
+)
+def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, differs: bool) -> None:
+    known = model(values={changed: 1.0})
+    assert kind(E).tells(known, known.with_values({changed: 1.1})) == differs
+    assert not kind(E).tells(known, known)
+
+
+@pytest.mark.parametrize(
+    ("kind", "most", "differs"),
+    [(Chambers, 6.0, True), (Whole, 6.0, True), (Forces, 6.0, False), (Chambers, 4.0, False)],
+)
+def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs: bool) -> None:
+    """An area that grows beyond +5 V; one recording opens that far, the other does not."""
+    known = model()
+    grown = replace(known, valve=replace(known.valve, areas=(1.8e-6, 0.9e-6, 0.9e-6, 2.0e-6)))
+    seen = bench("axis", clock(0.1), {"u": np.linspace(-most, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
+    bent = beyond_5_v(known, grown)
+    assert kind(seen).tells(known, bent) == differs
+
+
+def beyond_5_v(known: Any, grown: Any) -> Any:
+    """The grown valve with the known one's table up to 5 V."""
+    table = np.where(np.linspace(-10.0, 10.0, 4001) > 5.0, grown.valve.table(10.0), known.valve.table(10.0))
+    valve = SimpleNamespace(table=lambda largest: table)
+    return SimpleNamespace(valve=valve, valves=(valve,), values=known.values, effects=known.effects)
+
+
+def test_an_effects_parameter_shows_where_the_effect_does() -> None:
+    known = model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01})
+    other = known.with_values({"stribeck.static": 21.0})
+    assert Forces(E).tells(known, other)
+    assert not Chambers(E).tells(known, other)
+
+
+# --- differences
+
+
+def problem(*free: Free) -> Problem:
+    return Problem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)  # type: ignore[list-item]
+
+
+def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an_edge() -> None:
+    near, edge = replace(COULOMB, upper=10.0005), replace(COULOMB, step=0.05)
+    assert problem(COULOMB)._steps(np.array([1.0]), 0) == (1e-4,)
+    assert problem(near)._steps(np.array([1.0]), 0) == (-1e-4,)
+    assert problem(edge)._steps(np.array([1.0]), 0) == (0.05, -0.05)
+
+
+@pytest.mark.parametrize("free", [replace(COULOMB, upper=10.0005), replace(COULOMB, step=0.05), COULOMB])
+def test_any_difference_gives_the_derivative_of_a_line(free: Free) -> None:
+    p = problem(free)
+    assert p.jacobian(p.start)[: 2 * N, 0] == pytest.approx(np.concatenate([-5.0 * WAVES["x"], 0 * TIME]), abs=1e-6)
+
+
+def test_coordinates_and_bounds_are_in_units_of_the_scale() -> None:
+    p = problem(COULOMB, VISCOUS)
+    assert p.start.tolist() == [1.0, 2.0]
+    assert [b.tolist() for b in p.bounds()] == [[0.0, 0.0], [100.0, 40.0]]
+    at = p.model_at(np.array([2.0, 3.0]))
+    assert (at.values["friction.coulomb"], at.values["friction.viscous"]) == (20.0, 75.0)
+
+
+def test_residuals_are_computed_once_for_the_same_coordinates() -> None:
+    p = problem(COULOMB)
+    assert p.residuals(np.array([1.0])) is p.residuals(np.array([1.0]))
+    assert p.residuals(np.array([1.0])) is not p.residuals(np.array([1.1]))
+    assert p.residuals(np.array([1.1]))[:N] == pytest.approx((Line().measured["x"] - 11.0 * WAVES["x"]) / 2.0)
+
+
+def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fits, "workers", lambda: 8)
+    p = problem(COULOMB)
+    assert p.at_once == 8
+    for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):
+        p.views = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]  # type: ignore[list-item]
+        assert p.at_once == together
+
+
+# --- joining
+
+
+def test_a_part_fitted_by_itself_joins_what_was_found_of_the_rest() -> None:
+    """Two views of which each tells one parameter: joined, the fit is that of both together."""
+    views: list[Any] = [Line(("x",), 1), Line(("a",), 2)]
+    start = model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0})
+    both = fit(start, views, [COULOMB, VISCOUS])
+    first = fit(start, views, [COULOMB])
+    part = fit(first.model, views[1:], [VISCOUS])
+    found = joined(first, part, views, np.array([False, True]))
+    assert [f.name for f in found.free] == ["friction.coulomb", "friction.viscous"]
+    assert found.residual == pytest.approx(both.residual, abs=1e-6)
+    assert found.jacobian == pytest.approx(both.jacobian, abs=1e-6)
+    assert found.covariance == pytest.approx(both.covariance, rel=1e-4)
+    assert found.cost == pytest.approx(both.cost)
+    assert found.errors == [{}, {}]
+    for name in ("friction.coulomb", "friction.viscous"):
+        assert found[name].value == pytest.approx(both[name].value, rel=1e-6)
+        assert found[name].error == pytest.approx(both[name].error, rel=1e-4)
+    again = joined(found, fit(found.model, views[:1], [COULOMB]), views, np.array([True, False]))
+    assert [f.name for f in again.free] == ["friction.coulomb", "friction.viscous"]
+    assert again.jacobian == pytest.approx(both.jacobian, abs=1e-6)

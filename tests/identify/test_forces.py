@@ -1,0 +1,129 @@
+"""The balance of forces: what motion and pressures leave over, at rest and in motion, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.identify.views import Forces
+from pneucli.identify.views.forces import resting_reading
+from pneucli.noise import NoiseModel
+from pneucli.simulate import layout as at
+from tests.simulate.benches import RIG, bench, clock, model
+
+TIME = clock(1.0)
+AREA_1, AREA_2 = RIG.areas
+
+
+def pushed(force: float, v: float = 0.0, **more: Any) -> Forces:
+    """A piston under a constant net force of the pressures, at rest or sliding steadily."""
+    p2 = 2e5
+    p1 = RIG.ambient_pressure + (force + AREA_2 * (p2 - RIG.ambient_pressure)) / AREA_1
+    signals = {"p1": p1, "p2": p2, "x": 0.1 + v * TIME, "v": v, **more}
+    return Forces(with_noise(bench("friction", TIME, signals)))
+
+
+def with_noise(e: Any) -> Any:
+    """The experiment with a sensor of position that is nearly perfect."""
+    e.noise["x"] = NoiseModel(1e-9)
+    return e
+
+
+INSIDE = slice(20, -20)
+
+
+@pytest.mark.parametrize(
+    ("v", "force", "left"), [(0.1, 30.0, 30.0 - 14.0 - 4.5), (-0.1, -30.0, -30.0 + 14.0 + 4.5), (0.2, 14.0, -9.0)]
+)
+def test_in_motion_what_friction_does_not_take_is_left(v: float, force: float, left: float) -> None:
+    """Coulomb friction of 14 N and 45 N s/m."""
+    found = pushed(force, v).residual(model())["force"]
+    assert found[INSIDE] == pytest.approx(np.full(961, left), abs=0.05)
+
+
+@pytest.mark.parametrize(("force", "left"), [(10.0, 0.0), (-13.0, 0.0), (20.0, 6.0), (-20.0, -6.0)])
+def test_at_rest_only_what_friction_cannot_hold_is_left(force: float, left: float) -> None:
+    found = pushed(force).residual(model())["force"]
+    assert found[INSIDE] == pytest.approx(np.full(961, left), abs=0.2)
+
+
+def test_acceleration_is_a_force_of_the_mass() -> None:
+    """3 m/s^2 of 2.2 kg while sliding, read by an accelerometer, or differentiated from the velocity."""
+    v = 0.1 + 3.0 * TIME
+    force = 14.0 + 45.0 * v + 2.2 * 3.0
+    p1 = RIG.ambient_pressure + force / AREA_1
+    signals = {"p1": p1, "p2": RIG.ambient_pressure, "x": 0.05 + 0.1 * TIME + 1.5 * TIME**2, "v": v}
+    for more in ({}, {"a": 3.0}):
+        e = with_noise(bench("friction", TIME, {**signals, **more}))
+        e.noise.update({"a": NoiseModel(0.0)})
+        assert Forces(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
+
+
+def test_loads_are_the_acceleration_and_what_smoothing_took_out_of_the_pressures() -> None:
+    view = pushed(0.0, a=7.0)
+    raw = {"p1": np.full(TIME.size, 100.0), "p2": np.full(TIME.size, 50.0)}
+    inputs = np.zeros((TIME.size, len(at.INPUTS)))
+    inputs[:, at.IN_P1], inputs[:, at.IN_P2], inputs[:, at.IN_V] = 40.0, 20.0, 2.0 * TIME
+    a, rough = view.loads(raw, inputs)
+    assert rough == pytest.approx(np.full(TIME.size, 60.0 * AREA_1 - 30.0 * AREA_2))
+    assert a == pytest.approx(np.full(TIME.size, 2.0))
+    a, rough = view.loads({"a": np.full(TIME.size, 5.0)}, inputs)
+    assert (a[0], rough[0]) == (5.0, 0.0)
+
+
+def resting(noise: float = 0.05, **values: float) -> Forces:
+    e = with_noise(bench("friction", TIME, {"p1": 2e5, "p2": 2e5, "x": 0.1, "v": 0.0, "a": 0.3}))
+    e.noise["a"] = NoiseModel(noise)
+    return Forces(e)
+
+
+def test_an_accelerometer_at_rest_is_held_against_its_own_reading() -> None:
+    biased = model(["acceleration-bias"], {"acceleration-bias.bias": 0.1})
+    view = resting()
+    assert view.channels == ("force", "a")
+    assert view.residual(model())["a"][INSIDE] == pytest.approx(np.full(961, 0.3))
+    assert view.residual(biased)["a"][INSIDE] == pytest.approx(np.full(961, 0.2))
+    assert not view.residual(model())["a"][:1].any()  # at the edges the piston may be moving
+    assert (resting_reading(model(), view.experiment), resting_reading(biased, view.experiment)) == (0.0, 0.1)
+    assert resting(0.0).channels == ("force",)
+
+
+def test_an_accelerometer_in_motion_is_not() -> None:
+    view = pushed(20.0, 0.1, a=0.3)
+    view.experiment.noise["a"] = NoiseModel(0.05)
+    assert not view.residual(model())["a"].any()
+
+
+def test_unsmoothed_noise_of_the_pressures_is_left_in_the_force_as_it_is() -> None:
+    view = pushed(20.0, 0.1)
+    view.experiment.noise.update({"p1": NoiseModel(300.0), "p2": NoiseModel(400.0)})
+    left, rate = view._left_noise
+    spread = np.hypot(300.0 * AREA_1, 400.0 * AREA_2)
+    assert left == pytest.approx(spread)
+    assert rate == pytest.approx(spread / 2**0.5 / 1e-3, rel=0.1)  # a central difference over 2 ms
+
+
+def test_smoothing_takes_its_share_of_the_noise() -> None:
+    view = pushed(20.0, 0.1)
+    e = view.experiment
+    e.noise.update({"p1": NoiseModel(500.0)})
+    e.raw["p1"] = e.raw["p1"] + 300.0 * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
+    e.smoothers["p1"] = lambda drawn: 0.8 * drawn  # type: ignore[assignment]
+    left, rate = view._left_noise
+    assert left == pytest.approx(AREA_1 * 400.0)  # of 500, 300 were taken out
+    assert rate == pytest.approx(0.8 * AREA_1 * 500.0 / 2**0.5 / 1e-3, rel=0.1)
+
+
+def test_noise_that_is_drawn_shows_as_much_as_the_sensors_have() -> None:
+    """A balance of unsmoothed pressures in motion: the noise of both, once; the accelerometer always its own."""
+    view = pushed(30.0, 0.1)
+    view.experiment.noise.update({"p1": NoiseModel(300.0), "p2": NoiseModel(400.0)})
+    view = Forces(replace(view.experiment))
+    found = view.drawn_rms(model(), {}, 2, 11)
+    assert found["force"] == pytest.approx(1.0, abs=0.1)
+    still = resting()
+    still.experiment.noise.update({"p1": NoiseModel(300.0)})
+    assert still.drawn_rms(model(), {}, 1, 11)["a"] == 1.0

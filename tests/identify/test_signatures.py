@@ -1,0 +1,455 @@
+"""Coordinates of a fit, starts of an effect, what its signature promises, and how it is added."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.identify import effects as added
+from pneucli.identify.effects import (
+    Signature,
+    fit_added,
+    require_finite,
+    scaled_start,
+    signatures,
+    starts,
+    with_effect,
+)
+from pneucli.identify.fit import Fit
+from pneucli.identify.parameters import Free, base_parameters, effect_parameters, null_value, value_of, with_parameters
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole, views_of
+from pneucli.noise import NoiseModel
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.effects import catalogue
+from pneucli.physics.scales import Facts
+from pneucli.simulate.experiment import Extent
+from pneucli.simulate.facts import facts_of
+from tests.simulate.benches import RIG, bench, clock, model
+
+RNG = np.random.default_rng
+FACTS = facts_of(model())
+N = 2000
+
+
+# --- coordinates
+
+
+def test_a_coordinate_is_the_value_over_its_scale_or_its_logarithm() -> None:
+    linear = Free("a", "N", 10.0, 0.0, 1e3, 5.0)
+    assert (linear.inward(15.0), linear.outward(3.0), linear.slope(15.0)) == (3.0, 15.0, 5.0)
+    curved = replace(linear, logarithmic=True)
+    assert (curved.inward(np.e), curved.outward(1.0), curved.slope(7.0)) == (1.0, pytest.approx(np.e), 7.0)
+    assert np.isfinite(curved.outward(1e6))
+    assert (linear.prior, linear.step, linear.logarithmic) == (np.inf, 1e-4, False)
+
+
+def test_values_of_all_kinds_are_read_and_replaced_by_name() -> None:
+    known = model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01})
+    areas = [name for name in known.valve.named() if "area" in name]
+    assert value_of(known, "stribeck.static") == 20.0
+    assert value_of(known, "friction.coulomb") == 14.0
+    assert value_of(known, "rig.dead_volume_1") == RIG.dead_volume_1
+    assert value_of(known, areas[0]) == known.valve.areas[0]
+    changed = with_parameters(known, {"stribeck.static": 25.0, areas[0]: 3e-6, "friction.viscous": 1.0})
+    assert value_of(changed, "stribeck.static") == 25.0
+    assert value_of(changed, areas[0]) == 3e-6
+    assert value_of(changed, areas[1]) == known.valve.areas[1]
+    assert (changed.values["friction.viscous"], changed.values["friction.coulomb"]) == (1.0, 14.0)
+
+
+def free_names(*experiments: Any, **rig: Any) -> list[str]:
+    return [f.name.partition("(")[0] for f in base_parameters(model(rig=replace(RIG, **rig)), experiments)]
+
+
+DRIVEN = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+PUSHED = bench("friction", clock(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1})
+FILLED = bench("valve", clock(0.1), {"u": 4.0, "p1": 3e5})
+SHUT = bench("valve", clock(0.1), {"u": 4.0, "p1": 3e5}, valve_shut=True)
+
+
+def test_base_parameters_are_those_that_the_experiments_can_tell() -> None:
+    friction = ["friction.coulomb", "friction.viscous"]
+    valve = ["valve.effective_area"] * 4 + ["valve.overlap_fill", "valve.overlap_vent"]
+    assert free_names(PUSHED) == friction
+    assert free_names(FILLED) == valve
+    assert free_names(DRIVEN) == free_names(PUSHED, FILLED) == friction + valve
+    assert free_names(SHUT) == []
+    assert free_names(PUSHED, moving_mass=None)[:3] == [*friction, "rig.moving_mass"] or RIG.moving_mass is None
+
+
+def test_areas_are_fitted_as_logarithms_and_friction_from_its_guess() -> None:
+    found = {f.name.partition("(")[0]: f for f in base_parameters(model(), [DRIVEN])}
+    coulomb, area = found["friction.coulomb"], found["valve.effective_area"]
+    assert (coulomb.start, coulomb.scale, coulomb.unit, coulomb.lower, coulomb.logarithmic) == (
+        14.0,
+        14.0,
+        "N",
+        0.0,
+        False,
+    )
+    assert found["friction.viscous"].start == 45.0
+    assert (area.logarithmic, area.unit) == (True, "m^2")
+    none = {f.name: f for f in base_parameters(model(values={"friction.coulomb": 0.0}), [PUSHED])}
+    assert none["friction.coulomb"].scale > 0.0
+
+
+def test_an_effects_parameters_start_at_what_is_given_known_or_typical() -> None:
+    force = catalogue()["constant-force"]
+    declared = force.parameters[0].on(FACTS)
+    (typical,) = effect_parameters(force, model(), FACTS)
+    (known,) = effect_parameters(force, model(["constant-force"], {"constant-force.force": 30.0}), FACTS)
+    (given,) = effect_parameters(force, model(), FACTS, {"constant-force.force": -7.0})
+    assert (typical.start, known.start, given.start) == (declared.typical[0], 30.0, -7.0)
+    assert (given.scale, known.scale) == (7.0, 30.0)
+    assert (given.name, given.unit, given.lower, given.upper) == (
+        "constant-force.force",
+        "N",
+        declared.lower,
+        declared.upper,
+    )
+    (most,) = effect_parameters(force, model(), FACTS, {"constant-force.force": 1e99})
+    assert most.start == declared.upper
+    (near,) = effect_parameters(force, model(), FACTS, {"constant-force.force": 1e-9})
+    assert near.scale == pytest.approx(0.1 * abs(declared.typical[0]))
+
+
+def test_a_scale_is_the_distance_from_null() -> None:
+    (scale,) = effect_parameters(catalogue()["pressure-scale"], model(), FACTS, {"pressure-scale.scale": 1.3})
+    assert scale.scale == pytest.approx(0.3)
+
+
+def test_a_parameter_without_null_and_above_zero_is_a_logarithm() -> None:
+    stiffness = effect_parameters(catalogue()["presliding"], model(), FACTS)[0]
+    assert stiffness.logarithmic
+    assert not effect_parameters(catalogue()["constant-force"], model(), FACTS)[0].logarithmic
+
+
+def test_a_null_may_be_a_number_another_parameter_or_none() -> None:
+    def null(effect: str, parameter: str) -> float | None:
+        declared = next(p for p in catalogue()[effect].parameters if p.name == parameter)
+        return null_value(declared, model())
+
+    assert null("constant-force", "force") == 0.0
+    assert null("pressure-scale", "scale") == 1.0
+    assert null("stribeck", "static") == 14.0
+    assert null("stribeck", "velocity") is None
+    assert null("presliding", "stiffness") is None
+
+
+# --- starts
+
+
+def parameter(name: str, *typical: float | str) -> Parameter:
+    return Parameter(name, "N", 0.0, -9e9, 9e9, typical)
+
+
+def made_of(*parameters: Parameter) -> Effect:
+    one: Any = SimpleNamespace(name="e", parameters=parameters)
+    return one  # type: ignore[no-any-return]
+
+
+def test_starts_are_typical_values_on_this_rig() -> None:
+    shares = made_of(parameter("a", "0.5 Coulomb forces", "2 Coulomb forces"))
+    assert starts(shares, Facts(coulomb=14.0)) == [{"e.a": 7.0}, {"e.a": 28.0}]
+
+
+def test_what_is_a_share_of_something_unknown_has_no_start() -> None:
+    assert starts(made_of(parameter("a", "0.5 Coulomb forces")), Facts()) == []
+
+
+def test_starts_are_all_combinations_in_which_a_stretch_goes_forward() -> None:
+    one = made_of(parameter("from", 1.0, 2.0), parameter("to", 2.0, 3.0), parameter("gain", 5.0))
+    assert starts(one, Facts()) == [
+        {"e.from": 1.0, "e.to": 2.0, "e.gain": 5.0}, {"e.from": 1.0, "e.to": 3.0, "e.gain": 5.0},
+        {"e.from": 2.0, "e.to": 3.0, "e.gain": 5.0},
+    ]  # fmt: skip
+
+
+def test_an_effect_is_switched_on_once() -> None:
+    force = catalogue()["constant-force"]
+    one = with_effect(
+        model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01}), force, {"constant-force.force": 3.0}
+    )
+    assert [e.name for e in one.effects] == ["stribeck", "constant-force"]
+    assert one.values["constant-force.force"] == 3.0
+    assert [e.name for e in with_effect(one, force, {}).effects] == ["stribeck", "constant-force"]
+
+
+# --- signatures
+
+
+def fitted(columns: np.ndarray, residual: np.ndarray, blocks: int = 20) -> Fit:
+    free = tuple(Free(f"f{k}", "N", 1.0, 0.0, 9.0, 1.0) for k in range(columns.shape[1]))
+    none = np.zeros((len(free), len(free)))
+    numbers = np.arange(residual.size) // (residual.size // blocks)
+    return Fit(model(), free, (), residual, columns, numbers, none, float(residual @ residual), ())
+
+
+def test_a_signature_promises_the_fall_of_the_best_step_along_it_base_parameters_adjusting() -> None:
+    rng = RNG(1)
+    base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
+    residual = rng.standard_normal(N) - 0.3 * change + 2.0 * base[:, 0]
+    found = fitted(base, residual)
+    mine = added._signature({"e.a": 1.0}, change, found, nested=True)
+    both = np.column_stack([base, change])
+    least = residual - both @ np.linalg.lstsq(both, residual, rcond=None)[0]
+    alone = found.unexplained
+    assert mine.step == pytest.approx(-np.linalg.lstsq(both, residual, rcond=None)[0][1])
+    assert mine.step == pytest.approx(0.3, abs=0.05)
+    assert mine.gain == pytest.approx(alone @ alone - least @ least)
+    null = added._signature({}, change, fitted(base, rng.standard_normal(N)), nested=True)
+    assert null.error == pytest.approx(1 / np.sqrt(N), rel=0.4)  # from twenty blocks
+    assert mine.values == {"e.a": 1.0}
+
+
+def test_what_cannot_be_switched_on_by_degrees_is_taken_whole() -> None:
+    rng = RNG(2)
+    base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
+    found = fitted(base, rng.standard_normal(N) - 0.7 * change)
+    mine = added._signature({}, change, found, nested=False)
+    target, new = found.unexplained, found.beyond(change)
+    assert mine.step == 1.0
+    assert mine.gain == pytest.approx(target @ target - (target + new) @ (target + new))
+
+
+@pytest.mark.parametrize("change", ["base", "nan", "none"])
+def test_what_the_base_does_as_well_or_what_runs_away_promises_nothing(change: str) -> None:
+    base = RNG(3).standard_normal((N, 1))
+    columns = {"base": 2.0 * base[:, 0], "nan": np.full(N, np.nan), "none": np.zeros(N)}
+    with np.errstate(invalid="ignore"):
+        mine = added._signature({}, columns[change], fitted(base, RNG(4).standard_normal(N)), nested=True)
+    assert (mine.gain, mine.step, mine.error) == (0.0, 0.0, np.inf)
+
+
+EXTENT = Extent(command=10.0, pressure=6e5, force=500.0, speed=0.5, low=0.0, high=0.2, period=1e-3)
+
+
+class View:
+    """A view of one channel whose residual falls by a wave times the force."""
+
+    channels = ("x",)
+
+    def __init__(self, wave: np.ndarray, felt: bool = True) -> None:
+        self.wave, self.felt = wave, felt
+        recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False))
+        self.experiment = SimpleNamespace(time=np.arange(wave.size), raw={}, extent=EXTENT, recording=recording)
+        self.noise = {"x": 2.0}
+
+    def feels(self, effect: Any) -> bool:
+        return self.felt
+
+    def carried(self, model: Any) -> dict[str, Any]:
+        return {}
+
+    def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:
+        return {"x": 10.0 - model.values.get("constant-force.force", 0.0) * self.wave}
+
+
+def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_feel_it() -> None:
+    force = catalogue()["constant-force"]
+    views: Any = [View(np.ones(400)), View(np.ones(600), felt=False)]
+    found = replace(fitted(np.zeros((1000, 0)), np.full(1000, 5.0)), errors=({}, {}))
+    ranked = signatures(force, found, views)
+    assert {s.values["constant-force.force"] for s in ranked} == set(force.parameters[0].on(FACTS).typical)
+    for s in ranked:
+        assert s.change[:400] == pytest.approx(np.full(400, -s.values["constant-force.force"] / 2.0))
+        assert not s.change[400:].any()
+    assert [s.gain for s in ranked] == sorted((s.gain for s in ranked), reverse=True)
+    blind: Any = [View(np.ones(400), felt=False), View(np.ones(600), felt=False)]
+    assert signatures(force, found, blind) == []
+
+
+@pytest.mark.parametrize(
+    ("step", "share", "value"), [(0.5, 1.0, 5.0), (0.5, 0.1, 0.5), (0.01, 1.0, 0.5), (9.0, 1.0, 50.0), (-2.0, 1.0, 0.5)]
+)
+def test_a_start_is_the_promised_step_from_null_within_a_twentieth_and_five(
+    step: float, share: float, value: float
+) -> None:
+    signature = Signature({"constant-force.force": 10.0}, np.zeros(1), 1.0, step, 1.0)
+    found = scaled_start(catalogue()["constant-force"], signature, model(), FACTS, share)
+    assert found == {"constant-force.force": pytest.approx(value)}
+
+
+def test_a_start_moves_from_its_null_only_what_has_one_and_stays_within_bounds() -> None:
+    signature = Signature({"stribeck.static": 24.0, "stribeck.velocity": 0.01}, np.zeros(1), 1.0, 2.0, 1.0)
+    found = scaled_start(catalogue()["stribeck"], signature, model(), FACTS)
+    assert found == {"stribeck.static": pytest.approx(34.0), "stribeck.velocity": 0.01}
+    declared = catalogue()["chamber-leak"].parameters[0].on(FACTS)
+    far = Signature({"chamber-leak.area": declared.upper}, np.zeros(1), 1.0, 5.0, 1.0)
+    assert scaled_start(catalogue()["chamber-leak"], far, model(), FACTS)["chamber-leak.area"] == declared.upper
+
+
+# --- adding
+
+
+def touched(reach: list[list[int]], felt: list[int]) -> tuple[list[bool], set[str]]:
+    """Parameters (rows) that reach views (columns), and the views that feel the effect."""
+    columns = np.repeat(np.array(reach, float).T, 10, axis=0)
+    found = fitted(columns, np.ones(columns.shape[0]), blocks=columns.shape[0])
+    views: Any = [View(np.ones(10), felt=bool(f)) for f in felt]
+    chosen, names = added._touched(found, views, catalogue()["constant-force"])
+    return chosen.tolist(), names
+
+
+def test_a_fit_with_an_effect_reaches_as_far_as_parameters_are_shared() -> None:
+    assert touched([[1, 0, 0], [0, 1, 1]], [1, 0, 0]) == ([True, False, False], {"f0"})
+    assert touched([[1, 1, 0], [0, 1, 1]], [1, 0, 0]) == ([True, True, True], {"f0", "f1"})
+    assert touched([[0, 1, 1]], [1, 0, 0]) == ([True, False, False], set())
+
+
+class Scripted:
+    """Fits whose cost depends on where they start."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, cost: Any) -> None:
+        self.begun: list[dict[str, float]] = []
+        monkeypatch.setattr(added, "free_parameters", lambda *a, **k: [])
+        monkeypatch.setattr(added, "_touched", lambda *a: (np.array([True]), set()))
+        monkeypatch.setattr(added, "_with_overlap_anew", lambda part, views, rounds: part)
+        monkeypatch.setattr(added, "joined", lambda found, part, views, chosen: part)
+
+        def fit(started: Any, views: Any, free: Any, rounds: int) -> Any:
+            values = {n: v for n, v in started.values.items() if n.startswith(("constant", "position"))}
+            self.begun.append(values)
+            return SimpleNamespace(model=started, cost=cost(values))
+
+        monkeypatch.setattr(added, "_from_coarse_to_fine", fit)
+
+
+def promised(*values: float, step: float = 1.0) -> list[Signature]:
+    return [Signature({"constant-force.force": v}, np.zeros(1), 1.0, step, 1.0) for v in values]
+
+
+def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyPatch) -> None:
+    scripted = Scripted(monkeypatch, lambda values: 50.0)
+    found: Any = SimpleNamespace(model=model(), cost=100.0)
+    fit = fit_added(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0, 20.0))  # type: ignore[list-item]
+    assert scripted.begun == [{"constant-force.force": 10.0}]
+    assert [e.name for e in fit.model.effects] == ["constant-force"]
+
+
+def test_where_the_promised_step_leads_astray_it_starts_from_nearly_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    scripted = Scripted(monkeypatch, lambda values: 150.0 if values["constant-force.force"] > 5.0 else 90.0)
+    found: Any = SimpleNamespace(model=model(), cost=100.0)
+    fit = fit_added(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0))  # type: ignore[list-item]
+    assert scripted.begun == [{"constant-force.force": 10.0}, {"constant-force.force": 0.5}]
+    assert fit.cost == 90.0
+
+
+def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    patch = catalogue()["position-friction"]
+    scripted = Scripted(monkeypatch, lambda values: values["position-friction.from"])
+    ranked = [
+        Signature(
+            {"position-friction.from": a, "position-friction.to": 0.15, "position-friction.gain": 1.0},
+            np.zeros(1),
+            1.0,
+            1.0,
+            1.0,
+        )
+        for a in (0.05, 0.03, 0.04, 0.06, 0.01)
+    ]
+    found: Any = SimpleNamespace(model=model(), cost=100.0)
+    fit = fit_added(found, [View(np.ones(9))], patch, ranked=ranked)  # type: ignore[list-item]
+    assert len(scripted.begun) == 4
+    assert fit.cost == 0.03
+
+
+def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
+    found = fitted(np.zeros((9, 0)), np.ones(9), blocks=9)
+    with pytest.raises(InputError, match="constant-force"):
+        fit_added(found, [], catalogue()["constant-force"], ranked=[])
+
+
+def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[tuple[float, ...]] = []
+
+    def fit(started: Any, views: Any, free: Any, rounds: int) -> Any:
+        steps.append(tuple(f.step for f in free))
+        return SimpleNamespace(model=started)
+
+    monkeypatch.setattr(added, "fit", fit)
+    plain, edge = (
+        Free("friction.coulomb", "N", 1.0, 0.0, 9.0, 1.0),
+        Free("friction.viscous", "N", 1.0, 0.0, 9.0, 1.0, step=0.01),
+    )
+    added._from_coarse_to_fine(model(), [], [plain, edge], rounds=3)
+    assert steps == [(1e-4, pytest.approx(0.12)), (1e-4, pytest.approx(0.04)), (1e-4, 0.01)]
+    steps.clear()
+    added._from_coarse_to_fine(model(), [], [plain], rounds=3)
+    assert steps == [(1e-4,)]
+
+
+def test_a_model_without_finite_numbers_is_refused_by_recording_and_channel() -> None:
+    view = View(np.full(9, np.nan))
+    with pytest.raises(InputError, match=r"(?s)no finite x for run 7.*belong to one rig.*ingest"):
+        require_finite(model(values={"constant-force.force": 1.0}), [view])  # type: ignore[list-item]
+
+
+# --- views
+
+
+NOISE = {c: NoiseModel(1.0) for c in ("p1", "p2", "x", "a")}
+
+
+def seen(kind: str, *signals: str, **given: Any) -> list[str]:
+    e = bench(kind, clock(0.1), dict.fromkeys(signals, 0.1), **given)
+    e.raw.clear()
+    e.raw.update({n: np.full(101, 0.1) for n in signals})
+    return [view.name for view in views_of([replace(e, noise=NOISE)])]
+
+
+def test_each_kind_of_recording_is_seen_through_the_subsystems_that_it_tells_of() -> None:
+    assert seen("valve", "u", "p1") == ["bench: chambers"]
+    assert seen("friction", "p1", "p2", "x") == ["bench: forces"]
+    assert seen("axis", "u", "p1", "p2", "x") == ["bench: forces", "bench: chambers"]
+
+
+def test_chambers_are_simulated_with_the_measured_motion() -> None:
+    from pneucli.simulate import layout as at
+
+    (view,) = [v for v in views_of([replace(DRIVEN, noise=NOISE)], whitened=True) if isinstance(v, Chambers)]
+    assert view.experiment.flags[at.MECHANICS] == 0.0
+    assert DRIVEN.flags[at.MECHANICS] == 1.0
+    assert view.whitened
+    assert view.channels == ("p1", "p2")
+
+
+def test_the_openings_reach_from_rest_to_the_largest_commands() -> None:
+    for least, most in ((-5.0, 10.0), (2.0, 5.0), (-10.0, -2.0)):
+        e = bench("axis", clock(0.1), {"u": np.linspace(least, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
+        (found,) = Chambers(e).openings
+        table = np.linspace(-10.0, 10.0, 4001)[found]
+        assert table[0] == pytest.approx(min(least, 0.0), abs=0.006)
+        assert table[-1] == pytest.approx(max(most, 0.0), abs=0.006)
+
+
+@pytest.mark.parametrize(
+    ("kind", "effect", "felt"),
+    [
+        (Chambers, "chamber-leak", True),
+        (Forces, "chamber-leak", False),
+        (Forces, "stribeck", True),
+        (Chambers, "stribeck", False),
+        (Chambers, "pressure-lag", True),
+        (Forces, "pressure-lag", True),
+        (Whole, "stribeck", True),
+        (Whole, "chamber-leak", True),
+        (Imposed, "extra-mass", True),
+        (Imposed, "valve-lag", False),
+    ],
+)
+def test_an_effect_shows_in_the_balances_in_which_it_stands(kind: Any, effect: str, felt: bool) -> None:
+    assert kind(DRIVEN).feels(catalogue()[effect]) == felt
+
+
+def test_the_noise_of_a_force_is_that_of_all_that_is_measured() -> None:
+    e = replace(DRIVEN, noise={"p1": NoiseModel(300.0), "p2": NoiseModel(400.0), "a": NoiseModel(0.5)})
+    area_1, area_2 = RIG.areas
+    wanted = np.sqrt((area_1 * 300.0) ** 2 + (area_2 * 400.0) ** 2 + (RIG.moving_mass * 0.5) ** 2)
+    assert Forces(e).noise == {"force": pytest.approx(wanted), "a": 0.5}
+    assert Forces(replace(DRIVEN, noise={})).noise == {"force": 1e-6}

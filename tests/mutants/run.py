@@ -1,0 +1,184 @@
+"""Mutants against tests: which tests run a line, each mutant in a copy of the tree, two at a time."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+from typing import Literal
+
+import pytest
+
+from tests.mutants.places import Mutant
+
+ROOT = Path(__file__).parents[2]
+LIMIT = 20  # s of the processor a mutant, so that a busy machine kills no more and no fewer than an idle one
+BUDGET = 8.0  # s of them that the chosen tests took when nothing was mutated
+ASLEEP = 300.0  # s after which a mutant that waits for something is given up
+TOGETHER = 2
+FAILED = (1, 2, 4)  # pytest's exit code where a test fails, or where tests cannot even be imported
+NOT_COPIED = (".git", ".venv", ".mypy_cache", ".ruff_cache", ".pytest_cache", ".hypothesis", "artifacts", "demo")
+QUIET = ("-p", "no:cacheprovider", "-p", "no:xdist", "--no-header")
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+LIBRARIES = (
+    *("numba", "pint", "pyarrow.parquet", "pydantic", "pytest", "scipy.optimize", "scipy.signal"),
+    *("scipy.stats", "statsmodels.stats.multitest"),
+)
+_FORKS = multiprocessing.get_context("forkserver")
+_FORKS.set_forkserver_preload(list(LIBRARIES))
+Outcome = Literal["killed", "survived", "timeout", "no test"]
+
+
+@dataclass(frozen=True)
+class Contexts:
+    """Which tests run each line of each file, and the seconds that each test takes."""
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[str, list[str]]]
+
+    def tests(self, mutant: Mutant) -> list[str]:
+        """Return the tests that run the mutated statement, fastest first, as many as the time allows.
+
+        What runs on import, and what is compiled, no tracer sees: for that, all tests that run anything of the file's
+        folder stand in.
+        """
+        lines = self.lines.get(mutant.file, {})
+        found = {test for line in mutant.lines for test in lines.get(str(line), [])}
+        if not found:
+            folder = mutant.file.rpartition("/")[0]
+            files = [at for file, at in self.lines.items() if file.rpartition("/")[0] == folder]
+            found = {test for at in files for tests in at.values() for test in tests}
+        chosen, spent = [], 0.0
+        for test in sorted(found, key=lambda t: self.seconds[t]):
+            spent += self.seconds[test]
+            if chosen and spent > BUDGET:
+                break
+            chosen.append(test)
+        return chosen
+
+
+def copied(target: Path, tree: Path = ROOT) -> Path:
+    """Copy a tree with its times, so that what is compiled stays valid."""
+    return Path(shutil.copytree(tree, target, ignore=shutil.ignore_patterns(*NOT_COPIED)))
+
+
+def contexts(tree: Path, packages: Sequence[str], folders: Sequence[str]) -> Contexts:
+    """Return which lines all tests run, from a run of them, or from the last one where nothing has changed since.
+
+    Raises SystemExit where a test fails without any mutant.
+    """
+    out = Path(tempfile.gettempdir(), f"pneucli-mutants-{_digest([*packages, *folders])}.json")
+    if not out.exists():
+        more = {"MUTANTS_CONTEXTS": str(out), "MUTANTS_SOURCE": ",".join(packages)}
+        command = [sys.executable, "-m", "pytest", *QUIET, "-p", "tests.mutants.contexts", *folders]
+        subprocess.run(command, cwd=tree, env=os.environ | more, check=False)
+    if not out.exists():
+        sys.exit("the tests did not run")
+    found = json.loads(out.read_text())
+    if found["failed"]:
+        out.unlink()
+        sys.exit("tests fail though nothing is mutated: " + ", ".join(found["failed"]))
+    return Contexts(found["seconds"], found["lines"])
+
+
+def _digest(asked: Sequence[str]) -> str:
+    files = sorted(file for folder in ("pneucli", "tests") for file in (ROOT / folder).rglob("*.py"))
+    return hashlib.sha256("".join([*asked, *(file.read_text() for file in files)]).encode()).hexdigest()[:16]
+
+
+def outcomes(
+    mutants: Sequence[Mutant], known: Contexts, trees: Sequence[Path], done: Callable[[Mutant, Outcome], None]
+) -> list[Outcome]:
+    """Return what becomes of each mutant; ``done`` hears of each as it ends.
+
+    Raises SystemExit where tests fail in a copy though nothing is mutated: then they would kill everything.
+    """
+    quick = sorted(known.seconds, key=lambda test: known.seconds[test])[:50]
+    if any(_outcome(tree, quick) != "survived" for tree in trees):
+        sys.exit("tests fail in a copy of the tree though nothing is mutated")
+    free: Queue[Path] = Queue()
+    for tree in trees:
+        free.put(tree)
+
+    def one(mutant: Mutant) -> Outcome:
+        tree = free.get()
+        try:
+            with mutated(tree, mutant):
+                outcome = _outcome(tree, known.tests(mutant))
+        finally:
+            free.put(tree)
+        done(mutant, outcome)
+        return outcome
+
+    with ThreadPoolExecutor(len(trees)) as pool:
+        return list(pool.map(one, mutants))
+
+
+@contextmanager
+def mutated(tree: Path, mutant: Mutant) -> Iterator[None]:
+    """The copy with the mutant in it; afterwards the file is as it was, its times too.
+
+    Compiled functions of its folder are forgotten: they may hold what was mutated, from another file.
+    """
+    file = tree / mutant.file
+    if file.read_text() != mutant.was:
+        raise RuntimeError(f"{file} is not what was mutated")
+    kept = shutil.copy2(file, tree / "kept")
+    compiled = list((file.parent / "__pycache__").glob("*.nb?"))
+    aside = tree / "compiled"
+    aside.mkdir()
+    for one in compiled:
+        shutil.move(one, aside / one.name)
+    try:
+        file.write_text(mutant.text)
+        yield
+    finally:
+        os.replace(kept, file)
+        for one in (file.parent / "__pycache__").glob("*.nb?"):
+            one.unlink()
+        for one in compiled:
+            shutil.move(aside / one.name, one)
+        aside.rmdir()
+
+
+def _outcome(tree: Path, tests: Sequence[str]) -> Outcome:
+    if not tests:
+        return "no test"
+    process = _FORKS.Process(target=_fails, args=(str(tree), ["-x", "--tb=no", *tests]))
+    process.start()
+    process.join(ASLEEP)
+    if process.is_alive():
+        process.kill()
+        process.join()
+    code = process.exitcode
+    if code in (-signal.SIGKILL, -signal.SIGXCPU):
+        return "timeout"
+    if code is None or code > max(FAILED):
+        raise RuntimeError(f"pytest ended with {code}, running {' '.join(tests)}")
+    return "killed" if code in FAILED or code < 0 else "survived"
+
+
+def _fails(tree: str, arguments: list[str]) -> None:
+    """Run tests in a fork that has the libraries loaded, but nothing of this tree yet; ends with pytest's exit code."""
+    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
+    for name in [n for n in sys.modules if n.partition(".")[0] in ("pneucli", "tests")]:
+        del sys.modules[name]
+    os.chdir(tree)
+    sys.path[0], sys.dont_write_bytecode = tree, True
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+        sys.exit(pytest.main([*QUIET, *arguments]))

@@ -1,0 +1,129 @@
+"""The mutants themselves: seeded, meaningful, tried against the right tests, and never left behind."""
+
+from __future__ import annotations
+
+import ast
+import random
+from pathlib import Path
+
+import pytest
+
+from tests.mutants.places import Mutant, places, sample, shares
+from tests.mutants.run import BUDGET, ROOT, Contexts, mutated
+
+SOURCE = '''"""Words."""
+
+from __future__ import annotations
+
+LIMIT = 3.0
+Array = list[float]
+__all__ = ["half"]
+
+
+def half(x: float, more: Array | None = None) -> float:
+    """Return half of x."""
+    if x > LIMIT:
+        return max(0.5 * x, 1.0)
+    return sum(more or []) - 0.5 * x
+'''
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    (tmp_path / "code").mkdir()
+    (tmp_path / "code" / "half.py").write_text(SOURCE)
+    return tmp_path
+
+
+def drawn(tree: Path, number: int, seed: int) -> list[Mutant]:
+    return sample(tree, {"code": number}, seed)
+
+
+def test_a_seed_repeats_its_sample_and_another_seed_draws_another(tree: Path) -> None:
+    one, again, other = ([m.text for m in drawn(tree, 5, seed)] for seed in (1, 1, 2))
+    assert one == again
+    assert one != other
+
+
+def test_a_mutant_is_python_that_differs_in_what_is_run(tree: Path) -> None:
+    found = drawn(tree, 1000, 1)
+    original = ast.dump(ast.parse(SOURCE))
+    assert len(found) > 10
+    for mutant in found:
+        assert ast.dump(ast.parse(mutant.text)) != original
+        before, after = mutant.diff
+        assert before != after
+        assert "Array =" not in before
+        assert "__all__" not in before
+        assert "Words" not in before
+
+
+def test_a_mutant_knows_the_lines_of_its_statement(tree: Path) -> None:
+    for mutant in drawn(tree, 1000, 1):
+        changed = [
+            k for k, (a, b) in enumerate(zip(SOURCE.splitlines(), mutant.text.splitlines(), strict=False), 1) if a != b
+        ]
+        assert changed[0] in mutant.lines
+
+
+def test_places_are_drawn_alike_however_many_faults_each_allows(tree: Path) -> None:
+    assert len(drawn(tree, 1000, 1)) <= len(list(places(tree, "code")))
+    rng = random.Random(1)
+    assert all(place.mutant(rng) is None or len(place.instead) >= 1 for place in places(tree, "code"))
+
+
+def test_packages_share_the_number_by_their_lines(tree: Path) -> None:
+    (tree / "more").mkdir()
+    (tree / "more" / "long.py").write_text(SOURCE * 3)
+    assert shares(tree, ("code", "more"), 100) == {"code": 25, "more": 75}
+
+
+def test_a_line_meets_the_tests_that_run_it_fastest_first_within_the_time() -> None:
+    known = Contexts(
+        {"slow": 0.9 * BUDGET, "quick": 0.1, "long": 0.5 * BUDGET, "other": 0.1},
+        {"code/half.py": {"3": ["slow", "quick", "long"], "9": ["other"]}},
+    )
+    assert known.tests(Mutant("code/half.py", (3, 3), "", "")) == ["quick", "long"]
+    assert known.tests(Mutant("code/half.py", (4, 9), "", "")) == ["other"]
+
+
+def test_what_no_tracer_sees_meets_the_tests_of_its_folder() -> None:
+    known = Contexts(
+        {"a": 0.1, "b": 0.2, "c": 0.1}, {"code/x.py": {"1": ["b"]}, "code/y.py": {"1": ["a"]}, "z/x.py": {"1": ["c"]}}
+    )
+    assert known.tests(Mutant("code/x.py", (7, 7), "", "")) == ["a", "b"]
+
+
+def test_a_test_too_slow_for_the_time_is_tried_where_it_is_the_only_one() -> None:
+    known = Contexts({"slow": 2 * BUDGET}, {"code/x.py": {"1": ["slow"]}})
+    assert known.tests(Mutant("code/x.py", (1, 1), "", "")) == ["slow"]
+
+
+def test_a_mutant_is_taken_back_whatever_happens(tree: Path) -> None:
+    file = tree / "code" / "half.py"
+    kept = tree / "code" / "__pycache__" / "half.nbi"
+    kept.parent.mkdir()
+    kept.write_text("compiled")
+    before = file.stat().st_mtime_ns
+    mutant = drawn(tree, 1, 1)[0]
+
+    def meddle() -> None:
+        with mutated(tree, mutant):
+            assert file.read_text() == mutant.text
+            assert not kept.exists()
+            kept.write_text("compiled with the fault")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        meddle()
+    assert file.read_text() == SOURCE
+    assert file.stat().st_mtime_ns == before
+    assert kept.read_text() == "compiled"
+
+
+def test_accepted_survivors_are_still_in_the_code() -> None:
+    from tests.mutants.report import accepted
+
+    for file, was, _ in accepted():
+        text = (ROOT / file).read_text()
+        assert all(line in text for line in was.splitlines()), (file, was)
