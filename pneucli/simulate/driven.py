@@ -2,7 +2,7 @@
 
 As :mod:`pneucli.simulate.kernel` this is text of the compiled kernel, so that forces, masses and sensors are the
 effects' own. A table holds N, shape (2, 2, n): toward +x and -x, speeding up and slowing, at speeds step/2, 3 step/2,
-... in m/s. Friction is the measured or modelled one of :mod:`pneucli.identify.friction`.
+... in m/s.
 """
 # ruff: noqa: F403, F405
 # mypy: ignore-errors
