@@ -115,7 +115,7 @@ def test_the_export_writes_what_is_asked_for(designed: Demo) -> None:
         ('\n[design]\ntolerence = "5 um"\n', "tolerance"),
         ('\n[design]\ntolerance = "5 bar"\n', "tolerance"),
         ("\n[design]\nsector_ratio = 0.5\n", "above 1"),
-        ('\n[design]\nchamber_2 = "open"\n', "closed"),
+        ('\n[design]\nchamber_2 = "ajar"\n', "closed"),
     ],
 )
 def test_requirements_that_cannot_be_read_say_how_to_mend_them(
