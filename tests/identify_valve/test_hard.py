@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -87,6 +89,16 @@ def test_no_valve_test_ends_in_numbers_that_are_none(
     except InputError:
         return
     is_sound(found)
+
+
+def test_commands_that_are_held_for_a_few_readings_are_enough() -> None:
+    """Five readings each at 100 Hz: fewer than the filter of the noise looks back."""
+    tests, rig = bench(2e-4, 7e5, 0.3, 1.0, 100.0, LAW, "filling")
+    few = [replace(r, time=r.time[5:18], signals={n: y[5:18] for n, y in r.signals.items()}) for r in tests]
+    found = identify(few, rig)
+    is_sound(found)
+    assert found.fit.simulated.shape == (5, 2 * len(LAW))
+    assert found.map.covered.any()
 
 
 def test_a_direction_that_was_not_tested_is_not_reachable() -> None:

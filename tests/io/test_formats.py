@@ -417,6 +417,23 @@ def test_what_is_odd_in_a_text_is_noted(tmp_path: Path, way: str) -> None:
     assert opened.rows == rows + sum(opened.losses.values())
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_text_cut_anywhere_but_at_the_end_of_a_line_says_so(tmp_path: Path, end: str) -> None:
+    """There it is a shorter recording, and nothing in it tells."""
+    lines = ["t;u;p" + end, *(f"{k};2;{1 + k / 8:.3f}{end}" for k in range(12))]
+    whole, ends = "".join(lines).encode(), np.cumsum([len(line) for line in lines])
+    for size in range(1, len(whole)):
+        (tmp_path / "a.csv").write_bytes(whole[:size])
+        try:
+            opened = open_signals(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))
+            rows = sum(batch["time"].size for batch in opened.batches())
+        except InputError:
+            continue
+        told = {one.kind for one in opened.repairs} & {"truncated", "no-line-end", "cut-number"}
+        assert bool(told) == (size not in ends), whole[:size][-30:]
+        assert rows == np.count_nonzero(ends <= size) - 1 + (size not in ends) - opened.losses["truncated"]
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.fit import MEMORY, Posterior
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.stretches import Stretches
 
@@ -85,9 +85,12 @@ def coverage(law: Law, data: Stretches) -> Coverage:
 
 def gradient_with_error(law: Law, fit: Posterior, u: Array, p: Array, supply: Array) -> tuple[Array, Array]:
     """Return dp/dt and its standard error (Pa/s) at points ``u``, ``p``, ``supply`` of one shape."""
-    rows = law.sensitivity(fit.theta, u, p, supply)
-    variance = np.einsum("...i,ij,...j->...", rows, fit.covariance, rows, optimize=True)
-    return law.gradient(fit.theta, u, p, supply), np.sqrt(np.maximum(variance, 0.0))
+    variance, flat = np.empty(u.size), [a.ravel() for a in (u, p, supply)]
+    some = max(1, MEMORY // (8 * law.size))
+    for part in (slice(first, first + some) for first in range(0, u.size, some)):  # derivatives fill the memory
+        rows = law.sensitivity(fit.theta, *(a[part] for a in flat))
+        variance[part] = np.einsum("ni,ij,nj->n", rows, fit.covariance, rows, optimize=True)
+    return law.gradient(fit.theta, u, p, supply), np.sqrt(np.maximum(variance, 0.0)).reshape(u.shape)
 
 
 def gradient_map(law: Law, fit: Posterior, u: Array, p: Array, covers: Coverage) -> GradientMap:

@@ -58,7 +58,12 @@ class Trend:
         return QuasiStatic(with_parameters(self.model, values), self.bench)
 
     def beside(self, test: Experiment) -> Array:
-        """Return what the model's memory adds to dp/dt in a test, and its derivatives, shape ``(1 + k, n)`` in Pa/s."""
+        """Return what the model's memory adds to dp/dt in a test, and its derivatives, shape ``(1 + k, n)`` in Pa/s.
+
+        Without memory there are none, ``(1, n)``.
+        """
+        if not remembers(self.model):
+            return np.zeros((1, test.time.size))
         now = memory(self.model, test)
         moved = [memory(self.at(self.start + step).model, test) for step in STEP * np.eye(self.start.size)]
         return np.array([now, *((other - now) / STEP for other in moved)])
@@ -86,7 +91,8 @@ def trend_of(found: Fit, tests: Sequence[Experiment]) -> Trend:
         u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
         u = np.abs(u).max() * np.linspace(-1.0, 1.0, u.size)  # between the commands too
         felt |= np.any(whole.sensitivity(here, u, p, supply) != 0.0, axis=0)
-        felt |= np.any(whole.beside(test)[1:] != 0.0, axis=1)
+        moved = whole.beside(test)[1:]
+        felt[: len(moved)] |= np.any(moved != 0.0, axis=1)
     free = tuple(f for f, mine in zip(found.free, felt, strict=True) if mine)
     trend = Trend(found.model, tests[0], free, here[felt], found.covariance[np.ix_(felt, felt)])
     return replace(trend, covariance=_within(trend.covariance, trend.bounds))
@@ -109,14 +115,17 @@ def _within(covariance: Array, bounds: tuple[Array, Array]) -> Array:
     return np.asarray(covariance * np.outer(share, share))
 
 
+def remembers(model: Model) -> bool:
+    """Whether what an effect does depends on what went before."""
+    return any(PORTS[port].remembers for effect in model.effects for port in effect.ports)
+
+
 def memory(model: Model, test: Experiment) -> Array:
     """Return what effects with a memory add to dp/dt of the valve at rest, in Pa/s, shape of the test's time.
 
     Heat that is exchanged, a spool that follows, a supply that gives way: what the model shows in this very test
     beside its quasi-static gradient. What is measured less that does not depend on what went before.
     """
-    if not any(PORTS[port].remembers for effect in model.effects for port in effect.ports):
-        return np.zeros(test.time.size)
     still, p = QuasiStatic(model, test), simulate(model, test)["p1"]
     u, supply, steps = test.inputs[:-1, at.IN_U], test.inputs[:-1, at.IN_SUPPLY], np.diff(test.time)
     rate = np.diff(p) / steps - 0.5 * (still(u, p[:-1], supply) + still(u, p[1:], supply))
