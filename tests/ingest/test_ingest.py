@@ -124,6 +124,44 @@ def test_what_the_stage_cannot_use_is_refused(two: Path, tmp_path: Path, old: st
     assert not list((tmp_path / "ingest").glob("*.parquet"))
 
 
+DRIVEN = PIPELINE.replace('experiment = "friction"', 'experiment = "axis"\nu = "1 V"').replace('"open"', '"valve"')
+
+
+@pytest.mark.parametrize("stated", ["", '[rig.valve]\narrangement = "two"\n'])
+def test_of_two_valves_both_commands_are_needed(two: Path, tmp_path: Path, stated: str) -> None:
+    two.write_text(DRIVEN.replace("[signals]", stated + "[signals]"))
+    with pytest.raises(InputError, match=r'(?s)u2 is not described.*constant, u2 = .*arrangement = "5/3"'):
+        ingested(two, tmp_path / "ingest")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("[signals]", '[rig.valve]\narrangement = "5/3"\n[signals]'), ("1 V", '1 V"\nu2 = "0 V')]
+)
+def test_one_spool_has_one_command_and_a_second_one_may_be_constant(
+    two: Path, tmp_path: Path, old: str, new: str
+) -> None:
+    two.write_text(DRIVEN.replace(old, new))
+    assert {*ingested(two, tmp_path / "ingest")[1][1].signals} - {"u2"} == {"u", "p1", "x"}
+
+
+def test_recordings_whose_command_jumps_all_the_time_do_not_say_what_a_sensors_noise_is(tmp_path: Path) -> None:
+    """Behind a valve that switches 8 times a second the pressure is nowhere quiet: the recording of a step tells."""
+    rng, time = np.random.default_rng(0), np.arange(4000)
+    for name, hold in (("step", 4000), ("pulses", 120)):
+        u = 24 * (time // hold % 2)
+        p = 3.0 + np.cumsum(np.where(u > 0, 1.0, -1.0)) * 5e-3 * (hold < 4000) + 4e-3 * rng.standard_normal(4000)
+        rows = "\n".join(f"{t},{a},{b:.5f}" for t, a, b in zip(time, u, p, strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"t,u,P\n{rows}\n")
+    text = '[pipeline]\nname = "s"\n[rig.valve]\nkind = "switching"\n[signals]\ntime = { column = "t", unit = "ms" }\n'
+    text += 'u = { column = "u" }\np1 = { column = "P", unit = "bar" }\n'
+    for name in ("step", "pulses"):
+        text += f'[[recordings]]\nname = "{name}"\nfile = "{name}.csv"\nexperiment = "valve"\nuse = "train"\n'
+    (tmp_path / "s.toml").write_text(text)
+    step, pulses = ingested(tmp_path / "s.toml", tmp_path / "ingest")[1]
+    assert step.noise["p1"] == pulses.noise["p1"]
+    assert step.noise["p1"].rms == pytest.approx(400.0, rel=0.1)
+
+
 @pytest.mark.parametrize("column", ['"P"', "2"])
 def test_one_column_for_two_signals_is_refused_however_it_is_named(two: Path, tmp_path: Path, column: str) -> None:
     two.write_text(PIPELINE.replace('column = "X"', f"column = {column}"))
