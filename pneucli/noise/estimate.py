@@ -24,10 +24,10 @@ NOTHING = -60.0  # log of a power that is absent
 def estimate(time: Array, values: Array, jumps: NDArray[np.bool_] | None = None) -> NoiseModel:
     """Return the noise of one channel of one recording, in the signal's unit.
 
-    ``time`` (s) and ``values`` have shape ``(n,)``; NaN marks what was not measured; ``jumps`` (n,) where a command does,
-    which kinks the signal. A Whittle fit to the spectrum of the quiet segments takes apart white noise, AR(1) noise
-    and the signal's own content, whose power falls at least like omega^-4 (AR(1) falls like omega^-2); BIC decides
-    between white, coloured, and both. Lines are mains hum.
+    ``time`` (s) and ``values`` have shape ``(n,)``; NaN marks what was not measured; ``jumps`` (n,) marks where a
+    command does, which kinks the signal. A Whittle fit to the spectrum of the quiet segments takes apart white noise,
+    AR(1) noise and the signal's own content, whose power falls at least like omega^-4 (AR(1) falls like omega^-2); BIC
+    decides between white, coloured, and both. Lines are mains hum.
     Below about 80 samples only white noise is estimated, from differences of third order: colour and content that
     fast cannot be told from white noise there. Source: P. Whittle, Ark. Mat. 2 (1953); G. Schwarz, Ann. Stat. 6 (1978).
     """

@@ -54,7 +54,7 @@ def free_of(jumps: NDArray[np.bool_], period: float) -> NDArray[np.bool_] | None
     if not length:
         return None
     free = ~np.lib.stride_tricks.sliding_window_view(jumps, length)[:: length // 2].any(axis=1)
-    return free if np.count_nonzero(free) >= FEWEST_FREE else None
+    return np.asarray(free) if np.count_nonzero(free) >= FEWEST_FREE else None
 
 
 def noise_floor(values: Array, period: float, jumps: NDArray[np.bool_] | None = None) -> Floor | None:

@@ -206,11 +206,11 @@ def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseMo
 def _measured(values: Array) -> NDArray[np.bool_]:
     """Return which samples count: all but those that were not measured, where a signal has a clock of its own."""
     finite = np.isfinite(values)
-    return finite | (finite.mean() > 0.8)
+    return np.asarray(finite if finite.mean() <= 0.8 else np.ones_like(finite))
 
 
 def _pool_noise(done: list[Ingested]) -> None:
-    """Let all recordings of one sensor at one rate share what is known of its noise, the kinked ones only if all are."""
+    """Let all recordings of one sensor at one rate share what is known of its noise; kinked ones count if all are."""
     groups: dict[tuple[str, str, int], list[Ingested]] = {}
     for one in done:
         for name in one.noise.keys() & one.source.signals.keys():

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -36,12 +35,21 @@ AMBIENT, SUPPLY = 1e5, 7e5
 NODES = (np.array([1.0, 3.0, 8.0]), np.array([2.0, 9.0]))
 
 
+class Shut:
+    """A valve that is shut below 0.4 V."""
+
+    form = "map"
+
+    def __call__(self, u: np.ndarray) -> np.ndarray:
+        return np.maximum(np.abs(u) - 0.4, 0.0)
+
+
 class Trend:
     """dp/dt = e^a |u|^(1 + b) (other side - p), of coordinates a and b; shut below 0.4 V for the inverse."""
 
     free = ("a", "b")
     start = np.array([0.3, 0.1])
-    model = SimpleNamespace(valve=lambda u: np.maximum(np.abs(u) - 0.4, 0.0))
+    valve = Shut()
 
     def at(self, z: np.ndarray) -> Callable[..., np.ndarray]:
         def gradient(u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:

@@ -140,7 +140,7 @@ def test_the_draw_of_an_estimate_sounds_like_the_original():
 
 
 def switched(time: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Command and pressure (Pa) of a chamber behind a switching valve that opens for 30 ms, 7 times a second or less."""
+    """Command and pressure (Pa) of a chamber behind a valve that opens for 30 ms, 7 times a second or less."""
     rng = np.random.default_rng(seed)
     u, p = np.zeros(time.size), np.full(time.size, 3e5)
     for start in np.cumsum(rng.integers(140, 700, 40)):
