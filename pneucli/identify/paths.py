@@ -48,13 +48,15 @@ class Paths:
 
     ``opening`` is the command in V from the null one, positive where it fills; ``flow`` the mass flow in kg/s into the
     chamber by the base model's balance of the smoothed pressure, ``per_area`` that of the base model in kg/(s m^2) at
-    the sign of the opening.
+    the sign of the opening; ``volume`` (m^3) and ``growth`` (m^3/s) are the chamber's.
     """
 
     experiment: Experiment
     opening: Array
     flow: Array
     per_area: Array
+    volume: Array
+    growth: Array
 
 
 def driven(experiments: Sequence[Experiment]) -> list[Experiment]:
@@ -115,7 +117,7 @@ def _paths(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> P
     supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
     upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, ambient)
     per_area = np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, CRITICAL_RATIO, k, k)
-    return Paths(e, opening, flow, per_area)
+    return Paths(e, opening, flow, per_area, *np.broadcast_arrays(volume, growth, p)[:2])
 
 
 def _volume(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array | float, Array | float]:

@@ -8,6 +8,7 @@ from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.null import drifted
 from pneucli.identify.paths import Chamber, driven, opening_of
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_moving, identify_valve
@@ -28,7 +29,7 @@ def run(context: Context) -> dict[str, Any]:
     Raises InputError where no recording can be used for anything.
     """
     study = Study(context)
-    warnings: list[str] = []
+    warnings = _null_warnings(study.rig)
     found = _fitted(study)
     context.progress("identifying the valve", 0.5)
     valves = _valves(study, found, warnings)
@@ -48,6 +49,17 @@ def _null(rig: Rig) -> list[Estimate]:
         return []
     low, high = rig.null_range
     return [Estimate("valve.null", "V", rig.valve_null, 0.25 * (high - low), (low, high), False)]
+
+
+def _null_warnings(rig: Rig) -> list[str]:
+    """Return what to say where recordings cannot all have the null command that was identified."""
+    if (names := drifted(rig)) is None:
+        return []
+    low, high = (f"{name} ({rig.null_ranges[name][0]:.4g} to {rig.null_ranges[name][1]:.4g} V)" for name in names)
+    return [
+        f"valve-null-drifts: {low} and {high} have no null command in common; the model has one, "
+        f"{rig.valve_null:.4g} V: split the recordings, or find out what moved the spool"
+    ]
 
 
 def _fitted(study: Study) -> Fit:

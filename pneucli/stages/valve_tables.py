@@ -39,7 +39,10 @@ def write_valves(
         "valve_map": (_map, dict.fromkeys(gradients, "Pa/s") | {"covered": "1"}),
         "valve_inverse": (_inverse, {"p_gradient": "Pa/s", "reachable": "1"}),
         "valve_lack_of_fit": (_lack, dict.fromkeys(LACK, "Pa/s") | {"outside": "1"}),
-        "valve_areas": (partial(_areas, estimates=estimates), dict.fromkeys(("area", *ENDS), area_unit(estimates))),
+        "valve_areas": (
+            partial(_areas, estimates=estimates),
+            dict.fromkeys(("area", *ENDS), area_unit(estimates)) | {"opening": "V"},
+        ),
         "valve_curves": (_curves, {"time": "s", "measured": "Pa", "fitted": "Pa"} | dict.fromkeys(SLOPES, "Pa/s")),
     }
     both = valves[0].law.trend.model.rig.arrangement.drives_both
@@ -110,6 +113,7 @@ def _areas(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Columns
     areas = [(c, found[name]) for c, name in valve.law.trend.valve.area_names.items() if name in found]
     return {
         "u": valve.command_of.of(np.array([c for c, _ in areas])),
+        "opening": np.array([c for c, _ in areas]),
         "area": np.array([e.value for _, e in areas]),
         "ci_low": np.array([e.ci95[0] for _, e in areas]),
         "ci_high": np.array([e.ci95[1] for _, e in areas]),

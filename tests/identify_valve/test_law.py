@@ -325,6 +325,13 @@ def test_an_average_needs_half_of_its_readings_and_holds_the_command() -> None:
     assert np.isnan(averaged(np.array([[0.0, 1, 2], [0, 0, 0], [1, nan, nan]]), 3)[2, 0])
 
 
+def test_an_average_has_the_command_that_stands_midway_to_the_next() -> None:
+    """Means of 4 readings of a ramp are at 1.5 and 5.5 samples: from one to the other 3.5 is the mean command."""
+    ramp = np.arange(12.0)  # held over each sample: 3 from sample 3 to 4
+    assert averaged(np.stack([ramp, ramp, ramp]), 4)[1].tolist() == [3.0, 7.0, 11.0]
+    assert averaged(np.stack([ramp, ramp, ramp]), 1)[1].tolist() == ramp.tolist()
+
+
 def test_a_recording_is_cut_at_jumps_of_the_command() -> None:
     """Jumps cut a recording; 30 ms after each are left out, and so is what does not last 30 ms beyond."""
     time = 1e-3 * np.arange(400)

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from pneucli.errors import InputError
 from pneucli.identify.fit import Fit
-from pneucli.identify.paths import Chamber, Paths, command_of, driven, on_a_vessel, paths
+from pneucli.identify.paths import PRESSURES, Chamber, Paths, command_of, driven, on_a_vessel, paths
 from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.identification import ValveIdentification, from_null, identified
 from pneucli.identify.valve.iso import iso_conductance
@@ -19,7 +19,6 @@ from pneucli.identify.valve.lack import LackOfFit
 from pneucli.identify.valve.law import Direction, Law
 from pneucli.identify.valve.maps import covered_by
 from pneucli.identify.valve.trend import Trend, trend_of
-from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -54,17 +53,17 @@ def identify_moving(experiments: Sequence[Experiment], found: Fit, chamber: Cham
     covariance = np.zeros((law.size, law.size))
     covariance[: trend.start.size, : trend.start.size] = trend.covariance
     fit, covers = Posterior(law.start(), covariance, np.zeros((0, 0))), covered_by(u, p, law)
-    measured = list(paths(shown, model.rig, chamber, volume))
-    rates = [gradient_of(one, model.rig, volume) for one in measured]
+    chambers = zip(paths(shown, model.rig, chamber, volume), tests, strict=True)
+    gradients = [held_against(trend, one, test, volume) for one, test in chambers]
     knows = model.rig.has_cylinder or model.rig.vessel_volume
     return identified(
         law,
         fit,
         covers,
         command,
-        lack=lambda _: lack_in_cells(trend, law, tests, rates),
+        lack=lambda _: lack_in_cells(trend, law, tests, gradients),
         iso=iso_conductance(law, fit, found, covers, ()) if knows else (),
-        shown=max(float(np.abs(rate).max()) for rate in rates),
+        shown=max(float(np.abs(measured).max()) for measured, _ in gradients),
     )
 
 
@@ -75,13 +74,33 @@ def middle_volume(model: Model, chamber: Chamber) -> float:
     return base[f"rig.dead_volume_{chamber}"] + 0.5 * stroke * base[f"rig.piston_area_{chamber}"]
 
 
-def gradient_of(shown: Paths, rig: Rig, volume: float) -> Array:
-    """Return the gradient in Pa/s (n,) that the measured flow would make in a ``volume`` (m^3)."""
-    return np.asarray(rig.heat_capacity_ratio * rig.gas_constant * rig.gas_temperature * shown.flow / volume)
+def held_against(trend: Trend, shown: Paths, test: Experiment, volume: float) -> tuple[Array, Array]:
+    """Return the gradient that was measured and the model's, both (n,) in Pa/s for a ``volume`` (m^3).
+
+    The measured pressure less what the model's flows make of it over time is smoothed and derived as any pressure is:
+    so smoothing spreads the difference alone, not the gradient, which a moving command changes fast.
+    """
+    e, kappa = shown.experiment, trend.model.rig.heat_capacity_ratio
+    u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
+    still = trend.at(trend.start)
+    model = still(u, p, supply)
+    own = [(volume * y - kappa * p * shown.growth) / shown.volume for y in (model, still(_held(u), p, supply))]
+    made = np.append(0.0, np.cumsum(0.5 * np.diff(e.time) * (own[0][:-1] + own[1][1:])))
+    name = PRESSURES[1 if e.vessel else test.recording.chamber][0]
+    left = e.raw[name] - made
+    off = e.smoothers[name].slope(left) if name in e.smoothers else np.gradient(left, e.time)
+    return model + off * shown.volume / volume, model
 
 
-def lack_in_cells(trend: Trend, law: Law, tests: Sequence[Experiment], rates: Sequence[Array]) -> LackOfFit:
-    """Hold the model against measured gradients (Pa/s), which are averaged over cells of command and pressure.
+def _held(u: Array) -> Array:
+    """Return the command that stood until each sample."""
+    return np.append(u[:1], u[:-1])
+
+
+def lack_in_cells(
+    trend: Trend, law: Law, tests: Sequence[Experiment], gradients: Sequence[tuple[Array, Array]]
+) -> LackOfFit:
+    """Hold the model against measured gradients (Pa/s; measured, model), averaged over cells of command and pressure.
 
     The model is taken at the samples' own commands, pressures and supply, so that a cell may be large. Each visit to a
     cell counts as one reading of it: within one, errors go together.
@@ -90,13 +109,13 @@ def lack_in_cells(trend: Trend, law: Law, tests: Sequence[Experiment], rates: Se
     edges = [np.linspace(low, high, CELLS[0] + 1), np.linspace(law.ambient, law.supply, CELLS[1] + 1)]
     total = np.zeros((4, CELLS[0] * CELLS[1]))  # samples, visits, sums of what was measured and of the model
     squares = np.zeros((3, total.shape[1]))
-    for test, rate in zip(tests, rates, strict=True):
-        u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
+    for test, pair in zip(tests, gradients, strict=True):
+        u, p = test.inputs[:, (at.IN_U, at.IN_P1)].T
         where = [np.clip(np.searchsorted(edge, y) - 1, 0, edge.size - 2) for edge, y in zip(edges, (u, p), strict=True)]
         cell = where[0] * CELLS[1] + where[1]
         begins = np.flatnonzero(np.diff(cell, prepend=-1))
         visited, length = cell[begins], np.diff(np.append(begins, cell.size))
-        sums = [np.add.reduceat(y, begins) for y in (rate, trend.at(trend.start)(u, p, supply))]
+        sums = [np.add.reduceat(y, begins) for y in pair]
         for k, y in enumerate((length, np.ones(length.size), *sums)):
             np.add.at(total[k], visited, y)
         off = sums[0] - sums[1]
