@@ -8,7 +8,6 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,12 +37,21 @@ AMBIENT, SUPPLY = 1e5, 7e5
 NODES = (np.array([1.0, 3.0, 8.0]), np.array([2.0, 9.0]))
 
 
+class Shut:
+    """A valve that is shut below 0.4 V."""
+
+    form = "map"
+
+    def __call__(self, u: np.ndarray) -> np.ndarray:
+        return np.maximum(np.abs(u) - 0.4, 0.0)
+
+
 class Trend:
     """dp/dt = e^a |u|^(1 + b) (other side - p), of coordinates a and b; shut below 0.4 V for the inverse."""
 
     free = ("a", "b")
     start = np.array([0.3, 0.1])
-    model = SimpleNamespace(valve=lambda u: np.maximum(np.abs(u) - 0.4, 0.0))
+    valve = Shut()
 
     def at(self, z: np.ndarray) -> Callable[..., np.ndarray]:
         def gradient(u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
@@ -377,6 +385,13 @@ def test_an_average_needs_half_of_its_readings_and_holds_the_command() -> None:
     assert found[1].tolist() == [0.0, 1.0]
     assert found[2] == pytest.approx([2.0, 19 / 3])
     assert np.isnan(averaged(np.array([[0.0, 1, 2], [0, 0, 0], [1, nan, nan]]), 3)[2, 0])
+
+
+def test_an_average_has_the_command_that_stands_midway_to_the_next() -> None:
+    """Means of 4 readings of a ramp are at 1.5 and 5.5 samples: from one to the other 3.5 is the mean command."""
+    ramp = np.arange(12.0)  # held over each sample: 3 from sample 3 to 4
+    assert averaged(np.stack([ramp, ramp, ramp]), 4)[1].tolist() == [3.0, 7.0, 11.0]
+    assert averaged(np.stack([ramp, ramp, ramp]), 1)[1].tolist() == ramp.tolist()
 
 
 def test_a_recording_is_cut_at_jumps_of_the_command() -> None:

@@ -119,7 +119,9 @@ def test_what_the_model_lacks_of_the_valve_is_a_warning_with_numbers() -> None:
 def test_a_map_beyond_all_measure_is_named() -> None:
     """A gradient far above what the curves themselves show, and curves that no map follows, are not passed over."""
     calm = SimpleNamespace(noticeable=False)
-    valve = SimpleNamespace(described=False, steepest=1e13, shown=2e6, lack=calm, iso=(), over_noise=lambda use: 7.0)
+    valve = SimpleNamespace(
+        described=False, steepest=1e13, shown=2e6, lack=calm, iso=(), measured=True, over_noise=lambda use: 7.0
+    )
     names = [text.partition(":")[0] for text in valve_warnings(valve)]  # type: ignore[arg-type]
     assert names == ["valve-not-described", "valve-curves-not-followed"]
     valve.described, valve.over_noise = True, {"train": 1.0, "test": 9.0}.__getitem__

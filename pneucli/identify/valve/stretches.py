@@ -148,7 +148,7 @@ def _pieces(index: int, recording: Recording, supply_pressure: float | None, bes
 
 
 def averaged(rows: Array, joined: int) -> Array:
-    """Return rows time, u, ... with ``joined`` readings in one; the command, which is held, as it stood midway.
+    """Return rows time, u, ... with ``joined`` readings in one; the command as it stands midway to the next mean.
 
     NaN where more than half of the readings are missing.
     """
@@ -156,7 +156,7 @@ def averaged(rows: Array, joined: int) -> Array:
     known = np.isfinite(blocks)
     count = known.sum(axis=-1)
     out = np.where(known, blocks, 0.0).sum(axis=-1) / np.maximum(count, 1)
-    out[1] = blocks[1, :, joined // 2]
+    out[1] = blocks[1, :, -1]
     return np.asarray(np.where(2 * count < joined, np.nan, out))
 
 

@@ -13,7 +13,7 @@ from pneucli.identify.parameters import Free, with_parameters
 from pneucli.physics.declaration import PORTS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.quasi_static import QuasiStatic
 from pneucli.simulate.run import simulate
 
@@ -36,6 +36,11 @@ class Trend:
     free: tuple[Free, ...]
     start: Array
     covariance: Array
+
+    @property
+    def valve(self) -> Valve:
+        """The paths that fill and vent the vessel."""
+        return self.model.behind(self.bench.recording.chamber)
 
     @property
     def tight(self) -> Array:
@@ -82,8 +87,11 @@ class Trend:
         return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", rows, self.covariance, rows), 0.0)))
 
 
-def trend_of(found: Fit, tests: Sequence[Experiment]) -> Trend:
-    """Return the trend of a fitted model with those of its parameters that show in the tests."""
+def trend_of(found: Fit, tests: Sequence[Experiment], *, with_memory: bool = True) -> Trend:
+    """Return the trend of a fitted model with those of its parameters that show in the tests.
+
+    Those that show in its memory alone are left out unless it is taken ``with_memory``.
+    """
     here = np.array([f.inward(e.value) for f, e in zip(found.free, found.estimates, strict=True)])
     whole = Trend(found.model, tests[0], found.free, here, found.covariance)
     felt = np.zeros(here.size, dtype=bool)
@@ -91,8 +99,9 @@ def trend_of(found: Fit, tests: Sequence[Experiment]) -> Trend:
         u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
         u = np.abs(u).max() * np.linspace(-1.0, 1.0, u.size)  # between the commands too
         felt |= np.any(whole.sensitivity(here, u, p, supply) != 0.0, axis=0)
-        moved = whole.beside(test)[1:]
-        felt[: len(moved)] |= np.any(moved != 0.0, axis=1)
+        if with_memory:
+            moved = whole.beside(test)[1:]
+            felt[: len(moved)] |= np.any(moved != 0.0, axis=1)
     free = tuple(f for f, mine in zip(found.free, felt, strict=True) if mine)
     trend = Trend(found.model, tests[0], free, here[felt], found.covariance[np.ix_(felt, felt)])
     return replace(trend, covariance=_within(trend.covariance, trend.bounds))
