@@ -29,7 +29,7 @@ from tests.mutants.places import Mutant
 ROOT = Path(__file__).parents[2]
 LIMIT = 20  # s of the processor a mutant, so that a busy machine kills no more and no fewer than an idle one
 BUDGET = 8.0  # s of them that the chosen tests took when nothing was mutated
-ASLEEP = 300.0  # s after which a mutant that waits for something is given up
+ASLEEP = 1200.0  # s after which a mutant that waits for something is given up, however busy the machine
 TOGETHER = 2
 FAILED = (1, 2, 4)  # pytest's exit code where a test fails, or where tests cannot even be imported
 NOT_COPIED = (".git", ".venv", ".mypy_cache", ".ruff_cache", ".pytest_cache", ".hypothesis", "artifacts", "demo")
