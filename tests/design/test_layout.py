@@ -76,3 +76,11 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
     none = {"C_TWO_VALVES", "C_MIRRORED", "C_COMPENSATION", "C_GAMMA", "C_CRITICAL", "C_OBS_X", "C_OBS_P", "C_NODES"}
     assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE"}
+
+
+def test_every_column_of_a_rows_log_has_one_name() -> None:
+    """Beside these there are the number of states, which go before, and that of the columns."""
+    columns = {getattr(at, name) for name in dir(at) if name.startswith("L_") and name not in ("L_STATES", "L_ROW")}
+    assert columns == set(range(at.L_ROW))
+    assert len(at.STATE) == at.L_STATES
+    assert UNITS["C_U_MAX"] == "V"  # the step clips by the tables

@@ -157,6 +157,13 @@ def test_the_valve_feeds_chamber_1_alone(plain: SimpleNamespace) -> None:
     assert energies(ds) == pytest.approx((KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 290.0), 0.0))
 
 
+def test_a_second_valve_feeds_chamber_2_alone(plain: SimpleNamespace) -> None:
+    s, ds = state(T2=280.0), np.zeros(10)
+    plain.gas(WARM, s, (0.0, 0.0, 2e-3, 5e-4), 0, ds)
+    assert masses(s, ds) == pytest.approx((0.0, 1.5e-3))
+    assert energies(ds) == pytest.approx((0.0, KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 280.0)))
+
+
 @pytest.mark.parametrize(("p1", "p2", "direction"), [(6e5, 2e5, 1.0), (2e5, 6e5, -1.0)])
 def test_a_leaky_piston_seal_moves_mass_and_energy_from_the_higher_to_the_lower_pressure(
     plain: SimpleNamespace, p1: float, p2: float, direction: float
