@@ -80,7 +80,7 @@ def test_a_name_changes_what_it_says_and_nothing_else(name, kinds, changed):
 def test_a_number_lies_within_its_limits(form, low, high):
     for at_limit in (low, high):
         parse(form.format(at_limit))
-    for beyond in (low - 0.5, high + 0.5):
+    for beyond in (low - 0.1, high + 0.1):
         with pytest.raises(InputError) as error:
             parse(form.format(beyond))
         assert error.value.wanted == f"{form.format('#')} with # from {low:g} to {high:g}"

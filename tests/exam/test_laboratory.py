@@ -397,11 +397,6 @@ def test_half_of_the_benches_hum() -> None:
     assert 193.0 < loud.max() <= 200.0
 
 
-def takes(kind: str, vessel: float | None) -> list[Take]:
-    par = cases._rig(kind, False, RNG(1))
-    return cases._takes(kind, Laboratory("r", par, Sensors(), vessel, kind != "valve"), RNG(2))
-
-
 def handed_over(
     folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str, hidden: list[str], seed: int = 1, size: float = 1.0
 ) -> Laboratory:
