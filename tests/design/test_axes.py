@@ -103,15 +103,14 @@ def test_a_study_starts_15_percent_off_with_half_the_flow_of_the_slower_directio
 
 def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
     """One vertex everywhere and a start so small that the axis is linear: against the matrix exponential."""
-    flat = {**C, "C_COULOMB": 0.0, "C_STATIC": 0.0}
-    both = lpv.axis_matrices(flat, np.array(0.0), np.array(C["C_STROKE"] / 2), 0.1)
+    both = lpv.axis_matrices(C, np.array(0.0), np.array(C["C_STROKE"] / 2), 0.05)
     gains = place_poles(both[:, :3], both[:, 3:], [-20.0 + 100j, -20.0 - 100j, -60.0]).gain_matrix
     weights = SimpleNamespace(
         grids=(np.array([-1.0, 1.0]), np.array([0.0, C["C_STROKE"]])), weights_at=lambda v, x: (np.ones(1), np.ones(1))
     )
     x0, scale = np.array([1e-9, 0.0, 0.0]), np.array([1.0, 1e-2, 1e-4])
     found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0)
-    peak, decayed = lpv.verify(flat, 0.1, weights, found, x0)  # type: ignore[arg-type]
+    peak, decayed = lpv.verify(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
     step, states = expm((both[:, :3] - both[:, 3:] @ gains) * 2e-4), [x0]
     for _ in range(int(0.2 / 2e-4) - 1):
         states.append(step @ states[-1])
