@@ -16,14 +16,16 @@ pressure that an inner, faster loop makes. The rules, each overruled by a requir
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.design.controller import Controller
-from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, lateness, moving_mass
+from pneucli.design.layout import OUTSIDE
+from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, lateness, moving_mass, pull
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.physics.flows import flow_functions
@@ -31,6 +33,7 @@ from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import CLOSED_AREA
 
 Array = NDArray[np.float64]
+Pull = Callable[[Array], Array]
 
 NODES = 201
 WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
@@ -57,7 +60,8 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     tables = [inverse_table(model, valve, way) for valve in (model.valve, model.second) for way in (1.0, -1.0)]
     axis = axis_values(model, wanted, [area for _, area in tables], sealed)
     corners = corners_of(model, wanted, axis)
-    values = axis | gains(corners, axis, wanted) | reference_limits(corners, axis, wanted)
+    limits = reference_limits(corners, axis, wanted, partial(pull, model))
+    values = axis | gains(corners, axis, wanted) | limits
     values |= standstill(corners, values, wanted)
     return Controller(values, *(commands for commands, _ in tables))
 
@@ -99,7 +103,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
 
     ``areas``: the largest in m^2 of filling and venting chamber 1, and chamber 2.
     """
-    driven = wanted.chamber_2 == "valve"
+    driven, is_open = wanted.chamber_2 == "valve", wanted.chamber_2 == "open"
     mirrored = driven and model.rig.arrangement.second == "mirrored"
     fill, vent, fill_2, vent_2 = areas
     base, (dead_1, dead_2), (static, fallen) = model.base(), dead_volumes(model), breakaway(model)
@@ -117,7 +121,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_AREA_2": base["rig.piston_area_2"],
         "C_STROKE": base["rig.stroke"],
         "C_DEAD_1": dead_1,
-        "C_DEAD_2": dead_2,
+        "C_DEAD_2": OUTSIDE if is_open else dead_2,
         "C_AMBIENT": ambient,
         "C_SUPPLY": supply,
         "C_GAMMA": base["rig.heat_capacity_ratio"],
@@ -130,7 +134,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_VISCOUS": base["friction.viscous"],
         "C_P_LOW": (1.0 + SLACK) * ambient,
         "C_P_HIGH": (1.0 - SLACK) * supply,
-        "C_P_MEAN": sealed or math.sqrt(ambient * supply),
+        "C_P_MEAN": ambient if is_open else sealed or math.sqrt(ambient * supply),
         "C_AREA_FILL": fill,
         "C_AREA_VENT": vent,
         "C_AREA_FILL_2": fill_2,
@@ -173,9 +177,11 @@ def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements) -> 
     }
 
 
-def reference_limits(corners: Corners, axis: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
+def reference_limits(
+    corners: Corners, axis: Mapping[str, float], wanted: Requirements, pulls: Pull = np.zeros_like
+) -> dict[str, float]:
     """Return the largest speed and acceleration of the shaped reference, and the time over which it closes in."""
-    speed, rate = reachable(axis)
+    speed, rate = reachable(axis, pulls)
     force_rate = axis["C_AREA_1"] * rate
     return {
         "C_V_MAX": wanted.max_speed or 0.7 * speed,
@@ -185,16 +191,17 @@ def reference_limits(corners: Corners, axis: Mapping[str, float], wanted: Requir
     }
 
 
-def reachable(axis: Mapping[str, float]) -> tuple[float, float]:
+def reachable(axis: Mapping[str, float], pulls: Pull = np.zeros_like) -> tuple[float, float]:
     """Return speed (m/s) and pressure gradient (Pa/s) that both valve directions reach.
 
-    All over the middle 60 % of the stroke, as far as the pressures that balance the air spring lie well within range.
+    All over the middle 60 % of the stroke, as far as the pressures that balance the air spring, and what ``pulls`` the
+    piston at x (m) toward x = 0 (N), lie well within range.
     """
     area_1, area_2, stroke, gamma = axis["C_AREA_1"], axis["C_AREA_2"], axis["C_STROKE"], axis["C_GAMMA"]
     x = np.linspace(0.2, 0.8, 25) * stroke
     volume_1, volume_2 = axis["C_DEAD_1"] + area_1 * x, axis["C_DEAD_2"] + area_2 * (stroke - x)
     p2 = spring_pressure(axis, x)
-    balance = (area_2 * p2 + (area_1 - area_2) * axis["C_AMBIENT"]) / area_1
+    balance = (area_2 * p2 + (area_1 - area_2) * axis["C_AMBIENT"] + pulls(x)) / area_1
     p1 = np.clip(balance, WORKING[0] * axis["C_AMBIENT"], WORKING[1] * axis["C_SUPPLY"])
     low, high = axis["C_AMBIENT"] / p1, p1 / axis["C_SUPPLY"]
     scale = axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_1

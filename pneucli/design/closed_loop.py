@@ -123,6 +123,7 @@ def _flags(controller: Controller) -> Array:
     flags = np.zeros(at.FLAGS)
     flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0
     two, mirrored = (controller.values[name] > 0.5 for name in ("C_TWO_VALVES", "C_MIRRORED"))
-    flags[at.CHAMBER_2] = at.MIRRORED if mirrored else at.VALVE_2 if two else at.CLOSED
+    undriven = at.OPEN if controller.values["C_DEAD_2"] >= layout.OUTSIDE else at.CLOSED
+    flags[at.CHAMBER_2] = at.MIRRORED if mirrored else at.VALVE_2 if two else undriven
     flags[at.U_MAX] = controller.values["C_U_MAX"]
     return flags

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pressure stays that of the surroundings
+
 (
     S_STARTED,  # 1 after the first sample
     S_U1,  # V, the commands of this sample

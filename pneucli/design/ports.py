@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.simulate.model import Model
 
+Array = NDArray[np.float64]
+
 WIDE = 1e3  # m/s, by which friction has fallen
+PLACES = 25  # along the stroke
 SETTLED = 400  # steps of the valve's answer to a step of the command
 STEP = 1e-3  # s, of that answer
 
@@ -22,6 +26,17 @@ def dead_volumes(model: Model) -> tuple[float, float]:
     """Return the dead volumes of both chambers in m^3."""
     base = model.base()
     return base["rig.dead_volume_1"] + model.total("volume_1"), base["rig.dead_volume_2"] + model.total("volume_2")
+
+
+def pull(model: Model, x: Array) -> Array:
+    """Return the force in N toward x = 0 with which springs, weights and the like pull the resting piston at x (m)."""
+    stroke = model.base()["rig.stroke"]
+    return -np.array([model.total("force", float(at), 0.0, stroke) for at in x])
+
+
+def pulls_back(model: Model) -> bool:
+    """Whether something pulls the piston toward x = 0 all over the stroke."""
+    return bool(np.all(pull(model, np.linspace(0.0, model.base()["rig.stroke"], PLACES)) > 0.0))
 
 
 def critical_ratio(model: Model) -> float:

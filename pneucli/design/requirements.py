@@ -33,7 +33,7 @@ class Requirements:
     ``tolerance``: error at rest that is good enough. Bandwidths are corner frequencies in Hz; ``damping`` is that of
     the position loop's oscillating pair. ``sector_ratio``: slope of the sector's steeper line over the flatter one's.
     ``noise_x``, ``quantum_x``, ``noise_p``: what the sensors add (1 sigma) and how they round; ``delay``: from reading
-    to valve. ``chamber_2``: ``closed`` (air spring) or ``valve`` (second valve).
+    to valve. ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (driven).
     """
 
     period: float = 1e-3
@@ -48,7 +48,7 @@ class Requirements:
     quantum_x: float = 0.0
     noise_p: float = 0.0
     delay: float = 0.0
-    chamber_2: Literal["closed", "valve"] = "closed"
+    chamber_2: Literal["closed", "open", "valve"] = "closed"
 
 
 def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
@@ -59,8 +59,8 @@ def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Req
     values: dict[str, Any] = dict(known)
     for key, value in table.items():
         if key == "chamber_2":
-            if value not in ("closed", "valve"):
-                raise InputError(f"{where}.{key}", f"{value!r}", '"closed" or "valve"')
+            if value not in ("closed", "open", "valve"):
+                raise InputError(f"{where}.{key}", f"{value!r}", '"closed", "open" or "valve"')
             values[key] = value
             continue
         if key not in UNITS:

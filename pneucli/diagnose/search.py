@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from pneucli.diagnose.decision import Decision, Reason, passed
-from pneucli.diagnose.equals import foremost, replaces
+from pneucli.diagnose.equals import as_good, foremost, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
@@ -135,14 +135,27 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
 
 
 def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
-    """Return the foremost trial that passes and that the user sees the good of, and what is decided with that."""
+    """Return the foremost trial that passes and that the user sees the good of, and what is decided with that.
+
+    Where that one is refused, only what the data cannot tell from it may come in its place: a lesser explanation of the
+    same remainder would but stand in for it.
+    """
     while able := passed(decisions):
         first = foremost(able)
         refused = unseen(bench, first)
         if refused is None:
             return first, decisions
-        decisions = [replace(d, reason=refused) if d.trial is first else d for d in decisions]
+        decisions = [_beside(d, first, refused) for d in decisions]
     return None, decisions
+
+
+def _beside(decision: Decision, first: Trial, refused: Reason) -> Decision:
+    """Return what becomes of a decision where the foremost trial is refused."""
+    trial = decision.trial
+    if trial is first:
+        return replace(decision, reason=refused)
+    lesser = trial is not None and decision.supported and not as_good(trial.state, first.state)
+    return replace(decision, reason="explained-by-unknown") if lesser else decision
 
 
 def unseen(bench: Bench, trial: Trial) -> Reason | None:

@@ -14,7 +14,7 @@ from pneucli.errors import InputError, did_you_mean
 from pneucli.exam.arrangement import arranged
 from pneucli.exam.conditions import USUAL, WIDE, Conditions, drawn, parse
 from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE, Hidden
-from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.laboratory import Laboratory, Take
 from pneucli.exam.programme import Programme
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig.sensors import Sensors
@@ -77,6 +77,28 @@ def generate_case(
     ``hidden`` names effects of the catalogue and ``outside`` one that is in none ("" for none); both are scaled by
     ``size``. Raises InputError where a name is unknown or does not show on this kind of rig.
     """
+    case = prepare_case(folder.name, kind, hidden, outside, size, seed, conditions)
+    laboratory = case.laboratory
+    at_ends = laboratory.record(folder / "raw", case.takes, case.rng)
+    (folder / "pipeline.toml").write_text(laboratory.pipeline(case.takes, "raw"), encoding="utf-8")
+    truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
+    return truth | {"mess": case.mess, "share_at_ends": at_ends}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A rig in its laboratory, what is to be recorded there, and the small effects that act besides."""
+
+    laboratory: Laboratory
+    takes: list[Take]
+    mess: dict[str, float]
+    rng: np.random.Generator
+
+
+def prepare_case(
+    name: str, kind: str, hidden: Sequence[str], outside: str, size: float, seed: int, conditions: Conditions
+) -> Case:
+    """Return a case before it is recorded, see :func:`generate_case`."""
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
     # what came with the conditions is drawn apart, so that the rest of a rig does not depend on them
     rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
@@ -89,7 +111,7 @@ def generate_case(
         par = BY_NAME[small].set(par, share, apart)
     similar = Similar.of(base, conditions.bore, conditions.supply, conditions.command)
     laboratory = Laboratory(
-        folder.name,
+        name,
         similar.rig(par),
         _sensors(conditions, similar, rng),
         vessel=None if kind == "friction" or _is_linear(base, kind) else _vessel(similar, rng),
@@ -101,11 +123,7 @@ def generate_case(
         stroke_stated=_stated(similar.rig(known).stroke, apart) if conditions.ends else None,
         absent=conditions.absent,
     )
-    takes = Programme(laboratory, similar.rig(known), similar, conditions, rng).takes(kind)
-    at_ends = laboratory.record(folder / "raw", takes, rng)
-    (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
-    truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
-    return truth | {"mess": mess, "share_at_ends": at_ends}
+    return Case(laboratory, Programme(laboratory, similar.rig(known), similar, conditions, rng).takes(kind), mess, rng)
 
 
 def _known(

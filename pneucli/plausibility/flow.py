@@ -14,7 +14,7 @@ from pneucli.plausibility.bench import HALF_AMBIENT, HALF_DECADE, SEEN, SURE, Be
 from pneucli.plausibility.blocks import Blocks, blocks, fit
 from pneucli.plausibility.finding import Finding, shown
 from pneucli.plausibility.readings import absolute, gauge
-from pneucli.recording import Recording
+from pneucli.recording import Recording, Rig
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def check(bench: Bench) -> Iterator[Finding]:
     yield from _silent(driven, bench)
     for flow in flows:
         yield from _supply(flow, bench)
-        yield from _command(flow)
+        yield from _command(flow, bench.rig)
     for one in driven:
         if one.kind.vessel:
             yield from _sampled(one)
@@ -128,8 +128,8 @@ def _apart(supply: float, bench: Bench) -> float:
     return max(HALF_AMBIENT * ambient, SCALE * (supply - ambient))
 
 
-def _command(flow: Flow) -> Iterator[Finding]:
-    """The larger u, the more chamber 1 is filled; where the null of the valve lies does not matter."""
+def _command(flow: Flow, rig: Rig) -> Iterator[Finding]:
+    """The larger u, the more chamber 1 is filled (or port 2 vented); where the null lies does not matter."""
     sure = np.isfinite(flow.area)
     u, area, name = flow.u[sure], flow.area[sure], flow.recording.name
     if u.size < 2 or np.std(area) < LEAK:
@@ -142,9 +142,10 @@ def _command(flow: Flow) -> Iterator[Finding]:
     line = fit([u - u.mean(), np.ones_like(u)], area)
     if line is None:
         return
-    if line.factors[0] + SURE * line.errors[0] < 0:
-        found = "chamber 1 is vented the more the larger u is"
-        yield Finding("direction", "u", name, found, "u > 0 fills chamber 1: write scale = -1.0 in [signals] u")
+    if rig.sense(flow.recording) * line.factors[0] + SURE * line.errors[0] < 0:
+        what, does = ("chamber 1", "vented") if rig.sense(flow.recording) > 0 else ("port 2", "filled")
+        found = f"{what} is {does} the more the larger u is"
+        yield Finding("direction", "u", name, found, "u > null fills chamber 1: write scale = -1.0 in [signals] u")
     elif np.corrcoef(u, area)[0, 1] ** 2 < EXPLAINS:
         seen = f"{shown(float(u.min()), 'u')} to {shown(float(u.max()), 'u')}"
         found = f"the flow into chamber 1 has nothing to do with u ({seen})"

@@ -1,7 +1,7 @@
 """Where the piston's stroke ends: as the rig is described, or as the recordings show where it is not or not exactly.
 
 A contact is one-sided: an end carries any force outward and none inward. A recording shows an end where the piston
-withstands, at its outmost rest, a force outward that friction holds nowhere.
+withstands, at its outmost rests, a force outward that friction holds nowhere.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def struck_ends(experiments: Sequence[Experiment], rig: Rig) -> tuple[float, flo
     x, push = (np.concatenate([part[k] for part in parts] or [np.zeros(0)]) for k in (0, 1))
     if not x.size:
         return -np.inf, np.inf
-    tolerance = max(_tolerance(e) for e in moving)
-    low, high = x <= x.min() + tolerance, x >= x.max() - tolerance
+    give = max(_give(e) for e in moving)
+    low, high = x <= x.min() + give, x >= x.max() - give
     inward = np.where(low, np.maximum(push, 0.0), np.where(high, np.maximum(-push, 0.0), np.abs(push)))
     friction, stroke = float(inward.max()), rig.stroke
-    near = max(INEXACT * (stroke or 0.0), tolerance)
+    near = max(INEXACT * (stroke or 0.0), give)
     at_low = float(np.max(-push[low])) > PUSHED * friction and abs(float(x.min())) <= near
     known = friction > 0.0 if stroke is None else abs(float(x.max()) - stroke) <= near
     at_high = float(np.max(push[high])) > PUSHED * friction and known

@@ -659,7 +659,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_va
         friction = push if resting else push - m * (a[k] - bias)
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         speed = abs(v + leaving[k])
-        if resting and contact[k] * friction > 0.0:
+        if v == 0.0 and contact[k] * friction > 0.0:  # also where it seems to leave: the end gives way
             rest += h
             continue
         rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)

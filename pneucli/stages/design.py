@@ -15,6 +15,7 @@ from pneucli.design.closed_loop import Bench
 from pneucli.design.controller import Controller
 from pneucli.design.lpv import Study as WeightStudy
 from pneucli.design.lpv import compare_weight_types
+from pneucli.design.ports import pulls_back
 from pneucli.design.requirements import Requirements, requirements_from
 from pneucli.design.sector import Sector, resolved, sector_from_vertices
 from pneucli.design.surface import axis_systems, surface_by_lq, surface_by_poles, unmatched
@@ -52,25 +53,28 @@ def run(context: Context) -> dict[str, Any]:
     if not study.rig.has_cylinder or not axes:
         raise NotApplicable(f"{context.path}", "no axis to control", "a cylinder and a recording of it with its valve")
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
-    wanted = requirements_from(context.config.design, f"{context.path}, key design", **_known(axes, context))
+    wanted = requirements_from(context.config.design, f"{context.path}, key design", **_known(axes, model, context))
     designed = _design(context, model, wanted, sealed_pressure(axes, model))
     _write(study, designed)
     return _answer(study, designed)
 
 
-def _known(axes: Sequence[Recording], context: Context) -> dict[str, Any]:
+def _known(axes: Sequence[Recording], model: Model, context: Context) -> dict[str, Any]:
     """Return what the recordings tell of the sensors, and how chamber 2 is driven."""
     kinds = {r.chamber_2 for r in axes}
-    if kinds == {"open"} and "chamber_2" not in context.config.design:
+    is_open = kinds == {"open"}
+    if is_open and "chamber_2" not in context.config.design and not pulls_back(model):
         raise NotApplicable(
-            f"{context.path}", "chamber 2 is open: nothing pulls the piston back", "a closed one or a valve"
+            f"{context.path}",
+            "chamber 2 is open: nothing pulls the piston back",
+            "a closed one, a valve, or a spring or weight among the effects",
         )
     x = [r.noise["x"] for r in axes if "x" in r.noise]
     p = [r.noise["p1"].rms for r in axes if "p1" in r.noise]
     quantum = max((n.step for n in x), default=0.0)
     noise = max((n.rms for n in x), default=0.0)
     return {
-        "chamber_2": "valve" if "valve" in kinds else "closed",
+        "chamber_2": "valve" if "valve" in kinds else "open" if is_open else "closed",
         "quantum_x": quantum,
         "noise_x": noise if noise > quantum else 0.0,  # below it the estimate is the rounding itself
         "noise_p": max(p, default=0.0),

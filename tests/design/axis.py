@@ -1,4 +1,4 @@
-"""The axis of ``fixtures/demo`` with the true values of ``fixtures/truth.json``, and what the tests do with it."""
+"""An axis with one valve, of the size of ``fixtures/demo`` (``fixtures/truth.json``), and what tests do with it."""
 
 from __future__ import annotations
 

@@ -308,7 +308,7 @@ def test_requirements_are_read_with_their_units_over_what_is_known() -> None:
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        ({"chamber_2": "open"}, r"here\.chamber_2: 'open'.*\"closed\" or \"valve\""),
+        ({"chamber_2": "ajar"}, r"here\.chamber_2: 'ajar'.*\"closed\", \"open\" or \"valve\""),
         ({"peroid": "1 ms"}, r"here\.peroid: unknown key.*period"),
         ({"period": "1 m"}, r"here\.period.*a quantity such as \"1 s\""),
         ({"damping": 0}, r"here\.damping: 0.*above 0"),

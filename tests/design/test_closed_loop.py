@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.design import layout
+from pneucli.design.cascade import design_cascade
 from pneucli.design.closed_loop import Bench, loop_kernel, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import measure
@@ -84,6 +85,19 @@ def test_it_rests_too_where_two_valves_drive_the_piston() -> None:
     result = run(MODEL, two, axis.scenario(two, STEPS), axis.BENCH)
     assert measure(result, MODEL, two).steady_um <= 10.0
     assert np.abs(result.log[:, layout.L_U2]).max() > axis.TRUTH["overlap"]
+
+
+def test_it_rests_where_a_spring_pulls_the_piston_back_from_an_open_chamber() -> None:
+    """Chamber 2 is the surroundings; what the valve can do is told at the pressures that hold the spring."""
+    spring = {"spring-force.stiffness": 300.0, "spring-force.rest_position": -0.15}
+    model = replace(MODEL, effects=(*MODEL.effects, catalogue()["spring-force"]))
+    model = replace(model, values=MODEL.values | spring)
+    controller = design_cascade(model, replace(axis.REQUIREMENTS, chamber_2="open"))
+    result = run(model, controller, axis.scenario(controller, STEPS), axis.BENCH)
+    assert np.ptp(result.model[:, at.P2]) == 0.0
+    assert measure(result, model, controller).steady_um <= 10.0
+    alone = design_cascade(MODEL, replace(axis.REQUIREMENTS, chamber_2="open"))
+    assert controller.values["C_V_MAX"] > alone.values["C_V_MAX"]
 
 
 def test_a_run_repeats_bit_for_bit_and_another_seed_differs() -> None:

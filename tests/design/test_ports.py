@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from pneucli.design.ports import breakaway, command_lag, critical_ratio, dead_volumes, lateness, moving_mass
+from pneucli.design.ports import (
+    breakaway,
+    command_lag,
+    critical_ratio,
+    dead_volumes,
+    lateness,
+    moving_mass,
+    pull,
+    pulls_back,
+)
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
@@ -81,3 +91,12 @@ def test_what_is_late_between_command_and_reading(effect, values, late):
 
 def test_play_takes_no_time():
     assert command_lag(with_("valve-hysteresis", half_width=0.3)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_springs_and_weights_pull_toward_the_start_of_the_stroke() -> None:
+    spring = with_("spring-force", stiffness=1000.0, rest_position=-0.05)
+    assert pull(spring, np.array([0.0, 0.1])) == pytest.approx([50.0, 150.0])
+    assert pulls_back(spring)
+    assert pulls_back(with_("constant-force", force=20.0))
+    assert not pulls_back(model())
+    assert not pulls_back(with_("spring-force", stiffness=1000.0, rest_position=0.01))  # pushes outward at the start

@@ -203,7 +203,7 @@ TURNED = scaled(-1.0, X, plus=200.0)
 
 
 # friction: stick-slip with an open chamber 2, driven motion with a closed one; valve: charge and discharge of a vessel;
-# axis: the valve on its bench, then with a closed chamber 2
+# axis: the valve on its bench, then a 5/3 valve on both chambers
 SETS = {
     **_sets(
         "friction",
@@ -282,10 +282,10 @@ SETS = {
             "x inverted*": (TURNED, "direction x"),
             "p1 and p2 swapped": (swapped(P1, P2, "axis"), "direction x"),
             "p1 and p_supply swapped*": (swapped(P1, PS, "axis"), "swapped p1"),
-            "areas 100 times too large*": (LARGE, "mass x"),
+            "areas 100 times too large*": (LARGE, "volume p1"),
             "vessel 1000 times too large*": (times("volume", 1000), "volume p1"),
             "vessel 30 times too large": (times("volume", 30), "volume p1"),
-            "gauge read as absolute*": (read_as_absolute("p_supply", "p1", "p2"), "reference p2 & reference p1"),
+            "gauge read as absolute*": (read_as_absolute("p_supply", "p1", "p2"), "reference p1"),
             "u inverted": (scaled(-1.0, U, only="axis"), "direction u"),
             "x dead*": (held(X, 100.0), "motionless x"),
             "recorded at 10 Hz": (thinned(100), "sampling time"),

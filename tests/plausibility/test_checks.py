@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,3 +105,15 @@ def test_surroundings_are_those_of_a_laboratory() -> None:
     assert ("rig", "p1") in seen(one, Rig(ambient_pressure=1013e5))
     assert ("rig", "temperature") in seen(one, Rig(gas_temperature=20.0))
     assert seen(one, Rig()) == {}
+
+
+def test_one_spool_vents_port_2_where_it_fills_port_1() -> None:
+    p = 4e5 + 2e5 * np.sin(3 * T)  # charged while its slope is positive
+    u = 5 + 4 * np.cos(3 * T)
+    one = recorded("valve", p1=p, u=u, p_supply=9e5 + 0 * T)
+    other = replace(recorded("valve", p1=p, u=10 - u, p_supply=9e5 + 0 * T), chamber=2)
+    spool = Rig(vessel_volume=1e-4, valve_arrangement="5/3", valve_null=5.0)
+    two = replace(spool, valve_arrangement="two")
+    assert seen(one, spool) == seen(other, spool) == seen(one, two) == {}
+    assert "port 2 is filled" in seen(replace(one, chamber=2), spool)["direction", "u"]
+    assert "chamber 1 is vented" in seen(replace(other, chamber=1), spool)["direction", "u"]

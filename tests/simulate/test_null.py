@@ -21,6 +21,7 @@ from pneucli.config import load
 from pneucli.io.recordings import load_recordings
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
+from pneucli.simulate.ends import with_ends
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
@@ -36,9 +37,6 @@ PRESSURES = ("p1", "p2")
 def true_model(name: str) -> Model:
     """The model with what was set on the rig, its valve by the rig's own law."""
     truth, volume = TRUTH[name]["parameters"], TRUTH[name]["vessel_volume"]
-    overlap, u = truth["overlap"], np.array([0.5, 1.0, 2.0, 5.0, 10.0])
-    areas = truth["effective_area"] * ((u - overlap) / (10.0 - overlap)) ** truth["exponent"]
-    valve = ValveArea((*-u[::-1], *u), (*areas[::-1], *areas), overlap, overlap)
     values = {"friction.coulomb": truth["coulomb"], "friction.viscous": truth["viscous"]}
     if "static" in truth:
         values |= {"stribeck.static": truth["static"], "stribeck.velocity": truth["stribeck_velocity"]}
@@ -47,7 +45,16 @@ def true_model(name: str) -> Model:
     if volume:
         values["rig.vessel_volume"] = volume
     effects = tuple(catalogue()[e] for e in (*TRUTH[name]["effects"], *TRUTH[name]["hidden"]))
-    return Model(load(FIXTURES / name / "pipeline.toml").to_rig(), effects, values, valve)
+    second = true_valve(truth, "_2") if "effective_area_2" in truth else None
+    return Model(load(FIXTURES / name / "pipeline.toml").to_rig(), effects, values, true_valve(truth), second)
+
+
+def true_valve(truth: dict[str, float], of: str = "") -> ValveArea:
+    """The paths of one chamber: ``of`` is the ending of their names."""
+    overlap, most = truth[f"overlap{of}"], truth.get("command_range", 10.0)
+    u = most * np.array([0.05, 0.1, 0.2, 0.5, 1.0])
+    areas = truth[f"effective_area{of}"] * ((u - overlap) / (most - overlap)) ** truth[f"exponent{of}"]
+    return ValveArea((*-u[::-1], *u), (*areas[::-1], *areas), overlap, overlap)
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +65,12 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[C
         config = load(path)
         ingest.run(Context(path, config, out, out))
         model = true_model(name)
-        ready = (
+        ready = [
             prepare(r, model.rig, config.compare.horizon)
             for r in load_recordings(out)
             if r.name.startswith(RECORDINGS[name])
-        )
-        return [result for e in ready for result in compare(model, e).results]
+        ]
+        return [result for e in with_ends(ready, model.rig) for result in compare(model, e).results]
 
     return results
 

@@ -51,16 +51,19 @@ def test_every_recording_and_channel_is_there(answer: dict[str, Any]) -> None:
     assert channels["step_+5.0V"] == {"p1"}
     assert channels["driven_1"] == {"x", "v", "a"}
     assert channels["axis_1"] == {"p1", "p2", "x", "v", "a"}
-    assert len(channels) == 20
+    assert len(channels) == 26
 
 
 def test_the_right_model_is_near_the_noise_floor(answer: dict[str, Any]) -> None:
-    """Single break-aways may miss by more: a piston at the brink is as the noise has it. The middle of all does not."""
+    """Single break-aways may miss by more: a piston at the brink is as the noise has it. The middle of all does not.
+
+    Of the six test recordings one is friction alone; its break-aways leave twice the noise.
+    """
     ratios = [c["ratio_to_noise"] for c in answer["channels"] if c["ratio_to_noise"] is not None]
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
     pressures = [c["ratio_to_noise"] for c in answer["channels"] if c["channel"] == "p1"]
     assert max(pressures) < 1.2
-    assert 0.8 < answer["error"]["test"] < 1.3
+    assert 0.8 < answer["error"]["test"] < 1.5
 
 
 def test_residuals_add_up_to_the_answer(demo: Demo, answer: dict[str, Any]) -> None:
@@ -69,8 +72,8 @@ def test_residuals_add_up_to_the_answer(demo: Demo, answer: dict[str, Any]) -> N
     assert columns <= table.keys()
     for c in answer["channels"][::7]:
         mine = (table["recording"] == c["recording"]) & (table["channel"] == c["channel"])
-        assert np.sqrt(np.mean(table["residual"][mine] ** 2)) == pytest.approx(c["rmsd"], rel=1e-9)
-        assert table["residual"][mine] == pytest.approx((table["measured"] - table["model"])[mine])
+        assert np.sqrt(np.nanmean(table["residual"][mine] ** 2)) == pytest.approx(c["rmsd"], rel=1e-9)
+        assert table["residual"][mine] == pytest.approx((table["measured"] - table["model"])[mine], nan_ok=True)
         span = table["time"][mine][-1] - table["time"][mine][0]
         assert np.unique(table["segment"][mine]).size == int(np.ceil(span / answer["horizon_s"]))
 

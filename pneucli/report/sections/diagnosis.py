@@ -116,7 +116,8 @@ def _moved(moved: Sequence[Answer]) -> Grid | None:
 
 def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
-    if share := answer.get("unexplained_share"):
+    share = answer.get("unexplained_share")
+    if share and answer["verdict"] != "adequate":
         parts.append(Note(f"{percent(share)} of the error beyond noise stays unexplained."))
     if rest := answer.get("unexplained"):
         words = ", ".join(f"{key}: {value}" for key, value in rest.items() if value)

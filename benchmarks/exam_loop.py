@@ -1,0 +1,149 @@
+"""Exported controllers on the exam's rig: ``python -m benchmarks.exam_loop [CONDITION ...]``. Needs gcc.
+
+For each condition (see ``docs/exam.md``) a healthy axis is recorded, identified, and a controller designed for it and
+exported as C. The C then drives the rig, which shares no code with the model. Prints the error at rest after steps, on
+the default sine and under a load; all in um. ``SEED`` in the environment draws another rig.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.caches import compiled
+from pneucli.exam.cases import generate_case, prepare_case
+from pneucli.exam.conditions import parse
+from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, Flows, X, valve_area, valve_area_2, valve_flow
+from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
+from pneucli.exam.rig.run import LOOP, _advance, _limited, _spool
+from pneucli.exam.rig.sensors import Sensors
+
+Array = NDArray[np.float64]
+ASKED = ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves", "differential+5/3", "hanging-load+5/3", "return-spring")
+STEPS = round(LOOP / STEP)
+TIME = LOOP * np.arange(6000)
+LOAD = 0.1  # of the supply's force
+SETTLED = 500  # samples before the next change
+
+
+@compiled()
+def period(par: Parameters, t: float, s: Array, o: Array, held: int, rest: float, work: Array) -> float:
+    """Run the rig for one period of the loop with openings ``o``, and spools and plays behind them; returns rest."""
+    for i in range(STEPS):
+        o[2], o[4] = _spool(par, STEP, o[0], o[2], o[4])
+        o[3], o[5] = _spool(par, STEP, o[1], o[3], o[5])
+        second = -o[4] if par.arrangement == FIVE_THREE else o[5]
+        now = t + i * STEP
+        first = valve_flow(par, valve_area(par, o[4], now), now, s)
+        other = (0.0, 0.0)
+        if par.arrangement != ONE_CHAMBER:
+            other = valve_flow(par, valve_area_2(par, second, now), now, s, 1)
+        q: Flows = (first[0], first[1], other[0], other[1])
+        rest = _advance(par, now, STEP, s, rest, q, held, work)
+    return rest
+
+
+class Exported:
+    """An exported controller, compiled."""
+
+    def __init__(self, folder: Path) -> None:
+        library = folder / "controller.so"
+        source = folder / "pneucli_controller.c"
+        subprocess.run(["gcc", "-O2", "-std=c99", "-shared", "-fPIC", source, "-o", library, "-lm"], check=True)
+        self._library = ctypes.CDLL(str(library))
+        self._state = ctypes.create_string_buffer(1 << 16)
+        self._step = self._library.pneucli_controller_step
+        self._step.argtypes = [ctypes.c_void_p, *4 * [ctypes.c_double], ctypes.POINTER(ctypes.c_double)]
+        self._library.pneucli_controller_init(self._state)
+        self._u = (ctypes.c_double * 2)()
+
+    def __call__(self, x_ref: float, x: float, p1: float, p2: float) -> tuple[float, float]:
+        self._step(self._state, x_ref, x, p1, p2, self._u)
+        return self._u[0], self._u[1]
+
+
+def positions(
+    par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool
+) -> Array:
+    """Return the true position in m, (n,), where the controller follows a ``reference`` (m) under a ``load`` (N)."""
+    rng, s, o, work, rest = np.random.default_rng(0), np.zeros(10), np.zeros(6), np.zeros((3, 10)), 1.0
+    s[X] = s[XL] = reference[0]
+    balanced = par.constant_force + par.spring_stiffness * (reference[0] - par.spring_rest)
+    s[P1] = s[P2] = np.sqrt(par.ambient * par.supply)
+    s[P1] = (balanced + (par.ambient if is_open else s[P2]) * par.piston_area_2) / par.piston_area_1
+    s[P1] += par.ambient * (par.piston_area_1 - par.piston_area_2) / par.piston_area_1
+    s[P2] = par.ambient if is_open else s[P2]
+    s[T1] = s[T2] = par.temperature
+    s[PS], x = par.supply, np.zeros(reference.size)
+    for k in range(reference.size):
+        x[k] = s[X]
+        noise = sensors.pressure * rng.standard_normal(2)
+        read = np.round(s[X] / sensors.position_step) * sensors.position_step
+        u, u2 = control(reference[k], read, s[P1] + noise[0], s[P2] + noise[1])
+        o[0] = _limited(par, par.command_sign * (u - par.command_null))
+        o[1] = _limited(par, u2 - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        loaded = par._replace(constant_force=par.constant_force + load[k])
+        rest = period(loaded, LOOP * k, s, o, int(is_open), rest, work)
+    return x
+
+
+def figures(par: Parameters, sensors: Sensors, control: Path, is_open: bool) -> tuple[float, float, float]:
+    """Return errors in um: the largest at rest after steps, rms on a sine, the largest at rest under a load."""
+    at = 0.5 * par.stroke + par.stroke * np.where(TIME < 0.5, 0.0, np.where(TIME < 3.0, 0.15, -0.15))
+    sine = 0.5 * par.stroke + 0.15 * par.stroke * np.sin(np.pi * np.maximum(TIME - 0.5, 0.0))
+    still, pushed = np.full(TIME.size, 0.5 * par.stroke), (TIME >= 1.5) & (TIME < 4.0)
+    push = LOAD * (par.supply - par.ambient) * par.piston_area_1 * pushed
+
+    def error(reference: Array, load: Array) -> Array:
+        return 1e6 * (positions(par, sensors, Exported(control), reference, load, is_open) - reference)
+
+    stepped, followed, loaded = (error(r, f) for r, f in ((at, 0 * TIME), (sine, 0 * TIME), (still, push)))
+    at_rest = [
+        max(abs(e[k - SETTLED : k]).max() for k in (ends, e.size)) for e, ends in ((stepped, 3000), (loaded, 4000))
+    ]
+    return at_rest[0], float(np.sqrt(np.mean(followed[1500:] ** 2))), at_rest[1]
+
+
+def designed(folder: Path) -> Path:
+    """Return the folder with the exported C of a pipeline."""
+    for command in (["design"], ["export", "--to", "c"]):
+        told = subprocess.run(
+            [sys.executable, "-m", "pneucli", command[0], "pipeline.toml", *command[1:], "--out", "out", "--quiet"],
+            check=False,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+        )
+        if told.returncode:
+            raise RuntimeError(told.stderr.strip())
+    return folder / "out" / "export"
+
+
+def main() -> None:
+    seed = int(os.environ.get("SEED", "1"))
+    print(
+        "| condition | at rest after steps, um | sine, rms, um | at rest under a load, um |\n| --- | --- | --- | --- |"
+    )
+    for name in sys.argv[1:] or ASKED:
+        conditions = parse(name)
+        with tempfile.TemporaryDirectory() as folder:
+            generate_case(Path(folder), "axis", (), "", 1.0, seed, conditions)
+            laboratory = prepare_case("rig", "axis", (), "", 1.0, seed, conditions).laboratory
+            try:
+                par, is_open = laboratory.parameters, conditions.load == "spring" and conditions.valve is None
+                shown = [f"{value:.3g}" for value in figures(par, laboratory.sensors, designed(Path(folder)), is_open)]
+            except RuntimeError as error:
+                shown = [str(error).replace("\n", " ")[:300]]
+        print(f"| `{name}` | {' | '.join(shown)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
