@@ -40,7 +40,7 @@ LIBRARIES = (
     *("scipy.stats", "statsmodels.stats.multitest"),
 )
 _FORKS = multiprocessing.get_context("forkserver")
-_FORKS.set_forkserver_preload(list(LIBRARIES))
+_FORKS.set_forkserver_preload([*LIBRARIES, __name__])
 Outcome = Literal["killed", "survived", "timeout", "no test"]
 
 
@@ -110,7 +110,7 @@ def contexts(tree: Path, packages: Sequence[str], folders: Sequence[str]) -> Con
 
 def _contexts(tree: Path, packages: Sequence[str], folder: str) -> dict[str, Any]:
     """Return what the plug-in says of the tests of one folder, or what it said where nothing has changed since."""
-    out = Path(tempfile.gettempdir(), f"pneucli-mutants-{_digest(packages, folder)}.json")
+    out = Path(tempfile.gettempdir(), f"pneucli-mutants-{_digest(tree, packages, folder)}.json")
     if not out.exists():
         more = {"MUTANTS_CONTEXTS": str(out), "MUTANTS_SOURCE": ",".join(packages)}
         command = [sys.executable, "-m", "pytest", *QUIET, "-p", "tests.mutants.contexts", folder]
@@ -123,10 +123,10 @@ def _contexts(tree: Path, packages: Sequence[str], folder: str) -> dict[str, Any
     return found
 
 
-def _digest(packages: Sequence[str], folder: str) -> str:
+def _digest(tree: Path, packages: Sequence[str], folder: str) -> str:
     """Return a name for all that the tests of a folder depend on: the tests of other folders do not matter."""
-    every = sorted(file for top in ("pneucli", "tests") for file in (ROOT / top).rglob("*.py"))
-    files = [f for f in every if not f.name.startswith("test_") or f.is_relative_to(ROOT / folder)]
+    every = sorted(file for top in ("pneucli", "tests") for file in (tree / top).rglob("*.py"))
+    files = [f for f in every if not f.name.startswith("test_") or f.is_relative_to(tree / folder)]
     return hashlib.sha256("".join([*packages, folder, *(f.read_text() for f in files)]).encode()).hexdigest()[:16]
 
 
@@ -162,13 +162,13 @@ def outcomes(
 def mutated(tree: Path, mutant: Mutant) -> Iterator[None]:
     """The copy with the mutant in it; afterwards the file is as it was, its times too.
 
-    Compiled functions of its folder are forgotten: they may hold what was mutated, from another file.
+    Compiled functions of files of its folder that import it are forgotten: they hold what was mutated.
     """
     file = tree / mutant.file
     if file.read_text() != mutant.was:
         raise RuntimeError(f"{file} is not what was mutated")
     kept = shutil.copy2(file, tree / "kept")
-    compiled = list((file.parent / "__pycache__").glob("*.nb?"))
+    compiled = _compiled(file)
     aside = tree / "compiled"
     aside.mkdir()
     for one in compiled:
@@ -178,11 +178,24 @@ def mutated(tree: Path, mutant: Mutant) -> Iterator[None]:
         yield
     finally:
         os.replace(kept, file)
-        for one in (file.parent / "__pycache__").glob("*.nb?"):
+        for one in _compiled(file):
             one.unlink()
         for one in compiled:
             shutil.move(aside / one.name, one)
         aside.rmdir()
+
+
+def _compiled(file: Path) -> list[Path]:
+    """Return the compiled functions of a file, and of those in its folder that import it, directly or not."""
+    texts = {one.stem: one.read_text() for one in file.parent.glob("*.py")}
+    found: set[str] = set()
+    more = {file.stem}
+    while more:
+        found |= more
+        more = {
+            name for name, text in texts.items() if any(f"{file.parent.name}.{one} " in text for one in found)
+        } - found
+    return [one for one in (file.parent / "__pycache__").glob("*.nb?") if one.name.partition(".")[0] in found]
 
 
 def _outcome(tree: Path, tests: Sequence[str]) -> Outcome:

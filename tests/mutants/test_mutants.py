@@ -141,6 +141,20 @@ def test_a_mutant_is_taken_back_whatever_happens(tree: Path) -> None:
     assert kept.read_text() == "compiled"
 
 
+def test_compiled_functions_are_forgotten_where_they_hold_what_was_mutated(tree: Path) -> None:
+    """Of the file itself and of those of its folder that import it, directly or through another."""
+    code = tree / "code"
+    (code / "near.py").write_text("from code.half import half\n")
+    (code / "far.py").write_text("from code.near import half\n")
+    (code / "other.py").write_text("import math\n")
+    (code / "__pycache__").mkdir()
+    for name in ("half", "near", "far", "other"):
+        (code / "__pycache__" / f"{name}.half-3.nbi").write_text("compiled")
+    with mutated(tree, drawn(tree, 1, 1)[0]):
+        assert [one.name for one in (code / "__pycache__").glob("*.nbi")] == ["other.half-3.nbi"]
+    assert len(list((code / "__pycache__").glob("*.nbi"))) == 4
+
+
 def test_accepted_survivors_are_still_in_the_code() -> None:
     from tests.mutants.report import accepted
 
