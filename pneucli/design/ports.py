@@ -11,7 +11,7 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-WIDE = 1e3  # m/s, a bracket for the speed at which friction has fallen
+WIDE = 1e3  # m/s, by which friction has fallen
 PLACES = 25  # along the stroke
 SETTLED = 400  # steps of the valve's answer to a step of the command
 STEP = 1e-3  # s, of that answer
@@ -53,9 +53,7 @@ def breakaway(model: Model) -> tuple[float, float]:
     rise = model.total("dry_rise", coulomb, 0.0)
     if rise <= 0.0:
         return coulomb, 1.0
-    low, high = 0.0, 1.0
-    while model.total("dry_rise", coulomb, high) > 0.5 * rise and high < WIDE:
-        low, high = high, 2.0 * high
+    low, high = 0.0, WIDE
     while high - low > 1e-9 * high:
         middle = 0.5 * (low + high)
         above = model.total("dry_rise", coulomb, middle) > 0.5 * rise

@@ -100,7 +100,7 @@ def _whittle(floor: Floor, period: float) -> NoiseModel:
     level = float(np.log(np.median(floor.power[floor.power.size // 2 :])))
     # per model: start and bounds of log white, log coloured power, pole
     white, coloured = (level, (level - 8, level + 8)), (level + 1, (level - 8, level + 8))
-    absent, no_pole = (NOTHING, (NOTHING, NOTHING)), (0.0, (0.0, 0.0))
+    absent, no_pole = _fixed(NOTHING), _fixed(0.0)
     bounds = (POLE[0], max(POLE[1], float(np.exp(-CORNER * floor.omega[0]))))
     choices = [[white, absent, no_pole]]
     choices += [[part, coloured, (pole, bounds)] for part in (absent, white) for pole in (0.5, 0.9)]
@@ -112,6 +112,10 @@ def _whittle(floor: Floor, period: float) -> NoiseModel:
         pole=float(pole),
         period=period,
     )
+
+
+def _fixed(value: float) -> tuple[float, tuple[float, float]]:
+    return value, (value, value)
 
 
 def _fit(floor: Floor, choice: list[tuple[float, tuple[float, float]]]) -> tuple[float, Array]:

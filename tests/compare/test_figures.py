@@ -66,6 +66,17 @@ def test_the_noise_of_a_correct_model_is_drawn_where_it_is_not_given(monkeypatch
     assert {r.noise for r in channels.compare(model(), e, dict.fromkeys(e.channels, 0.125)).results} == {0.125}
 
 
+def test_motion_is_not_compared_where_an_end_decides_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first ten samples, as far as the ends know; pressures are compared all along."""
+    e = bench("axis", clock(0.1), {"u": 0.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "v": 0.0, "a": 0.0})
+    held = np.arange(e.time.size) < 10
+    monkeypatch.setattr(channels, "at_ends", lambda experiment, x, channel: held & (channel != "v") & (x < 0.2))
+    found = channels.compare(model(), e, dict.fromkeys(e.channels, 1.0)).measured
+    lost = {c: int(np.isnan(values).sum()) for c, values in found.items()}
+    assert lost == {c: 10 if c in ("x", "a") else 0 for c in e.channels}
+    assert {"p1", "x", "v", "a"} <= lost.keys()
+
+
 # --- what a correct model shows
 
 

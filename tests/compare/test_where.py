@@ -56,6 +56,14 @@ def test_less_than_twice_its_share_is_not_remarkable(height: float, found: bool)
     assert (worst_stretch(LINE, squared) is not None) == found
 
 
+def test_twice_its_share_is_remarkable() -> None:
+    """Twenty samples in a bin each: a quarter of them holds 15 of 30."""
+    values = np.arange(20.0)
+    found = worst_stretch(values, np.where(values < 5, 3.0, 1.0))
+    assert found is not None
+    assert found[2:] == (0.5, 0.25)
+
+
 def test_what_is_not_known_of_a_signal_belongs_to_no_stretch() -> None:
     values, squared = LINE.copy(), np.zeros(N)
     values[:1000] = np.nan
@@ -174,6 +182,13 @@ def test_the_direction_of_motion_has_the_unit_one() -> None:
 def test_the_recording_that_errs_more_comes_first_and_is_an_event_of_its_own() -> None:
     mild, bad = comparison(HUMP, 2.0, "mild"), comparison(HUMP, 6.0, "bad")
     assert [(r.recording, r.event) for r in find_regions([mild, bad])] == [("bad", 0), ("mild", 1)]
+
+
+def test_the_last_sample_belongs_to_the_stretch_that_ends_there() -> None:
+    """Over time and over a signal that grows, its error is one event."""
+    time = clock(1.0)
+    regions = find_regions([comparison(np.where(time == time[-1], 1.0, 0.0), 3.0, u=time)])
+    assert {(r.signal, r.event) for r in regions} == {("time", 0), ("u", 0)}
 
 
 def test_samples_that_were_not_measured_hold_no_error() -> None:

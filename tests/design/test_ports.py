@@ -69,6 +69,8 @@ def test_break_away_and_half_speed_are_static_friction_and_stribeck_velocity():
     static, fallen = breakaway(with_("stribeck", static=coulomb + 7.0, velocity=0.013))
     assert static == pytest.approx(coulomb + 7.0)
     assert fallen == pytest.approx(0.013, rel=1e-6)
+    slow = breakaway(with_("stribeck", static=coulomb + 0.2, velocity=5e-5))[1]
+    assert slow == pytest.approx(5e-5, rel=1e-8)
     assert breakaway(model()) == (coulomb, 1.0)
 
 

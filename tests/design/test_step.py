@@ -115,6 +115,28 @@ def test_what_the_valve_cannot_reach_is_cut_in_both_directions() -> None:
     assert plant.reached(0.5 * vent, 3e5, 1e-4, C) == pytest.approx(0.5 * vent)
 
 
+MIRRORED = settings(MIRRORED=1.0, AREA_FILL_2=1.5e-6, AREA_VENT_2=3e-6)
+
+
+@pytest.mark.parametrize(("share", "volts"), [(0.25, 4.0), (-0.25, -5.0), (1.5, 10.0), (-1.5, -9.0)])
+def test_one_command_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(share: float, volts: float) -> None:
+    """What of the force's rate over the first area each makes; the second's paths open in proportion to the first's."""
+    filling = share > 0.0
+    most, other = (2e-6, 3e-6) if filling else (1e-6, 1.5e-6)
+    one = most * rate(filling, 4e5) * 1e-4 / (2e-5 + 8e-4 * 0.12)
+    two = other * rate(not filling, 2.5e5) * 1e-4 / (3e-5 + 6e-4 * 0.08)
+    both, s = one + 0.75 * two, state(X=0.12, P1=4e5, P2=2.5e5)
+    made, opened = plant.both_ways(share * both, s, MIRRORED), math.copysign(min(abs(share), 1.0), share)
+    assert made == pytest.approx(opened * both)
+    assert of(s, "RATE1", "RATE2", "U1") == pytest.approx([opened * one, -opened * two, volts])
+
+
+def test_a_5_3_valve_that_shall_do_nothing_stands_between_both_closing_edges() -> None:
+    s = state(RATE1=1.0, RATE2=1.0)
+    assert plant.both_ways(0.0, s, MIRRORED) == 0.0
+    assert of(s, "RATE1", "RATE2", "U1") == [0.0, 0.0, -0.5]
+
+
 # --- the start
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -69,10 +71,24 @@ def test_the_lq_surface_is_the_cheapest_one_near_it() -> None:
     assert cost(best.S) <= min(others)
 
 
-def test_inputs_that_are_not_independent_are_refused() -> None:
-    with pytest.raises(InputError, match="rank"):
-        regular_form(A, np.hstack([B, 2 * B]))
-    with pytest.raises(InputError, match="2, the states less the inputs"):
-        surface_by_poles(A, B, [-10.0])
-    with pytest.raises(InputError, match="positive definite"):
-        surface_by_lq(A, B, np.diag([1.0, 1.0, 0.0]))
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        (
+            lambda: regular_form(A, np.hstack([B, 2 * B])),
+            ("the input matrix", "rank below 2", "inputs that act independently"),
+        ),
+        (lambda: surface_by_poles(A, B, [-10.0]), ("poles", "1", "2, the states less the inputs")),
+        (lambda: surface_by_poles(A, B, [-10.0, -10.0]), ("poles", None, "poles that the inputs can reach")),
+        (
+            lambda: surface_by_lq(A, B, np.diag([1.0, 1.0, 0.0])),
+            ("Q", "not positive definite", "a weight above 0 on every state"),
+        ),
+    ],
+)
+def test_what_has_no_surface_is_refused(asked: Callable[[], object], says: tuple[str, str | None, str]) -> None:
+    with pytest.raises(InputError) as error:
+        asked()
+    where, found, wanted = says
+    assert (error.value.where, error.value.wanted) == (where, wanted)
+    assert found in (error.value.found, None)

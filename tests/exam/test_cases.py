@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.cases import generate_case, write_exam
+from pneucli.exam.cases import _truth, generate_case, write_exam
+from pneucli.exam.conditions import Conditions
 from pneucli.exam.grading import grade
 from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
+from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.tables import to_markdown
 from pneucli.stages import exam
 
@@ -54,6 +58,40 @@ def test_an_exam_has_nulls_strangers_and_pairs_and_its_names_do_not_tell(tmp_pat
     assert not list((tmp_path / "exam").glob("case-*/truth*"))
     with pytest.raises(InputError, match="not empty"):
         write_exam(tmp_path / "exam")
+
+
+def laboratory(**changed):
+    par = Parameters()._replace(coulomb=15.0, viscous=50.0, effective_area=2e-6, overlap=0.2, exponent=1.1, **changed)
+    return Laboratory(
+        "bench", par, Sensors(pressure=300.0, acceleration=0.1, position_step=1e-6), effects=("stribeck",)
+    )
+
+
+def test_the_truth_says_what_is_hidden_and_what_the_rig_is():
+    (hidden,) = [e for e in BY_NAME.values() if e.name == "extra-mass"]
+    truth = _truth(laboratory(), [hidden], "", Conditions())
+    base = {
+        "coulomb": 15.0, "viscous": 50.0, "effective_area_at_10V": 2e-6, "overlap_V": 0.2, "area_exponent": 1.1,
+        "null_V": 0.0, "fully_open_V": 10.0,
+    }  # fmt: skip
+    assert truth == {
+        "hidden": {"extra-mass": hidden.truth(laboratory().parameters)},
+        "outside_the_catalogue": None, "baseline": ["stribeck"], "part": None, "over": None, "conditions": ["usual"],
+        "verdict": "missing-effect", "unexplained_is_right": False, "base": base, "sensor_noise_pressure_Pa": 300.0,
+    }  # fmt: skip
+    assert _truth(laboratory(), [], "", Conditions())["verdict"] == "adequate"
+    second = {"effective_area_2": 3e-6, "overlap_2": 0.1, "exponent_2": 1.3}
+    two = _truth(laboratory(arrangement=TWO_VALVES, **second), [], "", Conditions())
+    more = {"effective_area_2_at_10V": 3e-6, "overlap_2_V": 0.1, "area_exponent_2": 1.3}
+    assert two["base"] == base | more
+
+
+def test_the_truth_of_a_stranger_says_where_it_acts():
+    stranger = next(e for e in BY_NAME.values() if not e.fields)
+    truth = _truth(laboratory(), [stranger], stranger.name, Conditions(names=("narrow",)))
+    assert (truth["outside_the_catalogue"], truth["verdict"]) == (stranger.name, "unexplained")
+    assert (truth["part"], truth["over"]) == (stranger.part, stranger.over)
+    assert (truth["conditions"], truth["unexplained_is_right"]) == (["narrow"], True)
 
 
 def _seal(folder, case, hidden, outside=None):

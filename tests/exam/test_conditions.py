@@ -11,7 +11,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case, write_exam
-from pneucli.exam.conditions import CONDITIONS, DRAWN, listed, parse
+from pneucli.exam.conditions import CONDITIONS, DRAWN, Conditions, listed, parse
 from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE
 
 
@@ -35,6 +35,64 @@ def test_names_joined_by_plus_hold_at_once():
 def test_what_is_no_condition_is_refused_with_what_would_be(name, words):
     with pytest.raises(InputError, match=words):
         parse(name)
+
+
+MOVED, DRIVEN = ("friction", "axis"), ("valve", "axis")
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds", "changed"),
+    [
+        ("bore-20mm", None, {"bore": pytest.approx(0.02)}),
+        ("supply-12.5bar", None, {"supply": pytest.approx(12.5e5)}),
+        ("rate-250Hz", None, {"rate": 250.0}),
+        ("ends", MOVED, {"ends": True}),
+        ("5/3", None, {"valve": "5/3"}),
+        ("5/3-5V", None, {"valve": "5/3", "null": 5.0, "null_stated": "5 V", "command": 5.0}),
+        ("5/3-null", None, {"valve": "5/3", "null": 5.0, "null_stated": "identify", "command": 5.0}),
+        ("two-valves", None, {"valve": "two"}),
+        ("switching", DRIVEN, {"switching": True, "command": 24.0}),
+        ("return-spring", MOVED, {"load": "spring"}),
+        ("hanging-load", MOVED, {"load": "weight"}),
+        ("differential", MOVED, {"differential": True}),
+        ("tank", ("valve",), {"tank": True}),
+        ("messy", None, {"messy": True}),
+        ("bits-12", None, {"bits": 12}),
+        ("no-acceleration", MOVED, {"absent": frozenset({"a"})}),
+        ("no-p2", ("axis",), {"absent": frozenset({"p2"})}),
+        ("drift", None, {"drift": 4.0}),
+        ("outliers", None, {"outliers": 5e-4}),
+    ],
+)
+def test_a_name_changes_what_it_says_and_nothing_else(name, kinds, changed):
+    found, usual = vars(parse(name)), vars(Conditions())
+    differing = {field for field in usual if found[field] != usual[field]} - {"names", "excluded", "kinds"}
+    assert differing == set(changed)
+    assert {field: found[field] for field in changed} == changed
+    assert sorted(found["kinds"]) == sorted(kinds or ("valve", "friction", "axis"))
+    assert sorted(usual["kinds"]) == ["axis", "friction", "valve"]
+
+
+@pytest.mark.parametrize(
+    ("form", "low", "high"),
+    [("bore-{}mm", 6, 200), ("supply-{}bar", 3, 50), ("rate-{}Hz", 100, 10_000), ("bits-{}", 8, 16)],
+)
+def test_a_number_lies_within_its_limits(form, low, high):
+    for at_limit in (low, high):
+        parse(form.format(at_limit))
+    for beyond in (low - 0.1, high + 0.1):
+        with pytest.raises(InputError) as error:
+            parse(form.format(beyond))
+        assert error.value.wanted == f"{form.format('#')} with # from {low:g} to {high:g}"
+        assert (error.value.where, error.value.found) == ("--condition", form.format(beyond))
+
+
+def test_conditions_of_different_rigs_exclude_each_other():
+    with pytest.raises(InputError) as error:
+        parse("tank+differential")
+    assert (error.value.where, error.value.found) == ("--condition", "tank+differential")
+    assert error.value.wanted == "conditions that hold on one kind of rig"
+    assert parse("no-acceleration+no-p2").absent == {"a", "p2"}
 
 
 def test_the_help_lists_every_condition():

@@ -157,6 +157,13 @@ def test_the_valve_feeds_chamber_1_alone(plain: SimpleNamespace) -> None:
     assert energies(ds) == pytest.approx((KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 290.0), 0.0))
 
 
+def test_a_second_valve_feeds_chamber_2_alone(plain: SimpleNamespace) -> None:
+    s, ds = state(T2=280.0), np.zeros(10)
+    plain.gas(WARM, s, (0.0, 0.0, 2e-3, 5e-4), 0, ds)
+    assert masses(s, ds) == pytest.approx((0.0, 1.5e-3))
+    assert energies(ds) == pytest.approx((0.0, KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 280.0)))
+
+
 @pytest.mark.parametrize(("p1", "p2", "direction"), [(6e5, 2e5, 1.0), (2e5, 6e5, -1.0)])
 def test_a_leaky_piston_seal_moves_mass_and_energy_from_the_higher_to_the_lower_pressure(
     plain: SimpleNamespace, p1: float, p2: float, direction: float
@@ -456,3 +463,12 @@ def test_time_runs_on_from_sample_to_sample(plain: SimpleNamespace) -> None:
     par = PAR._replace(swinging_force=200.0, swinging_frequency=100.0, coulomb=0.0, viscous=0.0, mass=1e3)
     a = plain.run(par, Manoeuvre(np.zeros(8), position=0.1, velocity=1e-9))["a"]
     assert a == pytest.approx(-0.2 * np.sin(2 * np.pi * 100.0 * 1e-3 * np.arange(8)), abs=1e-3)
+
+
+@pytest.mark.parametrize(("rate", "rows"), [(1e3, 2), (2e3, 4), (1.0 / STEP, round(2e-3 / STEP))])
+def test_commands_of_a_millisecond_make_as_many_rows_as_the_rate_asks_for(
+    plain: SimpleNamespace, rate: float, rows: int
+) -> None:
+    seen = plain.run(PAR, Manoeuvre(np.array([1.0, 2.0]), position=0.1), rate)
+    assert {name: values.size for name, values in seen.items()} == dict.fromkeys(seen, rows)
+    assert seen["u"].tolist() == [1.0] * (rows // 2) + [2.0] * (rows // 2)

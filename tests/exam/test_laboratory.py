@@ -66,6 +66,14 @@ def test_a_closed_loop_begins_in_balance_on_its_reference() -> None:
     assert 8e-4 * (move.pressure_1 - par.ambient) == pytest.approx(6e-4 * (move.pressure_2 - par.ambient))
 
 
+def test_a_load_toward_zero_is_carried_by_chamber_1() -> None:
+    par = PAR._replace(piston_area_1=8e-4, piston_area_2=6e-4)
+    assert stick_slip(par, 5e3, load=40.0).pressure_1 == pytest.approx(par.ambient + 40.0 / 8e-4)
+    move = closed_loop(par, np.array([0.12]), 150.0, 1.5e5, load=40.0)
+    assert 8e-4 * (move.pressure_1 - par.ambient) == pytest.approx(6e-4 * (move.pressure_2 - par.ambient) + 40.0)
+    assert closed_loop(par, np.array([0.12]), 150.0, 1.5e5, load=1e3).pressure_2 == par.ambient
+
+
 def test_a_reference_wanders_about_the_middle_and_within_the_stroke() -> None:
     paths = np.array([wandering(RNG(seed), 8000) for seed in range(60)])
     assert np.all(paths[:, 0] == 0.1)
@@ -387,11 +395,6 @@ def test_half_of_the_benches_hum() -> None:
     assert 0.35 < loud.size / hums.size < 0.65
     assert 140.0 <= loud.min() < 147.0
     assert 193.0 < loud.max() <= 200.0
-
-
-def takes(kind: str, vessel: float | None) -> list[Take]:
-    par = cases._rig(kind, False, RNG(1))
-    return cases._takes(kind, Laboratory("r", par, Sensors(), vessel, kind != "valve"), RNG(2))
 
 
 def handed_over(

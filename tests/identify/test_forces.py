@@ -126,4 +126,11 @@ def test_noise_that_is_drawn_shows_as_much_as_the_sensors_have() -> None:
     assert found["force"] == pytest.approx(1.0, abs=0.1)
     still = resting()
     still.experiment.noise.update({"p1": NoiseModel(300.0)})
-    assert still.drawn_rms(model(), {}, 1, 11)["a"] == 1.0
+    at_rest = still.drawn_rms(model(), {}, 1, 11)
+    assert at_rest["a"] == 1.0
+    assert at_rest["force"] < 0.01  # friction holds the piston, and takes the noise too
+
+
+def test_nothing_is_added_to_the_squares_of_forces() -> None:
+    """No start of a simulation errs; force and accelerometer, a sample each."""
+    assert resting().volume({}).tolist() == [0.0] * (2 * TIME.size)

@@ -13,6 +13,8 @@ from pneucli.errors import InputError
 from pneucli.identify.friction import motion, motion_of
 from pneucli.identify.friction.velocity import integrate, low_pass, rests
 from pneucli.noise import NoiseModel
+from pneucli.physics.effects import catalogue
+from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
 
@@ -86,16 +88,43 @@ def test_samples_that_were_not_measured_are_left_out() -> None:
     assert np.all(np.isfinite(motion.drive))
 
 
-def test_what_is_missing_is_named() -> None:
+@pytest.mark.parametrize(
+    ("signals", "rig", "says"),
+    [
+        (("p1", "p2"), RIG, ("neither x nor a", "position, acceleration, or both", "")),
+        (
+            ("p1", "p2", "x", "a"),
+            replace(RIG, piston_area_1=None, piston_area_2=None),
+            ("no rig.cylinder.piston_area_1", "what drives the piston", "add rig.cylinder.piston_area_1"),
+        ),
+        (("p1", "x", "a"), RIG, ("chamber 2 is {}, p2 was not recorded", "p2", "record or state p2")),
+        (("x", "a"), RIG, ("no p1, p2 or force", "what drives the piston", "add p1, p2 or force")),
+    ],
+)
+@pytest.mark.parametrize("chamber_2", ["closed", "valve"])
+def test_what_is_missing_is_named(
+    signals: tuple[str, ...], rig: Rig, says: tuple[str, str, str], chamber_2: str
+) -> None:
+    """An air spring is not ambient pressure; an open chamber is."""
     r = recorded(STICKY, TRUTH, 8)
-    with pytest.raises(InputError, match="neither x nor a"):
-        motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2")}), Model(RIG))
-    with pytest.raises(InputError, match="piston_area_1"):
-        motion_of(r, Model(replace(RIG, piston_area_1=None, piston_area_2=None)))
-    with pytest.raises(InputError, match="p2 was not recorded"):  # an air spring is not ambient pressure
-        motion_of(replace(r, signals={k: r[k] for k in ("p1", "x", "a")}), Model(RIG))
-    with pytest.raises(InputError, match="p1, p2 or force"):
-        motion_of(replace(r, signals={k: r[k] for k in ("x", "a")}), Model(RIG))
+    with pytest.raises(InputError) as error:
+        motion_of(replace(r, signals={k: r[k] for k in signals}, chamber_2=chamber_2), Model(rig))
+    told = error.value
+    assert (told.where, told.found.replace(chamber_2, "{}"), told.wanted, told.mend) == ("recording run_8", *says)
+    if "p2 was" in told.found:
+        alone = motion_of(replace(r, signals={k: r[k] for k in signals}, chamber_2="open"), Model(rig))
+        assert alone.drive == pytest.approx(RIG.piston_area_1 * (r["p1"] - RIG.ambient_pressure))
+
+
+def test_without_position_a_force_that_depends_on_it_is_not_known() -> None:
+    r = recorded(STICKY, TRUTH, 8)
+    values = {"spring-force.stiffness": 100.0, "spring-force.rest_position": 0.1}
+    sprung = Model(RIG, (catalogue()["spring-force"],), values)
+    with pytest.raises(InputError) as error:
+        motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2", "a")}), sprung)
+    told = error.value
+    assert told.found == "x was not recorded, and a force depends on it (spring-force)"
+    assert (told.where, told.wanted) == ("recording run_8", "x")
 
 
 @settings(max_examples=30, deadline=None)

@@ -35,7 +35,7 @@ def main() -> None:
     mutants = [m for m in sample(ROOT, shares(ROOT, packages, asked.number), asked.seed) if asked.file in m.file]
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         first = copied(Path(folder, "0"))
-        known = contexts(first, packages, [f for p in packages for f in PACKAGES[p]])
+        known = contexts(first, tuple(PACKAGES), [f for p in packages for f in PACKAGES[p]])
         trees = [first, *(copied(Path(folder, str(i)), first) for i in range(1, TOGETHER))]
         found = outcomes(mutants, known, trees, _say)
     print("\n\n" + report(mutants, found, accepted()))

@@ -78,25 +78,45 @@ def test_packages_share_the_number_by_their_lines(tree: Path) -> None:
     assert shares(tree, ("code", "more"), 100) == {"code": 25, "more": 75}
 
 
+def known(seconds: dict[str, float], lines: dict[str, dict[str, list[str]]], **shares: list[str]) -> Contexts:
+    """Contexts of the tests whose time is known, and of the fixtures that they share."""
+    fixtures = {one for mine in shares.values() for one in mine}
+    return Contexts(seconds, {t: shares.get(t, []) for t in seconds if t not in fixtures}, lines)
+
+
+def at(file: str, *lines: int) -> Mutant:
+    return Mutant(file, lines, "", "")
+
+
 def test_a_line_meets_the_tests_that_run_it_fastest_first_within_the_time() -> None:
-    known = Contexts(
+    contexts = known(
         {"slow": 0.9 * BUDGET, "quick": 0.1, "long": 0.5 * BUDGET, "other": 0.1},
         {"code/half.py": {"3": ["slow", "quick", "long"], "9": ["other"]}},
     )
-    assert known.tests(Mutant("code/half.py", (3, 3), "", "")) == ["quick", "long"]
-    assert known.tests(Mutant("code/half.py", (4, 9), "", "")) == ["other"]
+    assert contexts.tests(at("code/half.py", 3, 3)) == ["quick", "long"]
+    assert contexts.tests(at("code/half.py", 4, 9)) == ["other"]
+
+
+def test_what_a_shared_fixture_runs_meets_all_tests_that_share_it() -> None:
+    """Its time counts once, whichever of them comes first: three of four here, with one of a tenth without it."""
+    contexts = known(
+        {"made": 0.5 * BUDGET, "a": 0.1 * BUDGET, "b": 0.2 * BUDGET, "c": 0.4 * BUDGET, "d": 0.1 * BUDGET},
+        {"code/half.py": {"3": ["made", "d"], "4": ["a"]}},
+        a=["made"], b=["made"], c=["made"],
+    )  # fmt: skip
+    assert contexts.tests(at("code/half.py", 3)) == ["d", "a", "b"]
+    assert contexts.tests(at("code/half.py", 4)) == ["a"]
 
 
 def test_what_no_tracer_sees_meets_the_tests_of_its_folder() -> None:
-    known = Contexts(
+    contexts = known(
         {"a": 0.1, "b": 0.2, "c": 0.1}, {"code/x.py": {"1": ["b"]}, "code/y.py": {"1": ["a"]}, "z/x.py": {"1": ["c"]}}
     )
-    assert known.tests(Mutant("code/x.py", (7, 7), "", "")) == ["a", "b"]
+    assert contexts.tests(at("code/x.py", 7, 7)) == ["a", "b"]
 
 
 def test_a_test_too_slow_for_the_time_is_tried_where_it_is_the_only_one() -> None:
-    known = Contexts({"slow": 2 * BUDGET}, {"code/x.py": {"1": ["slow"]}})
-    assert known.tests(Mutant("code/x.py", (1, 1), "", "")) == ["slow"]
+    assert known({"slow": 2 * BUDGET}, {"code/x.py": {"1": ["slow"]}}).tests(at("code/x.py", 1)) == ["slow"]
 
 
 def test_a_mutant_is_taken_back_whatever_happens(tree: Path) -> None:
@@ -119,6 +139,20 @@ def test_a_mutant_is_taken_back_whatever_happens(tree: Path) -> None:
     assert file.read_text() == SOURCE
     assert file.stat().st_mtime_ns == before
     assert kept.read_text() == "compiled"
+
+
+def test_compiled_functions_are_forgotten_where_they_hold_what_was_mutated(tree: Path) -> None:
+    """Of the file itself and of those of its folder that import it, directly or through another."""
+    code = tree / "code"
+    (code / "near.py").write_text("from code.half import half\n")
+    (code / "far.py").write_text("from code.near import half\n")
+    (code / "other.py").write_text("import math\n")
+    (code / "__pycache__").mkdir()
+    for name in ("half", "near", "far", "other"):
+        (code / "__pycache__" / f"{name}.half-3.nbi").write_text("compiled")
+    with mutated(tree, drawn(tree, 1, 1)[0]):
+        assert [one.name for one in (code / "__pycache__").glob("*.nbi")] == ["other.half-3.nbi"]
+    assert len(list((code / "__pycache__").glob("*.nbi"))) == 4
 
 
 def test_accepted_survivors_are_still_in_the_code() -> None:

@@ -1,0 +1,191 @@
+"""ISO characteristics piece by piece: which interval holds, what a curve tells of b and m, and whose command it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.identify.fit import Estimate
+from pneucli.identify.valve import iso
+from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.iso import Figure, iso_conductance
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.valve_area import area_name
+from tests.simulate.benches import model
+
+NONE: Any = None
+UNIT = 0.484 * np.sqrt(2.0 / (287.0 * 293.15)) / 1.185  # m^3/(s Pa) of 1 m^2
+
+
+@pytest.mark.parametrize(
+    ("value", "contradicted"), [(0.1, True), (0.2, False), (0.3, False), (0.4, False), (0.5, True)]
+)
+def test_a_figure_is_contradicted_by_a_curve_whose_interval_leaves_it_out(value: float, contradicted: bool) -> None:
+    assert Figure(value, 0.0, 1.0, (0.3, 0.2, 0.4)).contradicted == contradicted
+    assert not Figure(value, 0.0, 1.0).contradicted
+
+
+@pytest.mark.parametrize(
+    ("known", "which", "seen", "interval"),
+    [
+        ((0.25, 0.35), 0, None, (0.25, 0.35)),
+        ((0.25, 0.35), 0, (0.3, 0.2, 0.4), (0.25, 0.35)),
+        ((0.25, 0.35), 0, (0.6, 0.5, 0.7), (0.25, 0.7)),
+        ((0.25, 0.35), 0, (0.1, -0.05, 0.2), (0.0, 0.35)),
+        (None, 0, (0.5, 0.4, 0.6), (0.3, 0.6)),
+        (None, 0, None, (0.0, 0.35 + 1.959964 * 0.2)),
+        (None, 1, None, (0.3, 0.5 + 1.959964 * 0.1)),
+    ],
+)
+def test_the_models_interval_holds_unless_it_has_none_or_the_curve_contradicts_it(
+    known: Any, which: int, seen: Any, interval: tuple[float, float]
+) -> None:
+    """Else the curve's, or what is usual (b 0.35 +- 0.2, m 0.5 +- 0.1), with the value itself, never below 0."""
+    found = iso._figure(0.3, known, which, seen)
+    assert (found.value, found.seen) == (0.3, seen)
+    assert (found.low, found.high) == (pytest.approx(interval[0]), pytest.approx(interval[1]))
+
+
+def estimate(name: str, value: float, low: float, high: float) -> Estimate:
+    return Estimate(name, "1", value, 0.0, (low, high), False)
+
+
+def test_the_critical_ratio_is_the_models_with_the_interval_of_the_effect_that_identified_it() -> None:
+    assert iso._critical_ratio(model(), {}) == (model().base()["valve.critical_ratio"], None)
+    (parameter,) = catalogue()["critical-ratio"].parameters
+    name = f"critical-ratio.{parameter.name}"
+    known = model(["critical-ratio"], {name: 0.3})
+    assert iso._critical_ratio(known, {}) == (0.3, None)
+    assert iso._critical_ratio(known, {name: estimate(name, 0.3, 0.25, 0.4)}) == (0.3, (0.25, 0.4))
+
+
+def found_of(names: tuple[str, ...] = (), values: dict[str, float] | None = None) -> Any:
+    """A fit that knows all areas of a valve but that at -5 V, to a tenth."""
+    known = model(names, values)
+    pairs = zip(known.valve.commands, known.valve.areas, strict=True)
+    areas = [estimate(area_name(u), a, 0.9 * a, 1.1 * a) for u, a in pairs if u != -5.0]
+    return SimpleNamespace(model=known, estimates=areas)
+
+
+def test_each_known_area_is_a_conductance_and_only_tested_commands_show_b_and_m(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = [(0.2, 0.1, 0.3), (0.6, 0.5, 0.7)]
+    monkeypatch.setattr(iso, "_seen", lambda law, fit, covers, u, unknown: told)
+    found = {one.u: one for one in iso_conductance(NONE, NONE, found_of(), NONE, [9.995, -9.98, 5.0])}
+    assert sorted(found) == [-10.0, 5.0, 10.0]
+    for u, area in ((-10.0, 1.8e-6), (5.0, 0.9e-6)):
+        c = found[u].C
+        assert c.value == pytest.approx(UNIT * area)
+        assert (c.low, c.high) == (pytest.approx(0.9 * UNIT * area), pytest.approx(1.4 * 1.1 * UNIT * area))
+    assert [(one.b.seen, one.m.seen) for one in (found[10.0], found[5.0])] == [tuple(told)] * 2
+    assert (found[-10.0].b.seen, found[-10.0].m.seen) == (None, None)  # 20 mV off: not that command
+    assert (found[-10.0].b.value, found[-10.0].m.value) == (model().base()["valve.critical_ratio"], 0.5)
+    assert found[-10.0].m.low == pytest.approx(0.5 - 1.959964 * 0.1)
+    assert found[-10.0].b.high == pytest.approx(0.35 + 1.959964 * 0.2)
+
+
+def test_a_model_with_heat_leaves_no_doubt_of_the_gas() -> None:
+    values = {f"heat-transfer.{p.name}": 0.5 for p in catalogue()["heat-transfer"].parameters}
+    found = iso_conductance(NONE, NONE, found_of(("heat-transfer",), values), NONE, [99.0])
+    assert found[0].C.high == pytest.approx(1.1 * found[0].C.value)
+
+
+# --- what a curve shows
+
+
+def flow(r: np.ndarray, b: float, m: float) -> np.ndarray:
+    return np.asarray((1.0 - (np.maximum(r - b, 0.0) / (1.0 - b)) ** 2) ** m)
+
+
+@pytest.mark.parametrize(("b", "m"), [(0.2, 0.5), (0.45, 0.6), (0.5, 0.4)])
+def test_an_ellipse_is_found_from_its_points(b: float, m: float) -> None:
+    r = np.linspace(0.15, 0.98, 40)
+    (log_c, b_found, m_found), covariance = iso._ellipse(3.0 * flow(r, b, m), r, 1e4 * np.eye(40))
+    assert (np.exp(log_c), b_found, m_found) == (
+        pytest.approx(3.0, rel=1e-4),
+        pytest.approx(b, abs=1e-3),
+        pytest.approx(m, abs=1e-3),
+    )
+    assert covariance.shape == (3, 3)
+    coarse = iso._ellipse(3.0 * flow(r, b, m), r, 1e2 * np.eye(40))[1]
+    assert np.sqrt(coarse[0, 0] / covariance[0, 0]) == pytest.approx(100.0, rel=0.1)
+
+
+def test_where_a_curve_is_silent_b_and_m_are_the_usual_ones() -> None:
+    r = np.linspace(0.15, 0.98, 40)
+    (_, b, m), covariance = iso._ellipse(flow(r, 0.1, 0.8), r, 1e-6 * np.eye(40))
+    assert (b, m) == (pytest.approx(0.35, abs=1e-3), pytest.approx(0.5, abs=1e-3))
+    assert np.sqrt(np.diag(covariance))[1:] == pytest.approx([0.2, 0.1], rel=1e-3)
+
+
+class Curve:
+    """A law whose gradient is an ellipse of b = 0.3 and m = 0.45 at any command, with one parameter: its size."""
+
+    ambient, supply = 1e5, 7e5
+    b, m = 0.3, 0.45
+
+    def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+        upstream, r = np.where(u > 0, supply, p), np.where(u > 0, p / supply, self.ambient / p)
+        return np.asarray(theta[0] * np.sign(u) * upstream * flow(np.minimum(r, 1 - 1e-9), self.b, self.m))
+
+    def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+        return self.gradient(np.ones(1), u, p, supply)[..., None]
+
+
+SURE: Any = Posterior(np.array([2.0]), np.zeros((1, 1)), np.zeros((0, 0)))
+LAW: Any = Curve()
+
+
+def everywhere(u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    return np.ones(p.size, dtype=bool)
+
+
+@pytest.mark.parametrize("u", [5.0, -5.0])
+def test_a_curve_shows_the_b_and_m_of_its_flow(u: float) -> None:
+    b, m = iso._seen(LAW, SURE, everywhere, u, 1.0)  # type: ignore[arg-type, misc]
+    assert b is not None
+    assert m is not None
+    assert b[0] == pytest.approx(0.3, abs=0.01)
+    assert m[0] == pytest.approx(0.45, abs=0.01)
+    assert b[2] - b[0] == pytest.approx(b[0] - b[1])
+    wide = iso._seen(LAW, SURE, everywhere, u, 1.4)  # type: ignore[arg-type]
+    assert wide is not None
+    assert wide[0] is not None
+    assert wide[0][0] == pytest.approx(b[0])
+    assert wide[0][2] - wide[0][1] > 2.0 * (b[2] - b[1])  # the gas may have drifted from one state to the other
+
+
+def test_an_interval_holds_a_drift_of_the_gas_over_the_root_of_three() -> None:
+    """A vessel that is isothermal at first and adiabatic at last: its curve is that of the law over the drift."""
+
+    class Drifted(Curve):
+        def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+            return super().gradient(theta, u, p, supply) / np.linspace(1.0, 1 / 1.4, p.size)
+
+    still, drifted = (iso._seen(law, SURE, everywhere, 5.0, 1.0) for law in (LAW, Drifted()))  # type: ignore[arg-type]
+    wide = iso._seen(LAW, SURE, everywhere, 5.0, 1.4)  # type: ignore[arg-type]
+    for one, other, both in zip(still, drifted, wide, strict=True):  # type: ignore[arg-type]
+        error = np.hypot((one[2] - one[0]) / 1.959964, (other[0] - one[0]) / np.sqrt(3.0))
+        assert both[2] - both[0] == pytest.approx(1.959964 * error, rel=1e-3)
+
+
+def test_a_quarter_of_the_pressures_must_have_been_seen() -> None:
+    grid = np.linspace(1e5, 7e5, iso.POINTS)
+    for seen, told in ((9, False), (10, True)):
+        few = lambda u, p, n=seen: p < grid[n] - 1.0  # noqa: E731
+        assert (iso._seen(LAW, SURE, few, 5.0, 1.4) is not None) == told  # type: ignore[arg-type]
+
+
+def test_a_curve_that_is_not_sure_of_itself_or_where_nothing_flows_tells_neither() -> None:
+    class Vague(Curve):
+        def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+            return 0.5 * np.abs(self.gradient(theta, u, p, supply)).max() * np.eye(p.size)
+
+    unsure: Any = replace(SURE, covariance=np.eye(iso.POINTS))
+    assert iso._seen(Vague(), unsure, everywhere, 5.0, 1.0) == [None, None]  # type: ignore[arg-type]
+    assert iso._seen(LAW, replace(SURE, theta=np.zeros(1)), everywhere, 5.0, 1.4) is None  # type: ignore[arg-type]

@@ -1,0 +1,291 @@
+"""Coverage, lack of fit, nodes, curves and the trend's memory, each by itself, in round numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.identify.valve import identification, trend
+from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.identification import Residual, ValveIdentification
+from pneucli.identify.valve.lack import LackOfFit, lack_of_fit
+from pneucli.identify.valve.maps import Coverage, GradientMap, coverage, gradient_map, gradient_with_error, inverse_map
+from pneucli.identify.valve.stretches import Stretches
+from pneucli.identify.valve.trend import Trend, memory, units
+from pneucli.simulate.quasi_static import QuasiStatic
+from pneucli.simulate.run import simulate
+from tests.simulate.benches import bench, clock, model, steps_of_command
+
+NONE: Any = None
+
+
+# --- where recordings went
+
+
+SHUT: Any = SimpleNamespace(
+    trend=SimpleNamespace(model=SimpleNamespace(valve=lambda u: np.maximum(np.abs(u) - 0.3, 0.0)))
+)
+WENT = Coverage(np.array([-10.0, -4.0, 2.0, 6.0]), np.array([1e5, 1e5, 1e5, 3e5]), np.array([7e5, 4e5, 5e5, 7e5]), SHUT)
+
+
+@pytest.mark.parametrize(
+    ("u", "p", "told"),
+    [
+        (2.0, 1e5, True), (2.0, 5e5, True), (2.0, 5.1e5, False),  # a command and its ends
+        (3.0, 2e5, True), (3.1, 2e5, False), (1.0, 2e5, True), (0.9, 2e5, False),  # a tenth of the largest command
+        (4.0, 4e5, True), (4.0, 2e5, False), (4.0, 6e5, False),  # between two that both saw the pressure
+        (-7.0, 3e5, True), (-7.0, 5e5, False), (-9.0, 5e5, True), (-3.0, 2e5, True),
+        (8.0, 5e5, False), (7.0, 5e5, True),
+        (-0.9, 2e5, False), (0.3, 6.5e5, True), (-0.3, 2e5, True), (0.0, 0.9e5, False),  # shut: any command's pressure
+        (0.31, 6.5e5, False),
+    ],
+)  # fmt: skip
+def test_recordings_tell_of_commands_near_theirs_and_between_them(u: float, p: float, told: bool) -> None:
+    assert bool(WENT(np.array([[u]]), np.array([[p]]))[0, 0]) == told
+
+
+def laid(u: np.ndarray, p: np.ndarray, valid: np.ndarray | None = None, **more: Any) -> Stretches:
+    """Stretches (N, L) of these commands and pressures, sampled at 0.1 s."""
+    samples, number = u.shape
+    whole = np.ones(u.shape, dtype=bool) if valid is None else valid
+    ones = np.ones(number, dtype=np.int64)
+    known: dict[str, Any] = {
+        "time": np.tile(0.1 * np.arange(samples)[:, None], number), "u": u, "supply": np.full(u.shape, 7e5), "p": p,
+        "beside": np.zeros((samples, number, 1)), "valid": whole, "period": 0.1 * ones, "recording": 0 * ones,
+        "joined": ones, "steps": 1, "steepest": 1e6,
+    }  # fmt: skip
+    return Stretches(**(known | more))
+
+
+def test_the_coverage_is_of_all_levels_and_the_pressures_that_each_saw() -> None:
+    u = np.array([[5.0, -5.0], [5.0, -5.0], [6.0, 5.0]])
+    p = np.array([[1e5, 7e5], [2e5, 6e5], [3e5, 9e5]])
+    found = coverage(SHUT, laid(u, p, np.array([[True, True], [True, True], [True, False]])))
+    assert found.commands.tolist() == [-5.0, 5.0, 6.0]
+    assert found.lowest.tolist() == [6e5, 1e5, 3e5]
+    assert found.highest.tolist() == [7e5, 2e5, 3e5]
+
+
+def test_of_very_many_levels_some_stand_for_all() -> None:
+    u = np.linspace(0.0, 1.0, 800)[:, None]
+    found = coverage(SHUT, laid(u, 1e5 + u))
+    assert found.commands == pytest.approx(u[::4, 0])
+
+
+class Straight:
+    """dp/dt = theta_0 u + theta_1 p, at any supply."""
+
+    ambient, supply = 1e5, 7e5
+    directions = (SimpleNamespace(sign=1, nodes=np.array([1.0, 4.0])), SimpleNamespace(sign=-1, nodes=np.array([4.0])))
+    trend = SHUT.trend
+
+    def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+        assert np.all(supply == 7e5)
+        return np.asarray(theta[0] * u + theta[1] * p)
+
+    def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+        return np.stack([u, p], axis=-1)
+
+
+LAW: Any = Straight()
+FIT: Any = Posterior(np.array([1e5, 0.1]), np.array([[9e6, 30.0], [30.0, 4e-4]]), np.zeros((0, 0)))
+
+
+def test_the_error_of_a_gradient_is_that_of_its_parameters_together() -> None:
+    value, error = gradient_with_error(LAW, FIT, np.array([2.0, -1.0]), np.array([1e5, 3e5]), np.full(2, 7e5))
+    assert value == pytest.approx([2.1e5, -0.7e5])
+    assert error == pytest.approx(np.sqrt([36e6 + 2 * 30.0 * 2e5 + 4e-4 * 1e10, 9e6 - 2 * 30.0 * 3e5 + 4e-4 * 9e10]))
+
+
+def test_the_map_has_95_percent_intervals_over_commands_and_pressures() -> None:
+    u, p = np.array([-1.0, 2.0, 4.0]), np.array([1e5, 6e5])
+    found = gradient_map(LAW, FIT, u, p, WENT)
+    assert found.gradient == pytest.approx(1e5 * u[:, None] + 0.1 * p)
+    error = gradient_with_error(LAW, FIT, np.array([4.0]), np.array([6e5]), np.array([7e5]))[1][0]
+    assert found.ci_high[2, 1] - found.gradient[2, 1] == pytest.approx(1.959964 * error)
+    assert found.gradient[2, 1] - found.ci_low[2, 1] == pytest.approx(1.959964 * error)
+    assert found.covered.tolist() == [[False, False], [True, False], [False, False]]
+    assert (found.u.tolist(), found.p.tolist()) == (u.tolist(), p.tolist())
+
+
+def test_the_inverse_is_on_its_grid_and_answers_what_a_shut_valve_gives_by_the_middle() -> None:
+    """The overlap from -0.3 to 0.3 V; gradients within the error of its own there are those of the shut valve."""
+    sure = replace(FIT, covariance=np.diag([0.0, 1e-12]))
+    gradients, p = np.array([-1e5, 3e4, 3e4 + 1.0, 4.5e5]), np.array([3e5, 4e5])
+    found = inverse_map(LAW, sure, gradients, p, lambda u, p: np.ones(u.shape, dtype=bool))  # type: ignore[arg-type]
+    assert found.u.shape == (4, 2)
+    assert found.u[:, 0] == pytest.approx([-1.3, 0.0, 1e-5, 4.0], abs=1e-3)
+    assert found.u[1, 1] == pytest.approx(-0.1)
+    assert found.reachable.tolist() == [[True, True], [True, True], [True, True], [False, False]]
+    unsure = replace(FIT, covariance=np.diag([0.0, 1e-4]))  # 3000 Pa/s at 3 bar
+    near = inverse_map(LAW, unsure, 3e4 + np.array([-6e3, -5.8e3, 5.8e3, 6e3]), p[:1], WENT)
+    assert near.u[:, 0] == pytest.approx([-0.06, 0.0, 0.0, 0.06], abs=1e-9)
+
+
+# --- the model against the map
+
+
+def lacking(difference: list[float], covered: list[bool], ci: float = 10.0, error: float = 5.0) -> LackOfFit:
+    """A map of gradients 1000, 1000, 500 and 9 at one command, and a model that is off by ``difference``."""
+    gradient = np.array([[1000.0, 1000.0, 500.0, 9.0]])
+    grid = GradientMap(
+        np.array([1.0]), np.arange(4.0), gradient, gradient - ci, gradient + ci, np.array([covered])
+    )  # fmt: skip
+    modelled: Any = SimpleNamespace(
+        start=NONE,
+        at=lambda start: lambda u, p, supply: gradient - difference if np.all(supply == 7e5) else NONE,
+        error=lambda u, p, supply: np.full(u.shape, error),
+    )
+    return lack_of_fit(modelled, 7e5, grid)
+
+
+ALL = [True] * 4
+
+
+def test_differences_count_where_data_covered_the_map_and_something_flows() -> None:
+    """Below a hundredth of the largest gradient a share says little."""
+    found = lacking([30.0, -10.0, 50.0, 9.0], ALL)
+    assert found.difference.tolist() == [[30.0, -10.0, 50.0, 9.0]]
+    assert found.counted.tolist() == [[True, True, True, False]]
+    assert found.relative[found.counted] == pytest.approx([0.03, 0.01, 0.1])
+    assert (found.median, found.p95) == (pytest.approx(0.03), pytest.approx(0.093))
+    some = lacking([30.0, -10.0, 50.0, 9.0], [True, True, False, True])
+    assert some.counted.tolist() == [[True, True, False, False]]
+    assert some.outside.tolist() == [[True, False, False, False]]
+    none = lacking([30.0, -10.0, 50.0, 9.0], [False] * 4)
+    assert (none.median, none.p95, none.share_outside, none.noticeable) == (None, None, None, False)
+
+
+@pytest.mark.parametrize(
+    ("ci", "error", "share"), [(10.0, 5.0, 2 / 3), (29.0, 5.0, 2 / 3), (31.0, 5.0, 1 / 3), (10.0, 16.0, 1 / 3)]
+)
+def test_outside_is_what_neither_interval_allows_for(ci: float, error: float, share: float) -> None:
+    assert lacking([30.0, -9.0, 50.0, 9.0], ALL, ci, error).share_outside == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("difference", "noticeable"), [([21.0, 0, 0, 0], True), ([19.0, 0, 0, 0], False), ([0, 0, 0, 9.0], False)]
+)
+def test_more_than_a_fiftieth_of_the_gradient_is_noticeable(difference: list[float], noticeable: bool) -> None:
+    assert lacking(difference, ALL, ci=2.0, error=1.0).noticeable == noticeable
+
+
+def test_at_more_than_a_twentieth_of_the_points() -> None:
+    for off, noticeable in ((5, False), (6, True)):
+        outside = np.arange(100) < off
+        relative, ones = np.full(100, 0.5), np.ones(100, dtype=bool)
+        assert LackOfFit(NONE, NONE, NONE, outside, ones, relative).noticeable == noticeable
+
+
+# --- the identification's own pieces
+
+
+def test_commands_that_were_held_for_three_tenths_of_a_second_are_nodes() -> None:
+    u = np.array([[1.0, 5.0, -4.0], [1.0, 5.0, -4.0], [1.0, 8.0, -4.0], [2.0, 8.0, -4.0]])
+    p = np.full(u.shape, 2e5)
+    assert identification._nodes(laid(u, p), 1) == pytest.approx([1.0, 8.0])  # 2 V for 0.1 s, 5 V for 0.2 s
+    assert identification._nodes(laid(u, p), -1) == pytest.approx([4.0])
+    assert identification._nodes(laid(u, p, u != 1.0), 1) == pytest.approx([8.0])
+    assert identification._nodes(laid(u, p, period=np.array([0.1, 0.15, 0.1])), 1) == pytest.approx([1.0, 5.0, 8.0])
+    assert identification._nodes(laid(np.zeros((4, 1)), p[:, :1]), 1).size == 0
+    top = np.array([[4.0], [4.0], [4.0], [4.02]])  # not the same, but as near as 1 %
+    assert identification._nodes(laid(top, p[:, :1]), 1) == pytest.approx([4.0], abs=0.005)
+
+
+def test_residual_over_noise_is_a_root_mean_square_over_the_recordings_of_a_use() -> None:
+    rows = (Residual("a", "train", 3.0), Residual("b", "train", 4.0), Residual("c", "test", 2.0))
+    found = ValveIdentification(*[NONE] * 5, rows, 3.0, 1.0, NONE, NONE, NONE)
+    assert (found.over_noise("train"), found.over_noise("test")) == (pytest.approx(np.sqrt(12.5)), 2.0)
+    assert found.over_noise("else") is None
+    assert found.described
+    assert not replace(found, steepest=3.01).described
+
+
+def test_curves_are_stretches_of_one_command_that_is_not_zero() -> None:
+    u = np.array([[2.0, 0.0, 3.0], [2.0, 0.0, 3.5], [9.0, 0.0, 3.5]])
+    p = np.array([[1e5, 2e5, 3e5], [1.1e5, 2e5, 3e5], [9e5, 2e5, 3e5]])
+    valid = np.ones((3, 3), dtype=bool)
+    valid[2, 0] = False
+    data = laid(u, p, valid, recording=np.array([1, 0, 0]))
+    fit = replace(FIT, simulated=p + 5.0)
+    recorded: Any = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
+    (curve,) = identification._curves(LAW, fit, data, recorded)
+    assert (curve.recording, curve.u) == ("b", 2.0)
+    assert (curve.time.tolist(), curve.measured.tolist(), curve.fitted.tolist()) == (
+        [0.0, 0.1], [1e5, 1.1e5], [100_005.0, 110_005.0],
+    )  # fmt: skip
+    value, error = gradient_with_error(LAW, fit, np.full(2, 2.0), curve.fitted, np.full(2, 7e5))
+    assert curve.gradient == pytest.approx(value)
+    assert curve.ci_low == pytest.approx(value - 1.959964 * error)
+    assert curve.ci_high == pytest.approx(value + 1.959964 * error)
+
+
+# --- the trend
+
+
+def test_units_make_errors_independent_and_of_size_one() -> None:
+    covariance = np.array([[4.0, 1.0], [1.0, 9.0]])
+    found = units(covariance, 1e-3)
+    assert found @ covariance @ found.T == pytest.approx(np.eye(2))
+    poor = units(np.diag([1e-12, 4.0]), 0.1)
+    assert sorted(np.abs(poor[poor != 0.0])) == pytest.approx([0.5, 10.0])
+
+
+def test_nothing_is_less_certain_than_anything_between_its_bounds() -> None:
+    """Even over a width w it errs by w / sqrt(12); what is known with it shrinks alike."""
+    wide = trend._within(np.array([[100.0, 3.0], [3.0, 0.25]]), (np.array([0.0, -1e9]), np.array([12.0, 1e9])))
+    assert wide[0, 0] == pytest.approx(12.0)
+    assert wide[0, 1] == pytest.approx(3.0 * np.sqrt(0.12))
+    assert wide[1, 1] == 0.25
+    assert trend._within(np.zeros((1, 1)), (np.zeros(1), np.ones(1))).tolist() == [[0.0]]
+
+
+def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] = (0,)) -> tuple[Any, Any]:
+    time = clock(1.0)
+    u = steps_of_command(time, [0.0, 6.0, -6.0, 0.0], 0.25)
+    test = bench("valve", time, {"u": u, "p1": 3e5}, restarts=restarts)
+    known = model(names, values | {"rig.vessel_volume": 2e-4})
+    return known, test
+
+
+def test_a_valve_without_memory_has_nothing_beside_its_gradient() -> None:
+    known, test = quiet([], {})
+    assert not memory(known, test).any()
+    assert memory(known, test).shape == test.time.shape
+
+
+def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> None:
+    values = {"heat-transfer.conductance": 0.7}
+    known, test = quiet(["heat-transfer"], values, (0, 400))
+    found, p = memory(known, test), simulate(known, test)["p1"]
+    assert np.abs(found[260:490]).max() > 1e4
+    still = QuasiStatic(known, test)
+    u = test.inputs[:, 0]
+    for k in (300, 398, 600, 999):
+        mean = 0.5 * sum(still(u[k : k + 1], p[j : j + 1], np.array([7e5]))[0] for j in (k, k + 1))
+        assert found[k] == pytest.approx((p[k + 1] - p[k]) / 1e-3 - mean, rel=1e-6)
+    assert found[399] == found[398]  # what a restart mends is no gradient
+    assert found[1000] == found[999]
+
+
+def test_the_prior_is_three_standard_errors_wide() -> None:
+    free = tuple(SimpleNamespace(name=n, lower=-1e3, upper=1e3, inward=lambda v: v, outward=lambda z: z) for n in "ab")
+    one = Trend(NONE, NONE, free, np.zeros(2), np.diag([4.0, 0.01]))  # type: ignore[arg-type]
+    assert np.sort(np.abs(one.tight).ravel()) == pytest.approx([0.0, 0.0, 1 / 6.0, 1 / 0.3])
+    sure = Trend(NONE, NONE, free, np.zeros(2), np.zeros((2, 2)))  # type: ignore[arg-type]
+    assert np.diag(np.abs(sure.tight)) == pytest.approx([1e3, 1e3])
+
+
+def test_moves_of_a_parameter_show_by_differences_to_both_sides() -> None:
+    class Square(Trend):
+        def at(self, z: np.ndarray) -> Any:
+            return lambda u, p, supply: u * z[0] ** 2 + p * z[1]
+
+    one = Square(NONE, NONE, (), np.array([3.0, 1.0]), np.diag([0.01, 4.0]))
+    at = np.array([2.0, 5.0]), np.array([10.0, 1.0]), np.zeros(2)
+    assert one.sensitivity(np.array([3.0, 1.0]), *at) == pytest.approx(np.array([[12.0, 10.0], [30.0, 1.0]]))
+    assert one.error(*at) == pytest.approx(np.sqrt([1.44 + 400.0, 9.0 + 4.0]))
