@@ -12,6 +12,7 @@ from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
 from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable
 from pneucli.errors import InputError, did_you_mean
+from pneucli.experiments import KINDS
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     found = _paths(config.path, table.file, where)
     names = _names(table.name, found)
     required &= signals.keys()
-    commands = ARRANGEMENTS[config.arrangement].commands if table.chamber_2 == "valve" else ()
+    is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
+    commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
     return [
         Source(name, path, table, signals, frozenset(required), where, commands)
         for name, path in zip(names, found, strict=True)

@@ -49,7 +49,9 @@ def identify_moving(experiments: Sequence[Experiment], found: Fit, chamber: Cham
     directions = tuple(Direction(sign, np.array([top])) for sign, top in tops.items() if top > 0.0)
     if not directions:
         raise InputError("recordings", "u is zero throughout", "commands other than zero")
-    law = Law(trend, directions, model.rig.ambient_pressure, model.rig.supply_pressure or float(np.median(supply)), 1.0)
+    ambient, stated = model.rig.ambient_pressure, model.rig.supply_pressure or float(np.median(supply))
+    highest = stated if stated > ambient else float(p.max())  # no supply takes part where a vessel is only vented
+    law = Law(trend, directions, ambient, highest, 1.0)
     covariance = np.zeros((law.size, law.size))
     covariance[: trend.start.size, : trend.start.size] = trend.covariance
     fit, covers = Posterior(law.start(), covariance, np.zeros((0, 0))), covered_by(u, p, law)
