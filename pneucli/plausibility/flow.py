@@ -54,7 +54,7 @@ def check(bench: Bench) -> Iterator[Finding]:
     yield from _silent(driven, bench)
     for flow in flows:
         yield from _supply(flow, bench)
-        yield from _command(flow)
+        yield from _command(flow, bench)
     for one in driven:
         if one.kind.vessel:
             yield from _sampled(one)
@@ -128,9 +128,13 @@ def _apart(supply: float, bench: Bench) -> float:
     return max(HALF_AMBIENT * ambient, SCALE * (supply - ambient))
 
 
-def _command(flow: Flow) -> Iterator[Finding]:
-    """The larger u, the more chamber 1 is filled; where the null of the valve lies does not matter."""
+def _command(flow: Flow, bench: Bench) -> Iterator[Finding]:
+    """The larger u, the more chamber 1 is filled; where the null of the valve lies does not matter.
+
+    A vessel on port 2 of a 5/3 valve is filled the more the smaller u is.
+    """
     sure = np.isfinite(flow.area)
+    mirrored = flow.recording.chamber == 2 and bench.rig.arrangement.second == "mirrored"
     u, area, name = flow.u[sure], flow.area[sure], flow.recording.name
     if u.size < 2 or np.std(area) < LEAK:
         return
@@ -142,8 +146,8 @@ def _command(flow: Flow) -> Iterator[Finding]:
     line = fit([u - u.mean(), np.ones_like(u)], area)
     if line is None:
         return
-    if line.factors[0] + SURE * line.errors[0] < 0:
-        found = "chamber 1 is vented the more the larger u is"
+    if (-1.0 if mirrored else 1.0) * line.factors[0] + SURE * line.errors[0] < 0:
+        found = f"chamber {'2 is filled' if mirrored else '1 is vented'} the more the larger u is"
         yield Finding("direction", "u", name, found, "u > 0 fills chamber 1: write scale = -1.0 in [signals] u")
     elif np.corrcoef(u, area)[0, 1] ** 2 < EXPLAINS:
         seen = f"{shown(float(u.min()), 'u')} to {shown(float(u.max()), 'u')}"

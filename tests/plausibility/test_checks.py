@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,3 +105,15 @@ def test_surroundings_are_those_of_a_laboratory() -> None:
     assert ("rig", "p1") in seen(one, Rig(ambient_pressure=1013e5))
     assert ("rig", "temperature") in seen(one, Rig(gas_temperature=20.0))
     assert seen(one, Rig()) == {}
+
+
+@pytest.mark.parametrize("arrangement", ["5/3", "two"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_other_way_of_a_spool_fills_where_the_command_falls(arrangement: Any, sign: float) -> None:
+    """A vessel of chamber 2, charged and discharged in turn; of two valves it is filled as chamber 1 is."""
+    rig = Rig(vessel_volume=2e-4, supply_pressure=7e5, valve_arrangement=arrangement)
+    square = np.sign(np.sin(2 * np.pi * T))
+    one = recorded("valve", u=sign * square, p1=3e5 + 1e5 * np.cumsum(square) * 1e-3)
+    filled_below = sign < 0
+    asked = ("direction", "u") in seen(replace(one, chamber=2), rig)
+    assert asked == (filled_below != (arrangement == "5/3"))
