@@ -126,7 +126,7 @@ def test_the_noise_of_averaged_readings_is_that_of_their_means() -> None:
 
 def test_readings_are_averaged_but_not_the_command_and_gaps_stay_gaps() -> None:
     p = np.array([1.0, 3.0, 5.0, np.nan, np.nan, 9.0, 7.0])
-    rows = np.array([np.arange(7.0), [2.0, 2.0, 4.0, 4.0, 4.0, 4.0, 4.0], np.ones(7), p])
+    rows = np.array([np.arange(7.0), [2.0, 2.0, 2.0, 4.0, 4.0, 4.0, 4.0], np.ones(7), p])
     found = averaged(rows, 3)
     assert found[0].tolist() == [1.0, 4.0]
     assert found[1].tolist() == [2.0, 4.0]
