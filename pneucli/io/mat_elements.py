@@ -22,6 +22,7 @@ _HEADER, _TAG, _BLOCK = 128, 8, 1 << 20
 _MATRIX, _COMPRESSED = 14, 15
 _DATA = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))  # types of numbers and text
 _PLAIN = range(4, 16)  # classes of matrices that hold numbers or text, no matrices
+_SPARSE, _COMPLEX = 5, 0x0800  # that class, and the flag of numbers with an imaginary part
 _SHRINKS = 1032  # zlib's best
 
 
@@ -71,19 +72,27 @@ def _word(data: Bytes, at: int, order: Order) -> int:
     return int.from_bytes(data[at : at + 4], order)
 
 
-def _check(data: Bytes, begin: int, end: int, order: Order, allowed: Collection[int] = (_MATRIX,)) -> None:
-    """Raise ValueError where an element, of those in a stretch of data, is of none of the allowed types."""
+def _check(data: Bytes, begin: int, end: int, order: Order, allowed: Collection[int] = (_MATRIX,)) -> int:
+    """Return the number of elements in a stretch of data; raise ValueError where one is of none of the allowed types.
+
+    Or where a matrix of numbers ends before them: what comes next in the file would be taken for them.
+    """
+    number = 0
     while begin + _TAG <= end:
         kind, size = _word(data, begin, order), _word(data, begin + 4, order)
         if kind >> 16:  # both in one word, and up to four bytes of data beside it
             kind, size = kind & 0xFFFF, 0
         if kind not in allowed:
             raise ValueError(f"data of type {kind}, which is none")
-        begin += _TAG
-        if kind == _MATRIX and size > _TAG:
-            holds = _word(data, begin + _TAG, order) & 0xFF not in _PLAIN  # its class, after the tag of its flags
-            _check(data, begin, min(begin + size, end), order, _DATA | {_MATRIX} if holds else _DATA)
+        begin, number = begin + _TAG, number + 1
+        if kind == _MATRIX and size:
+            flags = _word(data, begin + _TAG, order)
+            plain = flags & 0xFF in _PLAIN
+            parts = _check(data, begin, min(begin + size, end), order, _DATA if plain else _DATA | {_MATRIX})
+            if plain and parts < 4 + 2 * (flags & 0xFF == _SPARSE) + bool(flags & _COMPLEX):  # flags, shape, name, data
+                raise ValueError("a matrix without its numbers")
         begin += size + -size % 8
+    return number
 
 
 def _expanded(whole: mmap.mmap, begin: int, end: int) -> int:

@@ -390,6 +390,30 @@ def test_numbers_of_a_type_that_matlab_does_not_have_are_refused(
         read(RawFile(tmp_path / "a.mat", {"time": Channel(f"{prefix}t"), "p1": Channel(f"{prefix}p")}))
 
 
+@pytest.mark.parametrize(
+    ("at", "now"),
+    [
+        (145, b"\x08"),  # the flag of an imaginary part, and the next variable in its place
+        (144, b"\x05"),  # the class of sparse matrices, which have two more parts
+        (168, b"\x01\0\0\0\x01\0\0\0"),  # a name that takes the place of the numbers
+    ],
+)
+def test_a_matrix_without_its_numbers_is_refused(tmp_path: Path, at: int, now: bytes) -> None:
+    """The reader would go on into the next variable, whose tag is no number's."""
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", {"t": T, "p": P})
+    raw = bytearray((tmp_path / "a.mat").read_bytes())
+    raw[at : at + len(now)] = now
+    if len(now) > 1:
+        raw = raw[:176] + bytes(8) + raw[176 + 8 + 8 * T.size :]
+        raw[132:136] = (48).to_bytes(4, "little")
+    (tmp_path / "a.mat").write_bytes(raw)
+    mat_elements.check_types(tmp_path / "a.mat", {1})
+    with pytest.raises(ValueError, match="a matrix without its numbers"):
+        mat_elements.check_types(tmp_path / "a.mat", {0})
+
+
 def with_image(write: str, path: Path) -> None:
     image = np.zeros((1500, 1500))
     if write == "hdf5":
