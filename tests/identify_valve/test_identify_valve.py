@@ -211,6 +211,13 @@ def test_a_dead_sensor_is_the_users_to_mend():
         identify_valve([prepare(dead, RIG, 0.5)], found)
 
 
+def test_a_command_of_the_wrong_sign_is_the_users_to_mend():
+    """Nothing ever flows as such commands say, so there is no valve to bend."""
+    turned = [replace(r, signals={**r.signals, "u": -r["u"]}) for r in recordings(1)]
+    with pytest.raises(InputError, match="at no command does air flow the way it should"):
+        identify(turned)
+
+
 def test_missing_signals_and_tests_are_the_users_to_mend():
     tests = recordings(1)
     one, found = tests[0], fitted(tests, RIG)

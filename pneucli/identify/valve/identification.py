@@ -139,7 +139,7 @@ def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamb
     ``found`` is the fitted model. The trend is its valve; where other recordings had a say in it, what the same kind
     of model makes of the valve tests alone, so that what it lacks elsewhere does not bend the map. Needs u and p1,
     and p_supply or ``rig.supply_pressure``; fits the recordings of use ``train`` and reports the others. Raises
-    InputError where there is no valve test or no command other than zero.
+    InputError where there is no valve test, no command other than zero, or none at which the model's valve opens.
     """
     found = from_null(found)
     shown = [on_a_vessel(e, chamber) for e in experiments if e.vessel and not e.recording.valve_shut]

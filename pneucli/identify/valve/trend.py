@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.errors import InputError
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import Free, with_parameters
 from pneucli.physics.declaration import PORTS
@@ -90,8 +91,13 @@ class Trend:
 def trend_of(found: Fit, tests: Sequence[Experiment], *, with_memory: bool = True) -> Trend:
     """Return the trend of a fitted model with those of its parameters that show in the tests.
 
-    Those that show in its memory alone are left out unless it is taken ``with_memory``.
+    Those that show in its memory alone are left out unless it is taken ``with_memory``. Raises InputError where the
+    model's valve never opens.
     """
+    if not found.model.behind(tests[0].recording.chamber).commands:
+        nothing = "at no command does air flow the way it should, so the model's valve never opens"
+        mend = "turn the sign of u, or see what pneucli ingest finds implausible"
+        raise InputError("valve tests", nothing, "u above the null command fills, u below it vents", mend)
     here = np.array([f.inward(e.value) for f, e in zip(found.free, found.estimates, strict=True)])
     whole = Trend(found.model, tests[0], found.free, here, found.covariance)
     felt = np.zeros(here.size, dtype=bool)
