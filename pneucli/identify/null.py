@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 COMMANDS = 2000
 SLIGHT = 0.002  # of all gas that moved: less on the wrong side is noise, or gas on its way
-ANY_VOLUME = 1.0  # m^3, of a vessel of unknown size: only the sign of a flow counts
+ANY_VOLUME = 1.0  # m^3, of a vessel: each recording's flow is scaled
 
 
 def with_null(recordings: Sequence[Recording], rig: Rig) -> Rig:
@@ -50,7 +50,7 @@ def with_null(recordings: Sequence[Recording], rig: Rig) -> Rig:
 def _flows(recordings: Sequence[Recording], rig: Rig) -> tuple[Array, Array]:
     """Return commands in V and what flows into chamber 1, as large as it may be, at all samples."""
     ready = [prepare(r, rig, None) for r in recordings if {"u", "p1"} <= r.signals.keys()]
-    shown = list(paths(ready, rig, 1, rig.vessel_volume or ANY_VOLUME))
+    shown = list(paths(ready, rig, 1, ANY_VOLUME))
     if not shown:
         return np.zeros(0), np.zeros(0)
     scaled = [one.flow / max(float(np.max(np.abs(one.flow))), 1e-300) for one in shown]  # each recording counts alike

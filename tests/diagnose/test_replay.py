@@ -56,6 +56,25 @@ def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
     assert replay.astray(None, views) == []
 
 
+@pytest.mark.parametrize(
+    ("stretches", "beyond", "typical", "told"),
+    [
+        (20, 0.5, 1.4, True),
+        (19, 0.5, 1.4, False),
+        (20, 0.45, 1.4, False),
+        (20, 0.5, 1.39, False),
+        (1000, 1.0, 5.0, True),
+    ],
+)
+def test_most_of_twenty_stretches_err_beyond_every_draw_and_by_much_in_the_median(
+    stretches: int, beyond: float, typical: float, told: bool
+) -> None:
+    """An error as large as the largest draw is none beyond it."""
+    largest = np.where(np.arange(stretches) < beyond * stretches, 1.01, 1.0)
+    found = replay._judged("x", np.column_stack([largest, np.full(stretches, typical)]))
+    assert found == (Remainder(Whole, "x", typical, typical, ()) if told else None)
+
+
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
     assert replay.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=Chambers)) == []
 
