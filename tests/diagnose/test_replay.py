@@ -13,6 +13,7 @@ from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.unknown import REPLAYED, describe
 from pneucli.identify.views import Chambers, Forces, View, Whole
 from pneucli.simulate import layout as at
+from tests.simulate.benches import model
 
 STRETCHES, LENGTH = 40, 100
 N = STRETCHES * LENGTH
@@ -73,6 +74,18 @@ def test_most_of_twenty_stretches_err_beyond_every_draw_and_by_much_in_the_media
     largest = np.where(np.arange(stretches) < beyond * stretches, 1.01, 1.0)
     found = replay._judged("x", np.column_stack([largest, np.full(stretches, typical)]))
     assert found == (Remainder(Whole, "x", typical, typical, ()) if told else None)
+
+
+def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    (view,) = seen(np.full(STRETCHES, 3.0), monkeypatch)
+    draws = np.random.default_rng(1).normal(size=(6, N))
+    monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
+    monkeypatch.setattr(replay, "deviations", lambda model, e, number: {"x": draws, "p1": draws})
+    monkeypatch.setattr(replay, "at_ends", lambda e, x, channel: np.ones(N, dtype=bool))
+    found = replay._of(model(), view.experiment)
+    assert not found["x"].any()
+    assert found["p1"][:, 1] == pytest.approx(np.full(STRETCHES, 3.0), rel=0.4)
+    assert found["p1"].mean() > 2.0
 
 
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
