@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 COMMANDS = 2000
 DRIFT = 0.01  # of the range of commands: less is the noise of flows at the null itself
 SLIGHT = 0.002  # of all gas that moved: less on the wrong side is noise, or gas on its way
-ANY_VOLUME = 1.0  # m^3, of a vessel of unknown size: only the sign of a flow counts
+ANY_VOLUME = 1.0  # m^3, of a vessel: each recording's flow is scaled
 
 
 def with_null(recordings: Sequence[Recording], rig: Rig) -> Rig:
@@ -70,7 +70,7 @@ def _range(u: Array, flow: Array) -> tuple[float, float] | None:
 def _flows(recordings: Sequence[Recording], rig: Rig) -> dict[str, tuple[Array, Array]]:
     """Return commands in V and what flows into chamber 1, as large as it may be, at all samples, by recording."""
     ready = [prepare(r, rig, None) for r in recordings if {"u", "p1"} <= r.signals.keys()]
-    shown = paths(ready, rig, 1, rig.vessel_volume or ANY_VOLUME)
+    shown = paths(ready, rig, 1, ANY_VOLUME)
     # each recording counts alike
     return {
         one.experiment.recording.name: (one.opening, one.flow / max(float(np.max(np.abs(one.flow))), 1e-300))

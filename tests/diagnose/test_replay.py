@@ -13,6 +13,7 @@ from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.unknown import REPLAYED, describe
 from pneucli.identify.views import Chambers, Forces, View, Whole
 from pneucli.simulate import layout as at
+from tests.simulate.benches import model
 
 STRETCHES, LENGTH = 40, 100
 N = STRETCHES * LENGTH
@@ -54,6 +55,37 @@ def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
     views = seen(np.full(STRETCHES, 5.0), monkeypatch)
     views[0].experiment.restarts = np.arange(0, N, N // 10)
     assert replay.astray(None, views) == []
+
+
+@pytest.mark.parametrize(
+    ("stretches", "beyond", "typical", "told"),
+    [
+        (20, 0.5, 1.4, True),
+        (19, 0.5, 1.4, False),
+        (20, 0.45, 1.4, False),
+        (20, 0.5, 1.39, False),
+        (1000, 1.0, 5.0, True),
+    ],
+)
+def test_most_of_twenty_stretches_err_beyond_every_draw_and_by_much_in_the_median(
+    stretches: int, beyond: float, typical: float, told: bool
+) -> None:
+    """An error as large as the largest draw is none beyond it."""
+    largest = np.where(np.arange(stretches) < beyond * stretches, 1.01, 1.0)
+    found = replay._judged("x", np.column_stack([largest, np.full(stretches, typical)]))
+    assert found == (Remainder(Whole, "x", typical, typical, ()) if told else None)
+
+
+def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    (view,) = seen(np.full(STRETCHES, 3.0), monkeypatch)
+    draws = np.random.default_rng(1).normal(size=(6, N))
+    monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
+    monkeypatch.setattr(replay, "deviations", lambda model, e, number: {"x": draws, "p1": draws})
+    monkeypatch.setattr(replay, "at_ends", lambda e, x, channel: np.ones(N, dtype=bool))
+    found = replay._of(model(), view.experiment)
+    assert not found["x"].any()
+    assert found["p1"][:, 1] == pytest.approx(np.full(STRETCHES, 3.0), rel=0.4)
+    assert found["p1"].mean() > 2.0
 
 
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):

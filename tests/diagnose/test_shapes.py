@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from pneucli.diagnose import manoeuvres, unknown
+from pneucli.diagnose import manoeuvres, remainder, unknown
 from pneucli.diagnose.remainder import Remainder, Shape, _remainder, bulk_rms, shape, too_much
 from pneucli.diagnose.stand_ins import explained
 from pneucli.diagnose.unknown import _law, _line, _sine, describe
@@ -132,6 +132,45 @@ def test_a_channels_remainder_is_over_what_a_correct_model_would_show() -> None:
     assert found.bulk < found.ratio * 1.05
     assert "force" not in {s.variable for s in found.shapes}
     assert [s.share for s in found.shapes] == sorted((s.share for s in found.shapes), reverse=True)
+
+
+class Seen:
+    """A view that knows what it is asked for, of three samples."""
+
+    channels = ("force", "a", "x")
+    noise: ClassVar = {"force": 2.0, "a": 0.5, "x": 1.0}
+    left: ClassVar = {"force": np.array([4.0, 6.0, 8.0]), "a": np.array([0.0, 1.0, 1.0]), "x": np.zeros(3)}
+
+    def carried(self, model: str) -> str:
+        return f"carried by {model}"
+
+    def residual(self, model: str, errors: str) -> dict[str, np.ndarray]:
+        assert (model, errors) == ("known", "carried by known")
+        return self.left
+
+    def drawn_rms(self, model: str, errors: str, draws: int, seed: int) -> dict[str, float]:
+        assert (model, errors, draws) == ("known", "carried by known", remainder.DRAWS)
+        return {"force": 3.0, "a": 0.7, "x": 1.0}
+
+
+class Bounded(Seen):
+    left: ClassVar = Seen.left | {"gap": np.array([0.4, 0.5, 0.6])}
+
+
+def test_residuals_of_a_kind_of_view_are_pooled_by_channel_in_units_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a force is but bounded nothing counts; a channel of which nothing is left has no remainder."""
+    monkeypatch.setattr(remainder, "_remainder", lambda kind, channel, members: (kind, channel, members))
+    one, two, other = Seen(), Seen(), Bounded()
+    known: Any = "known"
+    found: Any = remainder.remainders(known, [one, other, two])  # type: ignore[list-item]
+    assert [(kind, channel, len(members)) for kind, channel, members in found] == [
+        (Seen, "force", 2), (Seen, "a", 2), (Bounded, "force", 1),
+    ]  # fmt: skip
+    (first, values, expected), (second, _, _) = found[0][2]
+    assert (first, second) == (one, two)
+    assert (values.tolist(), expected) == ([2.0, 3.0, 4.0], 3.0)
+    assert found[1][2][0][1:][1] == 1.0  # no less than the sensors' own noise
+    assert found[2][2][0][1].tolist() == [2.0, 0.0, 0.0]
 
 
 def test_a_friction_that_drifts_shows_against_the_motion() -> None:
@@ -292,6 +331,18 @@ def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:
     assert rests.size == constant.size == 11_100 + 3 * 400
     assert [int(np.flatnonzero(rests[k:])[0]) for k in (0, 500, 1900)] == pytest.approx([101, 1001, 10001], abs=2)
     assert rests.max() == pytest.approx(30.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("coulomb", "force"), [(14.0, 35.0), (0.2, 2.5)])
+def test_pushes_are_two_and_a_half_times_dry_friction(
+    monkeypatch: pytest.MonkeyPatch, coulomb: float, force: float
+) -> None:
+    """Or of 1 N, where there is next to none."""
+    asked: list[float] = []
+    monkeypatch.setattr(manoeuvres, "_pushes", lambda f: asked.append(f) or [])
+    pushed: Any = SimpleNamespace(experiment=bench("friction", clock(0.1), {"p1": 3e5, "p2": 3e5}))
+    assert list(manoeuvres.manoeuvres(model(values={"friction.coulomb": coulomb}), [pushed])) == []
+    assert asked == [pytest.approx(force)]
 
 
 def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:

@@ -184,6 +184,21 @@ def test_commands_held_only_shortly_get_no_knot_where_enough_are_held_longer() -
     assert guess_map(shown([e], {}), "valve").commands == tuple(AREAS)
 
 
+def test_readings_of_a_command_that_scatter_by_less_than_a_ten_thousandth_are_one_level() -> None:
+    """0.8 mV of 8 V; each of the many readings by itself would be held for a moment only."""
+    time = clock(4.0)
+    u = steps_of_command(time, LEVELS, 0.5)
+    read = u + np.random.default_rng(1).uniform(-2e-4, 2e-4, time.size)
+    e = bench("axis", time, {"u": read, "p1": 3e5, "x": 0.1, "v": 0.0})
+    gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
+    volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.1
+    slope = np.array([AREAS[c] * per_area(c, 3e5) for c in u]) * gas / volume
+    e.smoothers["p1"] = SimpleNamespace(slope=lambda raw: slope)
+    found = guess_map(shown([e], {}), "valve")
+    assert found.commands == pytest.approx(tuple(AREAS), rel=1e-3)
+    assert found.areas == pytest.approx(tuple(AREAS.values()), rel=1e-3)
+
+
 def test_neighbouring_commands_share_a_knot() -> None:
     """ln(2.2 / 2) = 0.1 is nearer than 0.2; the longer held one has it."""
     both = AREAS | {2.2: 3e-7}

@@ -61,6 +61,14 @@ def test_branches_are_those_of_the_true_acceleration() -> None:
     assert np.mean((motion.branch == true_branch)[judged]) > 0.97
 
 
+def test_a_slide_lasts_as_long_whenever_the_clock_began() -> None:
+    r = recorded(STICKY, TRUTH, 4)
+    late = replace(r, time=r.time + 100.0)
+    assert motion_of(late, Model(RIG)).block == pytest.approx(motion_of(r, Model(RIG)).block)
+    still = recorded(BENCH, pressed(BENCH, np.zeros(500)), 3)
+    assert motion_of(replace(still, time=still.time + 100.0), Model(RIG)).block == pytest.approx(0.0499)
+
+
 def test_a_measured_force_does_as_well_as_the_pressures() -> None:
     by_pressure = motion_of(recorded(STICKY, TRUTH, 5), Model(RIG))
     r = by_pressure.recording

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.identify.valve import identification, maps, trend
-from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.fit import Posterior, first_pressures
 from pneucli.identify.valve.identification import Residual, ValveIdentification
 from pneucli.identify.valve.lack import LackOfFit, lack_of_fit
 from pneucli.identify.valve.law import Law
@@ -277,6 +277,11 @@ def test_curves_are_stretches_of_one_command_that_is_not_zero() -> None:
     assert curve.gradient == pytest.approx(value)
     assert curve.ci_low == pytest.approx(value - 1.959964 * error)
     assert curve.ci_high == pytest.approx(value + 1.959964 * error)
+
+
+def test_curves_start_at_their_first_readings_or_at_the_median_of_all() -> None:
+    p = np.array([[1e5, np.nan], [2e5, 4e5], [3e5, 9e5]])
+    assert first_pressures(laid(np.ones((3, 2)), p)).tolist() == [1e5, 3e5]
 
 
 # --- the trend
