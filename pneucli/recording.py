@@ -65,9 +65,9 @@ class Rig:
     """What is known of the rig, SI; ``None`` where the pipeline file leaves it out (then it is identified).
 
     Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K,
-    ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows,
-    to be identified where it is ``null_free``, then with
-    the ``null_range`` in which it lies.
+    ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows, to be identified where it is
+    ``null_free``, then with the ``null_range`` in which it lies, and ``null_ranges``, those that recordings which fill
+    and vent show by themselves.
     """
 
     gas_temperature: float = 293.15
@@ -85,6 +85,7 @@ class Rig:
     valve_null: float = 0.0
     null_free: bool = False
     null_range: tuple[float, float] | None = None
+    null_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     valve_arrangement: ArrangementName = "one-chamber"
     valve_kind: Literal["proportional", "switching"] = "proportional"
 

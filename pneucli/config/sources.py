@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pneucli import paths
+from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
 from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable
 from pneucli.errors import InputError, did_you_mean
+from pneucli.experiments import KINDS
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,8 @@ class Source:
     """One raw file as one recording; ``where`` names the place in the pipeline file that asks for it.
 
     ``signals`` holds ``[recordings.signals]`` over ``[signals]`` (an entry replaces the whole entry below it),
-    narrowed to ``take``; those in ``required`` were asked for by this recording itself.
+    narrowed to ``take``; those in ``required`` were asked for by this recording itself. ``commands`` are those of the
+    valves where they drive both chambers.
     """
 
     name: str
@@ -27,6 +30,7 @@ class Source:
     signals: dict[str, SignalTable]
     required: frozenset[str]
     where: str
+    commands: tuple[str, ...] = ()
 
 
 def sources(config: PipelineConfig) -> list[Source]:
@@ -71,8 +75,11 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     found = _paths(config.path, table.file, where)
     names = _names(table.name, found)
     required &= signals.keys()
+    is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
+    commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
     return [
-        Source(name, path, table, signals, frozenset(required), where) for name, path in zip(names, found, strict=True)
+        Source(name, path, table, signals, frozenset(required), where, commands)
+        for name, path in zip(names, found, strict=True)
     ]
 
 

@@ -276,6 +276,7 @@ def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, condi
             "area_exponent": par.exponent,
             "null_V": par.command_null,
             "fully_open_V": par.command_range,
+            "critical_ratio": par.critical_ratio,
             **({} if par.arrangement == ONE_CHAMBER else _second(par)),
         },
         "sensor_noise_pressure_Pa": laboratory.sensors.pressure,

@@ -85,13 +85,18 @@ def controller_table(controller: Controller) -> dict[str, NDArray[Any] | list[st
 
 
 def inverse_table(controller: Controller) -> dict[str, NDArray[Any] | list[str]]:
-    """Return the valve's inverse: effective area (m^2, vented ones negative) and the command in V that opens it."""
-    share = np.linspace(0.0, 1.0, len(controller.fill)) ** 2
-    areas = (-share * controller.values["C_AREA_VENT"], share * controller.values["C_AREA_FILL"])
-    return {
-        "area": np.concatenate([areas[0][::-1], areas[1]]),
-        "u": np.array([*controller.vent[::-1], *controller.fill]),
-    }
+    """Return the valve's inverse: effective area (m^2, vented ones negative) and the command in V that opens it.
+
+    Where a second valve drives chamber 2 its inverse follows, and a column tells the ``chamber``.
+    """
+    values, share = controller.values, np.linspace(0.0, 1.0, len(controller.fill)) ** 2
+    sides = [("C_AREA_VENT", "C_AREA_FILL", controller.vent, controller.fill)]
+    if values["C_TWO_VALVES"] > 0.5:
+        sides.append(("C_AREA_VENT_2", "C_AREA_FILL_2", controller.vent_2, controller.fill_2))
+    areas = [np.concatenate([-share[::-1] * values[vent], share * values[fill]]) for vent, fill, _, _ in sides]
+    table = {"area": np.concatenate(areas), "u": np.concatenate([[*vent[::-1], *fill] for _, _, vent, fill in sides])}
+    chamber = {"chamber": np.repeat([1.0, 2.0], 2 * share.size)} if len(sides) > 1 else {}
+    return {**chamber, **table}
 
 
 def _write(path: Path, text: str) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,28 +23,39 @@ SHY = 1.5  # times the promised fall: a step that gains more was too short
 DOUBLINGS = 6  # of such a step
 
 
+class Normal(NamedTuple):
+    """What is to be solved of residuals r and derivatives J, where J would fill the memory: J'r (k,), J'J (k, k)."""
+
+    gradient: Array
+    curvature: Array
+
+
+J = TypeVar("J", Array, Normal)
+
+
 @dataclass(frozen=True)
-class Solution:
+class Solution(Generic[J]):
     """Where the search ended: z (k,), residuals (N,), their derivatives (N, k), and the rounds it took."""
 
     z: Array
     residual: Array
-    jacobian: Array
+    jacobian: J
     rounds: int
 
 
 def minimise(
     residuals: Callable[[Array], Array],
-    jacobian: Callable[[Array], Array],
+    jacobian: Callable[[Array], J],
     start: Array,
     bounds: tuple[Array, Array],
     *,
     rounds: int,
     tolerance: float,
-) -> Solution:
+) -> Solution[J]:
     """Minimise the sum of squares from ``start`` (k,) within ``bounds``.
 
-    Ends when a round lowers the sum by less than ``tolerance`` of it, or after ``rounds``.
+    ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations. Ends when a round lowers the
+    sum by less than ``tolerance`` of it, or after ``rounds``.
     """
     z, damping = np.clip(start, *bounds), FIRST_DAMPING
     r, j = residuals(z), jacobian(z)
@@ -61,11 +73,15 @@ def minimise(
 
 
 def _step(
-    residuals: Callable[[Array], Array], z: Array, r: Array, j: Array, bounds: tuple[Array, Array], damping: float
+    residuals: Callable[[Array], Array],
+    z: Array,
+    r: Array,
+    j: Array | Normal,
+    bounds: tuple[Array, Array],
+    damping: float,
 ) -> tuple[Array, Array, float] | None:
     """Return the next z, its residuals and damping, None where no step lowers the sum."""
-    with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away has no derivatives
-        gradient, curvature = j.T @ r, j.T @ j
+    gradient, curvature = j if isinstance(j, Normal) else normal(r, j)
     told = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
     held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~told
     free = np.flatnonzero(~held)
@@ -87,6 +103,12 @@ def _step(
         if damping > MOST_DAMPING:
             break
     return None
+
+
+def normal(residual: Array, jacobian: Array) -> Normal:
+    """Return the normal equations of residuals (N,) and their derivatives (N, k)."""
+    with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away has no derivatives
+        return Normal(jacobian.T @ residual, jacobian.T @ jacobian)
 
 
 def inverse(curvature: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,30 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
 Array = NDArray[np.float64]
+Chamber = Literal[1, 2]
 
 PRESSURES = {1: ("p1", at.IN_P1), 2: ("p2", at.IN_P2)}
+
+
+@dataclass(frozen=True)
+class Command:
+    """What goes to the valve, in V, for an opening of one chamber's paths, which is positive where they fill."""
+
+    null: float
+    sign: float
+
+    def of(self, opening: Array) -> Array:
+        """Return the command for an opening."""
+        return np.asarray(self.null + self.sign * opening)
+
+    def opening(self, command: Array | float) -> Array:
+        """Return the opening that a command makes."""
+        return np.asarray(self.sign * (np.asarray(command, dtype=np.float64) - self.null))
+
+
+def command_of(rig: Rig, chamber: Chamber) -> Command:
+    """Return how the paths of a chamber are commanded: those of chamber 2 may be one spool's other way."""
+    return Command(rig.valve_null, -1.0 if chamber == 2 and rig.arrangement.second == "mirrored" else 1.0)
 
 
 @dataclass(frozen=True)
@@ -25,13 +48,15 @@ class Paths:
 
     ``opening`` is the command in V from the null one, positive where it fills; ``flow`` the mass flow in kg/s into the
     chamber by the base model's balance of the smoothed pressure, ``per_area`` that of the base model in kg/(s m^2) at
-    the sign of the opening.
+    the sign of the opening; ``volume`` (m^3) and ``growth`` (m^3/s) are the chamber's.
     """
 
     experiment: Experiment
     opening: Array
     flow: Array
     per_area: Array
+    volume: Array
+    growth: Array
 
 
 def driven(experiments: Sequence[Experiment]) -> list[Experiment]:
@@ -39,14 +64,14 @@ def driven(experiments: Sequence[Experiment]) -> list[Experiment]:
     return [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
 
 
-def paths(experiments: Sequence[Experiment], rig: Rig, chamber: int, vessel_volume: float) -> Iterator[Paths]:
+def paths(experiments: Sequence[Experiment], rig: Rig, chamber: Chamber, vessel_volume: float) -> Iterator[Paths]:
     """Yield what each driven experiment shows of the paths of chamber 1 or 2."""
     for e in driven(experiments):
         if opening_of(e, chamber) is not None:
             yield _paths(e, rig, chamber, vessel_volume)
 
 
-def opening_of(e: Experiment, chamber: int) -> Array | None:
+def opening_of(e: Experiment, chamber: Chamber) -> Array | None:
     """Return the command in V from the null one of the paths of a chamber; None where they are not seen."""
     null = e.rig.valve_null
     if e.vessel:
@@ -59,19 +84,27 @@ def opening_of(e: Experiment, chamber: int) -> Array | None:
     return np.asarray(null - e.inputs[:, at.IN_U] if mirrored else e.inputs[:, at.IN_U2] - null)
 
 
-def from_null(e: Experiment) -> Experiment:
-    """Return an experiment whose command counts from the null one."""
-    null, inputs = e.rig.valve_null, e.inputs.copy()
-    if "u" not in e.raw or null == 0.0:
-        return e
-    inputs[:, at.IN_U] -= null
-    signals = {**e.recording.signals, "u": e.recording["u"] - null}
-    raw = {**e.raw, "u": e.raw["u"] - null}
-    recording, rig = replace(e.recording, signals=signals), replace(e.rig, valve_null=0.0)
-    return replace(e, recording=recording, rig=rig, raw=raw, inputs=inputs)
+def on_a_vessel(e: Experiment, chamber: Chamber) -> Experiment | None:
+    """Return the paths of a chamber as a valve test shows them, or would: from the null, positive where they fill.
+
+    Of a piston's chamber only command, pressure and supply are taken over; None where the paths are not seen.
+    """
+    opening = opening_of(e, chamber)
+    if opening is None:
+        return None
+    name, column = PRESSURES[1 if e.vessel else chamber]
+    inputs = e.inputs.copy()
+    inputs[:, at.IN_U], inputs[:, at.IN_P1] = opening, inputs[:, column]
+    signals = dict(e.recording.signals)
+    if "u" in signals:
+        signals["u"] = opening
+    if name in signals:
+        signals["p1"] = signals[name]
+    recording = replace(e.recording, experiment="valve", chamber=chamber, signals=signals)
+    return replace(e, recording=recording, rig=replace(e.rig, valve_null=0.0), inputs=inputs)
 
 
-def _paths(e: Experiment, rig: Rig, chamber: int, vessel_volume: float) -> Paths:
+def _paths(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> Paths:
     opening = opening_of(e, chamber)
     assert opening is not None
     name, column = PRESSURES[1 if e.vessel else chamber]
@@ -84,10 +117,10 @@ def _paths(e: Experiment, rig: Rig, chamber: int, vessel_volume: float) -> Paths
     supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
     upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, ambient)
     per_area = np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, CRITICAL_RATIO, k, k)
-    return Paths(e, opening, flow, per_area)
+    return Paths(e, opening, flow, per_area, *np.broadcast_arrays(volume, growth, p)[:2])
 
 
-def _volume(e: Experiment, rig: Rig, chamber: int, vessel_volume: float) -> tuple[Array | float, Array | float]:
+def _volume(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array | float, Array | float]:
     """Return the volume in m^3 and its growth in m^3/s."""
     if e.vessel:
         return vessel_volume, 0.0

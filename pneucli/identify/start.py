@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 MOVING = 0.02  # of the largest speed, below which friction is not told by motion
 SETTLING = 0.01  # of the time for which a command is held, at its start, that is left out
+SLIGHT = 0.005  # of the largest command: after a smaller step there is nothing to settle
 FEWEST_KNOTS, MOST_LEVELS = 3, 40
 HELD = 0.005  # of all the time, for which a command must be held to have a knot of its own
 LEVELS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the largest command: knots where none is held
@@ -91,11 +92,13 @@ def _settled(shown: Sequence[Paths]) -> tuple[Array, Array, Array]:
 
 
 def _held(opening: Array) -> NDArray[np.bool_]:
-    """Return where an opening (n,) has been held for a while, at least one sample."""
-    starts = np.flatnonzero(np.diff(opening, prepend=np.nan) != 0.0)
+    """Return where an opening (n,) has been held for a while, at least one sample, or has moved but slightly."""
+    steps = np.diff(opening, prepend=np.nan)
+    starts = np.flatnonzero(steps != 0.0)
     lengths = np.diff(np.append(starts, opening.size))
     since = np.arange(opening.size) - np.repeat(starts, lengths)
-    return np.asarray(since >= 1.0 + np.repeat(SETTLING * lengths, lengths))
+    slight = np.abs(steps[starts]) < SLIGHT * np.abs(opening).max()
+    return np.asarray((since >= 1.0 + np.repeat(SETTLING * lengths, lengths)) | np.repeat(slight, lengths))
 
 
 def _largest(shown: Sequence[Paths]) -> float:

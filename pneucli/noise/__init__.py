@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from pneucli.noise.estimate import estimate, pool
 from pneucli.noise.model import NoiseModel
+from pneucli.noise.spectrum import free_of, jumps_of
 
-__all__ = ["NoiseModel", "estimate", "pool"]
+__all__ = ["NoiseModel", "estimate", "free_of", "jumps_of", "pool"]

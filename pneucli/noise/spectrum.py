@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ ENOUGH, SHORTEST = 256, 16  # samples of a segment that is as long as need be, a
 QUIET = 0.25  # order statistic that stands for the floor: jumps and motion may fill the segments above it
 MAINS = (50.0, 60.0)  # Hz
 LINE_LEVEL = 1e-4  # probability of a false line
+JUMP = 0.1  # of a command's range in one sample: it kinks what it drives
+FEWEST_FREE = 8  # segments without such a jump that tell the floor by themselves
 HALF_BAND = 8.0  # Hz either side of a line that tell its background
 
 
@@ -37,20 +40,39 @@ def segment_length(samples: int, period: float) -> int:
     return 0 if longest < SHORTEST else 2 ** int(np.log2(longest))
 
 
-def noise_floor(values: Array, period: float) -> Floor | None:
+def jumps_of(commands: Sequence[Array], samples: int) -> NDArray[np.bool_]:
+    """Return at which of the ``samples`` one of the ``commands`` (samples,) jumps: a step, a switching valve."""
+    jumps = np.zeros(samples, dtype=bool)
+    for u in commands:
+        jumps |= np.abs(np.diff(u, prepend=u[:1])) > JUMP * np.ptp(u)
+    return jumps
+
+
+def free_of(jumps: NDArray[np.bool_], period: float) -> NDArray[np.bool_] | None:
+    """Return which segments are free of ``jumps`` (n,); None where too few are to tell the floor by themselves."""
+    length = segment_length(jumps.size, period)
+    if not length:
+        return None
+    free = ~np.lib.stride_tricks.sliding_window_view(jumps, length)[:: length // 2].any(axis=1)
+    return np.asarray(free) if np.count_nonzero(free) >= FEWEST_FREE else None
+
+
+def noise_floor(values: Array, period: float, jumps: NDArray[np.bool_] | None = None) -> Floor | None:
     """Return the spectrum of the quiet segments, per bin, or None where ``values`` are too few for one.
 
     ``period`` is that of the sampling, in s.
 
     Each segment loses its parabola and is tapered (Hann). Per bin the ``QUIET`` order statistic, divided by its
     expectation for exponentially distributed periodograms, stands for the mean: a jump or a burst of motion in some
-    segments does not enter. NaN segments are left out.
+    segments does not enter. NaN segments are left out, and those in which a command ``jumps`` (n,) where enough are
+    free of it: where most have a kink, as behind a switching valve, even the lower quartile is the signal's own.
     """
     length = segment_length(values.size, period)
     if not length:
         return None
     segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]
-    segments = segments[np.isfinite(segments).all(axis=1)]
+    free = None if jumps is None else free_of(jumps, period)
+    segments = segments[np.isfinite(segments).all(axis=1) & (True if free is None else free)]
     if segments.shape[0] < 4:
         return None
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, length), 3))[0]

@@ -41,6 +41,8 @@ class Stage:
             return False
 
 
+OF_VALVE = ("map", "volume", "overlap", "iso", "lack_of_fit", "residual")  # what is said of each chamber's paths
+
 _ALL = (
     Stage(
         "ingest",
@@ -57,7 +59,8 @@ _ALL = (
         files=("model", "plugins"),
         answer=(
             *("model.effects", "model.parameters", "warnings"),
-            *("valve.overlap", "valve.iso", "valve.lack_of_fit", "valve.residual", "friction.warnings"),
+            *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in OF_VALVE),
+            "friction.warnings",
             *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),
         ),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ class LinearValve:
     gain: float
     largest: float
     label: str = "valve"
+    form: ClassVar[Literal["map", "linear", "switching"]] = "linear"
     covers: ClassVar[frozenset[Part]] = frozenset()
 
     def __call__(self, u: Array) -> Array:
@@ -36,6 +37,11 @@ class LinearValve:
     def commands(self) -> tuple[float, ...]:
         """The ends of the line."""
         return (-self.largest, self.largest)
+
+    @property
+    def area_names(self) -> dict[float, str]:
+        """No area is a parameter: they follow from the gain."""
+        return {}
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""

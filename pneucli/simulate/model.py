@@ -48,6 +48,10 @@ class Model:
         """The paths of chamber 2, which are like those of chamber 1 where nothing tells them apart."""
         return self.valve if self.valve_2 is None else self.valve_2
 
+    def behind(self, chamber: int) -> Valve:
+        """Return the paths of chamber 1 or 2."""
+        return self.second if chamber == 2 else self.valve
+
     def base(self) -> dict[str, float]:
         """Return every base parameter's value."""
         return rig_values(self.rig) | {name: v for name, v in self.values.items() if name in BASE}

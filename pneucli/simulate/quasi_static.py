@@ -24,7 +24,7 @@ class QuasiStatic:
     bench: Experiment
 
     def __call__(self, u: Array, p: Array, supply: Array) -> Array:
-        """Return dp/dt in Pa/s as the sensor reads it; u in V, p and supply in Pa, all of one shape."""
+        """Return dp/dt in Pa/s as the sensor reads it; u in V from the null, p and supply in Pa, of one shape."""
         out = np.empty(u.size)
         flat = [np.ascontiguousarray(a, dtype=np.float64).ravel() for a in (u, p, supply)]
         self._gradient(*flat, *self._fixed, out)
@@ -35,8 +35,9 @@ class QuasiStatic:
         kernel = kernel_for(self.model.effects)
         active = kernel.switches(self.bench.active(self.model.effects))
         base, th = base_vector(self.model, self.bench), kernel.vector(self.model.effect_values())
-        largest = max(float(self.bench.flags[at.U_MAX]), *map(abs, self.model.valve.commands))
-        return base, th, active, largest, self.model.valve.table(largest)
+        valve = self.model.behind(self.bench.recording.chamber)
+        largest = max(float(self.bench.flags[at.U_MAX]), *map(abs, valve.commands))
+        return base, th, active, largest, valve.table(largest)
 
     @cached_property
     def _gradient(self):  # type: ignore[no-untyped-def]

@@ -61,9 +61,8 @@ def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Ar
 
 def tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:
     """Return the areas of the paths that fill and vent chamber 1, or the vessel in its place, and chamber 2."""
-    first = model.second if experiment.recording.chamber == 2 else model.valve
     largest = experiment.flags[at.U_MAX]
-    return first.table(largest), model.second.table(largest)
+    return model.behind(experiment.recording.chamber).table(largest), model.second.table(largest)
 
 
 def base_vector(model: Model, experiment: Experiment) -> Array:

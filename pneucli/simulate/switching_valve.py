@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ class SwitchingValve:
     vent: float
     largest: float
     label: str = "valve"
+    form: ClassVar[Literal["map", "linear", "switching"]] = "switching"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
 
     def __call__(self, u: Array) -> Array:
@@ -40,6 +41,11 @@ class SwitchingValve:
     def commands(self) -> tuple[float, ...]:
         """Any of either sign."""
         return (-self.largest, self.largest)
+
+    @property
+    def area_names(self) -> dict[float, str]:
+        """The name of the parameter that is the effective area at a command (V)."""
+        return {-self.largest: f"{self.label}.area_vent", self.largest: f"{self.label}.area_fill"}
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class ValveArea:
     overlap_fill: float = 0.0
     overlap_vent: float = 0.0
     label: str = "valve"
+    form: ClassVar[Literal["map", "linear", "switching"]] = "map"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects its knots already show
 
     def __call__(self, u: Array) -> Array:
@@ -48,14 +49,19 @@ class ValveArea:
         """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,); not to be written to."""
         return _table(self, largest)
 
+    @property
+    def area_names(self) -> dict[float, str]:
+        """The name of the parameter that is the effective area at a command (V)."""
+        return {c: area_name(c, self.label) for c in self.commands}
+
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
-        areas = {area_name(c, self.label): (a, "m^2") for c, a in zip(self.commands, self.areas, strict=True)}
+        areas = {name: (a, "m^2") for name, a in zip(self.area_names.values(), self.areas, strict=True)}
         return areas | ({f"{self.label}.{name}": (getattr(self, name), "V") for name in OVERLAPS} if areas else {})
 
     def with_named(self, values: Mapping[str, float]) -> ValveArea:
         """Return the valve with parameters replaced; other names are left alone."""
-        areas = tuple(values.get(area_name(c, self.label), a) for c, a in zip(self.commands, self.areas, strict=True))
+        areas = tuple(values.get(n, a) for n, a in zip(self.area_names.values(), self.areas, strict=True))
         fill, vent = (values.get(f"{self.label}.{name}", getattr(self, name)) for name in OVERLAPS)
         return replace(self, areas=areas, overlap_fill=fill, overlap_vent=vent)
 

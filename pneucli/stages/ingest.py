@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.config import PipelineConfig, RecordingTable, SignalTable, Source, sources
+from pneucli.config import PipelineConfig, SignalTable, Source, sources
 from pneucli.errors import InputError
 from pneucli.experiments import KINDS
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
@@ -19,7 +19,7 @@ from pneucli.io.raw import Channel, RawFile, Repair
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.rows import LOSSES
 from pneucli.io.signals import Opened, open_signals
-from pneucli.noise import NoiseModel, estimate, pool
+from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.stages.ingest_looks import looked_at
@@ -28,6 +28,7 @@ from pneucli.units import factor_and_offset, parse_quantity
 
 NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
 FEWEST = 8  # samples that noise is estimated from
+ONE_SPOOL = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
 WARNINGS = (
     *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
@@ -106,18 +107,20 @@ def _present(source: Source, file: Opened) -> tuple[list[str], set[str]]:
     """
     table = source.table
     present = {*file.positions, *table.constants}
-    for name in sorted(_needed(table, present) - present):
+    for name in sorted(_needed(source, present) - present):
         asked = source.signals.get(name)
         found = f'no column "{asked.column}" for {name}' if asked else f"{name} is not described"
         columns = ", ".join(f'"{column}"' for column in file.reader.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
+        mend += ONE_SPOOL if name == "u2" else ""
         wanted = f"{name}, which a {table.experiment} recording needs (columns: {columns})"
         raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
     return [name for name in SIGNALS if name in present], set(file.positions) - {"time"}
 
 
-def _needed(table: RecordingTable, present: set[str]) -> set[str]:
-    return KINDS[table.experiment].needed(present, valve_shut=table.valve == "shut")
+def _needed(source: Source, present: set[str]) -> set[str]:
+    table = source.table
+    return KINDS[table.experiment].needed(present, valve_shut=table.valve == "shut") | set(source.commands)
 
 
 def _ingest(
@@ -168,7 +171,7 @@ def _check(one: Ingested) -> None:
     if not SHORTEST < one.period < LONGEST:
         wanted = f"between {SHORTEST:g} and {LONGEST:g} s"
         raise InputError(where, f"a sampling period of {one.period:g} s", wanted, "check the column and unit of time")
-    for name in sorted(one.empty & _needed(one.source.table, set(one.signals))):
+    for name in sorted(one.empty & _needed(one.source, set(one.signals))):
         found = f"no value in any of {one.samples} rows"
         raise InputError(f"{where}, signal {name}", found, "a recorded signal", "check its column, or leave it out")
     one.signals = [name for name in one.signals if name not in one.empty]
@@ -184,6 +187,9 @@ def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseMo
     """Return the noise of each signal: 0 for constants, as stated, else estimated."""
     stated = _stated_noise(one.source)
     time = np.concatenate([head["time"] for head in heads])
+    commands = [np.concatenate([head[u] for head in heads]) for u in ("u", "u2") if u in heads[0]]
+    jumps = jumps_of(commands, time.size)
+    one.kinked = free_of(jumps, one.period) is None and bool(jumps.any())
     models = {name: NoiseModel(white=0.0, period=one.period) for name in one.source.table.constants}
     for name in one.signals:
         if name == "time" or name in models:
@@ -192,25 +198,26 @@ def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseMo
         if name in stated:
             models[name] = NoiseModel(white=stated[name], period=one.period)
         elif np.isfinite(values).sum() >= FEWEST:
-            models[name] = estimate(*_measured(time, values))
+            measured = _measured(values)
+            models[name] = estimate(time[measured], values[measured], jumps[measured])
     return models
 
 
-def _measured(time: Array, values: Array) -> tuple[Array, Array]:
-    """Leave out what was not measured, where a signal has a clock of its own."""
+def _measured(values: Array) -> NDArray[np.bool_]:
+    """Return which samples count: all but those that were not measured, where a signal has a clock of its own."""
     finite = np.isfinite(values)
-    return (time, values) if finite.mean() > 0.8 else (time[finite], values[finite])
+    return np.asarray(finite if finite.mean() <= 0.8 else np.ones_like(finite))
 
 
 def _pool_noise(done: list[Ingested]) -> None:
-    """Let all recordings of one sensor at one rate share what is known of its noise."""
+    """Let all recordings of one sensor at one rate share what is known of its noise; kinked ones count if all are."""
     groups: dict[tuple[str, str, int], list[Ingested]] = {}
     for one in done:
         for name in one.noise.keys() & one.source.signals.keys():
             rate = round(float(np.log(one.period)) / 0.1)
             groups.setdefault((name, repr(one.source.signals[name]), rate), []).append(one)
     for (name, _, _), members in groups.items():
-        shared = pool([one.noise[name] for one in members])
+        shared = pool([one.noise[name] for one in members if not one.kinked] or [one.noise[name] for one in members])
         for one in members:
             one.noise[name] = shared
 

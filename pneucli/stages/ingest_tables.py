@@ -32,6 +32,7 @@ class Ingested:
     start: float = float("nan")
     end: float = float("nan")
     noise: dict[str, NoiseModel] = field(default_factory=dict)
+    kinked: bool = False  # a command jumps all the time: what it drives is nowhere quiet
     repairs: list[Repair] = field(default_factory=list)
     rows: int = 0
     losses: Counter[str] = field(default_factory=Counter)

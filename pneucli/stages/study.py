@@ -11,6 +11,7 @@ import numpy as np
 
 from pneucli.config import plugin_files
 from pneucli.errors import InputError
+from pneucli.identify.commands import with_commands
 from pneucli.identify.null import with_null
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
@@ -78,7 +79,7 @@ class Study:
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
             self._require_noise(ready[-1])
         give_back()  # smoothing takes several times what it leaves
-        return with_ends(ready, self.rig)
+        return with_commands(with_ends(ready, self.rig), self.rig)
 
     def _require_noise(self, experiment: Experiment) -> None:
         """Raise InputError where a reading that the model is held against has no noise: errors count in units of it.

@@ -101,6 +101,16 @@ def test_matlab_reads_the_same_numbers(tmp_path: Path) -> None:
     assert found["valve_inverse_area"]["u"].size == 2 * len(CONTROLLER.fill)
 
 
+def test_the_inverse_of_a_second_valve_follows_that_of_the_first() -> None:
+    alone = files.inverse_table(CONTROLLER.with_values(C_TWO_VALVES=0.0))
+    assert "chamber" not in alone
+    both = files.inverse_table(CONTROLLER.with_values(C_TWO_VALVES=1.0, C_AREA_FILL_2=3e-6))
+    first = np.asarray(both["chamber"]) == 1.0
+    assert np.array_equal(np.asarray(both["u"])[first], alone["u"])
+    assert np.asarray(both["u"])[~first].tolist() == [*CONTROLLER.vent_2[::-1], *CONTROLLER.fill_2]
+    assert np.asarray(both["area"])[-1] == 3e-6
+
+
 def test_csv_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
     files.write_csv(tmp_path / "controller.csv", files.controller_table(CONTROLLER))
     lines = (tmp_path / "controller.csv").read_text().splitlines()[1:]

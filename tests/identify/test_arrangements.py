@@ -9,7 +9,8 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
-from pneucli.identify.null import with_null
+from pneucli.identify.fit import Fit
+from pneucli.identify.null import drifted, with_null
 from pneucli.identify.start import first_guess
 from pneucli.identify.views import views_of
 from pneucli.noise import NoiseModel
@@ -46,10 +47,14 @@ def stairs(levels: tuple[float, ...] = LEVELS) -> np.ndarray:
     return np.repeat(levels, round(0.25 / 1e-3))
 
 
-def fitted(experiments: list[Experiment], form: str = "map") -> Model:
+def fit(experiments: list[Experiment], form: str = "map") -> Fit:
     rig = experiments[0].rig
     ready = with_ends(experiments, rig)
-    return fit_model(first_guess(ready, rig, form), views_of(ready), []).model
+    return fit_model(first_guess(ready, rig, form), views_of(ready), [])
+
+
+def fitted(experiments: list[Experiment], form: str = "map") -> Model:
+    return fit(experiments, form).model
 
 
 def at_command(model: Model, u: float, chamber: int) -> float:
@@ -86,6 +91,19 @@ def test_the_null_command_lies_between_what_vents_and_what_fills(null: float):
     assert found.valve_null == pytest.approx(null, abs=0.05)
     low, high = found.null_range
     assert low <= null <= high
+
+
+@pytest.mark.parametrize(("moved", "seen"), [(0.0, None), (1.2, ("before", "after"))])
+def test_recordings_without_a_null_command_in_common_are_named(moved: float, seen: tuple[str, str] | None):
+    rig = replace(RIG, valve_arrangement="5/3")
+    swing = 3.0 * np.sin(2 * np.pi * 0.5 * 1e-3 * np.arange(4000))
+    takes = {}
+    for name, null in (("before", 5.0), ("after", 5.0 + moved)):
+        at_null = replace(rig, valve_null=null)
+        driven = axis(at_null, Model(at_null, (), FRICTION, FIRST, SECOND), null + swing)
+        takes[name] = replace(driven.recording, name=name)
+    assert drifted(with_null(list(takes.values()), replace(rig, null_free=True))) == seen
+    assert drifted(replace(rig, valve_null=5.0)) is None
 
 
 def test_a_gap_between_commands_is_the_range_of_the_null():

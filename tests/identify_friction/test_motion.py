@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import motion_of
+from pneucli.identify.friction import motion, motion_of
 from pneucli.identify.friction.velocity import integrate, low_pass, rests
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
@@ -170,3 +170,14 @@ def test_low_pass_keeps_parabolas_and_halves_a_sine_at_its_cutoff() -> None:
     even = 1e-3 * np.arange(3000)
     sine = np.sin(2 * np.pi * 10.0 * even)
     assert low_pass(even, 10.0)(sine)[500:2500] == pytest.approx(0.5 * sine[500:2500], abs=2e-3)
+
+
+@pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, motion.DRAWS)])
+def test_a_long_recordings_noise_is_drawn_less_often(
+    monkeypatch: pytest.MonkeyPatch, samples: float, draws: int
+) -> None:
+    """Its spread is as well known from fewer draws, which take their time and memory in proportion."""
+    recording = recorded(STICKY, TRUTH, 1, ("p1", "p2", "x", "a"))
+    monkeypatch.setattr(motion, "ENOUGH", int(samples * recording.time.size))
+    found = motion_of(recording, Model(RIG))
+    assert found.redrawn.shape == (draws, recording.time.size)

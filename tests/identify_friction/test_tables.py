@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.identify.friction.beside import Beside
-from pneucli.identify.friction.tables import POOLED, STEPS
+from pneucli.identify.friction.tables import POOLED, STEPS, deviations, driven
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from tests.identify_friction.benches import FIXTURES, Array, identified
@@ -126,3 +128,32 @@ def test_the_tables_give_each_recording_and_each_use_absolute_and_in_per_cent_of
     motion = next(m for m in found.motions if m.recording.name == "driven_1")
     one = next(d for d in found.deviations if (d.model, d.recording, d.channel) == ("A", "driven_1", "a"))
     assert one.percent == pytest.approx(100 * one.rmsd / np.ptp(motion.a))
+
+
+def test_the_pooled_table_is_that_of_all_samples_together() -> None:
+    found = identified(FIXTURES / "friction_null_coulomb")
+    motions = [m for m in found.motions if m.recording.use == "train"]
+    mass = found.mass.value if found.mass else 0.0
+    measured = np.concatenate([m.a[m.valid] for m in motions])
+    missed = measured - np.concatenate([driven(found.model("A"), m, mass)[1][m.valid] for m in motions])
+    one = next(d for d in found.deviations if (d.model, d.recording, d.use, d.channel) == ("A", POOLED, "train", "a"))
+    rms = np.sqrt(np.mean(missed**2))
+    assert len(motions) > 1
+    assert one.rmsd == pytest.approx(rms)
+    assert one.percent == pytest.approx(100 * rms / np.ptp(measured))
+    assert one.relative_percent == pytest.approx(100 * rms / np.sqrt(np.mean(measured**2)))
+
+
+def test_the_noise_of_an_imposed_motion_is_that_of_the_drive_and_of_the_inertia() -> None:
+    """3 N of the drive, and 2 m/s^2 of the acceleration times 2 kg: 5 N."""
+    found = identified(FIXTURES / "friction_null_coulomb")
+    one = found.motions[0]
+    still = replace(one.recording, imposed="motion")
+    redrawn = 3.0 * np.random.default_rng(1).standard_normal(one.redrawn.shape)
+    (force,) = (
+        d
+        for d in deviations([found.model("A")], [replace(one, recording=still, redrawn=redrawn, sigma_a=2.0)], 2.0)
+        if d.recording != POOLED
+    )
+    assert force.channel == "force"
+    assert force.noise == pytest.approx(5.0, rel=0.02)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -89,6 +91,16 @@ def test_no_valve_test_ends_in_numbers_that_are_none(
     is_sound(found)
 
 
+def test_commands_that_are_held_for_a_few_readings_are_enough() -> None:
+    """Five readings each at 100 Hz: fewer than the filter of the noise looks back."""
+    tests, rig = bench(2e-4, 7e5, 0.3, 1.0, 100.0, LAW, "filling")
+    few = [replace(r, time=r.time[5:18], signals={n: y[5:18] for n, y in r.signals.items()}) for r in tests]
+    found = identify(few, rig)
+    is_sound(found)
+    assert found.fit.simulated.shape == (5, 2 * len(LAW))
+    assert found.map.covered.any()
+
+
 def test_a_direction_that_was_not_tested_is_not_reachable() -> None:
     tests, rig = bench(2e-4, 7e5, 0.5, 3.0, 1000.0, (1.0, 2.0, 5.0, 10.0), "filling")
     found = identify(tests, rig)
@@ -126,10 +138,10 @@ def test_the_noise_of_averaged_readings_is_that_of_their_means() -> None:
 
 def test_readings_are_averaged_but_not_the_command_and_gaps_stay_gaps() -> None:
     p = np.array([1.0, 3.0, 5.0, np.nan, np.nan, 9.0, 7.0])
-    rows = np.array([np.arange(7.0), [2.0, 2.0, 4.0, 4.0, 4.0, 4.0, 4.0], np.ones(7), p])
+    rows = np.array([np.arange(7.0), [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], np.ones(7), p])
     found = averaged(rows, 3)
     assert found[0].tolist() == [1.0, 4.0]
-    assert found[1].tolist() == [2.0, 4.0]
+    assert found[1].tolist() == [4.0, 7.0]  # as it stands midway from one mean to the next
     assert found[3, 0] == 3.0
     assert np.isnan(found[3, 1])  # two of three are missing
 

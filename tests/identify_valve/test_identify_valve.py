@@ -12,11 +12,27 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.identify.effects import fit_model
+from pneucli.identify.start import first_guess
 from pneucli.identify.valve import ValveIdentification, identify_valve
+from pneucli.identify.views import views_of
+from pneucli.io.artifacts import Provenance, read_table
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
-from tests.identify_valve.bench import AREA, EXPONENT, OVERLAP, RIG, fitted, identify, record, recordings, true_gradient
+from pneucli.stages.valve_tables import iso_parameters, write_valves
+from tests.identify_valve.bench import (
+    AREA,
+    COMMANDS,
+    EXPONENT,
+    OVERLAP,
+    RIG,
+    fitted,
+    identify,
+    record,
+    recordings,
+    true_gradient,
+)
 
 
 def truth_of(found: ValveIdentification, **law):
@@ -195,6 +211,13 @@ def test_a_dead_sensor_is_the_users_to_mend():
         identify_valve([prepare(dead, RIG, 0.5)], found)
 
 
+def test_a_command_of_the_wrong_sign_is_the_users_to_mend():
+    """Nothing ever flows as such commands say, so there is no valve to bend."""
+    turned = [replace(r, signals={**r.signals, "u": -r["u"]}) for r in recordings(1)]
+    with pytest.raises(InputError, match="at no command does air flow the way it should"):
+        identify(turned)
+
+
 def test_missing_signals_and_tests_are_the_users_to_mend():
     tests = recordings(1)
     one, found = tests[0], fitted(tests, RIG)
@@ -209,6 +232,90 @@ def test_missing_signals_and_tests_are_the_users_to_mend():
     refused("no signal u", {"p1": one["p1"]})
     refused("p_supply", {"u": one["u"], "p1": one["p1"]}, Rig(vessel_volume=2e-4))
     refused("zero throughout", {"u": 0 * one["u"], "p1": one["p1"]})
+
+
+def test_the_other_way_of_a_spool_has_a_map_at_the_commands_that_went_out():
+    """A 5/3 valve that rests at 5 V: chamber 2 is filled below that."""
+    rig = replace(RIG, valve_arrangement="5/3", valve_null=5.0)
+    tests = [replace(r, chamber=2, signals={**r.signals, "u": 5.0 - r["u"]}) for r in recordings(1)]
+    found = identify_valve([prepare(r, rig, 0.5) for r in tests], fitted(tests, rig), 2)
+    assert (found.map.u[0], found.map.u[-1]) == (-5.0, 15.0)
+    u, p = np.meshgrid(found.map.u, found.map.p, indexing="ij")
+    truth = true_gradient(5.0 - u, p)
+    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
+    assert found.gradient(np.array(2.0), np.array(2e5)) == pytest.approx(true_gradient(3.0, 2e5), rel=0.02)
+    command, reachable = found.command(np.array([0.0, true_gradient(3.0, 2e5)]), np.array([2e5, 2e5]))
+    assert command == pytest.approx([5.0, 2.0], abs=0.1)
+    assert reachable.all()
+    assert {c.u for c in found.curves} == {5.0 + v for v in COMMANDS} | {5.0 - v for v in COMMANDS}
+    assert {name.partition("(")[0] for name, *_ in iso_parameters(found)} >= {"valve_2.sonic_conductance"}
+
+
+def test_two_chambers_are_told_apart_by_a_column_and_one_needs_none(tmp_path, base):
+    both = replace(base, law=_arranged(base, "5/3"))
+    second = replace(both, chamber=2, map=replace(base.map, gradient=2.0 * base.map.gradient))
+    for valves in ([base], [both, second]):
+        write_valves(valves, (), tmp_path, Provenance({}, {}))
+        names = ("valve_map", "valve_inverse", "valve_lack_of_fit", "valve_areas", "valve_curves")
+        tables = {name: read_table(tmp_path / f"{name}.parquet") for name in names}
+        assert all(("chamber" in table) == (len(valves) == 2) for table in tables.values())
+    table = {name: np.asarray(values) for name, values in tables["valve_map"].items()}
+    one, two = (table["p_gradient"][table["chamber"] == chamber] for chamber in (1, 2))
+    assert one.size == base.map.gradient.size
+    assert two == pytest.approx(2.0 * one)
+
+
+def _arranged(found: ValveIdentification, arrangement):
+    trend = found.law.trend
+    rig = replace(trend.model.rig, valve_arrangement=arrangement)
+    return replace(found.law, trend=replace(trend, model=replace(trend.model, rig=rig)))
+
+
+def ramped(top: float = 10.0) -> Recording:
+    """Slowly open, shut, and the same the other way, never held; 1 kHz, command held over each sample."""
+    one = np.concatenate([np.linspace(0.0, top, 1500), np.linspace(top, 0.0, 500)])
+    u = np.round(np.concatenate([one, -one]), 4)
+    p, gas = np.empty(u.size), RIG.ambient_pressure
+    for k, command in enumerate(u):
+        p[k] = gas
+        for _ in range(4):
+            middle = gas + 1.25e-4 * true_gradient(command, gas)
+            gas += 2.5e-4 * float(true_gradient(command, middle))
+    rng, time = np.random.default_rng(3), 1e-3 * np.arange(u.size)
+    signals = {"u": u, "p_supply": np.full(u.size, RIG.supply_pressure), "p1": p + 400.0 * rng.standard_normal(u.size)}
+    return Recording("ramp", "valve", "train", time, signals, {"p1": NoiseModel(400.0)})
+
+
+def test_a_ramp_that_holds_no_command_makes_a_map():
+    """Where the vessel was neither full nor empty: small openings."""
+    found = identify([ramped()])
+    u, p = np.meshgrid(found.map.u, found.map.p, indexing="ij")
+    truth, covered = true_gradient(u, p), found.map.covered
+    assert covered.mean() > 0.1
+    told = covered & (np.abs(truth) > 0.01 * np.abs(truth).max())
+    assert np.median(np.abs(found.map.gradient - truth)[told] / np.abs(truth)[told]) < 0.004
+    assert not found.lack.noticeable
+    assert not found.curves  # a curve is that of one command
+    assert found.measured
+
+
+def test_a_switching_valve_has_its_commands_and_nothing_between():
+    """Two commands and shut; a gradient is reached where one of them makes it, within the map's interval."""
+    tests = [record("pulse", 10.0, 3), record("pulse 2", 10.0, 4)]
+    rig = replace(RIG, valve_kind="switching")
+    ready = [prepare(r, rig, 0.5) for r in tests]
+    found = identify_valve(ready, fit_model(first_guess(ready, rig, "switching"), views_of(ready), []))
+    assert found.map.u.tolist() == [-10.0, 0.0, 10.0]
+    truth = truth_of(found)
+    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
+    fills, vents = (float(true_gradient(v, 3e5)) for v in (10.0, -10.0))
+    at = found.gradient(np.array([10.0, -10.0]), np.array(3e5))
+    command, reachable = found.command(
+        np.array([at[0], 0.9 * fills, 0.2 * fills, 0.0, 0.8 * vents, at[1]]), np.array(3e5)
+    )
+    assert command.tolist() == [10.0, 10.0, 0.0, 0.0, -10.0, -10.0]
+    assert reachable.tolist() == [True, False, False, True, False, True]
+    assert {name for name, *_ in iso_parameters(found)} >= {"valve.sonic_conductance(+10 V)"}
 
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))

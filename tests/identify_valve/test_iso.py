@@ -15,7 +15,7 @@ from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.iso import Figure, iso_conductance
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.valve_area import area_name
-from tests.simulate.benches import model
+from tests.simulate.benches import VALVE, model
 
 NONE: Any = None
 UNIT = 0.484 * np.sqrt(2.0 / (287.0 * 293.15)) / 1.185  # m^3/(s Pa) of 1 m^2
@@ -63,20 +63,23 @@ def test_the_critical_ratio_is_the_models_with_the_interval_of_the_effect_that_i
     assert iso._critical_ratio(known, {name: estimate(name, 0.3, 0.25, 0.4)}) == (0.3, (0.25, 0.4))
 
 
-def found_of(names: tuple[str, ...] = (), values: dict[str, float] | None = None) -> Any:
-    """A fit that knows all areas of a valve but that at -5 V, to a tenth."""
-    known = model(names, values)
-    pairs = zip(known.valve.commands, known.valve.areas, strict=True)
-    areas = [estimate(area_name(u), a, 0.9 * a, 1.1 * a) for u, a in pairs if u != -5.0]
-    return SimpleNamespace(model=known, estimates=areas)
+def known_of(label: str = "valve", names: tuple[str, ...] = (), values: dict[str, float] | None = None) -> Any:
+    """A law of the valve of that label, and a fit that knows all of its areas but that at -5 V, to a tenth."""
+    whole = model(names, values)
+    valve = replace(VALVE, label=label)
+    pairs = zip(valve.commands, valve.areas, strict=True)
+    areas = [estimate(area_name(u, label), a, 0.9 * a, 1.1 * a) for u, a in pairs if u != -5.0]
+    return SimpleNamespace(trend=SimpleNamespace(valve=valve)), SimpleNamespace(model=whole, estimates=areas)
 
 
+@pytest.mark.parametrize("label", ["valve", "valve_2"])
 def test_each_known_area_is_a_conductance_and_only_tested_commands_show_b_and_m(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, label: str
 ) -> None:
+    law, fitted = known_of(label)
     told = [(0.2, 0.1, 0.3), (0.6, 0.5, 0.7)]
     monkeypatch.setattr(iso, "_seen", lambda law, fit, covers, u, unknown: told)
-    found = {one.u: one for one in iso_conductance(NONE, NONE, found_of(), NONE, [9.995, -9.98, 5.0])}
+    found = {one.u: one for one in iso_conductance(law, NONE, fitted, NONE, [9.995, -9.98, 5.0])}
     assert sorted(found) == [-10.0, 5.0, 10.0]
     for u, area in ((-10.0, 1.8e-6), (5.0, 0.9e-6)):
         c = found[u].C
@@ -91,8 +94,12 @@ def test_each_known_area_is_a_conductance_and_only_tested_commands_show_b_and_m(
 
 def test_a_model_with_heat_leaves_no_doubt_of_the_gas() -> None:
     values = {f"heat-transfer.{p.name}": 0.5 for p in catalogue()["heat-transfer"].parameters}
-    found = iso_conductance(NONE, NONE, found_of(("heat-transfer",), values), NONE, [99.0])
-    assert found[0].C.high == pytest.approx(1.1 * found[0].C.value)
+    law, fitted = known_of(names=("heat-transfer",), values=values)
+    for tested in ([99.0], []):
+        found = iso_conductance(law, NONE, fitted, NONE, tested)
+        assert [one.u for one in found] == [-10.0, 5.0, 10.0]
+        assert found[0].C.high == pytest.approx(1.1 * found[0].C.value)
+        assert found[0].b.seen is None
 
 
 # --- what a curve shows
@@ -126,7 +133,7 @@ def test_where_a_curve_is_silent_b_and_m_are_the_usual_ones() -> None:
 class Curve:
     """A law whose gradient is an ellipse of b = 0.3 and m = 0.45 at any command, with one parameter: its size."""
 
-    ambient, supply = 1e5, 7e5
+    ambient, supply, size = 1e5, 7e5, 1
     b, m = 0.3, 0.45
 
     def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
@@ -183,6 +190,8 @@ def test_a_quarter_of_the_pressures_must_have_been_seen() -> None:
 
 def test_a_curve_that_is_not_sure_of_itself_or_where_nothing_flows_tells_neither() -> None:
     class Vague(Curve):
+        size = iso.POINTS
+
         def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
             return 0.5 * np.abs(self.gradient(theta, u, p, supply)).max() * np.eye(p.size)
 

@@ -5,9 +5,9 @@ The trend is a toy with a formula of its own; that of the model is tested with t
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from pneucli.errors import InputError
 from pneucli.identify.valve.fit import (
+    Part,
     Posterior,
     Problem,
     autocovariances,
@@ -36,12 +37,21 @@ AMBIENT, SUPPLY = 1e5, 7e5
 NODES = (np.array([1.0, 3.0, 8.0]), np.array([2.0, 9.0]))
 
 
+class Shut:
+    """A valve that is shut below 0.4 V."""
+
+    form = "map"
+
+    def __call__(self, u: np.ndarray) -> np.ndarray:
+        return np.maximum(np.abs(u) - 0.4, 0.0)
+
+
 class Trend:
     """dp/dt = e^a |u|^(1 + b) (other side - p), of coordinates a and b; shut below 0.4 V for the inverse."""
 
     free = ("a", "b")
     start = np.array([0.3, 0.1])
-    model = SimpleNamespace(valve=lambda u: np.maximum(np.abs(u) - 0.4, 0.0))
+    valve = Shut()
 
     def at(self, z: np.ndarray) -> Callable[..., np.ndarray]:
         def gradient(u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
@@ -188,15 +198,15 @@ def test_sensitivities_of_a_curve_are_its_differences() -> None:
         assert by_theta[..., k] == pytest.approx(slope, rel=5e-3, abs=5e-3 * np.abs(slope).max())
 
 
-def problem(noise: float = 300.0) -> Problem:
+def part(noise: float = 300.0) -> Part:
     s = stretches()
     p = simulate(LAW, THETA, START, s)
     s.p[:] = p + noise * RNG(2).standard_normal(p.shape)
-    return Problem(LAW, s, np.array([1.0, -0.5]), noise, 2.0 * np.eye(LAW.size), START)
+    return Part(LAW, s, np.array([1.0, -0.5]), noise, START)
 
 
 def test_a_signal_is_whitened_by_the_filter_where_all_of_it_is_seen() -> None:
-    one, ones = problem(), np.ones((300, 2))
+    one, ones = part(), np.ones((300, 2))
     found = one.white(ones)
     assert found.shape == (299, 2)
     assert found[:, 0] == pytest.approx(np.full(299, 0.5 / 300.0))
@@ -204,21 +214,30 @@ def test_a_signal_is_whitened_by_the_filter_where_all_of_it_is_seen() -> None:
     assert one.white(np.ones((300, 2, 3)))[..., 1] == pytest.approx(found)
 
 
-def test_residuals_are_whitened_errors_without_what_a_start_can_take_up_and_the_prior() -> None:
-    one = problem()
+def test_stretches_shorter_than_the_filter_are_not_seen() -> None:
+    whole = part()
+    short = stretches(samples=61).only(np.array([1]))
+    one = replace(whole, data=short, whitening=np.eye(9)[0], start=START[1:])
+    assert short.p.shape == (1, 1)
+    assert one.residuals(THETA).size == 0
+    assert one.jacobian(THETA).shape == (0, LAW.size)
+    assert one.better_start(THETA).tolist() == [6e5]
+
+
+def test_residuals_are_whitened_errors_without_what_a_start_can_take_up() -> None:
+    one = part()
     found = one.residuals(THETA)
     p = simulate(LAW, THETA, START, one.data)
     error, ahead = one.white(p - one.data.p), one.white(start_sensitivity(LAW, THETA, p, one.data)[1])
     for k in (0, 1):
         share = ahead[:, k] @ error[:, k] / (ahead[:, k] @ ahead[:, k])
-        mine = found[: 2 * 299].reshape(299, 2)[:, k]
+        mine = found.reshape(299, 2)[:, k]
         assert mine == pytest.approx(error[:, k] - share * ahead[:, k], abs=1e-6)
-    assert found[2 * 299 :] == pytest.approx(2.0 * (THETA - LAW.start()))
 
 
 def test_the_jacobian_leads_the_residuals() -> None:
     """Where the curves are met, so that what a start can take up of the error does not move."""
-    one = problem(noise=1.0)
+    one = part(noise=1.0)
     one.data.p[:] = simulate(LAW, THETA, START, one.data)
     found = one.jacobian(THETA)
     for k in (0, 4, LAW.offsets()[1], LAW.size - 1):
@@ -228,9 +247,60 @@ def test_the_jacobian_leads_the_residuals() -> None:
 
 
 def test_a_wrong_start_is_mended() -> None:
-    one = problem(noise=1.0)
+    one = part(noise=1.0)
     one.start = START + np.array([30.0, -20.0])
     assert one.better_start(THETA) == pytest.approx(START, abs=2.0)
+
+
+def problem(memory: int, repeated: int = 3) -> Problem:
+    """Charges and discharges of two lengths side by side, some that are missed by far."""
+    one = part()
+    which = np.tile([0, 1], repeated)
+    data = one.data.only(which)
+    data.p[:, 0] += 500.0
+    prior = 2.0 * np.eye(LAW.size)
+    return Problem(LAW, data, one.whitening, one.noise, prior, START[which], memory)
+
+
+def test_stretches_taken_together_are_of_like_length_and_all_are_taken_once() -> None:
+    data = stretches().only(np.tile([0, 1], 3))
+    assert data.lengths.tolist() == 3 * [300, 240]
+    assert [some.tolist() for some in data.parts(600)] == [[0, 2], [1, 4], [3, 5]]
+    assert [some.tolist() for some in data.parts(1)] == [[0], [2], [4], [1], [3], [5]]
+    short = data.only(np.array([5, 1]))
+    assert short.p.shape == (240, 2)
+    assert short.beside.shape == (240, 2, 1 + MOVED)
+    assert short.recording.tolist() == [1, 1]
+    unseen = replace(data, valid=np.zeros_like(data.valid))
+    assert unseen.only(np.array([0])).p.shape == (1, 1)
+    assert np.concatenate(list(unseen.parts(2))).tolist() == list(range(6))
+
+
+def test_a_problem_in_parts_is_the_same_problem() -> None:
+    whole, parts = problem(1 << 30), problem(8 * LAW.size * 500)
+    assert np.sum(parts.residuals(THETA) ** 2) == pytest.approx(np.sum(whole.residuals(THETA) ** 2), rel=1e-9)
+    for mine, other in zip(parts.normal(THETA), whole.normal(THETA), strict=True):
+        assert mine == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
+    assert parts.better_start(THETA) == pytest.approx(whole.better_start(THETA), rel=1e-9)
+
+
+def test_what_is_known_beforehand_counts_once() -> None:
+    one, known = problem(8 * LAW.size * 500), 2.0 * (THETA - LAW.start())
+    assert one.residuals(THETA)[-LAW.size :] == pytest.approx(known)
+    without = Problem(LAW, stretches(), np.array([1.0]), 1e12, 2.0 * np.eye(LAW.size), START, 1)
+    gradient, curvature = without.normal(THETA)
+    assert gradient == pytest.approx(2.0 * known, rel=1e-3)
+    assert curvature == pytest.approx(4.0 * np.eye(LAW.size), abs=1e-3)
+
+
+def test_derivatives_of_all_stretches_are_never_held_at_once() -> None:
+    many = problem(100_000, repeated=100)
+    many.residuals(THETA)
+    tracemalloc.start()
+    many.normal(THETA)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2e6 < 8 * 100 * (300 + 240) * LAW.size
 
 
 def test_an_ar_process_is_whitened_by_its_own_coefficients() -> None:
@@ -324,6 +394,13 @@ def test_an_average_needs_half_of_its_readings_and_holds_the_command() -> None:
     assert found[1].tolist() == [0.0, 1.0]
     assert found[2] == pytest.approx([2.0, 19 / 3])
     assert np.isnan(averaged(np.array([[0.0, 1, 2], [0, 0, 0], [1, nan, nan]]), 3)[2, 0])
+
+
+def test_an_average_has_the_command_that_stands_midway_to_the_next() -> None:
+    """Means of 4 readings of a ramp are at 1.5 and 5.5 samples: from one to the other 3.5 is the mean command."""
+    ramp = np.arange(12.0)  # held over each sample: 3 from sample 3 to 4
+    assert averaged(np.stack([ramp, ramp, ramp]), 4)[1].tolist() == [3.0, 7.0, 11.0]
+    assert averaged(np.stack([ramp, ramp, ramp]), 1)[1].tolist() == ramp.tolist()
 
 
 def test_a_recording_is_cut_at_jumps_of_the_command() -> None:

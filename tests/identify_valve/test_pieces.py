@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.valve import identification, trend
+from pneucli.identify.valve import identification, maps, trend
 from pneucli.identify.valve.fit import Posterior, first_pressures
 from pneucli.identify.valve.identification import Residual, ValveIdentification
 from pneucli.identify.valve.lack import LackOfFit, lack_of_fit
+from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.maps import Coverage, GradientMap, coverage, gradient_map, gradient_with_error, inverse_map
 from pneucli.identify.valve.stretches import Stretches
-from pneucli.identify.valve.trend import Trend, memory, units
+from pneucli.identify.valve.trend import Trend, memory, remembers, units
 from pneucli.simulate.quasi_static import QuasiStatic
 from pneucli.simulate.run import simulate
 from tests.simulate.benches import bench, clock, model, steps_of_command
@@ -26,9 +27,17 @@ NONE: Any = None
 # --- where recordings went
 
 
-SHUT: Any = SimpleNamespace(
-    trend=SimpleNamespace(model=SimpleNamespace(valve=lambda u: np.maximum(np.abs(u) - 0.3, 0.0)))
-)
+class Overlapped:
+    """A valve that is shut up to 0.3 V."""
+
+    def __init__(self, form: str = "map") -> None:
+        self.form = form
+
+    def __call__(self, u: np.ndarray) -> np.ndarray:
+        return np.maximum(np.abs(u) - 0.3, 0.0)
+
+
+SHUT: Any = SimpleNamespace(trend=SimpleNamespace(valve=Overlapped()))
 WENT = Coverage(np.array([-10.0, -4.0, 2.0, 6.0]), np.array([1e5, 1e5, 1e5, 3e5]), np.array([7e5, 4e5, 5e5, 7e5]), SHUT)
 
 
@@ -70,10 +79,18 @@ def test_the_coverage_is_of_all_levels_and_the_pressures_that_each_saw() -> None
     assert found.highest.tolist() == [7e5, 2e5, 3e5]
 
 
-def test_of_very_many_levels_some_stand_for_all() -> None:
-    u = np.linspace(0.0, 1.0, 800)[:, None]
+def test_of_very_many_levels_those_within_a_hundredth_of_the_largest_are_one_that_saw_what_each_saw() -> None:
+    u = np.linspace(-2.0, 1.0, 800)[:, None]
     found = coverage(SHUT, laid(u, 1e5 + u))
-    assert found.commands == pytest.approx(u[::4, 0])
+    assert found.commands == pytest.approx(np.linspace(-2.0, 1.0, 151), abs=1e-9)
+    for level, lowest, highest in zip(found.commands, found.lowest, found.highest, strict=True):
+        alike = 1e5 + u[np.abs(u - level) < 0.01]
+        assert (lowest, highest) == (alike.min(), alike.max())
+
+
+def test_two_hundred_levels_are_taken_as_they_are() -> None:
+    u = np.linspace(0.0, 1.0, 200)[:, None] ** 2
+    assert coverage(SHUT, laid(u, 1e5 + u)).commands.tolist() == u[:, 0].tolist()
 
 
 class Straight:
@@ -81,7 +98,8 @@ class Straight:
 
     ambient, supply = 1e5, 7e5
     directions = (SimpleNamespace(sign=1, nodes=np.array([1.0, 4.0])), SimpleNamespace(sign=-1, nodes=np.array([4.0])))
-    trend = SHUT.trend
+    trend, size = SHUT.trend, 2
+    commands = Law.commands
 
     def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
         assert np.all(supply == 7e5)
@@ -99,6 +117,25 @@ def test_the_error_of_a_gradient_is_that_of_its_parameters_together() -> None:
     value, error = gradient_with_error(LAW, FIT, np.array([2.0, -1.0]), np.array([1e5, 3e5]), np.full(2, 7e5))
     assert value == pytest.approx([2.1e5, -0.7e5])
     assert error == pytest.approx(np.sqrt([36e6 + 2 * 30.0 * 2e5 + 4e-4 * 1e10, 9e6 - 2 * 30.0 * 3e5 + 4e-4 * 9e10]))
+
+
+def test_errors_are_the_same_whatever_part_of_the_derivatives_is_held_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    u, p = np.meshgrid(np.linspace(-2.0, 2.0, 5), [1e5, 3e5], indexing="ij")
+    whole = gradient_with_error(LAW, FIT, u, p, np.full(u.shape, 7e5))
+    held: list[int] = []
+
+    class Counting(Straight):
+        def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
+            held.append(u.size)
+            return super().sensitivity(theta, u, p, supply)
+
+    for memory_of, parts in ((3, [3, 3, 3, 1]), (10, [10]), (0, [1] * 10)):
+        monkeypatch.setattr(maps, "MEMORY", memory_of * 2 * 8)
+        held.clear()
+        value, error = gradient_with_error(Counting(), FIT, u, p, np.full(u.shape, 7e5))  # type: ignore[arg-type]
+        assert (value.tolist(), error.shape) == (whole[0].tolist(), u.shape)
+        assert error == pytest.approx(whole[1])
+        assert held == parts
 
 
 def test_the_map_has_95_percent_intervals_over_commands_and_pressures() -> None:
@@ -124,6 +161,20 @@ def test_the_inverse_is_on_its_grid_and_answers_what_a_shut_valve_gives_by_the_m
     unsure = replace(FIT, covariance=np.diag([0.0, 1e-4]))  # 3000 Pa/s at 3 bar
     near = inverse_map(LAW, unsure, 3e4 + np.array([-6e3, -5.8e3, 5.8e3, 6e3]), p[:1], WENT)
     assert near.u[:, 0] == pytest.approx([-0.06, 0.0, 0.0, 0.06], abs=1e-9)
+
+
+def test_a_switching_valve_answers_the_nearest_of_its_gradients_reached_within_its_interval_alone() -> None:
+    """At 3 bar -4 V, 0 and 4 V give -3.7e5, 3e4 and 4.3e5 Pa/s, to 3000 Pa/s."""
+
+    class Switching(Straight):
+        trend = SimpleNamespace(valve=Overlapped("switching"))
+
+    unsure = replace(FIT, covariance=np.diag([0.0, 1e-4]))
+    asked = np.array([-9e5, -3.7e5 + 5.8e3, -3.7e5 + 6e3, -1e5, 3e4 - 5.8e3, 2e5, 4.3e5 - 6e3, 4.3e5 + 5.8e3])
+    law: Any = Switching()
+    found = inverse_map(law, unsure, asked, np.array([3e5]), lambda u, p: np.ones(u.shape, dtype=bool))  # type: ignore[arg-type]
+    assert found.u[:, 0].tolist() == [-4.0, -4.0, -4.0, 0.0, 0.0, 0.0, 4.0, 4.0]
+    assert found.reachable[:, 0].tolist() == [False, True, False, False, True, False, False, True]
 
 
 # --- the model against the map
@@ -156,6 +207,9 @@ def test_differences_count_where_data_covered_the_map_and_something_flows() -> N
     some = lacking([30.0, -10.0, 50.0, 9.0], [True, True, False, True])
     assert some.counted.tolist() == [[True, True, False, False]]
     assert some.outside.tolist() == [[True, False, False, False]]
+    assert (some.u.tolist(), some.p.tolist()) == ([[1.0] * 4], [[0.0, 1.0, 2.0, 3.0]])
+    slow = lacking([30.0, -10.0, 50.0, 9.0], [False, False, True, True])  # 9 of 500: of the largest that was measured
+    assert slow.counted.tolist() == [[False, False, True, True]]
     none = lacking([30.0, -10.0, 50.0, 9.0], [False] * 4)
     assert (none.median, none.p95, none.share_outside, none.noticeable) == (None, None, None, False)
 
@@ -176,9 +230,10 @@ def test_more_than_a_fiftieth_of_the_gradient_is_noticeable(difference: list[flo
 
 def test_at_more_than_a_twentieth_of_the_points() -> None:
     for off, noticeable in ((5, False), (6, True)):
-        outside = np.arange(100) < off
-        relative, ones = np.full(100, 0.5), np.ones(100, dtype=bool)
-        assert LackOfFit(NONE, NONE, NONE, outside, ones, relative).noticeable == noticeable
+        modelled = np.where(np.arange(100) < off, 500.0, 1000.0)
+        measured, none = np.full(100, 1000.0), np.zeros(100)
+        found = LackOfFit(NONE, NONE, modelled, none, measured, none, np.ones(100, dtype=bool))
+        assert found.noticeable == noticeable
 
 
 # --- the identification's own pieces
@@ -198,7 +253,7 @@ def test_commands_that_were_held_for_three_tenths_of_a_second_are_nodes() -> Non
 
 def test_residual_over_noise_is_a_root_mean_square_over_the_recordings_of_a_use() -> None:
     rows = (Residual("a", "train", 3.0), Residual("b", "train", 4.0), Residual("c", "test", 2.0))
-    found = ValveIdentification(*[NONE] * 5, rows, 3.0, 1.0, NONE, NONE, NONE)
+    found = ValveIdentification(*[NONE] * 8, rows, steepest=3.0, shown=1.0, covers=NONE, law=NONE, fit=NONE)
     assert (found.over_noise("train"), found.over_noise("test")) == (pytest.approx(np.sqrt(12.5)), 2.0)
     assert found.over_noise("else") is None
     assert found.described
@@ -260,9 +315,31 @@ def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] 
 
 
 def test_a_valve_without_memory_has_nothing_beside_its_gradient() -> None:
+    """Nor are there derivatives, which would take the room of as many simulations."""
     known, test = quiet([], {})
-    assert not memory(known, test).any()
-    assert memory(known, test).shape == test.time.shape
+    assert not remembers(known)
+    beside = Trend(known, test, NONE, np.zeros(2), NONE).beside(test)
+    assert beside.shape == (1, test.time.size)
+    assert not beside.any()
+
+
+def test_a_memory_comes_with_its_derivatives() -> None:
+    name = "heat-transfer.conductance"
+    known, test = quiet(["heat-transfer"], {name: 0.7})
+    assert remembers(known)
+    free: Any = (SimpleNamespace(name=name, outward=lambda z: 0.7 + z),)
+    beside = Trend(known, test, free, np.zeros(1), NONE).beside(test)
+    more = memory(quiet(["heat-transfer"], {name: 0.701})[0], test)
+    assert beside[0] == pytest.approx(memory(known, test))
+    assert np.abs(beside[1]).max() > 1e3
+    assert beside[1] == pytest.approx((more - beside[0]) / 1e-3)
+
+
+@pytest.mark.parametrize("chamber", [1, 2])
+def test_the_valve_of_a_trend_is_what_fills_and_vents_its_tests_chamber(chamber: int) -> None:
+    both: Any = SimpleNamespace(behind={1: "first", 2: "second"}.get)
+    of: Any = SimpleNamespace(recording=SimpleNamespace(chamber=chamber))
+    assert str(Trend(both, of, NONE, NONE, NONE).valve) == {1: "first", 2: "second"}[chamber]
 
 
 def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from scipy.signal import lfilter
 
 from pneucli import words
 from pneucli.config import load
@@ -122,6 +123,45 @@ def test_what_the_stage_cannot_use_is_refused(two: Path, tmp_path: Path, old: st
     with pytest.raises(InputError, match=says):
         ingested(two, tmp_path / "ingest")
     assert not list((tmp_path / "ingest").glob("*.parquet"))
+
+
+DRIVEN = PIPELINE.replace('experiment = "friction"', 'experiment = "axis"\nu = "1 V"').replace('"open"', '"valve"')
+
+
+@pytest.mark.parametrize("stated", ["", '[rig.valve]\narrangement = "two"\n'])
+def test_of_two_valves_both_commands_are_needed(two: Path, tmp_path: Path, stated: str) -> None:
+    two.write_text(DRIVEN.replace("[signals]", stated + "[signals]"))
+    with pytest.raises(InputError, match=r'(?s)u2 is not described.*constant, u2 = .*arrangement = "5/3"'):
+        ingested(two, tmp_path / "ingest")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("[signals]", '[rig.valve]\narrangement = "5/3"\n[signals]'), ("1 V", '1 V"\nu2 = "0 V')]
+)
+def test_one_spool_has_one_command_and_a_second_one_may_be_constant(
+    two: Path, tmp_path: Path, old: str, new: str
+) -> None:
+    two.write_text(DRIVEN.replace(old, new))
+    assert {*ingested(two, tmp_path / "ingest")[1][1].signals} - {"u2"} == {"u", "p1", "x"}
+
+
+def test_recordings_whose_command_jumps_all_the_time_do_not_say_what_a_sensors_noise_is(tmp_path: Path) -> None:
+    """Behind a valve that opens all the time the pressure is nowhere quiet: the one recording of a step tells."""
+    rng, time = np.random.default_rng(0), np.arange(4000)
+    names = ("step", "pulses_1", "pulses_2", "pulses_3")
+    for name in names:
+        toggles = rng.random(4000) < 0.03 if name != "step" else time == 2000
+        u = 24 * (np.cumsum(toggles) % 2)
+        p = lfilter([0.02], [1.0, -0.98], u / 8.0) + 4e-3 * lfilter([0.6], [1.0, -0.8], rng.standard_normal(4000))
+        rows = "\n".join(f"{t},{a},{b:.5f}" for t, a, b in zip(time, u, p, strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"t,u,P\n{rows}\n")
+    text = '[pipeline]\nname = "s"\n[signals]\ntime = { column = "t", unit = "ms" }\nu = { column = "u", unit = "V" }\n'
+    text += 'p1 = { column = "P", unit = "bar", reference = "gauge" }\n'
+    for name in names:
+        text += f'[[recordings]]\nname = "{name}"\nfile = "{name}.csv"\nexperiment = "valve"\nuse = "train"\n'
+    (tmp_path / "s.toml").write_text(text)
+    (noise,) = {one.noise["p1"].rms for one in ingested(tmp_path / "s.toml", tmp_path / "ingest")[1]}
+    assert noise == pytest.approx(400.0, rel=0.2)  # of the pulses alone it would come out as 160
 
 
 @pytest.mark.parametrize("column", ['"P"', "2"])

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io import guard, mat
+from pneucli.io import guard, mat_elements
 from pneucli.io.raw import Channel, RawFile
 from pneucli.io.signals import open_signals
 
@@ -344,7 +344,7 @@ def mat_bomb(path: Path) -> None:
 def test_what_a_file_expands_to_is_bounded_and_said(
     tmp_path: Path, write: Callable[[Path], None], most: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (guard, mat):
+    for module in (guard, mat_elements):
         monkeypatch.setattr(module, "LEAST", 32 << 20)
     write(tmp_path / "a")
     assert (tmp_path / "a").stat().st_size < 300_000
@@ -353,6 +353,65 @@ def test_what_a_file_expands_to_is_bounded_and_said(
         pytest.raises(InputError, match=r"expand to (3200|67|63) MB, from a file of 0\.\d+ MB"),
     ):
         read(RawFile(tmp_path / "a", {"time": Channel("t")}))
+
+
+MAT_LAYOUTS = {
+    "vectors": {"t": T, "p": P},
+    "struct": {"rec": {"t": T, "p": P}},
+    "nested": {"a": {"rec": {"t": T, "p": P}}},
+}
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("layout", MAT_LAYOUTS)
+@pytest.mark.parametrize("kind", [0, 8, 11, 14, 15, 19, 255])
+def test_numbers_of_a_type_that_matlab_does_not_have_are_refused(
+    tmp_path: Path, layout: str, kind: int, *, compressed: bool
+) -> None:
+    """scipy's reader looks such a type up in C, past the end of its table, and ends the process."""
+    import struct
+    import zlib
+
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", MAT_LAYOUTS[layout])
+    raw = (tmp_path / "a.mat").read_bytes()
+    tag = struct.pack("<II", 9, 8 * T.size)
+    assert raw.count(tag) == 2
+    at = raw.rindex(tag)
+    raw = raw[:at] + struct.pack("<II", kind, 8 * T.size) + raw[at + 8 :]
+    if compressed:
+        first = 136 + int.from_bytes(raw[132:136], "little") if layout == "vectors" else 128
+        body = zlib.compress(raw[first:])
+        raw = raw[:first] + struct.pack("<II", 15, len(body)) + body
+    (tmp_path / "a.mat").write_bytes(raw)
+    prefix = {"vectors": "", "struct": "rec/", "nested": "a/rec/"}[layout]
+    with pytest.raises(InputError, match=f"data of type {kind}, which is none"):
+        read(RawFile(tmp_path / "a.mat", {"time": Channel(f"{prefix}t"), "p1": Channel(f"{prefix}p")}))
+
+
+@pytest.mark.parametrize(
+    ("at", "now"),
+    [
+        (145, b"\x08"),  # the flag of an imaginary part, and the next variable in its place
+        (144, b"\x05"),  # the class of sparse matrices, which have two more parts
+        (168, b"\x01\0\0\0\x01\0\0\0"),  # a name that takes the place of the numbers
+    ],
+)
+def test_a_matrix_without_its_numbers_is_refused(tmp_path: Path, at: int, now: bytes) -> None:
+    """The reader would go on into the next variable, whose tag is no number's."""
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", {"t": T, "p": P})
+    raw = bytearray((tmp_path / "a.mat").read_bytes())
+    raw[at : at + len(now)] = now
+    if len(now) > 1:
+        raw = raw[:176] + bytes(8) + raw[176 + 8 + 8 * T.size :]
+        raw[132:136] = (48).to_bytes(4, "little")
+    (tmp_path / "a.mat").write_bytes(raw)
+    mat_elements.check_types(tmp_path / "a.mat", {1})
+    with pytest.raises(ValueError, match="a matrix without its numbers"):
+        mat_elements.check_types(tmp_path / "a.mat", {0})
 
 
 def with_image(write: str, path: Path) -> None:
@@ -415,6 +474,23 @@ def test_what_is_odd_in_a_text_is_noted(tmp_path: Path, way: str) -> None:
     rows = sum(batch["time"].size for batch in opened.batches())
     assert {(one.kind, one.count) for one in opened.repairs} == expected
     assert opened.rows == rows + sum(opened.losses.values())
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_text_cut_anywhere_but_at_the_end_of_a_line_says_so(tmp_path: Path, end: str) -> None:
+    """There it is a shorter recording, and nothing in it tells."""
+    lines = ["t;u;p" + end, *(f"{k};2;{1 + k / 8:.3f}{end}" for k in range(12))]
+    whole, ends = "".join(lines).encode(), np.cumsum([len(line) for line in lines])
+    for size in range(1, len(whole)):
+        (tmp_path / "a.csv").write_bytes(whole[:size])
+        try:
+            opened = open_signals(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))
+            rows = sum(batch["time"].size for batch in opened.batches())
+        except InputError:
+            continue
+        told = {one.kind for one in opened.repairs} & {"truncated", "no-line-end", "cut-number"}
+        assert bool(told) == (size not in ends), whole[:size][-30:]
+        assert rows == np.count_nonzero(ends <= size) - 1 + (size not in ends) - opened.losses["truncated"]
 
 
 @pytest.mark.parametrize(

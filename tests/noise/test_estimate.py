@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from pneucli.noise import NoiseModel, estimate, pool
+from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
 from pneucli.noise.spectrum import find_lines
 
 PERIOD = 1e-3
@@ -137,3 +137,38 @@ def test_the_draw_of_an_estimate_sounds_like_the_original():
     drawn = estimate(time, values).draw(np.arange(0, 20, PERIOD), np.random.default_rng(0))
     once = np.std(lfilter([1, -0.8], [1], drawn)[1:])
     assert once == pytest.approx(400 * np.sqrt(1 - 0.8**2), rel=0.2)
+
+
+def switched(time: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Command and pressure (Pa) of a chamber behind a valve that opens for 30 ms, 7 times a second or less."""
+    rng = np.random.default_rng(seed)
+    u, p = np.zeros(time.size), np.full(time.size, 3e5)
+    for start in np.cumsum(rng.integers(140, 700, 40)):
+        u[start : start + 30] = 24.0 * rng.choice([-1.0, 1.0])
+    for k in range(1, time.size):
+        p[k] = p[k - 1] + PERIOD * (u[k - 1] * 1e5 - 2.0 * (p[k - 1] - 3e5))
+    return u, p
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_kinks_of_a_switching_valve_are_not_taken_for_coloured_noise(seed):
+    time = np.arange(0.0, 8.0, PERIOD)
+    u, p = switched(time, seed)
+    values = p + NoiseModel(white=0.0, coloured=400.0, pole=0.8, period=PERIOD).draw(time, np.random.default_rng(seed))
+    assert estimate(time, values, jumps_of([u], u.size)).rms == pytest.approx(400.0, rel=0.25)
+
+
+def test_a_command_jumps_where_a_tenth_of_its_range_passes_within_a_sample():
+    ramp, step = np.linspace(0.0, 10.0, 101), np.repeat([0.0, 0.9, 10.0], [40, 30, 31])
+    assert not jumps_of([ramp], 101).any()
+    assert np.flatnonzero(jumps_of([ramp, step], 101)).tolist() == [70]
+    assert not jumps_of([], 101).any()
+
+
+def test_segments_are_free_where_no_jump_lies_in_them_and_enough_of_them_are():
+    jumps = np.zeros(8000, dtype=bool)
+    jumps[1000] = True
+    free = free_of(jumps, PERIOD)  # 256 samples a segment, one every 128
+    assert np.flatnonzero(~free).tolist() == [6, 7]
+    jumps[::200] = True
+    assert free_of(jumps, PERIOD) is None

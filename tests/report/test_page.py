@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from pneucli.report import Material, to_html
+from pneucli.report.material import Table
 from pneucli.report.parts import Cell, Grid, Note
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.comparison import section as comparison
 from pneucli.report.sections.diagnosis import section as diagnosis
+from pneucli.report.sections.valve import section as valve
 from pneucli.report.sections.where import Cloud, _grid, _maps
 from tests.report.bench import without
 
@@ -117,6 +119,30 @@ def test_each_figure_says_what_to_see(page: str) -> None:
 def cloud(fault: np.ndarray, **states: np.ndarray) -> Cloud:
     rng = np.random.default_rng(0)
     return Cloud("axis", "x", rng.standard_normal(fault.size) + 6 * fault, states)
+
+
+def test_two_chambers_have_a_map_each_and_their_captions_say_whose(material: Material) -> None:
+    names = ("map", "inverse", "lack_of_fit", "areas", "curves")
+    tables = dict(material.tables)
+    for name in (f"identify/valve_{name}" for name in names):
+        one = tables[name]
+        twice = {key: np.concatenate([one[key], one[key]]) for key in one.columns}
+        chamber = np.repeat([1, 2], len(one))
+        tables[name] = Table({"chamber": chamber, **twice}, one.units)
+    answers = {**material.answers, "identify": {**material.answers["identify"]}}
+    answers["identify"]["valve_2"] = answers["identify"]["valve"]
+    section = valve(replace(material, tables=tables, answers=answers))
+    assert section is not None
+    captions = [part.caption for part in section.parts]  # type: ignore[union-attr]
+    for chamber in (1, 2):
+        mine = [caption for caption in captions if caption.startswith(f"Chamber {chamber}. ")]
+        assert sum("The valve map" in caption for caption in mine) == 1
+        assert sum("The inverse map" in caption for caption in mine) == 1
+        assert sum("Lack of fit of the model" in caption for caption in mine) == 1
+    assert all(caption.startswith("Chamber ") for caption in captions)
+    alone = valve(material)
+    assert alone is not None
+    assert not any(part.caption.startswith("Chamber ") for part in alone.parts)  # type: ignore[union-attr]
 
 
 def test_the_residual_map_is_drawn_over_the_pair_that_tells_most() -> None:

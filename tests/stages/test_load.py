@@ -29,7 +29,7 @@ def edited(tmp_path: Path, more: str) -> Path:
         ("[design]\nperoid = 0.001", 'key design.peroid: unknown key\n  mend: did you mean "period"?'),
         ('[design]\nperiod = "1 mm"', "key design.period"),
         ('[design]\nperiod = "1 ns"', "from 1e-05 s to 1 s"),
-        ("[design]\nchamber_2 = 3", '"closed" or "valve"'),
+        ("[design]\nchamber_2 = 3", '"closed", "open" or "valve"'),
         ('[[scenarios]]\nkind = "open"', 'did you mean "open-loop"?'),
         ("[[scenarios]]\nkind = []", "known: closed-loop"),
         ("[[scenarios]]\nvalues = 3", "is no list"),

@@ -28,7 +28,8 @@ CLEAR = 5.0  # standard deviations of the velocity, below which a piston counts 
 RINGING = 1e-3  # of the highest speed: what smoothing leaves of it beside a stop
 LEAST = 1e-5  # of a signal's spread: below, a computed signal's sampling errs more than its sensor
 BLOCKS = 10  # that a recording falls into at least
-DRAWS = 6  # of the sensors' noise
+DRAWS = 6  # of the sensors' noise, at most
+ENOUGH = 600_000  # samples of them: what so many tell, more draws of a long recording do not tell better
 DISTINCT = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
 
 
@@ -38,7 +39,7 @@ class Motion:
 
     ``drive`` is all that acts on the piston but friction and inertia: pressures as true sensors would read them, a
     measured force, and the ``load`` that the model's effects state (``beside``). ``smooth_drive`` and ``smooth_a`` are
-    freed from noise, ``redrawn`` (DRAWS, n) is what the sensors' noise leaves in the smooth drive; ``a`` is without
+    freed from noise, ``redrawn`` (draws, n) is what the sensors' noise leaves in the smooth drive; ``a`` is without
     the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of what is not smoothed) are
     standard deviations, ``measured_a`` that of the accelerometer (0: none). ``valid``: measured. Velocity and force are
     smoothed over ``blur`` samples to each side.
@@ -140,12 +141,14 @@ def motion_of(recording: Recording, model: Model) -> Motion:
     v, smooth_a = derive(raw.get("x", np.zeros(time.size)), a)
     load = _loads(recording, beside, x, v)
     rng = np.random.default_rng(0)
-    draws = ({n: its.draw(time, rng) for n, its in noise.items()} for _ in range(DRAWS))
+    redrawn = np.empty((int(np.clip(ENOUGH // time.size, 1, DRAWS)), time.size))
+    draws = ({n: its.draw(time, rng) for n, its in noise.items()} for _ in redrawn)
     first = next(draws)
     v_error, a_error = derive(*(first.get(n, np.zeros(time.size)) for n in ("x", "a")))
     quiet = {n: smoothers[n](raw[n]) for n in parts}
     smooth, rough = push(quiet), push({n: raw[n] for n in parts})
-    redrawn = [push({n: y + smoothers[n](one[n]) for n, y in quiet.items()}) - smooth for one in chain([first], draws)]
+    for out, one in zip(redrawn, chain([first], draws), strict=True):
+        out[:] = push({n: y + smoothers[n](one[n]) for n, y in quiet.items()}) - smooth
     missed = push({n: raw[n] + first[n] for n in parts}) - rough
     moved = beside.loads(x + first.get("x", 0.0), v + v_error) - load
     # without an accelerometer the force is smoothed as the motion is, so that both sides of the equation agree
@@ -160,7 +163,7 @@ def motion_of(recording: Recording, model: Model) -> Motion:
         drive=(rough if accelerometer else smooth) + load,
         smooth_drive=smooth + load,
         load=load,
-        redrawn=np.array(redrawn),
+        redrawn=redrawn,
         valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw]),
         blur=blur,
         sigma_v=float(np.std(v_error)),

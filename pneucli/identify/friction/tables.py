@@ -41,11 +41,18 @@ class Deviation:
 
 
 class Compared(NamedTuple):
-    """Measured and modelled channel, each (n,), and draws (DRAWS, n) of what noise makes of their difference."""
+    """How a channel compares: the number of its samples, and sums of squares over them.
 
-    measured: Array
-    modelled: Array
-    noise: Array
+    Of what was ``measured``, of what the model ``missed`` of it, and of what ``noise`` makes of that, the mean over
+    draws; ``low`` and ``high`` are the least and the largest measured value. The draws themselves fill the memory.
+    """
+
+    samples: int
+    measured: float
+    missed: float
+    noise: float
+    low: float
+    high: float
 
 
 def level_tables(model: FrictionModel) -> tuple[Array, float]:
@@ -83,45 +90,63 @@ def deviations(models: Sequence[FrictionModel], motions: Sequence[Motion], mass:
     for model in models:
         pairs: dict[tuple[Literal["train", "test"], Channel], list[Compared]] = {}
         for m in motions:
-            for channel, compared in _compared(model, m, mass):
+            for channel, compared in _compared(model, m, mass).items():
                 use = m.recording.use
-                seen = Compared(*(side[..., m.valid] for side in compared))
-                out.append(_deviation(model.name, m.recording.name, use, channel, seen))
-                pairs.setdefault((use, channel), []).append(seen)
+                out.append(_deviation(model.name, m.recording.name, use, channel, compared))
+                pairs.setdefault((use, channel), []).append(compared)
         for (use, channel), several in pairs.items():
-            together = Compared(*(np.concatenate(side, axis=-1) for side in zip(*several, strict=True)))
-            out.append(_deviation(model.name, POOLED, use, channel, together))
+            out.append(_deviation(model.name, POOLED, use, channel, _together(several)))
     return tuple(out)
 
 
-def _compared(model: FrictionModel, m: Motion, mass: float) -> list[tuple[Channel, Compared]]:
-    """Return what is measured and modelled, and draws of what noise makes of their difference."""
+def _compared(model: FrictionModel, m: Motion, mass: float) -> dict[Channel, Compared]:
+    """Return how the model compares with the channels that were measured."""
     rng = np.random.default_rng(0)
     if m.imposed:
-        spread = mass * m.sigma_a * rng.standard_normal(m.redrawn.shape)
-        return [("force", Compared(m.drive - m.load, predicted_force(model, m, mass), m.redrawn + spread))]
-    nominal = driven(model, m, mass)
-    missed = np.array([driven(model, m, mass, noise) for noise in m.redrawn]) - nominal
-    own = rng.standard_normal(missed.shape) * np.array([m.sigma_v, m.measured_a])[:, None]
-    v, a = (Compared(y, z, d) for y, z, d in zip((m.v, m.a), nominal, (missed + own).swapaxes(0, 1), strict=True))
-    return [("a", a), ("v", v)] if m.measured_a else [("v", v)]
+        spread = mass * m.sigma_a
+        drawn = np.mean([_power(one + spread * rng.standard_normal(one.size), m) for one in m.redrawn])
+        return {"force": _sums(m, m.drive - m.load, predicted_force(model, m, mass), float(drawn))}
+    nominal, own = driven(model, m, mass), np.array([[m.sigma_v], [m.measured_a]])
+    powers = []
+    for noise in m.redrawn:
+        missed = driven(model, m, mass, noise)
+        missed -= nominal
+        missed += own * rng.standard_normal(missed.shape)
+        powers.append([_power(one, m) for one in missed])
+    of_v, of_a = np.mean(powers, axis=0)
+    v, a = _sums(m, m.v, nominal[0], of_v), _sums(m, m.a, nominal[1], of_a)
+    return {"a": a, "v": v} if m.measured_a else {"v": v}
+
+
+def _power(values: Array, m: Motion) -> float:
+    """Return the sum of squares where the recording is valid."""
+    return float(np.sum(values[m.valid] ** 2))
+
+
+def _sums(m: Motion, measured: Array, modelled: Array, noise: float) -> Compared:
+    seen = measured[m.valid]
+    power, missed = _power(measured, m), _power(measured - modelled, m)
+    return Compared(seen.size, power, missed, noise, float(seen.min()), float(seen.max()))
+
+
+def _together(several: Sequence[Compared]) -> Compared:
+    samples, measured, missed, noise, low, high = zip(*several, strict=True)
+    return Compared(sum(samples), sum(measured), sum(missed), sum(noise), min(low), max(high))
 
 
 def _deviation(
     name: Name, recording: str, use: Literal["train", "test"], channel: Channel, compared: Compared
 ) -> Deviation:
-    y, z, drawn = compared
-    rmsd = float(np.sqrt(np.mean((y - z) ** 2)))
-    size = float(np.sqrt(np.mean(y**2)))
-    spread = float(np.ptp(y))
+    size, rmsd, noise = (np.sqrt(power / compared.samples) for power in compared[1:4])
+    spread = compared.high - compared.low
     return Deviation(
         model=name,
         recording=recording,
         use=use,
         channel=channel,
         unit=UNITS[channel],
-        rmsd=rmsd,
-        percent=100 * rmsd / spread if spread else float("nan"),
-        relative_percent=100 * rmsd / size if size else float("nan"),
-        noise=float(np.sqrt(np.mean(drawn**2))),
+        rmsd=float(rmsd),
+        percent=float(100 * rmsd / spread) if spread else float("nan"),
+        relative_percent=float(100 * rmsd / size) if size else float("nan"),
+        noise=float(noise),
     )

@@ -6,6 +6,7 @@ from pneucli.identify.valve.identification import Curve, ValveIdentification, id
 from pneucli.identify.valve.iso import IsoConductance
 from pneucli.identify.valve.lack import LackOfFit
 from pneucli.identify.valve.maps import GradientMap, InverseMap
+from pneucli.identify.valve.moving import identify_moving
 
 __all__ = [
     "Curve",
@@ -14,5 +15,6 @@ __all__ = [
     "IsoConductance",
     "LackOfFit",
     "ValveIdentification",
+    "identify_moving",
     "identify_valve",
 ]

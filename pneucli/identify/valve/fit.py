@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from pneucli.identify.least_squares import minimise
+from pneucli.identify.least_squares import Normal, minimise, normal
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.stretches import Stretches
 from pneucli.noise import NoiseModel
@@ -16,6 +16,7 @@ from pneucli.simulate.smooth import autocovariance
 
 Array = NDArray[np.float64]
 
+MEMORY = 16 << 20  # bytes of derivatives that are held at once; what they are made of takes a few times that
 ROUNDS, STEPS = 9, 6  # of prior widths, and of the search in each
 TOLERANCE = 1e-6  # of the sum of squares, at which a search ends
 SETTLED = 0.2  # change of the prior widths, as a logarithm, at which the rounds end
@@ -41,7 +42,8 @@ def simulate(law: Law, theta: Array, start: Array, s: Stretches) -> Array:
     No step leads beyond the pressure on the valve's other side, where the slope of the flow function has no end.
     """
     still, shape = law.trend.at(law.moved(theta)), law.shape(theta, s.u)
-    other, beside = law.other(s.u, s.supply), s.beside[..., 0] + s.beside[..., 1:] @ law.away(theta)
+    away = law.away(theta)[: s.beside.shape[-1] - 1]
+    other, beside = law.other(s.u, s.supply), s.beside[..., 0] + s.beside[..., 1:] @ away
     p = np.empty_like(s.p)
     p[0] = start
     h = s.period / s.steps
@@ -110,14 +112,13 @@ def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
 
 
 @dataclass
-class Problem:
-    """Whitened residuals of all stretches, their start pressures eliminated, and what is known beforehand."""
+class Part:
+    """Whitened residuals of stretches that are taken together, their start pressures (Pa, ``(L,)``) eliminated."""
 
     law: Law
     data: Stretches
     whitening: Array
     noise: float
-    prior: Array  # units of what is known beforehand of theta (k, k)
     start: Array
 
     def __post_init__(self) -> None:
@@ -126,6 +127,8 @@ class Problem:
     def white(self, signal: Array) -> Array:
         """Return ``signal`` (leading axes ``(N, L)``) filtered, in units of its innovations, zero where not seen."""
         lags, samples = self.whitening.size - 1, signal.shape[0]
+        if samples <= lags:
+            return np.zeros((0, *signal.shape[1:]))
         seen = np.lib.stride_tricks.sliding_window_view(self.data.valid, lags + 1, axis=0).all(axis=-1)
         filtered = sum(w * signal[lags - k : samples - k] for k, w in enumerate(self.whitening))
         scaled = np.where(seen, 1 / self.noise, 0.0)
@@ -144,18 +147,18 @@ class Problem:
         return p, decay, white / np.sqrt(np.sum(white**2, axis=0) + 1e-12)
 
     def residuals(self, theta: Array) -> Array:
-        """Return what no start pressure can take up of the whitened residuals, and the prior's."""
+        """Return what no start pressure can take up of the whitened residuals."""
         p, _, starts = self.along(theta)
         error = self.white(p - np.where(self.data.valid, self.data.p, 0.0))
         error -= starts * np.sum(starts * error, axis=0)
-        return np.concatenate([error.ravel(), self.prior @ (theta - self.law.start())])
+        return error.ravel()
 
     def jacobian(self, theta: Array) -> Array:
-        """Return the derivatives of the residuals."""
+        """Return the derivatives of the residuals, 0 where they are beyond all numbers: nothing is known there."""
         p, decay, starts = self.along(theta)
         by_theta = self.white(sensitivity(self.law, theta, p, decay, self.data))
         by_theta -= starts[..., None] * np.einsum("nl,nlp->lp", starts, by_theta)
-        return np.vstack([by_theta.reshape(-1, theta.size), self.prior])
+        return np.nan_to_num(by_theta.reshape(-1, theta.size), copy=False, nan=0.0, posinf=0.0, neginf=0.0)
 
     def better_start(self, theta: Array) -> Array:
         """Return the start pressures (L,) in Pa that suit the data best, in the straight line's sense."""
@@ -163,6 +166,49 @@ class Problem:
         ahead = self.white(start_sensitivity(self.law, theta, p, self.data)[1])
         error = self.white(p - np.where(self.data.valid, self.data.p, 0.0))
         return np.asarray(self.start - np.sum(ahead * error, axis=0) / (np.sum(ahead**2, axis=0) + 1e-12))
+
+
+class Problem:
+    """All stretches, and what is known beforehand of theta.
+
+    Stretches share only theta. They are taken some of like length at a time, so that derivatives of all are never held
+    at once, nor short ones filled up to the longest.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        data: Stretches,
+        whitening: Array,
+        noise: float,
+        prior: Array,
+        start: Array,
+        memory: int = MEMORY,
+    ) -> None:
+        """``prior``: units of what is known beforehand (k, k); ``memory``: of derivatives held at once, in bytes."""
+        self.law, self.prior = law, prior
+        self._which = list(data.parts(memory // (8 * law.size)))
+        self._parts = [Part(law, data.only(some), whitening, noise, start[some]) for some in self._which]
+
+    def residuals(self, theta: Array) -> Array:
+        """Return the residuals of all stretches, and the prior's."""
+        return np.concatenate([*(part.residuals(theta) for part in self._parts), self._known(theta)])
+
+    def normal(self, theta: Array) -> Normal:
+        """Return the normal equations."""
+        gradient, curvature = normal(self._known(theta), self.prior)
+        for part in self._parts:
+            more = normal(part.residuals(theta), part.jacobian(theta))
+            gradient, curvature = gradient + more.gradient, curvature + more.curvature
+        return Normal(gradient, curvature)
+
+    def better_start(self, theta: Array) -> Array:
+        """Return the start pressures (L,) in Pa that suit the data best."""
+        found = np.concatenate([part.better_start(theta) for part in self._parts])
+        return found[np.argsort(np.concatenate(self._which))]
+
+    def _known(self, theta: Array) -> Array:
+        return np.asarray(self.prior @ (theta - self.law.start()))
 
 
 def fit_law(law: Law, data: Stretches, sensor: NoiseModel) -> Posterior:
@@ -176,13 +222,14 @@ def fit_law(law: Law, data: Stretches, sensor: NoiseModel) -> Posterior:
     with the width that the rest of the map shows. Every parameter has a prior, so no matrix is singular.
     """
     groups, widths = law.groups(), dict(FIRST)
-    whitening, noise = whitener(averaged_noise(sensor, int(np.median(data.joined)), ORDER + 1))
+    order = min(ORDER, int(data.lengths.max()) // 2)  # a filter as long as the stretches would see none of them
+    whitening, noise = whitener(averaged_noise(sensor, int(np.median(data.joined)), order + 1))
     theta, start = law.start(), first_pressures(data)
     for _ in range(ROUNDS):
         problem = Problem(law, data, whitening, noise, _prior(law, widths), start)
-        found = minimise(problem.residuals, problem.jacobian, theta, _bounds(law), rounds=STEPS, tolerance=TOLERANCE)
+        found = minimise(problem.residuals, problem.normal, theta, _bounds(law), rounds=STEPS, tolerance=TOLERANCE)
         theta, before = found.z, dict(widths)
-        problem.start = start = problem.better_start(theta)
+        start = problem.better_start(theta)
         variance = np.diag(_inverse(found.jacobian))
         for name, members in groups.items():
             determined = members.size - np.sum(variance[members]) / widths[name] ** 2
@@ -193,7 +240,7 @@ def fit_law(law: Law, data: Stretches, sensor: NoiseModel) -> Posterior:
     simulated = simulate(law, theta, start, data)
     whitening, noise = whitener(autocovariances(simulated - data.p, data.valid))
     as_it_is = Problem(law, data, whitening, noise, _prior(law, widths), start)
-    return Posterior(theta, _inverse(as_it_is.jacobian(theta)), simulated)
+    return Posterior(theta, _inverse(as_it_is.normal(theta)), simulated)
 
 
 def first_pressures(data: Stretches) -> Array:
@@ -209,10 +256,9 @@ def _prior(law: Law, widths: dict[str, float]) -> Array:
     return prior
 
 
-def _inverse(jacobian: Array) -> Array:
+def _inverse(equations: Normal) -> Array:
     """Return the inverse of the curvature (k, k), which what is known beforehand keeps from being singular."""
-    jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)  # beyond all numbers nothing is known
-    return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True))
+    return np.asarray(np.linalg.pinv(equations.curvature, hermitian=True))
 
 
 def _bounds(law: Law) -> tuple[Array, Array]:

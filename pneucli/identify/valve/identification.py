@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Fit
-from pneucli.identify.start import first_guess
+from pneucli.identify.paths import Chamber, Command, command_of, on_a_vessel
+from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve.fit import (
     Posterior,
     averaged_noise,
@@ -73,13 +74,18 @@ class Residual:
 
 @dataclass(frozen=True)
 class ValveIdentification:
-    """All that charge and discharge tell of a valve, beside what the model has of it.
+    """All that recordings tell of the paths of one chamber, beside what the model has of them.
 
-    ``map`` and ``inverse`` are what was measured, ``lack`` is the model's difference from it; ``iso`` are the model's
-    characteristics. ``residuals`` are those of all recordings, held-out ones included. ``steepest`` is the largest
-    |dp/dt| (Pa/s) of the map where data covered it, ``shown`` the largest that the curves themselves show.
+    ``map`` and ``inverse`` are what was ``measured`` in a vessel, ``lack`` is the model's difference from it; else they
+    are the model's as its fit to a driven piston has it. ``iso`` are the model's characteristics. ``residuals`` are
+    those of all recordings, held-out ones included. ``steepest`` is the largest
+    |dp/dt| (Pa/s) of the map where data covered it, ``shown`` the largest that the recordings themselves show.
+    Commands are those that went to the valve; ``law`` and ``lack`` count from the null one.
     """
 
+    chamber: Chamber
+    command_of: Command
+    measured: bool
     curves: tuple[Curve, ...]
     map: GradientMap
     inverse: InverseMap
@@ -102,26 +108,42 @@ class ValveIdentification:
         ratios = [one.ratio_to_noise for one in self.residuals if one.use == use]
         return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else None
 
+    @property
+    def label(self) -> str:
+        """How the names of its parameters begin."""
+        return self.law.trend.valve.label
+
+    @property
+    def volume(self) -> float | None:
+        """The volume in m^3 for which the gradients hold, None for a vessel of unknown volume."""
+        model = self.law.trend.model
+        volume = model.values["rig.vessel_volume"]
+        return None if model.rig.vessel_volume is None and volume == STAND_IN_VOLUME else volume
+
     def gradient(self, u: Array, p: Array, supply: Array | float | None = None) -> Array:
         """Return dp/dt (Pa/s) at any ``u`` (V), ``p`` and ``supply`` (Pa), broadcast against each other."""
         supply = self.law.supply if supply is None else supply
-        return self.law.gradient(self.fit.theta, *np.broadcast_arrays(u, p, np.asarray(supply, dtype=np.float64)))
+        opening = self.command_of.opening(u)
+        return self.law.gradient(self.fit.theta, *np.broadcast_arrays(opening, p, np.asarray(supply, dtype=np.float64)))
 
     def command(self, gradient: Array, p: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the command (V) for ``gradient`` (Pa/s) at ``p`` (Pa), and whether it is reachable."""
         gradient, p = np.broadcast_arrays(gradient, p)
-        return commands_for(self.law, self.fit, gradient, p, self.covers)
+        opening, reachable = commands_for(self.law, self.fit, gradient, p, self.covers)
+        return self.command_of.of(opening), reachable
 
 
-def identify_valve(experiments: Sequence[Experiment], found: Fit) -> ValveIdentification:
-    """Observe the valve in the valve tests among ``experiments``; those with the valve shut take no part.
+def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamber = 1) -> ValveIdentification:
+    """Observe the paths of a ``chamber`` in their valve tests among ``experiments``; a shut valve takes no part.
 
     ``found`` is the fitted model. The trend is its valve; where other recordings had a say in it, what the same kind
     of model makes of the valve tests alone, so that what it lacks elsewhere does not bend the map. Needs u and p1,
     and p_supply or ``rig.supply_pressure``; fits the recordings of use ``train`` and reports the others. Raises
-    InputError where there is no valve test or no command other than zero.
+    InputError where there is no valve test, no command other than zero, or none at which the model's valve opens.
     """
-    tests = [e for e in experiments if e.vessel and not e.recording.valve_shut]
+    found = from_null(found)
+    shown = [on_a_vessel(e, chamber) for e in experiments if e.vessel and not e.recording.valve_shut]
+    tests = [test for test in shown if test is not None]
     train = [e for e in tests if e.recording.use == "train"]
     if not train:
         raise InputError("recordings", "no valve test to train on", 'experiment = "valve", use = "train"')
@@ -136,32 +158,64 @@ def identify_valve(experiments: Sequence[Experiment], found: Fit) -> ValveIdenti
         lacking = "p1 has no noise at all: a sensor that is dead, or a computed signal"
         raise InputError("valve tests", lacking, "a recorded p1", 'check its column, or state its noise = "1 mbar"')
     fit, covers = fit_law(law, data, sensor), coverage(law, data)
-    top = {d.sign: float(d.nodes[-1]) for d in law.directions}
-    u = np.linspace(-top.get(-1, 0.0), top.get(1, 0.0), GRID)
-    p = np.linspace(rig.ambient_pressure, law.supply, GRID)
-    gradients = gradient_map(law, fit, u, p, covers)
-    asked = np.linspace(gradients.gradient.min(), gradients.gradient.max(), GRID)
     nodes = [float(d.sign * n) for d in law.directions for n in d.nodes]
-    return ValveIdentification(
+    return identified(
+        law,
+        fit,
+        covers,
+        command_of(experiments[0].rig, chamber),
         curves=_curves(law, fit, data, recordings),
-        map=gradients,
-        inverse=inverse_map(law, fit, asked, p, covers),
-        lack=lack_of_fit(modelled, law.supply, gradients),
+        lack=lambda grid: lack_of_fit(modelled, law.supply, grid),
         iso=iso_conductance(law, fit, found, covers, nodes) if rig.vessel_volume else (),
         residuals=_residuals(law, fit, _cut(tests, trend), tests, sensor),
-        steepest=float(np.abs(gradients.gradient[gradients.covered]).max(initial=0.0)),
         shown=data.steepest,
+    )
+
+
+def identified(
+    law: Law,
+    fit: Posterior,
+    covers: Coverage,
+    command: Command,
+    *,
+    lack: Callable[[GradientMap], LackOfFit],
+    iso: tuple[IsoConductance, ...],
+    shown: float,
+    curves: tuple[Curve, ...] = (),
+    residuals: tuple[Residual, ...] = (),
+) -> ValveIdentification:
+    """Return a fitted law with its map and inverse over the commands and pressures of the valve."""
+    u, p = law.commands(GRID)[:: int(command.sign)], np.linspace(law.ambient, law.supply, GRID)
+    grid = gradient_map(law, fit, u, p, covers)
+    inverse = inverse_map(law, fit, np.linspace(grid.gradient.min(), grid.gradient.max(), GRID), p, covers)
+    return ValveIdentification(
+        chamber=law.trend.bench.recording.chamber,
+        command_of=command,
+        measured=bool(residuals),
+        curves=tuple(replace(one, u=float(command.of(np.array(one.u)))) for one in curves),
+        map=replace(grid, u=command.of(u)),
+        inverse=replace(inverse, u=command.of(inverse.u)),
+        lack=lack(grid),
+        iso=iso,
+        residuals=residuals,
+        steepest=float(np.abs(grid.gradient[grid.covered]).max(initial=0.0)),
+        shown=shown,
         covers=covers,
         law=law,
         fit=fit,
     )
 
 
+def from_null(found: Fit) -> Fit:
+    """Return the fit of a model whose commands count from the null one."""
+    return replace(found, model=replace(found.model, rig=replace(found.model.rig, valve_null=0.0)))
+
+
 def _of_tests_alone(found: Fit, train: Sequence[Experiment]) -> Fit:
     """Return the model's effects, as far as they show there, and a valve, fitted to the valve tests alone."""
     views = views_of(train)
     effects = [effect for effect in found.model.effects if any(view.feels(effect) for view in views)]
-    return fit_model(first_guess(train, found.model.rig, "map"), views, effects)
+    return fit_model(first_guess(train, found.model.rig, found.model.valve.form), views, effects)
 
 
 def _cut(tests: Sequence[Experiment], trend: Trend) -> Stretches:

@@ -23,7 +23,6 @@ from pneucli.identify.valve.maps import Z95, Coverage, gradient_with_error
 from pneucli.identify.valve.trend import units
 from pneucli.physics.gas import PSI_MAX
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import area_name
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -80,11 +79,12 @@ def iso_conductance(
     estimates = {e.name: e for e in found.estimates}
     b, ends = _critical_ratio(model, estimates)
     out = []
-    for u in model.valve.commands:
-        if not (area := estimates.get(area_name(u))):
+    for u, name in law.trend.valve.area_names.items():
+        if not (area := estimates.get(name)):
             continue
         c = Figure(unit * area.value, unit * area.ci95[0], unit * area.ci95[1] * unknown_gas)
-        seen = _seen(law, fit, covers, u, unknown_gas) if min(abs(u - t) for t in tested) <= 1e-3 * abs(u) else None
+        held = any(abs(u - t) <= 1e-3 * abs(u) for t in tested)
+        seen = _seen(law, fit, covers, u, unknown_gas) if held else None
         shown = seen or (None, None)
         out.append(IsoConductance(u, c, _figure(b, ends, 0, shown[0]), _figure(SUBSONIC, None, 1, shown[1])))
     return tuple(out)

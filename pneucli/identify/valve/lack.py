@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +20,41 @@ OFTEN = 0.05  # of the points is worth a warning
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """The model against the map at its points, arrays ``(nu, np)`` in Pa/s; ``error`` is the model's own, standard.
+    """The model against what was measured at points ``u`` (V from the null) and ``p`` (Pa), arrays ``(nu, np)``.
 
-    ``outside``: the difference is more than each of both 95 % intervals allows for.
+    In Pa/s; ``error`` is the model's own, standard, ``spread`` half the width of the 95 % interval of ``measured``.
+    ``seen`` where something was measured; ``counted`` where enough flows there.
     """
 
+    u: Array
+    p: Array
     model: Array
     error: Array
-    difference: Array
-    outside: NDArray[np.bool_]
-    counted: NDArray[np.bool_]
-    relative: Array
+    measured: Array
+    spread: Array
+    seen: NDArray[np.bool_]
+
+    @property
+    def difference(self) -> Array:
+        """What was measured less what the model says, in Pa/s."""
+        return self.measured - self.model
+
+    @cached_property
+    def outside(self) -> NDArray[np.bool_]:
+        """Where the difference is more than each of both 95 % intervals allows for."""
+        off = np.abs(self.difference)
+        return np.asarray(self.seen & (off > Z95 * self.error) & (off > self.spread))
+
+    @cached_property
+    def counted(self) -> NDArray[np.bool_]:
+        """Where a share of the gradient says something."""
+        size = np.abs(self.measured)
+        return np.asarray(self.seen & (size > SLIGHT * size.max(where=self.seen, initial=0.0)))
+
+    @property
+    def relative(self) -> Array:
+        """The size of the difference over that of the measured gradient, 0 where it is not counted."""
+        return np.asarray(np.abs(self.difference) / np.where(self.counted, np.abs(self.measured), np.inf))
 
     @property
     def median(self) -> float | None:
@@ -61,9 +86,4 @@ def lack_of_fit(model: Trend, supply_pressure: float, grid: GradientMap) -> Lack
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
     supply = np.full(u.shape, supply_pressure)
     modelled, error = model.at(model.start)(u, p, supply), model.error(u, p, supply)
-    difference = grid.gradient - modelled
-    outside = (np.abs(difference) > Z95 * error) & (np.abs(difference) > 0.5 * (grid.ci_high - grid.ci_low))
-    size = np.abs(grid.gradient)
-    counted = grid.covered & (size > SLIGHT * size.max())
-    relative = np.abs(difference) / np.where(counted, size, np.inf)
-    return LackOfFit(modelled, error, difference, outside & grid.covered, counted, relative)
+    return LackOfFit(u, p, modelled, error, grid.gradient, 0.5 * (grid.ci_high - grid.ci_low), grid.covered)

@@ -71,6 +71,12 @@ class Law:
         """Return where each direction's parameters begin."""
         return [len(self.trend.free) + sum(d.size for d in self.directions[:k]) for k in range(len(self.directions))]
 
+    def commands(self, count: int) -> Array:
+        """Return commands in V over the tested range: ``count`` of them, or all that a switching valve has."""
+        top = {d.sign: float(d.nodes[-1]) for d in self.directions}
+        ends = -top.get(-1, 0.0), top.get(1, 0.0)
+        return np.unique([*ends, 0.0]) if self.trend.valve.form == "switching" else np.linspace(*ends, count)
+
     def groups(self) -> dict[str, NDArray[np.int64]]:
         """Return the indices of the corrections that share one prior width: ``shared``, ``own`` and ``leak``."""
         starts = list(zip(self.offsets(), self.directions, strict=True))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.fit import MEMORY, Posterior
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.stretches import Stretches
 
@@ -70,24 +70,37 @@ class Coverage:
         near = np.abs(at - flat) <= NEAR * np.abs(self.commands).max()
         below, above = (alike & side for side in (at <= flat, at >= flat))
         between = below.any(axis=0) & above.any(axis=0)
-        shut = self.law.trend.model.valve(flat) == 0.0
+        shut = self.law.trend.valve(flat) == 0.0
         told = (alike & near).any(axis=0) | between | (shut & saw.any(axis=0))
         return np.asarray(told.reshape(u.shape))
 
 
 def coverage(law: Law, data: Stretches) -> Coverage:
     """Return where the stretches went."""
-    levels = np.unique(data.u[data.valid])
-    levels = levels[:: max(1, levels.size // MOST_LEVELS)]
-    seen = [data.p[data.valid & (data.u == level)] for level in levels]
-    return Coverage(levels, np.array([p.min() for p in seen]), np.array([p.max() for p in seen]), law)
+    return covered_by(data.u[data.valid], data.p[data.valid], law)
+
+
+def covered_by(u: Array, p: Array, law: Law) -> Coverage:
+    """Return where samples of ``u`` (V) and ``p`` (Pa), each (n,), were; commands nearly alike count as one."""
+    levels, which = np.unique(u, return_inverse=True)
+    if levels.size > MOST_LEVELS:
+        quantum = np.abs(u).max() / (MOST_LEVELS / 2)
+        levels, which = np.unique(np.round(u / quantum), return_inverse=True)
+        levels = quantum * levels
+    lowest, highest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
+    np.minimum.at(lowest, which, p)
+    np.maximum.at(highest, which, p)
+    return Coverage(levels, lowest, highest, law)
 
 
 def gradient_with_error(law: Law, fit: Posterior, u: Array, p: Array, supply: Array) -> tuple[Array, Array]:
     """Return dp/dt and its standard error (Pa/s) at points ``u``, ``p``, ``supply`` of one shape."""
-    rows = law.sensitivity(fit.theta, u, p, supply)
-    variance = np.einsum("...i,ij,...j->...", rows, fit.covariance, rows, optimize=True)
-    return law.gradient(fit.theta, u, p, supply), np.sqrt(np.maximum(variance, 0.0))
+    variance, flat = np.empty(u.size), [a.ravel() for a in (u, p, supply)]
+    some = max(1, MEMORY // (8 * law.size))
+    for part in (slice(first, first + some) for first in range(0, u.size, some)):  # derivatives fill the memory
+        rows = law.sensitivity(fit.theta, *(a[part] for a in flat))
+        variance[part] = np.einsum("ni,ij,nj->n", rows, fit.covariance, rows, optimize=True)
+    return law.gradient(fit.theta, u, p, supply), np.sqrt(np.maximum(variance, 0.0)).reshape(u.shape)
 
 
 def gradient_map(law: Law, fit: Posterior, u: Array, p: Array, covers: Coverage) -> GradientMap:
@@ -103,20 +116,25 @@ def commands_for(
     """Return u (V) and whether it is reachable for each ``gradient`` (Pa/s) at ``p`` (Pa), arrays of one shape.
 
     The law rises with u up to noise in its corrections; its monotone envelope is inverted. What the shut valve gives,
-    as far as the map can tell, is answered by the middle of the commands at which it is shut.
+    as far as the map can tell, is answered by the middle of the commands at which it is shut. A switching valve has
+    nothing between its commands: the nearest gradient is answered, which is reached within its interval alone.
     """
-    top = {d.sign: d.nodes[-1] for d in law.directions}
-    u = np.linspace(-top.get(-1, 0.0), top.get(1, 0.0), FINE)
-    shut = u[law.trend.model.valve(u) == 0.0]
+    u, switches = law.commands(FINE), law.trend.valve.form == "switching"
+    shut = u[law.trend.valve(u) == 0.0]
     middle = 0.5 * (shut.min(initial=0.0) + shut.max(initial=0.0))
     command, within = np.empty(gradient.shape), np.empty(gradient.shape, dtype=bool)
     for at in np.unique(p):
         mine = p == at
-        values, errors = gradient_with_error(law, fit, u, np.full(FINE, at), np.full(FINE, law.supply))
+        values, errors = gradient_with_error(law, fit, u, np.full(u.size, at), np.full(u.size, law.supply))
         envelope = 0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1])
         asked, span = gradient[mine], float(np.ptp(envelope))
         closed = int(np.argmin(np.abs(u - middle)))
         held = np.abs(asked - values[closed]) <= Z95 * errors[closed]
+        if switches:
+            nearest = np.argmin(np.abs(asked[:, None] - envelope), axis=1)
+            command[mine], off = u[nearest], np.abs(asked - envelope[nearest])
+            within[mine] = off <= Z95 * errors[nearest] + 1e-9 * span
+            continue
         command[mine] = np.where(held, middle, np.interp(asked, envelope, u))
         within[mine] = (asked >= envelope[0] - 1e-9 * span) & (asked <= envelope[-1] + 1e-9 * span)
     return command, within & covers(command, p)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,10 @@ class Stretches:
     """``L`` stretches of up to ``N`` samples: arrays of shape ``(N, L)``, padded where ``valid`` is False.
 
     ``u`` in V, ``supply`` and ``p`` in Pa; ``beside`` ``(N, L, 1 + k)`` in Pa/s, what the model's memory adds to dp/dt
-    and its derivatives to the trend's k parameters; ``time`` in s; ``period`` (s), ``recording`` (index) and
-    ``joined``, of how many readings a sample is the mean, have shape ``(L,)``. ``steps`` of one sample are small
-    against the curves' own time; ``steepest`` is the largest slope in Pa/s that they show, noise and all.
+    and its derivatives to the trend's k parameters (k = 0 without memory); ``time`` in s; ``period`` (s),
+    ``recording`` (index) and ``joined``, of how many readings a sample is the mean, have shape ``(L,)``. ``steps`` of
+    one sample are small against the curves' own time; ``steepest`` is the largest slope in Pa/s that they show, noise
+    and all.
     """
 
     time: Array
@@ -47,6 +48,28 @@ class Stretches:
     joined: NDArray[np.int64]
     steps: int
     steepest: float
+
+    def only(self, which: NDArray[np.int64]) -> Stretches:
+        """Return some of the stretches, as long as the longest of them."""
+        longest = int(self.lengths[which].max(initial=1))
+        cut = {f.name: getattr(self, f.name) for f in fields(self)}
+        sides = {n: a[:longest, which] if a.ndim > 1 else a[which] for n, a in cut.items() if isinstance(a, np.ndarray)}
+        return Stretches(**{**cut, **sides})
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """How many samples each stretch has, (L,)."""
+        last = self.valid[::-1].argmax(axis=0)
+        return np.where(self.valid.any(axis=0), len(self.valid) - last, 0)
+
+    def parts(self, samples: int) -> Iterator[NDArray[np.int64]]:
+        """Yield which stretches, (l,), to take together: of like length, that many samples or one stretch."""
+        lengths = np.maximum(self.lengths, 1)
+        rest = np.argsort(-lengths, kind="stable")
+        while rest.size:
+            some = max(1, samples // int(lengths[rest[0]]))
+            yield np.sort(rest[:some])
+            rest = rest[some:]
 
 
 @dataclass(frozen=True)
@@ -125,7 +148,7 @@ def _pieces(index: int, recording: Recording, supply_pressure: float | None, bes
 
 
 def averaged(rows: Array, joined: int) -> Array:
-    """Return rows time, u, ... with ``joined`` readings in one; the command, which is held, as it stood midway.
+    """Return rows time, u, ... with ``joined`` readings in one; the command as it stands midway to the next mean.
 
     NaN where more than half of the readings are missing.
     """
@@ -133,7 +156,7 @@ def averaged(rows: Array, joined: int) -> Array:
     known = np.isfinite(blocks)
     count = known.sum(axis=-1)
     out = np.where(known, blocks, 0.0).sum(axis=-1) / np.maximum(count, 1)
-    out[1] = blocks[1, :, joined // 2]
+    out[1] = blocks[1, :, -1]
     return np.asarray(np.where(2 * count < joined, np.nan, out))
 
 

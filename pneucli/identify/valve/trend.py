@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.errors import InputError
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import Free, with_parameters
 from pneucli.physics.declaration import PORTS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.quasi_static import QuasiStatic
 from pneucli.simulate.run import simulate
 
@@ -38,6 +39,11 @@ class Trend:
     covariance: Array
 
     @property
+    def valve(self) -> Valve:
+        """The paths that fill and vent the vessel."""
+        return self.model.behind(self.bench.recording.chamber)
+
+    @property
     def tight(self) -> Array:
         """What makes units of the prior of moves away from the model (k, k).
 
@@ -58,7 +64,12 @@ class Trend:
         return QuasiStatic(with_parameters(self.model, values), self.bench)
 
     def beside(self, test: Experiment) -> Array:
-        """Return what the model's memory adds to dp/dt in a test, and its derivatives, shape ``(1 + k, n)`` in Pa/s."""
+        """Return what the model's memory adds to dp/dt in a test, and its derivatives, shape ``(1 + k, n)`` in Pa/s.
+
+        Without memory there are none, ``(1, n)``.
+        """
+        if not remembers(self.model):
+            return np.zeros((1, test.time.size))
         now = memory(self.model, test)
         moved = [memory(self.at(self.start + step).model, test) for step in STEP * np.eye(self.start.size)]
         return np.array([now, *((other - now) / STEP for other in moved)])
@@ -77,8 +88,16 @@ class Trend:
         return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", rows, self.covariance, rows), 0.0)))
 
 
-def trend_of(found: Fit, tests: Sequence[Experiment]) -> Trend:
-    """Return the trend of a fitted model with those of its parameters that show in the tests."""
+def trend_of(found: Fit, tests: Sequence[Experiment], *, with_memory: bool = True) -> Trend:
+    """Return the trend of a fitted model with those of its parameters that show in the tests.
+
+    Those that show in its memory alone are left out unless it is taken ``with_memory``. Raises InputError where the
+    model's valve never opens.
+    """
+    if not found.model.behind(tests[0].recording.chamber).commands:
+        nothing = "at no command does air flow the way it should, so the model's valve never opens"
+        mend = "turn the sign of u, or see what pneucli ingest finds implausible"
+        raise InputError("valve tests", nothing, "u above the null command fills, u below it vents", mend)
     here = np.array([f.inward(e.value) for f, e in zip(found.free, found.estimates, strict=True)])
     whole = Trend(found.model, tests[0], found.free, here, found.covariance)
     felt = np.zeros(here.size, dtype=bool)
@@ -86,7 +105,9 @@ def trend_of(found: Fit, tests: Sequence[Experiment]) -> Trend:
         u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
         u = np.abs(u).max() * np.linspace(-1.0, 1.0, u.size)  # between the commands too
         felt |= np.any(whole.sensitivity(here, u, p, supply) != 0.0, axis=0)
-        felt |= np.any(whole.beside(test)[1:] != 0.0, axis=1)
+        if with_memory:
+            moved = whole.beside(test)[1:]
+            felt[: len(moved)] |= np.any(moved != 0.0, axis=1)
     free = tuple(f for f, mine in zip(found.free, felt, strict=True) if mine)
     trend = Trend(found.model, tests[0], free, here[felt], found.covariance[np.ix_(felt, felt)])
     return replace(trend, covariance=_within(trend.covariance, trend.bounds))
@@ -109,14 +130,17 @@ def _within(covariance: Array, bounds: tuple[Array, Array]) -> Array:
     return np.asarray(covariance * np.outer(share, share))
 
 
+def remembers(model: Model) -> bool:
+    """Whether what an effect does depends on what went before."""
+    return any(PORTS[port].remembers for effect in model.effects for port in effect.ports)
+
+
 def memory(model: Model, test: Experiment) -> Array:
     """Return what effects with a memory add to dp/dt of the valve at rest, in Pa/s, shape of the test's time.
 
     Heat that is exchanged, a spool that follows, a supply that gives way: what the model shows in this very test
     beside its quasi-static gradient. What is measured less that does not depend on what went before.
     """
-    if not any(PORTS[port].remembers for effect in model.effects for port in effect.ports):
-        return np.zeros(test.time.size)
     still, p = QuasiStatic(model, test), simulate(model, test)["p1"]
     u, supply, steps = test.inputs[:-1, at.IN_U], test.inputs[:-1, at.IN_SUPPLY], np.diff(test.time)
     rate = np.diff(p) / steps - 0.5 * (still(u, p[:-1], supply) + still(u, p[1:], supply))

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.paths import opening_of
+from pneucli.identify.paths import Chamber, opening_of
 from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.deviations import deviations
@@ -127,7 +127,7 @@ class View(ABC):
     def openings(self) -> list[slice]:
         """The part of each valve's table that its opening may pass through, from rest to the largest commands."""
         e = self.experiment
-        chambers = [e.recording.chamber] if e.vessel else [1, 2]
+        chambers: list[Chamber] = [e.recording.chamber] if e.vessel else [1, 2]
         opened = [u for u in (opening_of(e, chamber) for chamber in chambers) if u is not None]
         return [_passed(u / e.flags[at.U_MAX]) for u in opened]
 

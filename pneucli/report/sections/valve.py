@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,31 +19,55 @@ from pneucli.words.numbers import number, percent, quantity, short, shown, shown
 
 Array = NDArray[np.float64]
 PLOTTED = 100  # samples of a curve
+SWITCHED = 3  # commands of a switching valve, between which there is nothing
 LABELLED = 7  # sizes of the command that a figure shows
+MEASURED = (
+    "Pressure gradients of the vessel behind the valve, measured directly by charging and discharging it at each "
+    "command, and how far the model's valve (area × flow function × effects) is off them."
+)
+MODELLED = (
+    "Pressure gradients that the model's valve (area × flow function × effects) gives, as fitted to the driven piston "
+    "since no vessel was filled, and how far measured ones are off them."
+)
 
 
 def section(material: Material) -> Section | None:
     """Return the valve's figures and tables; absent where no valve was identified."""
     if not len(material.table("identify/valve_map")):
         return None
-    lead = (
-        "Pressure gradients of the vessel behind the valve, measured directly by charging and discharging it at each "
-        "command, and how far the model's valve (area × flow function × effects) is off them."
-    )
-    parts: list[Part] = [*_figures(material), *_tables(material.answer("identify").get("valve", {}))]
-    return Section("valve", "Valve: map and inverse", lead, parts, folded=True)
+    answer = material.answer("identify")
+    known = {chamber: answer[name] for chamber, name in ((1, "valve"), (2, "valve_2")) if name in answer}
+    parts: list[Part] = []
+    for chamber, valve in (known or {1: {}}).items():
+        of_chamber = partial(_table, material, chamber)
+        mine: list[Figure | Grid] = [*(_figures(of_chamber) if not parts else _maps(of_chamber)), *_tables(valve)]
+        parts += [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(known) > 1 else mine
+    measured = any(valve.get("map") != "model" for valve in known.values())
+    return Section("valve", "Valve: map and inverse", MEASURED if measured else MODELLED, parts, folded=True)
 
 
-def _figures(material: Material) -> Iterator[Figure]:
-    curves, grid = material.table("identify/valve_curves"), material.table("identify/valve_map")
+def _table(material: Material, chamber: int, name: str) -> Table:
+    """Return a table's rows of one chamber; where gas flows into one alone there is no such column."""
+    table = material.table(f"identify/valve_{name}")
+    return table.where(chamber=chamber) if "chamber" in table else table
+
+
+def _figures(table: Callable[[str], Table]) -> Iterator[Figure]:
+    curves = table("curves")
     drawings = [_inflation(curves), _gradients(curves)] if len(curves) else []
-    drawings += [_map(grid), _over_command(grid)]
-    if len(lack := material.table("identify/valve_lack_of_fit")):
+    drawings.append(_over_command(table("map")))
+    if len(lack := table("lack_of_fit")):
         drawings.append(_lack(lack))
-    if len(inverse := material.table("identify/valve_inverse")):
-        drawings.append(_inverse(inverse))
-    if len(areas := material.table("identify/valve_areas")):
+    if len(areas := table("areas")):
         drawings.append(_areas(areas))
+    yield from figures(drawings)
+    yield from _maps(table)
+
+
+def _maps(table: Callable[[str], Table]) -> Iterator[Figure]:
+    drawings = [_map(table("map"))]
+    if len(inverse := table("inverse")):
+        drawings.append(_inverse(inverse))
     yield from figures(drawings)
 
 
@@ -124,8 +150,9 @@ def _map(grid: Table) -> Drawing:
     caption = "The valve map: pressure gradient over command and pressure."
     with drawing(caption, "valve command in V", "pressure in bar") as one:
         heat(one, u, p, gradient, "pressure gradient in bar/s", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
-        lines = one.axes.contour(u, p, gradient, 10, colors=ON_HEAT, linewidths=0.5)
-        one.axes.clabel(lines, fontsize=7, colors=ON_HEAT, fmt=lambda value: number(value, 3))
+        if u.size > SWITCHED:
+            lines = one.axes.contour(u, p, gradient, 10, colors=ON_HEAT, linewidths=0.5)
+            one.axes.clabel(lines, fontsize=7, colors=ON_HEAT, fmt=lambda value: number(value, 3))
         if "covered" in grid and not grid["covered"].all():
             covered = _square(grid, "u", "p", "covered")[2]
             one.axes.contourf(u, p, covered, [-0.5, 0.5], colors="none", hatches=["///"])
@@ -187,12 +214,12 @@ def _inverse(inverse: Table) -> Drawing:
 
 
 def _areas(areas: Table) -> Drawing:
-    unit = areas.units.get("area", "m^2")
+    unit, opening = areas.units.get("area", "m^2"), areas["opening" if "opening" in areas else "u"]
     caption = "Effective area of the model's valve over command, charging and discharging, with 95 % intervals."
     with drawing(caption, "valve command in V", f"effective area in {shown_unit(unit)}") as one:
         for label, chosen, colour in (
-            ("supply → chamber", areas["u"] > 0, BLUE),
-            ("chamber → ambient", areas["u"] < 0, ORANGE),
+            ("supply → chamber", opening > 0, BLUE),
+            ("chamber → ambient", opening < 0, ORANGE),
         ):
             rows = areas.rows(np.flatnonzero(chosen)[np.argsort(areas["u"][chosen])])
             area, low, high = (shown(rows[name], unit) for name in ("area", "ci_low", "ci_high"))
@@ -203,7 +230,7 @@ def _areas(areas: Table) -> Drawing:
     return one
 
 
-def _tables(valve: Mapping[str, Any]) -> Iterator[Part]:
+def _tables(valve: Mapping[str, Any]) -> Iterator[Grid]:
     if lack := valve.get("lack_of_fit"):
         yield _fit(lack, valve["residual"])
     if overlap := valve.get("overlap"):
