@@ -116,6 +116,9 @@ def test_a_better_rival_takes_the_place_of_an_effect() -> None:
 
     result = found(Toys([A, B, C], takes))
     assert names(result) == {"b", "c"}
+    refused = found(Toys([A, B, C], takes, worse={"b"}))
+    assert names(refused) == {"a", "c"}
+    assert {d.effect.name: d.reason for d in refused.decisions} == {"b": "raises-error"}
 
 
 def test_equals_of_an_effect_are_its_rivals() -> None:

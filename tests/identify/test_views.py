@@ -134,6 +134,20 @@ def test_starts_that_err_more_cost_their_volume(chamber: View):
     assert np.mean(falls) < chamber.volume(lagging).sum() - chamber.volume(plain).sum()
 
 
+def test_what_draws_of_noise_become_is_pooled_in_units_of_noise(chamber: View, monkeypatch: pytest.MonkeyPatch):
+    """Draws of 3 and 4: the root of 12.5."""
+    n, asked = chamber.experiment.time.size, []
+
+    def deviations(model: object, experiment: object, draws: int) -> dict[str, np.ndarray]:
+        asked.append((experiment, draws))
+        return {"p1": np.repeat([[3.0], [4.0]], n, axis=1), "else": np.zeros((2, n))}
+
+    monkeypatch.setattr("pneucli.identify.views.view.deviations", deviations)
+    found = chamber.drawn_rms(model(), {}, 2, 11)
+    assert found == {"p1": pytest.approx(np.sqrt(12.5) / chamber.noise["p1"])}
+    assert asked == [(chamber.experiment, 2)]
+
+
 def test_a_channel_that_never_changes_has_no_measure_and_is_left_out():
     e = ideal("axis", clock(1.0), {"u": 1.0, "p1": 2e5, "p2": 2e5, "x": 0.1})
     noise = dict.fromkeys(("p1", "p2", "x"), NoiseModel(white=1.0))

@@ -255,6 +255,7 @@ def test_a_model_has_the_force_of_its_branch_and_the_ends_hold_beyond() -> None:
     assert found.force(v, True) == pytest.approx([-22.0, -21.0, 21.0, 22.0])
     assert found.force(v, np.array([True, False, True, False])) == pytest.approx([-22.0, -9.0, 21.0, 10.0])
     assert found.branch(accelerating=False).branch == "slowing"
+    assert TITLES["A"] == "Stribeck friction"
     assert found.title == TITLES["D"] == "Stribeck friction while speeding up, Coulomb and viscous while slowing"
     one = FrictionModel("A", domain, found.branches[:1])
     assert one.force(v, False) == pytest.approx(one.force(v, True))

@@ -377,6 +377,15 @@ def test_straight_curves_are_averaged_to_at_least_eight_samples() -> None:
     assert found.time[0, 0] == pytest.approx(0.5e-3 * (joined - 1))
 
 
+@pytest.mark.parametrize(("period", "steps"), [(10e-3, 3), (3e-3, 1), (4.1e-3, 2), (0.5, 13)])
+def test_a_sample_is_as_many_steps_as_keep_the_steepest_curve_nearly_straight(period: float, steps: int) -> None:
+    """3 MPa/s: a fiftieth of the range takes 4 ms where that is 0.2 s, and 40 ms where it is 2 s."""
+    time = period * np.arange(max(round(0.2 / period), 4) + 1)
+    signals = {"u": np.full(time.size, 5.0), "p1": 1e5 + 3e6 * time}
+    found = cut([Recording("r", "valve", "train", time, signals)], SUPPLY, beside(time.size))
+    assert (found.steps, found.joined.tolist()) == (steps, [1])
+
+
 def test_an_average_needs_half_of_its_readings_and_holds_the_command() -> None:
     nan = np.nan
     rows = np.array([np.arange(9.0), [0, 0, 0, 0, 1, 1, 1, 1, 1], [1, nan, 3, nan, nan, 5, 7, 7, 7]])

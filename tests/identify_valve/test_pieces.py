@@ -301,6 +301,8 @@ def test_nothing_is_less_certain_than_anything_between_its_bounds() -> None:
     assert wide[0, 0] == pytest.approx(12.0)
     assert wide[0, 1] == pytest.approx(3.0 * np.sqrt(0.12))
     assert wide[1, 1] == 0.25
+    narrow = trend._within(np.array([[1e-4]]), (np.zeros(1), np.array([0.012])))
+    assert narrow[0, 0] == pytest.approx(0.012**2 / 12.0)
     assert trend._within(np.zeros((1, 1)), (np.zeros(1), np.ones(1))).tolist() == [[0.0]]
 
 
