@@ -59,8 +59,8 @@ def _left(one: Paths) -> Array:
 def _unexplained(one: Paths, opening: Array) -> float:
     """Return the sum of squares of the flow that no area over the opening explains, the area linear between nodes."""
     nodes = np.unique(np.quantile(opening, np.linspace(0.0, 1.0, NODES)))
-    if nodes.size < 2:
-        return float(np.sum(one.flow**2))
+    if nodes.size < 2 or not np.all(np.isfinite(one.flow * one.per_area)):
+        return 0.0  # nothing tells one way from another
     hats = np.column_stack([np.interp(opening, nodes, unit) for unit in np.eye(nodes.size)])
     design = hats * one.per_area[:, None]
     return float(np.sum((one.flow - design @ np.linalg.lstsq(design, one.flow)[0]) ** 2))

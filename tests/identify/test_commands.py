@@ -71,3 +71,10 @@ def test_a_logger_as_fast_as_a_loop_shows_every_command() -> None:
 def test_steps_are_held() -> None:
     steps = logged(np.repeat([2.0, -2.0, 1.0, -1.0], 2000))
     assert between(steps) == pytest.approx(steps.raw["u"])
+
+
+def test_readings_beyond_all_numbers_tell_nothing() -> None:
+    seen = logged(SWING)
+    endless = replace(seen, inputs=seen.inputs.copy())
+    endless.inputs[:, at.IN_SUPPLY] = np.nan
+    assert between(endless) == pytest.approx(seen.raw["u"])
