@@ -61,7 +61,8 @@ def test_an_exam_has_nulls_strangers_and_pairs_and_its_names_do_not_tell(tmp_pat
 
 
 def laboratory(**changed):
-    par = Parameters()._replace(coulomb=15.0, viscous=50.0, effective_area=2e-6, overlap=0.2, exponent=1.1, **changed)
+    known = {"coulomb": 15.0, "viscous": 50.0, "effective_area": 2e-6, "overlap": 0.2, "exponent": 1.1}
+    par = Parameters()._replace(**known, critical_ratio=0.4, **changed)
     return Laboratory(
         "bench", par, Sensors(pressure=300.0, acceleration=0.1, position_step=1e-6), effects=("stribeck",)
     )
