@@ -73,7 +73,7 @@ def test_the_truth_says_what_is_hidden_and_what_the_rig_is():
     truth = _truth(laboratory(), [hidden], "", Conditions())
     base = {
         "coulomb": 15.0, "viscous": 50.0, "effective_area_at_10V": 2e-6, "overlap_V": 0.2, "area_exponent": 1.1,
-        "critical_ratio": 0.528, "null_V": 0.0, "fully_open_V": 10.0,
+        "critical_ratio": 0.4, "null_V": 0.0, "fully_open_V": 10.0,
     }  # fmt: skip
     assert truth == {
         "hidden": {"extra-mass": hidden.truth(laboratory().parameters)},
