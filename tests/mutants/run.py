@@ -6,6 +6,7 @@ import hashlib
 import json
 import multiprocessing
 import os
+import re
 import resource
 import shutil
 import signal
@@ -192,9 +193,8 @@ def _compiled(file: Path) -> list[Path]:
     more = {file.stem}
     while more:
         found |= more
-        more = {
-            name for name, text in texts.items() if any(f"{file.parent.name}.{one} " in text for one in found)
-        } - found
+        imports = re.compile(rf"^(?:from|import) .*\b(?:{'|'.join(found)})\b", re.MULTILINE)
+        more = {name for name, text in texts.items() if imports.search(text)} - found
     return [one for one in (file.parent / "__pycache__").glob("*.nb?") if one.name.partition(".")[0] in found]
 
 
