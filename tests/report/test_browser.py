@@ -89,7 +89,7 @@ def test_a_link_opens_the_chapter_that_it_leads_to(browser: Any) -> None:
     link = browser.find_element(By.CSS_SELECTOR, "nav a[href='#valve']")
     browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", link)
     link.click()
-    assert chapter.get_property("open")
+    WebDriverWait(browser, 20).until(lambda _: chapter.get_property("open"))  # the page hears of it a moment later
 
 
 def test_the_page_does_not_scroll_sideways(browser: Any) -> None:
