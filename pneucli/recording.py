@@ -94,9 +94,9 @@ class Rig:
         """How the valves are connected to the chambers."""
         return ARRANGEMENTS[self.valve_arrangement]
 
-    def sense(self, recording: Recording) -> float:
-        """Return 1 where a larger command fills what the recording's p1 shows, -1 where it vents it."""
-        return -1.0 if recording.chamber == 2 and self.arrangement.second == "mirrored" else 1.0
+    def sense(self, chamber: Literal[1, 2]) -> float:
+        """Return 1 where a larger command fills a chamber, or the vessel on its port; -1 where it vents it."""
+        return -1.0 if chamber == 2 and self.arrangement.second == "mirrored" else 1.0
 
     @property
     def has_cylinder(self) -> bool:

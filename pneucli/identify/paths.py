@@ -39,7 +39,7 @@ class Command:
 
 def command_of(rig: Rig, chamber: Chamber) -> Command:
     """Return how the paths of a chamber are commanded: those of chamber 2 may be one spool's other way."""
-    return Command(rig.valve_null, -1.0 if chamber == 2 and rig.arrangement.second == "mirrored" else 1.0)
+    return Command(rig.valve_null, rig.sense(chamber))
 
 
 @dataclass(frozen=True)

@@ -142,8 +142,9 @@ def _command(flow: Flow, rig: Rig) -> Iterator[Finding]:
     line = fit([u - u.mean(), np.ones_like(u)], area)
     if line is None:
         return
-    if rig.sense(flow.recording) * line.factors[0] + SURE * line.errors[0] < 0:
-        what, does = ("chamber 1", "vented") if rig.sense(flow.recording) > 0 else ("port 2", "filled")
+    sense = rig.sense(flow.recording.chamber)
+    if sense * line.factors[0] + SURE * line.errors[0] < 0:
+        what, does = ("chamber 1", "vented") if sense > 0 else ("port 2", "filled")
         found = f"{what} is {does} the more the larger u is"
         yield Finding("direction", "u", name, found, "u > null fills chamber 1: write scale = -1.0 in [signals] u")
     elif np.corrcoef(u, area)[0, 1] ** 2 < EXPLAINS:

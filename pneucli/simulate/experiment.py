@@ -209,7 +209,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
         drawn = _draw(noise, recording.time, np.random.default_rng(0))
         still = RESTING * float(np.std(smooth_motion(drawn, smoothers, fusion, recording.time)[1]))
         inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
-    if rig.sense(recording) < 0.0:
+    if rig.sense(recording.chamber) < 0.0:
         inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
     _stand_ins(inputs, recording, rig)
     flags, once = flags_of(recording, rig, raw, noise), restarts(recording.time, None)
