@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
@@ -61,13 +62,27 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class Known:
+    """What is known of a parameter before it is identified, in its unit: ``fixed``, or its start, its bounds, and the
+    standard deviation ``sigma`` of what is known of its ``start``; None where it is not known.
+    """
+
+    unit: str
+    fixed: float | None = None
+    start: float | None = None
+    lower: float = -math.inf
+    upper: float = math.inf
+    sigma: float = math.inf
+
+
+@dataclass(frozen=True)
 class Rig:
     """What is known of the rig, SI; ``None`` where the pipeline file leaves it out (then it is identified).
 
     Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K,
     ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows, to be identified where it is
     ``null_free``, then with the ``null_range`` in which it lies, and ``null_ranges``, those that recordings which fill
-    and vent show by themselves.
+    and vent show by themselves. ``known``: what is known beforehand of parameters by name.
     """
 
     gas_temperature: float = 293.15
@@ -88,6 +103,7 @@ class Rig:
     null_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     valve_arrangement: ArrangementName = "one-chamber"
     valve_kind: Literal["proportional", "switching"] = "proportional"
+    known: Mapping[str, Known] = field(default_factory=dict)
 
     @property
     def arrangement(self) -> Arrangement:

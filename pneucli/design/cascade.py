@@ -66,18 +66,22 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     return Controller(values, *(commands for commands, _ in tables))
 
 
+NEEDED = {
+    "cylinder.piston_area_1": '"8.04 cm^2"',
+    "cylinder.stroke": '"200 mm"',
+    "cylinder.dead_volume_1": '"30 cm^3"',
+    "cylinder.dead_volume_2": '"30 cm^3"',
+    "cylinder.moving_mass": '"2.2 kg"',
+    "supply_pressure": '"7 bar"',
+}  # of [rig], and how it may be written
+
+
 def _require(model: Model) -> None:
-    rig = model.rig
-    for key, value in (
-        ("cylinder.piston_area_1", rig.piston_area_1),
-        ("cylinder.stroke", rig.stroke),
-        ("cylinder.dead_volume_1", rig.dead_volume_1),
-        ("cylinder.dead_volume_2", rig.dead_volume_2),
-        ("cylinder.moving_mass", rig.moving_mass or model.values.get("rig.moving_mass")),
-        ("supply_pressure", rig.supply_pressure or model.values.get("rig.supply_pressure")),
-    ):
-        if value is None:
-            raise InputError(f"[rig] {key}", "a controller needs it, and it is not known", "its value in the pipeline")
+    for key, example in NEEDED.items():
+        table, _, name = f"rig.{key}".rpartition(".")
+        if getattr(model.rig, name) is None and f"rig.{name}" not in model.values:
+            mend = f"add {name} = {example} below [{table}], with your rig's own number"
+            raise InputError(f"[rig] {key}", "a controller needs it, and it is not known", "its value", mend)
     if any(min(v.commands, default=0.0) >= 0.0 or max(v.commands, default=0.0) <= 0.0 for v in model.valves):
         raise InputError(
             "the valve", "not identified in both directions", "recordings that fill and that vent chamber 1"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from pneucli.identify.start import overlap_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.physics.scales import Facts
+from pneucli.recording import Known
 from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
@@ -49,13 +51,24 @@ class Signature:
     error: float
 
 
-def starts(effect: Effect, facts: Facts) -> list[dict[str, float]]:
-    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order; none where not known."""
+def starts(effect: Effect, facts: Facts, known: Mapping[str, Known] = MappingProxyType({})) -> list[dict[str, float]]:
+    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order; none where not known.
+
+    What the pipeline file says of a parameter takes the place of its typical values.
+    """
     names = [f"{effect.name}.{p.name}" for p in effect.parameters]
-    lists = [p.on(facts).typical for p in effect.parameters]
+    lists = [_typical(p.on(facts).typical, known.get(name)) for p, name in zip(effect.parameters, names, strict=True)]
     combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
     stretch = (f"{effect.name}.from", f"{effect.name}.to")
     return [c for c in combinations if stretch[0] not in c or c[stretch[0]] < c[stretch[1]]]
+
+
+def _typical(typical: tuple[float, ...], known: Known | None) -> tuple[float, ...]:
+    if known is None:
+        return typical
+    stated = known.start if known.fixed is None else known.fixed
+    values = typical if stated is None else (stated,)
+    return tuple(dict.fromkeys(float(np.clip(value, known.lower, known.upper)) for value in values))
 
 
 def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model:
@@ -80,7 +93,7 @@ def changes(effect: Effect, found: Fit, views: Sequence[View], starts: Sequence[
 
 def signatures(effect: Effect, found: Fit, views: Sequence[View]) -> list[Signature]:
     """Return the effect's signatures at its typical values, best first."""
-    typical = starts(effect, facts_of(found.model, [v.experiment for v in views]))
+    typical = starts(effect, facts_of(found.model, [v.experiment for v in views]), found.model.rig.known)
     out = [
         _signature(values, change, found, nested=effect.nested)
         for values, change in zip(typical, changes(effect, found, views, typical), strict=False)

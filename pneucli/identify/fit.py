@@ -95,6 +95,7 @@ class Problem:
     def __post_init__(self) -> None:
         self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views, self.at_once)
         self.start = np.array([f.inward(f.start) for f in self.free])
+        self.centre = np.array([f.inward(f.start if f.centre is None else f.centre) for f in self.free])
         self.tight = np.array([1.0 / f.prior for f in self.free])
         self._last: tuple[Array, Array] | None = None  # coordinates and their residuals
 
@@ -123,7 +124,7 @@ class Problem:
     def prior(self, z: Array) -> Array:
         """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
         rough = [valve.roughness() / ROUGH for valve in self.model_at(z).valves]
-        return np.concatenate([self.tight * (z - self.start), *rough])
+        return np.concatenate([self.tight * (z - self.centre), *rough])
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from pneucli.physics.base import BASE
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import Facts
+from pneucli.plausibility.needs import to_identify
+from pneucli.recording import Known, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model, Valve
@@ -28,7 +30,8 @@ class Free:
     """One free parameter. The fit sees (value - zero) / scale, or log(value) where ``logarithmic``.
 
     ``prior`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide alone;
-    ``step`` the difference in that coordinate from which derivatives are taken.
+    ``centre`` is the value around which it holds, the start where there is none; ``step`` the difference in that
+    coordinate from which derivatives are taken.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Free:
     logarithmic: bool = False
     prior: float = np.inf
     step: float = STEP
+    centre: float | None = None
 
     def inward(self, value: float) -> float:
         """Return the fit's coordinate of a value."""
@@ -62,6 +66,11 @@ def value_of(model: Model, name: str) -> float:
     return model.values[name] if name in model.values else model.base()[name]
 
 
+def has(model: Model, name: str) -> bool:
+    """Return whether a model has a parameter of that name."""
+    return name in model.named() or name in model.base() or name in model.values
+
+
 def with_parameters(model: Model, values: dict[str, float]) -> Model:
     """Return the model with parameters of any kind replaced."""
     valves = model.named()
@@ -78,11 +87,45 @@ def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[Fre
     driven = [e for e in experiments if e.recording.kind.valve and not e.recording.valve_shut]
     if moving:
         free += [_base(name, value_of(model, name), facts) for name in ("friction.coulomb", "friction.viscous")]
-        if model.rig.moving_mass is None:
-            free.append(_base("rig.moving_mass", value_of(model, "rig.moving_mass"), facts))
+    free += [_base(name, value_of(model, name), facts) for name in _of_rig(model.rig, experiments)]
     if driven:
         free += [one for valve in model.valves for one in _valve(valve, facts)]
-    return free
+    return informed(free, model.rig)
+
+
+def _of_rig(rig: Rig, experiments: Sequence[Experiment]) -> list[str]:
+    """Return the rig's values that are identified: those that the file leaves out, or is not sure of, and that show."""
+    recordings = [e.recording for e in experiments]
+    moving, gas = any(r.kind.cylinder for r in recordings), any(r.kind.axis for r in recordings)
+    names = ["rig.moving_mass"] if moving and rig.moving_mass is None else []
+    names += to_identify(recordings, rig)
+    shown = {
+        **dict.fromkeys(("rig.moving_mass", "rig.piston_area_1", "rig.piston_area_2"), moving),
+        **dict.fromkeys(("rig.dead_volume_1", "rig.dead_volume_2"), gas),
+        "rig.vessel_volume": any(r.kind.vessel for r in recordings),
+    }
+    return names + [name for name in rig.known if shown.get(name, False) and name not in names]
+
+
+def informed(free: Sequence[Free], rig: Rig) -> list[Free]:
+    """Return the free parameters with what is known of them beforehand; one that is fixed is not free."""
+    return [_with_known(f, rig.known[f.name]) if f.name in rig.known else f for f in free if not _fixed(f.name, rig)]
+
+
+def _fixed(name: str, rig: Rig) -> bool:
+    return name in rig.known and rig.known[name].fixed is not None
+
+
+def _with_known(free: Free, known: Known) -> Free:
+    lower, upper = max(free.lower, known.lower), min(free.upper, known.upper)
+    if known.start is not None:  # what a person states may lie beyond what a rig usually has
+        lower, upper = min(lower, max(known.start, known.lower)), max(upper, min(known.start, known.upper))
+    start = float(np.clip(free.start, lower, upper))
+    if math.isinf(known.sigma):
+        return replace(free, start=start, lower=lower, upper=upper)
+    centre = start if known.start is None else known.start
+    prior = known.sigma / (max(abs(centre), TINY) if free.logarithmic else free.scale)
+    return replace(free, start=start, lower=lower, upper=upper, prior=prior, centre=centre)
 
 
 def _base(name: str, start: float, facts: Facts) -> Free:
@@ -123,7 +166,7 @@ def effect_parameters(effect: Effect, model: Model, facts: Facts, starts: dict[s
         scale = max(away[0], 0.1 * max(away), TINY)
         step = max(size.step / scale, STEP)
         free.append(Free(name, p.unit, start, size.lower, size.upper, scale, logarithmic=logarithmic, step=step))
-    return free
+    return informed(free, model.rig)
 
 
 def null_value(parameter: Parameter, model: Model) -> float | None:

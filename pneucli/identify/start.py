@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from scipy.optimize import lsq_linear
 
 from pneucli.identify.parameters import LARGEST_OVERLAP, TINY
 from pneucli.identify.paths import Paths, paths
+from pneucli.plausibility.needs import to_identify
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -30,20 +32,32 @@ LEVELS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the largest command: knots
 SAME = 1e-4  # of the largest command: nearer commands are one level
 STAND_IN_VOLUME = 1e-3  # m^3, of a vessel of unknown volume: only areas over it mean anything
 LEAST_MASS = 1e-3  # of the forces over the accelerations, where the motion is too slow to show any
+GUESSED_SHARE = 0.1  # of the volume that the piston sweeps: a dead volume that is not stated, before it is identified
 CLOSE = 0.2  # of the logarithm of the command: nearer commands share a knot
 
 
 def first_guess(experiments: Sequence[Experiment], rig: Rig, valve: str = "map") -> Model:
     """Return the base model as the measurements suggest it directly, with a valve of one of the ``FORMS``."""
     values = friction_guess([e for e in experiments if e.recording.kind.cylinder], rig)
-    if rig.vessel_volume is not None:
-        values["rig.vessel_volume"] = rig.vessel_volume
-    if any(e.vessel for e in experiments) and rig.vessel_volume is None:
-        values["rig.vessel_volume"] = STAND_IN_VOLUME
+    values |= volumes_guess(experiments, rig)
+    values |= {name: k.start for name, k in rig.known.items() if k.start is not None}
     volume, guess = values.get("rig.vessel_volume", STAND_IN_VOLUME), FORMS[valve]
-    first, second = (list(paths(experiments, rig, chamber, volume)) for chamber in (1, 2))
+    dead = {f"dead_volume_{c}": values.get(f"rig.dead_volume_{c}", getattr(rig, f"dead_volume_{c}")) for c in (1, 2)}
+    filled = replace(rig, **dead)
+    first, second = (list(paths(experiments, filled, chamber, volume)) for chamber in (1, 2))
     known = guess(first, "valve") if first else NO_VALVE
     return Model(rig, (), values, known, guess(second, "valve_2") if second else None)
+
+
+def volumes_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
+    """Return a vessel's volume as stated, and what to start from for volumes in m^3 that the rig leaves out."""
+    values = {"rig.vessel_volume": rig.vessel_volume or STAND_IN_VOLUME} if any(e.vessel for e in experiments) else {}
+    if rig.vessel_volume is not None:
+        values["rig.vessel_volume"] = rig.vessel_volume
+    reach = rig.stroke or max((e.extent.high for e in experiments), default=0.0)
+    swept = rig.areas[0] * reach
+    unknown = set(to_identify([e.recording for e in experiments], rig)) - {"rig.vessel_volume"}
+    return values | dict.fromkeys(unknown, GUESSED_SHARE * swept)
 
 
 def friction_guess(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:

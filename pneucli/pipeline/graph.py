@@ -58,7 +58,7 @@ _ALL = (
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
         answer=(
-            *("model.effects", "model.parameters", "warnings"),
+            *("model.effects", "model.parameters", "assumed", "warnings"),
             *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in OF_VALVE),
             "friction.warnings",
             *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),

@@ -34,6 +34,13 @@ class Model:
     valve: Valve = NO_VALVE
     valve_2: Valve | None = None
 
+    def __post_init__(self) -> None:
+        if fixed := {name: k.fixed for name, k in self.rig.known.items() if k.fixed is not None}:
+            second = None if self.valve_2 is None else self.valve_2.with_named(fixed)
+            for name, value in (("values", {**self.values, **fixed}), ("valve_2", second)):
+                object.__setattr__(self, name, value)
+            object.__setattr__(self, "valve", self.valve.with_named(fixed))
+
     @property
     def valves(self) -> tuple[Valve, ...]:
         """The valves that have parameters of their own."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from pneucli.errors import InputError
@@ -9,17 +11,26 @@ from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.identify.null import drifted
+from pneucli.identify.parameters import Free, has, value_of
 from pneucli.identify.paths import Chamber, driven, opening_of
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_moving, identify_valve
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
+from pneucli.plausibility.needs import Assumed, assumptions
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.stages.friction_tables import friction_answer, write_friction
 from pneucli.stages.study import Study, save_model
 from pneucli.stages.valve_tables import iso_parameters, valve_answer, valve_warnings, write_valves
 
+STATED = {
+    "rig.moving_mass": "rig.cylinder.moving_mass",
+    "rig.dead_volume_1": "rig.cylinder.dead_volume_1",
+    "rig.dead_volume_2": "rig.cylinder.dead_volume_2",
+    "rig.vessel_volume": "rig.vessel.volume",
+}  # where the pipeline file says what is identified where it does not
+AT_STATED = "{} stands at its bound, which [model.parameters] may set: these recordings ask for more, or do not show it"
 AT_BOUND = "{} stands at its bound: these recordings do not show it; leave it out, or record a motion that does"
 
 
@@ -36,7 +47,9 @@ def run(context: Context) -> dict[str, Any]:
     study.forget_experiments()
     context.progress("identifying friction", 0.7)
     model, estimates = found.model, [as_ratio(e, study) for e in found.estimates] + _null(study.rig)
-    warnings += [AT_BOUND.format(e.name) for e in found.estimates if e.at_bound]
+    estimates += _fixed(found.model)
+    warnings += _unused(study, found.free)
+    warnings += [_at_bound(e.name, study.rig) for e in found.estimates if e.at_bound]
     del found  # its derivatives fill the memory with a long recording
     friction = _friction(study, model, warnings)
     _write(study, model, estimates, valves, friction)
@@ -49,6 +62,29 @@ def _null(rig: Rig) -> list[Estimate]:
         return []
     low, high = rig.null_range
     return [Estimate("valve.null", "V", rig.valve_null, 0.25 * (high - low), (low, high), False)]
+
+
+def _at_bound(name: str, rig: Rig) -> str:
+    return (AT_STATED if name in rig.known else AT_BOUND).format(name)
+
+
+def _fixed(model: Model) -> list[Estimate]:
+    """Return the parameters that the pipeline file fixes: the interval has no width."""
+    fixed = {name: k for name, k in model.rig.known.items() if k.fixed is not None and has(model, name)}
+    return [
+        Estimate(name, k.unit, value := value_of(model, name), 0.0, (value, value), False) for name, k in fixed.items()
+    ]
+
+
+def _unused(study: Study, free: Sequence[Free]) -> list[str]:
+    """Return what to say of entries of [model.parameters] that say nothing of this model."""
+    model_has = {f.name for f in free}
+    idle = [n for n, k in study.rig.known.items() if k.fixed is None and n not in model_has]
+    waiting = [n for n in study.context.config.model.parameters if n not in study.rig.known]
+    return [
+        *(f"[model.parameters] {n} is not used: these recordings do not show it" for n in idle),
+        *(f"[model.parameters] {n} is not used: the model has not that effect" for n in waiting),
+    ]
 
 
 def _null_warnings(rig: Rig) -> list[str]:
@@ -114,11 +150,15 @@ def _friction(study: Study, model: Model, warnings: list[str]) -> FrictionIdenti
     return found
 
 
+def _per_volume(study: Study) -> bool:
+    """Whether vessels of unknown volume are all that gas flows into."""
+    return study.rig.vessel_volume is None and {r.kind.cylinder for r in study.recordings if r.kind.valve} == {False}
+
+
 def as_ratio(estimate: Estimate, study: Study) -> Estimate:
     """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
-    tested = any(r.kind.vessel for r in study.recordings)
-    per_volume = tested and study.rig.vessel_volume is None and not study.rig.has_cylinder
-    if not per_volume or not estimate.unit.startswith(("m^2", "m^3", "W/K", "kg")):
+    counted = estimate.unit.startswith(("m^2", "m^3", "W/K", "kg/")) and not estimate.name.startswith("rig.")
+    if not (counted and _per_volume(study)):
         return estimate
     low, high = estimate.ci95
     return Estimate(
@@ -156,6 +196,23 @@ def _write(
     )
 
 
+def assumed(study: Study, names: set[str]) -> list[Assumed]:
+    """Return what stands in for what the pipeline file does not say of the rig; ``names`` are of what was fitted."""
+    rig, stated = study.rig, study.context.config.document.get("rig", {})
+    gas = any(r.kind.valve for r in study.recordings)
+    pressed = gas or any("p1" in r or "p2" in r for r in study.recordings)
+    found = []
+    if pressed and "ambient_pressure" not in stated:
+        found.append(Assumed(f"ambient pressure is {rig.ambient_pressure / 1e5:.5g} bar", "rig.ambient_pressure"))
+    if gas and "gas_temperature" not in stated:
+        found.append(Assumed(f"the gas has {rig.gas_temperature:g} K", "rig.gas_temperature"))
+    unstated = {name for name in names & STATED.keys() if getattr(rig, name.removeprefix("rig.")) is None}
+    instead = [Assumed(f"{name} is not stated and identified", STATED[name]) for name in STATED if name in unstated]
+    if _per_volume(study):
+        instead.append(Assumed("areas, volumes and flows are per volume of the vessel", "rig.vessel.volume"))
+    return [*found, *assumptions(study.recordings, rig), *instead]
+
+
 def parameter_answer(estimates: list[Estimate]) -> dict[str, Any]:
     """Return the parameters as the JSON answers hold them."""
     return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for e in estimates}
@@ -172,6 +229,7 @@ def _answer(
         "schema": "pneucli/identify/1",
         "pipeline": study.context.config.name,
         "model": {"effects": [e.name for e in study.effects], "parameters": parameter_answer(estimates)},
+        "assumed": [asdict(one) for one in assumed(study, {e.name for e in estimates})],
         "warnings": warnings,
     }
     answer |= {valve.label: valve_answer(valve, estimates) for valve in valves}

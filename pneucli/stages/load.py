@@ -32,6 +32,11 @@ def _faults(loaded: PipelineConfig) -> Iterator[InputError]:
     yield from _raised(requirements_from, loaded.design, f"{where}, key design")
     for number, table in enumerate(loaded.scenarios, 1):
         yield from _raised(_read_scenario, table, f"{where}, key scenarios.{number}")
+    if loaded.model.parameters and not loaded.model.plugins:  # names of plugins are known once they are loaded
+        from pneucli.physics.effects import catalogue  # noqa: PLC0415 - it takes a moment, and few files need it
+        from pneucli.stages.known import known_of  # noqa: PLC0415 - likewise
+
+        yield from _raised(known_of, loaded, catalogue())
     known = {stage.name: stage.answer for stage in STAGES.values() if stage.answer}
     for path in loaded.checks:
         yield from _raised(require_known, path, known, f"{where}, [checks]")

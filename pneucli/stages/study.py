@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from pneucli.config import plugin_files
+from pneucli.config import join_faults, plugin_files
 from pneucli.errors import InputError
 from pneucli.identify.commands import with_commands
 from pneucli.identify.null import with_null
@@ -21,13 +22,15 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.staleness import digest
-from pneucli.recording import Recording, Rig
+from pneucli.plausibility.needs import Need, needs
+from pneucli.recording import Known, Recording, Rig
 from pneucli.simulate.ends import with_ends
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.switching_valve import SwitchingValve
 from pneucli.simulate.valve_area import ValveArea
+from pneucli.stages.known import known_of
 
 MODEL_FILE = "model.parquet"
 FEWEST = 5  # samples within a horizon
@@ -42,8 +45,20 @@ class Study:
 
     @cached_property
     def rig(self) -> Rig:
-        """What is known of the rig, its null command identified where the file asks for it."""
-        return with_null(self.recordings, self.context.config.to_rig())
+        """What is known of the rig and of parameters, its null command identified where the file asks for it.
+
+        Raises InputError where the recordings need more of it than the file says.
+        """
+        rig = with_null(self.recordings, self.context.config.to_rig())
+        require(needs(self.recordings, rig), self.context.path)
+        return replace(rig, known=self._known)
+
+    @cached_property
+    def _known(self) -> dict[str, Known]:
+        """What the file says of the model's parameters; those of an effect that is not in the model wait for it."""
+        there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
+        known = known_of(self.context.config, self.known_effects)
+        return {name: one for name, one in known.items() if name.partition(".")[0] in there}
 
     @cached_property
     def recordings(self) -> list[Recording]:
@@ -130,6 +145,18 @@ class Study:
         document = self.context.config.document
         hashes = {name: sha256_of(self.context.artifacts / name) for name in inputs}
         return Provenance(hashes, {key: document.get(key, {}) for key in ("pipeline", "rig", "model", "compare")})
+
+
+def require(missing: Sequence[Need], path: Path) -> None:
+    """Raise InputError with every key that is missing, what it is for, and an example."""
+    faults = []
+    for one in missing:
+        below = one.table if one.table.startswith("[") else f"[{one.table}]"
+        key = f"{one.table.strip('[]')}.{one.key}"
+        mend = f"add {one.key} = {one.example} below {below}, with your rig's own number"
+        faults.append(InputError(f"{path}, key {key}", "missing", one.wanted, mend))
+    if faults:
+        raise join_faults(path, faults)
 
 
 def save_model(model: Model, folder: Path, provenance: Provenance) -> None:

@@ -17,6 +17,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     yield from labelled("found", f"{count} parameters of the base model{f' with {effects}' if effects else ''}")
     rows = [(name, with_interval(p["value"], p["unit"], p["ci95"])) for name, p in model["parameters"].items()]
     yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
+    for one in answer["assumed"]:
+        yield from labelled("assumed", f"{one['what']} (to state it: {one['instead']})")
     for label in ("valve", "valve_2"):
         if valve := answer.get(label):
             yield from labelled(label.replace("_", " "), _valve(valve))
