@@ -2,10 +2,15 @@
 
 Pressures are absolute. ``x = 0`` where chamber 1 is smallest; ``u > 0`` fills chamber 1; a ``force`` is positive
 toward +x.
+
+On a rotary axis the same names stand for an angle, torques and a moment of inertia (:data:`ROTARY`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 
@@ -43,3 +48,56 @@ CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature")
 
 # where a residual may concentrate (interface, section 3)
 LOCATORS = ("time", "u", "p1", "p2", "x", "v", "a", "direction", "p_ratio")
+
+# SI units of a rotary axis, by those of a linear one in the same place
+ROTARY = {
+    "m": "rad",
+    "m/s": "rad/s",
+    "m/s^2": "rad/s^2",
+    "N": "N m",
+    "N/m": "N m/rad",
+    "N s/m": "N m s/rad",
+    "kg": "kg m^2",
+}
+_SHOWN = {"rad": "deg", "rad/s": "deg/s"}  # to people
+PISTON_AREA = ("m^2", "m^3/rad")  # an area is one elsewhere
+
+_rotary: ContextVar[bool] = ContextVar("rotary", default=False)
+
+
+@contextmanager
+def moving(*, rotary: bool) -> Iterator[None]:
+    """Let units that are shown or written be those of a rotary axis, or of a linear one, while it lasts."""
+    token = _rotary.set(rotary)
+    try:
+        yield
+    finally:
+        _rotary.reset(token)
+
+
+def of_motion(unit: str) -> str:
+    """Return an SI unit as it is on the axis at hand."""
+    return ROTARY.get(unit, unit) if _rotary.get() else unit
+
+
+def display_unit(signal: str, unit: str | None = None) -> str:
+    """Return the unit in which people read a signal whose SI unit is ``unit``, by default that of the axis at hand."""
+    own = SIGNALS[signal]
+    unit = of_motion(own.unit) if unit is None else unit
+    return own.display_unit if unit == own.unit else _SHOWN.get(unit, unit)
+
+
+def told(answer: object, name: str = "") -> object:
+    """Return an answer, of any depth, with the units and names of the axis at hand; ``name`` is its own key."""
+    if not _rotary.get():
+        return answer
+    if isinstance(answer, dict):
+        unit = PISTON_AREA[1] if name.startswith("rig.piston_area") else of_motion(str(answer.get("unit")))
+        inner = {named(key): told(value, key) for key, value in answer.items()}
+        return inner | {"unit": unit} if isinstance(answer.get("unit"), str) else inner
+    return [told(one) for one in answer] if isinstance(answer, list) else answer
+
+
+def named(key: str) -> str:
+    """Return the name of a parameter, or of its key in the file, on the axis at hand."""
+    return key.replace("moving_mass", "moment_of_inertia") if _rotary.get() else key

@@ -82,7 +82,8 @@ class Rig:
     Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K,
     ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows, to be identified where it is
     ``null_free``, then with the ``null_range`` in which it lies, and ``null_ranges``, those that recordings which fill
-    and vent show by themselves. ``known``: what is known beforehand of parameters by name.
+    and vent show by themselves. ``polytropic_exponent`` of the gas in a chamber: None is that of an adiabatic one;
+    to be identified where it is ``exponent_free``. ``known``: what is known beforehand of parameters by name.
     """
 
     gas_temperature: float = 293.15
@@ -90,6 +91,8 @@ class Rig:
     supply_pressure: float | None = None
     heat_capacity_ratio: float = 1.4
     gas_constant: float = 287.0
+    polytropic_exponent: float | None = None
+    exponent_free: bool = False
     vessel_volume: float | None = None
     piston_area_1: float | None = None
     piston_area_2: float | None = None

@@ -23,13 +23,17 @@ Dimension = tuple[int, int, int, int, int]  # exponents of m, kg, s, K, A
 
 @dataclass(frozen=True)
 class Unit:
-    """``value in SI = factor * value + offset``, plus ambient pressure where ``gauge``."""
+    """``value in SI = factor * value + offset``, plus ambient pressure where ``gauge``.
+
+    ``of_air``: a mass stated as the volume of air, of which another gas has R_air / R as much.
+    """
 
     factor: float
     dimension: Dimension
     offset: float = 0.0
     gauge: bool = False
     absolute: bool = False
+    of_air: bool = False
 
     def __mul__(self, other: Unit) -> Unit:
         exponents = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
@@ -56,6 +60,7 @@ _PREFIXED = {  # these take SI prefixes
     "V": Unit(1.0, (2, 1, -3, 0, -1)),
     "Ohm": Unit(1.0, (2, 1, -3, 0, -2)),
     "Hz": Unit(1.0, (0, 0, -1, 0, 0)),
+    "Nm": Unit(1.0, (2, 1, -2, 0, 0)),
     "l": Unit(1e-3, (3, 0, 0, 0, 0)),
     "L": Unit(1e-3, (3, 0, 0, 0, 0)),
 }
@@ -66,6 +71,9 @@ _PLAIN = {
     "%": Unit(1e-2, _ONE),
     "rad": Unit(1.0, _ONE),
     "deg": Unit(math.pi / 180, _ONE),
+    "°": Unit(math.pi / 180, _ONE),
+    "rev": Unit(2 * math.pi, _ONE),
+    "rpm": Unit(2 * math.pi / 60, (0, 0, -1, 0, 0)),
     "min": Unit(60.0, (0, 0, 1, 0, 0)),
     "h": Unit(3600.0, (0, 0, 1, 0, 0)),
     "sec": Unit(1.0, (0, 0, 1, 0, 0)),
@@ -90,6 +98,13 @@ _PLAIN = {
     "degF": Unit(5 / 9, (0, 0, 0, 1, 0), 273.15 - 32 * 5 / 9),
     "°F": Unit(5 / 9, (0, 0, 0, 1, 0), 273.15 - 32 * 5 / 9),
 }
+
+STANDARD_GRAVITY = 9.806_65  # m/s^2
+# kg/m^3 of air: ISO 8778 (20 °C, 100 kPa, 65 % humidity), DIN 1343 (0 °C, 101.325 kPa, dry)
+_AIR = {"ANR": 1.185, "N": 1.2929}
+_ACCELERATION = (1, 0, -2, 0, 0)
+# what a symbol means where another dimension than its own is wanted
+_WANTED = {_ACCELERATION: {f"{m}g": Unit(f * STANDARD_GRAVITY, _ACCELERATION) for m, f in (("", 1.0), ("m", 1e-3))}}
 
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 
@@ -118,10 +133,24 @@ def _parsed(text: str) -> Unit:
     if len(text) > LONGEST:
         raise UnitError(f'"{text[:LONGEST]}..." is no unit')
     spelled = text.strip().replace("℃", "°C").translate(_SUPERSCRIPTS)
+    if of_air := _of_air(spelled):
+        return of_air
     if kind := _PRESSURE_KIND.match(spelled):
         gauge = kind[2].lower() in ("g", "gauge", "ü", "rel")
         return replace(_product(kind[1]), gauge=gauge, absolute=not gauge)
     return _product(spelled)
+
+
+def _of_air(text: str) -> Unit | None:
+    """Read a flow or amount as a volume of air under standard conditions: "l/min ANR", "Nl/min"; None if it is none."""
+    state = "ANR" if (anr := re.fullmatch(r"(.+?)[\s_]*\(?ANR\)?", text)) else "N"
+    volume = anr[1] if anr else text[1:] if re.match(r"N[lL]\b|Nm(?:3|\^3)\b", text) else None
+    if volume is None:
+        return None
+    unit = _product(volume)
+    if unit.dimension[0] != 3:
+        raise UnitError(f'"{volume}" is no volume, of which "{state}" would tell the state')
+    return replace(unit * Unit(_AIR[state], (-3, 1, 0, 0, 0)), of_air=True)
 
 
 def _product(text: str) -> Unit:
@@ -182,14 +211,25 @@ def after_number(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def same_dimension(first: str, second: str) -> bool:
-    """Whether both units measure the same kind of quantity."""
-    return parse_unit(first).dimension == parse_unit(second).dimension
+def unit_as(text: str, wanted: str) -> Unit:
+    """Read a unit of what is measured in ``wanted``: ``"g"`` is gravity where an acceleration is wanted."""
+    dimension = parse_unit(wanted).dimension
+    return _WANTED.get(dimension, {}).get(text.strip()) or parse_unit(text)
 
 
-def factor_and_offset(unit: str, ambient_pressure: float = STANDARD_ATMOSPHERE) -> tuple[float, float]:
-    """``SI = factor * value + offset``; the offset of a gauge unit holds ``ambient_pressure`` (Pa)."""
-    parsed = parse_unit(unit)
+def same_dimension(unit: str, wanted: str) -> bool:
+    """Whether a unit measures what ``wanted`` does."""
+    return unit_as(unit, wanted).dimension == parse_unit(wanted).dimension
+
+
+def factor_and_offset(
+    unit: str, ambient_pressure: float = STANDARD_ATMOSPHERE, wanted: str | None = None
+) -> tuple[float, float]:
+    """``SI = factor * value + offset``; the offset of a gauge unit holds ``ambient_pressure`` (Pa).
+
+    ``wanted``: a unit of what is measured, see :func:`unit_as`.
+    """
+    parsed = unit_as(unit, wanted or unit)
     return parsed.factor, parsed.offset + (ambient_pressure if parsed.gauge else 0.0)
 
 
@@ -216,7 +256,7 @@ def parse_quantity(
         return number
     if not same_dimension(parts[2], unit):
         raise UnitError(f'"{value}" has not the dimension of {unit}; wanted {wanted}')
-    factor, offset = factor_and_offset(parts[2], ambient_pressure)
+    factor, offset = factor_and_offset(parts[2], ambient_pressure, unit)
     return _finite(factor * number + (0.0 if difference else offset), value)
 
 

@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 from pneucli.config.models import PipelineConfig
 from pneucli.document import read
 from pneucli.errors import InputError, UnitError, did_you_mean, printable
-from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity
+from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity, same_dimension
 
 Location = tuple[str | int, ...]
 DEEPEST = 12  # tables in one another; the format has 4
@@ -34,11 +34,12 @@ def load(path: str | Path) -> PipelineConfig:
     if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
         raise join_faults(path, faults)
     try:
-        config = PipelineConfig.model_validate(document, context={"ambient_pressure": _ambient(document)})
+        context = {"ambient_pressure": _ambient(document), "rotary": rotary(document)}
+        config = PipelineConfig.model_validate(document, context=context)
     except ValidationError as error:
         faults = _faults(path, text, document, error)
         raise join_faults(path, faults) from error
-    config._path, config._document = path, document
+    config._path, config._document, config._rotary = path, document, rotary(document)
     return config
 
 
@@ -92,6 +93,26 @@ def _ambient(document: Mapping[str, Any]) -> float:
         return parse_quantity(document["rig"]["ambient_pressure"], "Pa")
     except (KeyError, TypeError, UnitError):
         return STANDARD_ATMOSPHERE
+
+
+def rotary(document: Mapping[str, Any]) -> bool:
+    """Return whether the axis turns: by the unit of its position, or a moment of inertia; no fault is told here."""
+    rig = document.get("rig", {})
+    cylinder = rig.get("cylinder", {}) if isinstance(rig, dict) else {}
+    if isinstance(cylinder, dict) and "moment_of_inertia" in cylinder:
+        return True
+    tables = document.get("recordings", [])
+    tables = [document, *(one for one in tables if isinstance(one, dict))] if isinstance(tables, list) else [document]
+    signals = [one["signals"] for one in tables if isinstance(one.get("signals"), dict)]
+    described = [one[name] for one in signals for name in ("x", "x_ref") if isinstance(one.get(name), dict)]
+    return any(_measures_angles(one.get("unit")) for one in described)
+
+
+def _measures_angles(unit: Any) -> bool:
+    try:
+        return isinstance(unit, str) and unit.strip() not in ("", "1", "-", "%") and same_dimension(unit, "rad")
+    except UnitError:
+        return False
 
 
 def _faults(path: Path, text: str, document: Mapping[str, Any], error: ValidationError) -> list[InputError]:

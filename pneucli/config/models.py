@@ -9,10 +9,12 @@ from pydantic import (
     AfterValidator,
     Field,
     PrivateAttr,
+    ValidationInfo,
     model_validator,
 )
 
 from pneucli.arrangements import Name as ArrangementName
+from pneucli.config.model import ModelTable
 from pneucli.config.rig import RigTable
 from pneucli.config.sizes import (
     Acceleration,
@@ -31,7 +33,7 @@ from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale
 from pneucli.errors import UnitError
 from pneucli.experiments import KINDS
 from pneucli.experiments import Name as Experiment
-from pneucli.quantities import SIGNALS
+from pneucli.quantities import ROTARY, SIGNALS
 from pneucli.recording import Rig, Use
 from pneucli.units import parse_quantity, parse_unit, same_dimension
 
@@ -52,7 +54,10 @@ class WhereTable(Table):
 
 
 class SignalTable(Table):
-    """How one raw column becomes a signal: ``scale * column + offset``, read in ``unit`` (SI where absent)."""
+    """How one raw column becomes a signal: ``scale * column + offset``, read in ``unit`` (SI where absent).
+
+    ``noise`` becomes SI while it is checked.
+    """
 
     column: Column
     unit: str | None = None
@@ -80,20 +85,22 @@ def _fits(name: str) -> AfterValidator:
     """Check unit and reference of an entry of ``[signals]`` against what the signal is."""
     quantity = SIGNALS[name]
 
-    def check(signal: SignalTable | None) -> SignalTable | None:
+    def check(signal: SignalTable | None, info: ValidationInfo) -> SignalTable | None:
         if signal is None:
             return None
-        if signal.unit is not None and not same_dimension(signal.unit, quantity.unit):
-            raise UnitError(
-                f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{quantity.unit}"'
-            )
+        wanted = ROTARY.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
+        if signal.unit is not None and not same_dimension(signal.unit, wanted):
+            raise UnitError(f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"')
         if signal.reference is not None and quantity.unit != "Pa":
             raise UnitError(f"{name} is not a pressure and takes no reference")
         if signal.reference == "absolute" and signal.gauge:
             raise UnitError(f'the unit "{signal.unit}" is gauge, the reference says absolute; leave one of them out')
-        if signal.noise is not None and parse_quantity(signal.noise, quantity.unit, difference=True) < 0:
+        if signal.noise is None:
+            return signal
+        noise = parse_quantity(signal.noise, wanted, difference=True)
+        if noise < 0:
             raise UnitError(f"noise {signal.noise} is negative; wanted a standard deviation")
-        return signal
+        return signal.model_copy(update={"noise": noise})
 
     return AfterValidator(check)
 
@@ -173,36 +180,6 @@ class RecordingTable(Table):
         return self
 
 
-class ParameterTable(Table):
-    """One entry of ``[model.parameters]``: what is known beforehand, as text with a unit, or in SI."""
-
-    fixed: str | float | None = None
-    start: str | float | None = None
-    min: str | float | None = None
-    max: str | float | None = None
-    sigma: str | float | None = None
-
-    @model_validator(mode="after")
-    def _says_something(self) -> ParameterTable:
-        others = [key for key in ("start", "min", "max", "sigma") if getattr(self, key) is not None]
-        if self.fixed is None and not others:
-            raise ValueError("nothing is said of it; wanted fixed, or start, min, max and sigma")
-        if self.fixed is not None and others:
-            raise ValueError(f"what is fixed has no {others[0]}; leave one of them out")
-        return self
-
-
-class ModelTable(Table):
-    """``[model]``: effects on top of the base model, the valve's form, what is known of parameters beforehand, and
-    Python files with effects of one's own.
-    """
-
-    effects: list[str] = Field(default_factory=list)
-    valve: Literal["map", "linear"] = "map"
-    parameters: dict[str, ParameterTable] = Field(default_factory=dict)
-    plugins: list[Name] = Field(default_factory=list)
-
-
 class CompareTable(Table):
     """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
 
@@ -237,6 +214,7 @@ class PipelineConfig(Table):
     scenarios: list[dict[str, Any]] = Field(default_factory=list)
     checks: dict[str, CheckTable] = Field(default_factory=dict)
 
+    _rotary: bool = PrivateAttr(default=False)
     _path: Path = PrivateAttr(default=Path("pipeline.toml"))
     _document: dict[str, Any] = PrivateAttr(default_factory=dict)
 
@@ -244,6 +222,16 @@ class PipelineConfig(Table):
     def path(self) -> Path:
         """The file that was read; relative paths in it start in its folder."""
         return self._path
+
+    @property
+    def rotary(self) -> bool:
+        """Whether the axis turns: its x is an angle."""
+        return self._rotary
+
+    def unit(self, signal: str) -> str:
+        """The SI unit of a signal, as the axis moves."""
+        unit = SIGNALS[signal].unit
+        return ROTARY.get(unit, unit) if self._rotary else unit
 
     @property
     def document(self) -> dict[str, Any]:
@@ -257,10 +245,9 @@ class PipelineConfig(Table):
 
     def to_rig(self) -> Rig:
         """Return what is known of the rig, as domain packages receive it (SI)."""
-        plain, valve = self.rig.model_dump(exclude={"vessel", "cylinder", "valve"}), self.rig.valve
+        valve = self.rig.valve
         return Rig(
-            **plain,
-            **self.rig.cylinder.model_dump(),
+            **self.rig.known(),
             vessel_volume=self.rig.vessel.volume,
             valve_null=0.0 if valve.null == "identify" else valve.null,
             null_free=valve.null == "identify",

@@ -7,22 +7,25 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from pneucli.config.values import size
+from pneucli.quantities import PISTON_AREA, ROTARY
 from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity
 
 
-def _in(unit: str) -> BeforeValidator:
-    """Read text with a unit; gauge values stand on the file's own ambient pressure."""
+def _in(unit: str, rotary: str | None = None) -> BeforeValidator:
+    """Read text with a unit; gauge values stand on the file's own ambient pressure, ``rotary`` is the unit there."""
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
-        ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
-        return size(parse_quantity(value, unit, ambient_pressure=ambient))
+        context = info.context or {}
+        wanted = (rotary or ROTARY.get(unit, unit)) if context.get("rotary") else unit
+        ambient = context.get("ambient_pressure", STANDARD_ATMOSPHERE)
+        return size(parse_quantity(value, wanted, ambient_pressure=ambient))
 
     return BeforeValidator(parse)
 
 
 Pressure: TypeAlias = Annotated[float, _in("Pa"), Field(gt=0)]
 Temperature: TypeAlias = Annotated[float, _in("K"), Field(gt=0)]
-Area: TypeAlias = Annotated[float, _in("m^2"), Field(gt=0)]
+Area: TypeAlias = Annotated[float, _in(*PISTON_AREA), Field(gt=0)]
 Volume: TypeAlias = Annotated[float, _in("m^3"), Field(gt=0)]
 Length: TypeAlias = Annotated[float, _in("m"), Field(gt=0)]
 Mass: TypeAlias = Annotated[float, _in("kg"), Field(gt=0)]

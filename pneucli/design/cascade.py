@@ -29,6 +29,7 @@ from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, latene
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.physics.flows import flow_functions
+from pneucli.physics.gas import flow_scale
 from pneucli.simulate.model import Model, Valve
 from pneucli.simulate.valve_area import CLOSED_AREA
 
@@ -114,6 +115,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
     rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
     coulomb = base["friction.coulomb"]
     ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
+    exponent = base["rig.polytropic_exponent"]
     return {
         "C_PERIOD": wanted.period,
         "C_U_MAX": max(abs(c) for c in model.valve.commands),
@@ -128,9 +130,9 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_DEAD_2": OUTSIDE if is_open else dead_2,
         "C_AMBIENT": ambient,
         "C_SUPPLY": supply,
-        "C_GAMMA": base["rig.heat_capacity_ratio"],
-        "C_GAMMA_R_T": base["rig.heat_capacity_ratio"] * rt,
-        "C_K_GAS": math.sqrt(2.0 / rt),
+        "C_GAMMA": exponent,
+        "C_GAMMA_R_T": exponent * rt,
+        "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
         "C_CRITICAL": critical_ratio(model),
         "C_COULOMB": coulomb,
         "C_STATIC": max(static, coulomb),

@@ -15,6 +15,7 @@ from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
 from pneucli.design.ports import critical_ratio
 from pneucli.physics.flows import flow_functions
+from pneucli.physics.gas import flow_constant
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
@@ -153,7 +154,8 @@ def _chattering(u: Array, period: float) -> tuple[float, float]:
 def air_used(run: Run, model: Model, controller: Controller) -> float:
     """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
     base = model.base()
-    k, b = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"])), critical_ratio(model)
+    gas = (base[f"rig.{name}"] for name in ("gas_constant", "gas_temperature", "heat_capacity_ratio"))
+    k, b = flow_constant(*gas), critical_ratio(model)
     null, total = base["valve.null"], 0.0
     second = null - run.log[:, layout.L_U1] if controller.values["C_MIRRORED"] > 0.5 else run.log[:, layout.L_U2] - null
     driven = controller.values["C_MIRRORED"] > 0.5 or controller.values["C_TWO_VALVES"] > 0.5

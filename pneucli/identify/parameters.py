@@ -99,6 +99,7 @@ def _of_rig(rig: Rig, experiments: Sequence[Experiment]) -> list[str]:
     moving, gas = any(r.kind.cylinder for r in recordings), any(r.kind.axis for r in recordings)
     names = ["rig.moving_mass"] if moving and rig.moving_mass is None else []
     names += to_identify(recordings, rig)
+    names += ["rig.polytropic_exponent"] if rig.exponent_free and any(r.kind.valve for r in recordings) else []
     shown = {
         **dict.fromkeys(("rig.moving_mass", "rig.piston_area_1", "rig.piston_area_2"), moving),
         **dict.fromkeys(("rig.dead_volume_1", "rig.dead_volume_2"), gas),
@@ -133,7 +134,8 @@ def _base(name: str, start: float, facts: Facts) -> Free:
     declared = BASE[name]
     size = declared.on(facts)
     start = max(start, size.lower, 1e-4 * size.typical[0] if size.typical else TINY)
-    return Free(name, declared.unit, start, max(size.lower, 0.0), size.upper, start)
+    upper = facts.heat_ratio if name == "rig.polytropic_exponent" else size.upper
+    return Free(name, declared.unit, start, max(size.lower, 0.0), upper, start)
 
 
 def _valve(valve: Valve, facts: Facts) -> list[Free]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.physics.flows import orifice_flows
-from pneucli.physics.gas import CRITICAL_RATIO
+from pneucli.physics.gas import critical_ratio_of, flow_constant
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -108,15 +108,15 @@ def _paths(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> P
     opening = opening_of(e, chamber)
     assert opening is not None
     name, column = PRESSURES[1 if e.vessel else chamber]
-    p, kappa = e.inputs[:, column], rig.heat_capacity_ratio
+    p, exponent = e.inputs[:, column], rig.polytropic_exponent or rig.heat_capacity_ratio
     slope = e.smoothers[name].slope(e.raw[name]) if name in e.smoothers else np.gradient(p, e.time)
     volume, growth = _volume(e, rig, chamber, vessel_volume)
     gas = rig.gas_constant * rig.gas_temperature
-    flow = (slope * volume + kappa * p * growth) / (kappa * gas)
-    k = np.sqrt(2.0 / gas)
-    supply, ambient = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure
+    flow = (slope * volume + exponent * p * growth) / (exponent * gas)
+    k = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
+    supply, ambient, b = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure, critical_ratio_of(rig.heat_capacity_ratio)
     upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, ambient)
-    per_area = np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, CRITICAL_RATIO, k, k)
+    per_area = np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, b, k, k)
     return Paths(e, opening, flow, per_area, *np.broadcast_arrays(volume, growth, p)[:2])
 
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pneucli import __version__
 from pneucli.errors import InputError
-from pneucli.quantities import SIGNALS
+from pneucli.quantities import SIGNALS, of_motion
 
 _PREFIX = "pneucli."
 _CHUNK = 1 << 20
@@ -85,10 +85,8 @@ def schema_of(
 
 
 def _unit(name: str, kind: pa.DataType, units: Mapping[str, str]) -> str:
-    if name in units:
-        return units[name]
-    if name in SIGNALS:
-        return SIGNALS[name].unit
+    if name in units or name in SIGNALS:
+        return of_motion(units[name] if name in units else SIGNALS[name].unit)
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         raise ValueError(f"column {name} has no unit")
     return ""
@@ -153,6 +151,7 @@ def write_table(
 
     ``schema`` is name and version, ``"pneucli/compare/residuals/1"``. Units as in :func:`schema_of`.
     """
+    columns = {n: [of_motion(str(one)) for one in values] if n == "unit" else values for n, values in columns.items()}  # type: ignore[union-attr]
     arrays = {name: _column(values) for name, values in columns.items()}
     types = {name: array.type for name, array in arrays.items()}
     with TableWriter(path, schema_of(types, units=units or {}, schema=schema, provenance=provenance)) as writer:

@@ -27,7 +27,8 @@ def flow_function(r: float, b: float) -> float:
 def orifice_flow(p_from: float, p_to: float, b: float, k_from: float, k_to: float) -> float:
     """Return the mass flow per effective area in kg/(s m^2), positive from ``p_from`` to ``p_to`` (thesis 2.46).
 
-    Pressures absolute in Pa; ``k = sqrt(2 / (R T))`` of the gas on each side, of which the upstream one counts.
+    Pressures absolute in Pa; ``k = sqrt(2 / (R T))`` of the gas on each side, of which the upstream one counts; for
+    another gas than air see :func:`flow_constant`.
     """
     if p_from >= p_to:
         return p_from * k_from * flow_function(p_to / p_from, b)
@@ -36,6 +37,30 @@ def orifice_flow(p_from: float, p_to: float, b: float, k_from: float, k_to: floa
 
 def exact_flow_function(r: float, kappa: float) -> float:
     """Return Psi(r) of isentropic flow (thesis 2.34), held at its maximum below the critical ratio."""
-    critical = (2.0 / (kappa + 1.0)) ** (kappa / (kappa - 1.0))
-    r = min(max(r, critical), 1.0)
+    r = min(max(r, choked_ratio(kappa)), 1.0)
     return math.sqrt(kappa / (kappa - 1.0) * (r ** (2.0 / kappa) - r ** ((kappa + 1.0) / kappa)))
+
+
+def flow_scale(kappa: float) -> float:
+    """Return the maximum of the flow function over that for kappa = 1.4 (thesis 2.37, 2.38)."""
+    return choked_maximum(kappa) / choked_maximum(1.4)
+
+
+def choked_maximum(kappa: float) -> float:
+    """Return the outflow function at its critical ratio."""
+    return math.sqrt(kappa / (kappa + 1.0)) * math.pow(2.0 / (kappa + 1.0), 1.0 / (kappa - 1.0))
+
+
+def critical_ratio_of(kappa: float) -> float:
+    """Return the critical ratio of a gas; for kappa = 1.4 it is CRITICAL_RATIO."""
+    return CRITICAL_RATIO * choked_ratio(kappa) / choked_ratio(1.4)
+
+
+def choked_ratio(kappa: float) -> float:
+    """Return the ratio at which the outflow function has its maximum (thesis 2.37)."""
+    return math.pow(2.0 / (kappa + 1.0), kappa / (kappa - 1.0))
+
+
+def flow_constant(gas_constant: float, temperature: float, kappa: float) -> float:
+    """Return k of :func:`orifice_flow` in s/m for a gas of R in J/(kg K) at a temperature in K."""
+    return flow_scale(kappa) * math.sqrt(2.0 / (gas_constant * temperature))

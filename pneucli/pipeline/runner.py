@@ -17,6 +17,7 @@ from pneucli.pipeline import folders, lock, staleness
 from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, silent
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
 from pneucli.pipeline.staleness import Inputs, Manifest
+from pneucli.quantities import moving, told
 
 VALIDATED = ".validated"
 LONGEST_NAME = 60  # characters, of up to four bytes each
@@ -164,7 +165,8 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     start = time.monotonic()
     module = importlib.import_module(stage.module)
     try:
-        answer = json.loads(json.dumps(module.run(context), allow_nan=False))  # as a later run will read it
+        with moving(rotary=context.config.rotary):
+            answer = json.loads(json.dumps(told(module.run(context)), allow_nan=False))  # as a later run will read it
     except NotApplicable as error:
         return replace(manifest, skipped=asdict(error))
     return replace(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pneucli.quantities import SIGNALS
+from pneucli.quantities import display_unit
 from pneucli.units import parse_unit
 
 
@@ -21,7 +21,7 @@ class Finding:
 
 def shown(value: float, signal: str, digits: int = 3) -> str:
     """Return a value (SI) of a signal in the unit that people read it in, such as ``"1.01 bar"``."""
-    unit = SIGNALS[signal].display_unit
+    unit = display_unit(signal)
     return f"{plain(value / parse_unit(unit).factor, digits)} {unit}"
 
 

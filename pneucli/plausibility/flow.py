@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.physics.flows import flow_functions
-from pneucli.physics.gas import CRITICAL_RATIO
+from pneucli.physics.gas import critical_ratio_of
 from pneucli.plausibility.bench import HALF_AMBIENT, HALF_DECADE, SEEN, SURE, Bench
 from pneucli.plausibility.blocks import Blocks, blocks, fit
 from pneucli.plausibility.finding import Finding, shown
@@ -76,7 +76,9 @@ def _flow(one: Recording, bench: Bench) -> Flow | None:
     supply = cut.mean("p_supply", 1) if "p_supply" in one else none
     above, below = np.where(flow > 0, supply, p), np.where(flow > 0, p, rig.ambient_pressure)
     ratio = below / np.maximum(above, 1.0)
-    per_area = above * np.sqrt(2 / gas) * flow_functions(np.maximum(ratio, 0.0), CRITICAL_RATIO)
+    per_area = (
+        above * np.sqrt(2 / gas) * flow_functions(np.maximum(ratio, 0.0), critical_ratio_of(rig.heat_capacity_ratio))
+    )
     told = (ratio < DRIVEN) & (np.abs(flow) > REMAINDER * np.maximum(np.abs(squeezed), np.abs(carried)))
     area = np.where(told, flow / np.maximum(per_area, 1e-30), np.nan)
     return Flow(one, cut.mean("u", 1), p, supply, flow, area)

@@ -175,8 +175,11 @@ def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
 
 
 def pressure_rate(p, T, volume, growth, q_in, q_out, heat_flow, base):
-    """dp/dt in Pa/s by the energy balance; at constant T and without heat the isentropic chamber (2.14, 2.22)."""
-    gamma = base[GAMMA]
+    """dp/dt in Pa/s by the energy balance; at constant T and without heat the isentropic chamber (2.14, 2.22).
+
+    The exponent is that of the gas, kappa, or less where heat that is not simulated flows: 1 is the isothermal chamber.
+    """
+    gamma = base[EXPONENT]
     enthalpy = base[GAS] * (base[TEMP] * q_in - T * q_out)
     return (gamma * (enthalpy - p * growth) + (gamma - 1.0) * heat_flow) / volume
 
@@ -409,7 +412,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
 
     time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
-    they say of the truth, base (18,) and th parameters, on (effects + 1,) switches, flags (8,), areas and areas_2
+    they say of the truth, base (19,) and th parameters, on (effects + 1,) switches, flags (8,), areas and areas_2
     (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor
     go on over a restart.
     """
@@ -418,7 +421,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     mechanics, pneumatics, chamber_2 = flags[MECHANICS] > 0.0, flags[PNEUMATICS] > 0.0, int(flags[CHAMBER_2])
     shut, loop, u_max, p_amb = flags[VALVE_SHUT] > 0.0, flags[LOOP] > 0.0, flags[U_MAX], base[AMBIENT]
     gamma_rt = base[GAMMA] * base[GAS] * base[TEMP]
-    k_gas = math.sqrt(2.0 / (base[GAS] * base[TEMP]))
+    k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
     hot = has_heat(on)
     true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
 
@@ -507,7 +510,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                 continue
 
             if hot:
-                k1, k2 = math.sqrt(2.0 / (base[GAS] * T1)), math.sqrt(2.0 / (base[GAS] * T2))
+                k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
             p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
             p_line = supply(p_line, base[SUPPLY], q_supply, gamma_rt, h, s_supply, th, on)
             q_in = q_out = 0.0
@@ -547,7 +550,7 @@ def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas
     """
     base, th, on = scalars(base_values, th_values, on_values)
     p_amb, volume = base[AMBIENT], base[DEAD_1] + volume_1(th, on)
-    k_gas = math.sqrt(2.0 / (base[GAS] * base[TEMP]))
+    k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     spool = np.zeros(on_values.size)
     for i in range(u.size):

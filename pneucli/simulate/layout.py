@@ -20,9 +20,10 @@ BASE = (
     "valve.null",
     "rig.lower_end",
     "rig.upper_end",
+    "rig.polytropic_exponent",
 )
 COULOMB, VISCOUS, MASS, AREA_1, AREA_2, STROKE, DEAD_1, DEAD_2 = range(8)
-AMBIENT, SUPPLY, TEMP, GAMMA, GAS, CRITICAL, WALL, NULL, LOWER_END, UPPER_END = range(8, 18)
+AMBIENT, SUPPLY, TEMP, GAMMA, GAS, CRITICAL, WALL, NULL, LOWER_END, UPPER_END, EXPONENT = range(8, 19)
 
 # columns of the inputs: commands (held), measured signals (interpolated, smoothed readings)
 IN_U, IN_U2, IN_SUPPLY, IN_P1, IN_P2, IN_FORCE, IN_X, IN_V = range(8)

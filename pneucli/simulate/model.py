@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.physics.declaration import Effect
-from pneucli.physics.gas import CRITICAL_RATIO
+from pneucli.physics.gas import critical_ratio_of
 from pneucli.recording import Rig
 from pneucli.simulate.layout import BASE
 from pneucli.simulate.linear_valve import LinearValve
@@ -104,8 +104,9 @@ def rig_values(rig: Rig) -> dict[str, float]:
         "rig.supply_pressure": rig.supply_pressure or np.nan,
         "rig.gas_temperature": rig.gas_temperature,
         "rig.heat_capacity_ratio": rig.heat_capacity_ratio,
+        "rig.polytropic_exponent": rig.polytropic_exponent or rig.heat_capacity_ratio,
         "rig.gas_constant": rig.gas_constant,
-        "valve.critical_ratio": CRITICAL_RATIO,
+        "valve.critical_ratio": critical_ratio_of(rig.heat_capacity_ratio),
         "rig.wall_temperature": rig.gas_temperature,
         "valve.null": rig.valve_null,
         "rig.lower_end": 0.0,

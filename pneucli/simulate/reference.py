@@ -158,7 +158,7 @@ class Plant:
 
     def chamber(self, p: float, temperature: float, volume: float, growth: float, area: float) -> tuple[float, float]:
         """dp/dt and dT/dt of one chamber from the balances of mass and energy (2.14, 2.22)."""
-        kappa, gas = self.values["rig.heat_capacity_ratio"], self.values["rig.gas_constant"]
+        kappa, gas = self.values["rig.polytropic_exponent"], self.values["rig.gas_constant"]
         supplied = self.values["rig.gas_temperature"]
         q_in = self.flow(max(area, 0.0), self.values["rig.supply_pressure"], p, supplied)
         q_out = self.flow(max(-area, 0.0), p, self.values["rig.ambient_pressure"], temperature)
@@ -172,7 +172,9 @@ class Plant:
         """Mass flow in kg/s through an effective area, none against the pressure (2.42, 2.46)."""
         ratio, b = p_down / p_up, self.values["valve.critical_ratio"]
         psi = 0.484 * math.sqrt(max(1.0 - (max(ratio - b, 0.0) / (1.0 - b)) ** 2, 0.0))
-        return area * p_up * psi * math.sqrt(2.0 / (self.values["rig.gas_constant"] * temperature))
+        kappa, gas = self.values["rig.heat_capacity_ratio"], self.values["rig.gas_constant"]
+        choked = [math.sqrt(k / (k + 1.0)) * (2.0 / (k + 1.0)) ** (1.0 / (k - 1.0)) for k in (kappa, 1.4)]
+        return float(area * p_up * psi * choked[0] / choked[1] * math.sqrt(2.0 / (gas * temperature)))
 
 
 def _falling(event: Callable[[float, Array], float]) -> Callable[[float, Array], float]:

@@ -70,6 +70,8 @@ def base_vector(model: Model, experiment: Experiment) -> Array:
     base = model.base()
     if experiment.vessel:
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
+    if any("heat" in effect.ports for effect in model.effects):  # then heat is simulated
+        base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
     if experiment.ends is not None:
         base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.ends, strict=True))
     return np.array([base[name] for name in at.BASE])

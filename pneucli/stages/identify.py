@@ -18,6 +18,7 @@ from pneucli.identify.valve import ValveIdentification, identify_moving, identif
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.plausibility.needs import Assumed, assumptions
+from pneucli.quantities import named
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.stages.friction_tables import friction_answer, write_friction
@@ -207,7 +208,8 @@ def assumed(study: Study, names: set[str]) -> list[Assumed]:
     if gas and "gas_temperature" not in stated:
         found.append(Assumed(f"the gas has {rig.gas_temperature:g} K", "rig.gas_temperature"))
     unstated = {name for name in names & STATED.keys() if getattr(rig, name.removeprefix("rig.")) is None}
-    instead = [Assumed(f"{name} is not stated and identified", STATED[name]) for name in STATED if name in unstated]
+    keys = {named(name): named(STATED[name]) for name in STATED if name in unstated}
+    instead = [Assumed(f"{name} is not stated and identified", key) for name, key in keys.items()]
     if _per_volume(study):
         instead.append(Assumed("areas, volumes and flows are per volume of the vessel", "rig.vessel.volume"))
     return [*found, *assumptions(study.recordings, rig), *instead]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pneucli.config import PipelineConfig, SignalTable, Source, sources
 from pneucli.errors import InputError
 from pneucli.experiments import KINDS
+from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw import Channel, RawFile, Repair
@@ -22,9 +23,10 @@ from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
+from pneucli.recording import Rig
 from pneucli.stages.ingest_looks import looked_at
 from pneucli.stages.ingest_tables import Ingested, column_of, row_of, write_tables
-from pneucli.units import factor_and_offset, parse_quantity
+from pneucli.units import factor_and_offset, unit_as
 
 NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
 FEWEST = 8  # samples that noise is estimated from
@@ -72,10 +74,10 @@ def _left_out(one: dict[str, Any]) -> str:
 
 
 def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
-    table, ambient = source.table, config.rig.ambient_pressure
+    table, rig = source.table, config.to_rig()
     return RawFile(
         path=source.path,
-        channels={name: _channel(name, signal, ambient) for name, signal in source.signals.items()},
+        channels={name: _channel(signal, config.unit(name), rig) for name, signal in source.signals.items()},
         required=source.required,
         header=table.header,
         delimiter=table.delimiter,
@@ -86,9 +88,11 @@ def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
     )
 
 
-def _channel(name: str, signal: SignalTable, ambient: float) -> Channel:
-    factor, offset = factor_and_offset(signal.unit or SIGNALS[name].unit, ambient_pressure=0.0)
-    above = ambient if signal.gauge else 0.0
+def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
+    factor, offset = factor_and_offset(signal.unit or unit, ambient_pressure=0.0, wanted=unit)
+    if unit_as(signal.unit or unit, unit).of_air:
+        factor *= AIR.gas_constant / rig.gas_constant
+    above = rig.ambient_pressure if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None
     return Channel(
         signal.column,
@@ -179,8 +183,7 @@ def _check(one: Ingested) -> None:
 
 
 def _stated_noise(source: Source) -> dict[str, float]:
-    stated = {name: signal.noise for name, signal in source.signals.items() if signal.noise is not None}
-    return {name: parse_quantity(noise, SIGNALS[name].unit, difference=True) for name, noise in stated.items()}
+    return {name: float(signal.noise) for name, signal in source.signals.items() if signal.noise is not None}
 
 
 def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseModel]:

@@ -10,11 +10,13 @@ from pneucli.config import ParameterTable, PipelineConfig, join_faults
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.physics.base import BASE
 from pneucli.physics.declaration import Effect
+from pneucli.quantities import PISTON_AREA, ROTARY
 from pneucli.recording import Known
 from pneucli.units import parse_quantity
 
 # the valve's own, as identify names them: "valve.effective_area(+1 V)", "valve_2.overlap_fill"
 _VALVE = re.compile(r"valve(?:_2)?\.(effective_area|overlap_fill|overlap_vent|gain)(?:\(.+\))?")
+TURNS = ("rig.moving_mass", "rig.moment_of_inertia")  # what is moved, and its name where it turns
 _VALVE_UNITS = {"effective_area": "m^2", "overlap_fill": "V", "overlap_vent": "V", "gain": "m^2/V"}
 
 
@@ -25,6 +27,10 @@ def known_of(config: PipelineConfig, effects: Mapping[str, Effect]) -> dict[str,
     """
     units = {name: p.unit for name, p in BASE.items() if not name.startswith("valve.")}
     units |= {f"{e.name}.{p.name}": p.unit for e in effects.values() for p in e.parameters}
+    if config.rotary:
+        units = {name: ROTARY.get(unit, unit) for name, unit in units.items()}
+        units |= dict.fromkeys(("rig.piston_area_1", "rig.piston_area_2"), PISTON_AREA[1])
+        units[TURNS[1]] = units[TURNS[0]]
     known, faults = dict[str, Known](), []
     for name, table in config.model.parameters.items():
         valve = _VALVE.fullmatch(name)
@@ -34,7 +40,8 @@ def known_of(config: PipelineConfig, effects: Mapping[str, Effect]) -> dict[str,
             faults.append(InputError(where, f'"{name}" is no parameter', "", did_you_mean(name, units)))
             continue
         try:
-            known[name] = _known(table, unit, where, stated=_stated(config, name))
+            own = TURNS[0] if name == TURNS[1] else name
+            known[own] = _known(table, unit, where, stated=_stated(config, own))
         except InputError as error:
             faults.append(error)
     if faults:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pneucli.quantities import SIGNALS
+from pneucli.quantities import SIGNALS, of_motion
 
 if TYPE_CHECKING:  # numpy takes a tenth of a second to import, and here only types need it
     from numpy.typing import NDArray
@@ -17,20 +17,24 @@ _SHOWN = {
     "Pa": (1e-5, "bar"),
     "Pa/s": (1e-5, "bar/s"),
     "m": (1e3, "mm"),
+    "rad": (180.0 / math.pi, "°"),
     "m/s": (1e3, "mm/s"),
     "m^2": (1e6, "mm²"),
     "m^3": (1e6, "cm³"),
 }
 _PRETTY = {"m/s^2": "m/s²", "N s/m": "N·s/m", "1": "", "m^3/(s Pa)": "m³/(s·Pa)"}
+_PRETTY |= {"rad/s^2": "rad/s²", "N m": "N·m", "N m s/rad": "N·m·s/rad", "kg m^2": "kg·m²", "m^3/rad": "m³/rad"}
 
 
 def shown_unit(unit: str) -> str:
     """Return the unit in which a quantity of an SI ``unit`` is shown; empty where it has no dimension."""
+    unit = of_motion(unit)
     return _SHOWN[unit][1] if unit in _SHOWN else _PRETTY.get(unit, unit)
 
 
 def shown(values: T, unit: str) -> T:
     """Return SI values in the unit of :func:`shown_unit`."""
+    unit = of_motion(unit)
     return values * _SHOWN[unit][0] if unit in _SHOWN else values
 
 

@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pneucli.quantities import SIGNALS
+from pneucli.quantities import display_unit
 from pneucli.units import parse_unit
 from pneucli.words import labelled, table
 
@@ -50,7 +50,7 @@ def looks(looks: Mapping[str, Mapping[str, Look]], experiments: Mapping[str, str
 
 
 def _row(experiment: str, signal: str, seen: Sequence[Look]) -> tuple[str, ...]:
-    unit = SIGNALS[signal].display_unit
+    unit = display_unit(signal, seen[0]["unit"])
     factor, offset = parse_unit(unit).factor, parse_unit(unit).offset
     values = (min(s["least"] for s in seen), statistics.median(s["median"] for s in seen), max(s["most"] for s in seen))
     noise, rate = ([s[key] for s in seen if s[key] is not None] for key in ("noise", "rate"))

@@ -1,5 +1,6 @@
 """The pipeline file: every key, every fault with line and mend, and edits that keep comments."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -251,3 +252,72 @@ def test_many_recordings_cost_one_look_at_the_file(tmp_path: Path) -> None:
     for k, source in enumerate(found[-300:]):
         line = int(source.where.split("line ")[1].split(",")[0])
         assert text[line - 2 : line] == [f'name = "r{k}"', 'file = "raw/a_2.csv"']
+
+
+ROTARY = """\
+[pipeline]
+name = "joint"
+[rig.cylinder]
+moment_of_inertia = "20 kg cm^2"
+piston_area_1 = "3 cm^3/rad"
+stroke = "270 deg"
+[signals]
+time = { column = "t" }
+x = { column = "q", unit = "deg", noise = "0.1 deg" }
+force = { column = "M", unit = "Nm" }
+[[recordings]]
+name = "swing"
+file = "raw/a_2.csv"
+experiment = "friction"
+use = "train"
+v = "60 rpm"
+"""
+
+
+def test_a_rotary_axis_takes_angles_and_torques_in_the_same_places(tmp_path: Path) -> None:
+    config = load(write(tmp_path, ROTARY))
+    rig = config.to_rig()
+    assert config.rotary
+    assert (rig.moving_mass, rig.piston_area_1, rig.stroke) == pytest.approx((2e-3, 3e-6, 1.5 * math.pi))
+    assert config.unit("force") == "N m"
+    assert config.recordings[0].v == pytest.approx(2 * math.pi)
+    assert config.signals.x is not None
+    assert config.signals.x.noise == pytest.approx(math.radians(0.1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"270 deg"', '"200 mm"', "has not the dimension of rad"),
+        ('"Nm"', '"N"', 'wanted: one such as "N m"'),
+        ("[signals]", 'moving_mass = "1 kg m^2"\n[signals]', "leave one of them out"),
+    ],
+)
+def test_linear_and_rotary_do_not_mix(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        load(write(tmp_path, ROTARY.replace(old, new)))
+
+
+def test_a_linear_axis_has_no_angles(tmp_path: Path) -> None:
+    assert not load(write(tmp_path)).rotary
+
+
+@pytest.mark.parametrize(
+    ("gas", "ratio", "constant"), [("air", 1.4, 287.0), ("helium", 5 / 3, 2077.1), ("argon", 5 / 3, 208.13)]
+)
+def test_a_gas_by_name_sets_what_is_not_given(tmp_path: Path, gas: str, ratio: float, constant: float) -> None:
+    rig = load(write(tmp_path, BASE.replace("[rig]", f'[rig]\ngas = "{gas}"'))).to_rig()
+    assert (rig.heat_capacity_ratio, rig.gas_constant) == pytest.approx((ratio, constant))
+    other = tmp_path / "other"
+    other.mkdir()
+    given = load(write(other, BASE.replace("[rig]", f'[rig]\ngas = "{gas}"\ngas_constant = "300 J/(kg K)"'))).to_rig()
+    assert (given.heat_capacity_ratio, given.gas_constant) == pytest.approx((ratio, 300.0))
+
+
+@pytest.mark.parametrize(
+    ("thermal", "exponent", "free"),
+    [('"adiabatic"', None, False), ('"isothermal"', 1.0, False), ("1.2", 1.2, False), ('"identify"', None, True)],
+)
+def test_how_the_gas_changes_is_stated(tmp_path: Path, thermal: str, exponent: float | None, free: bool) -> None:
+    rig = load(write(tmp_path, BASE.replace("[rig]", f"[rig]\nthermal = {thermal}"))).to_rig()
+    assert (rig.polytropic_exponent, rig.exponent_free) == (exponent, free)

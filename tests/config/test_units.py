@@ -92,3 +92,40 @@ def test_what_cannot_be_read_says_why(text: object, says: str) -> None:
 def test_dimensions_are_compared_not_names() -> None:
     assert same_dimension("N/m^2", "bar")
     assert not same_dimension("N", "bar")
+
+
+def test_g_is_gravity_where_an_acceleration_is_wanted_and_a_gram_elsewhere() -> None:
+    assert parse_quantity("2 g", "m/s^2") == pytest.approx(2 * 9.80665)
+    assert parse_quantity("2 mg", "m/s^2") == pytest.approx(2e-3 * 9.80665)
+    assert parse_quantity("2 g", "kg") == pytest.approx(2e-3)
+    assert same_dimension("g", "m/s^2")
+    assert not same_dimension("g", "m/s")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("1 rev", "rad", 2 * math.pi),
+        ("180 °", "rad", math.pi),
+        ("60 rpm", "rad/s", 2 * math.pi),
+        ("2 kNm", "N m", 2000.0),
+        ("3 cm^3/deg", "m^3/rad", 3e-6 * 180 / math.pi),
+    ],
+)
+def test_units_of_a_rotary_axis(text: str, unit: str, value: float) -> None:
+    assert parse_quantity(text, unit) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("unit", "density"),
+    [("l/min ANR", 1.185), ("l/min (ANR)", 1.185), ("Nl/min", 1.2929), ("NL/min", 1.2929), ("Nm3/min", 1292.9)],
+)
+def test_a_flow_of_air_as_a_volume_is_a_mass(unit: str, density: float) -> None:
+    assert parse_quantity(f"600 {unit}", "kg/s") == pytest.approx(600e-3 / 60 * density)
+    assert parse_unit(unit).of_air
+    assert not parse_unit("kg/s").of_air
+
+
+def test_only_volumes_have_a_standard_state() -> None:
+    with pytest.raises(UnitError, match="no volume"):
+        parse_unit("kg/s ANR")

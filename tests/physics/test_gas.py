@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, exact_flow_function, flow_function, orifice_flow
+from pneucli.physics.gas import (
+    CRITICAL_RATIO,
+    PSI_MAX,
+    choked_maximum,
+    critical_ratio_of,
+    exact_flow_function,
+    flow_constant,
+    flow_function,
+    orifice_flow,
+)
 
 PRESSURES = st.floats(5e4, 1.5e6)
 
@@ -41,3 +50,17 @@ def test_the_orifice_flows_from_the_higher_pressure_alike_both_ways(p: float, q:
 def test_the_upstream_gas_counts() -> None:
     assert orifice_flow(6e5, 1e5, 0.528, 2.0, 1.0) == 2 * orifice_flow(6e5, 1e5, 0.528, 1.0, 1.0)
     assert orifice_flow(1e5, 6e5, 0.528, 2.0, 1.0) == orifice_flow(1e5, 6e5, 0.528, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("kappa", [1.2, 1.4, 5 / 3])
+def test_another_gas_has_its_own_maximum_and_critical_ratio(kappa: float) -> None:
+    """Against the exact function, whose maximum over r these are."""
+    ratios = np.linspace(0.3, 0.8, 50_001)
+    outflow = np.sqrt(kappa / (kappa - 1) * (ratios ** (2 / kappa) - ratios ** ((kappa + 1) / kappa)))
+    assert choked_maximum(kappa) == pytest.approx(outflow.max(), rel=1e-8)
+    assert critical_ratio_of(kappa) == pytest.approx(ratios[outflow.argmax()], abs=5e-4)
+
+
+def test_air_keeps_the_constants_of_the_thesis_to_the_last_digit() -> None:
+    assert critical_ratio_of(1.4) == CRITICAL_RATIO
+    assert flow_constant(287.0, 293.15, 1.4) == np.sqrt(2.0 / (287.0 * 293.15))

@@ -165,3 +165,43 @@ def test_a_step_restarts_the_model_from_the_measured_state() -> None:
     for k in e.restarts:
         assert out[k, [at.X, at.V, at.P1, at.P2]].tolist() == [signals[n][k] for n in ("x", "v", "p1", "p2")]
     assert out[56, at.X] != x[56]
+
+
+def test_an_isothermal_chamber_keeps_pressure_times_volume() -> None:
+    time = clock(1.0)
+    x, v = 0.1 + 0.05 * np.sin(2 * np.pi * time), 0.1 * np.pi * np.cos(2 * np.pi * time)
+    e = bench("axis", time, {"x": x, "v": v}, valve_shut=True)
+    e.flags[at.MECHANICS] = 0.0
+    out = run(model(rig=replace(RIG, polytropic_exponent=1.0)), e)
+    product = out[:, at.P1] * (RIG.dead_volume_1 + RIG.piston_area_1 * x)
+    assert np.ptp(product) / product[0] < 1e-5
+
+
+def test_a_leak_empties_an_isothermal_vessel_slower_by_the_ratio_of_heat_capacities() -> None:
+    """Choked, p falls as exp(-n k R T PSI A / V t): the rates are as 1 to 1.4."""
+    rates = []
+    for exponent in (1.0, KAPPA):
+        rig = replace(VESSEL, polytropic_exponent=exponent)
+        leaking = model(["chamber-leak"], {"chamber-leak.area": 1e-6, "rig.vessel_volume": VOLUME}, rig=rig)
+        p = run(leaking, bench("valve", TIME, {"p1": 7e5}, valve_shut=True, rig=rig))[:, at.P1]
+        rates.append(np.log(p[0] / p[-1]) / TIME[-1])
+    assert rates[1] / rates[0] == pytest.approx(KAPPA, rel=1e-3)
+
+
+def test_where_heat_is_simulated_the_exponent_has_no_say() -> None:
+    warm = {"heat-transfer.conductance": 0.5}
+    e = bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
+    rigs = [replace(VESSEL, polytropic_exponent=exponent) for exponent in (None, 1.0)]
+    first, second = (run(model(["heat-transfer"], warm | {"rig.vessel_volume": VOLUME}, rig=rig), e) for rig in rigs)
+    assert np.array_equal(first[:, at.R1], second[:, at.R1])
+
+
+def test_helium_fills_by_its_own_flow_function() -> None:
+    """Choked, kappa R T / V A p k PSI: PSI of helium is 6 % more than that of air."""
+    helium = replace(VESSEL, heat_capacity_ratio=5 / 3, gas_constant=2077.1)
+    vessel = model(values={"rig.vessel_volume": VOLUME}, rig=helium)
+    p = run(vessel, bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=helium))[:, at.P1]
+    psi = 0.484 * 0.513487 / 0.484181  # largest of the exact outflow functions for 5/3 and 1.4
+    slope = 5 / 3 * 2077.1 * T / VOLUME * psi * np.sqrt(2 / (2077.1 * T)) * AREA * 7e5
+    held = (TIME > 0.15) & (TIME < 0.25)
+    assert np.polyfit(TIME[held], p[held], 1)[0] == pytest.approx(slope, rel=1e-3)

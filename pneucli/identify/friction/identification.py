@@ -19,6 +19,7 @@ from pneucli.identify.friction.tables import Deviation, deviations
 from pneucli.identify.friction.values import Samples, Value, pool
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
+from pneucli.words.numbers import number, quantity
 
 FEWEST = 100  # moving samples
 RESTLESS = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise
@@ -145,7 +146,7 @@ def _differing(levels: Sequence[KineticFriction]) -> list[str]:
     if not levels or max(k.friction.ci_low for k in levels) <= min(k.friction.ci_high for k in levels):
         return []
     values = [k.friction.value for k in levels]
-    spread = f"{min(values):.3g} to {max(values):.3g} N"
+    spread = f"{number(min(values), 3)} to {quantity(max(values), 'N', 3)}"
     return [f"kinetic friction differs between recordings ({spread}): model A pools them; see each one's own level"]
 
 
@@ -156,7 +157,7 @@ def _doubts(both: FittedLaw, samples: Samples, lacks: Mapping[Name, tuple[str, .
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
         otherwise = "or friction differs by direction, or a sensor or an area errs"
-        out.append(f"a constant force of {force:.3g} N acts beside friction ({otherwise})")
+        out.append(f"a constant force of {quantity(force, 'N', 3)} acts beside friction ({otherwise})")
     if both.deviation > RESTLESS:
         out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_reason(lacks)}")
     if values["coulomb"].ci_low <= 0:

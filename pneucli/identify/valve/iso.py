@@ -21,7 +21,7 @@ from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.law import Law
 from pneucli.identify.valve.maps import Z95, Coverage, gradient_with_error
 from pneucli.identify.valve.trend import units
-from pneucli.physics.gas import PSI_MAX
+from pneucli.physics.gas import PSI_MAX, flow_constant
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -59,7 +59,8 @@ class IsoConductance:
 
     ``C`` in m^3/(s Pa) at the reference atmosphere, ``b`` and ``m`` dimensionless;
     q = C p_u rho_0 sqrt(T_0 / T) (1 - ((r - b) / (1 - b))^2)^m for r > b. Unless the model has heat transfer, a vessel
-    cannot tell whether its gas kept the wall's temperature, and kappa C passed: the interval of C holds both.
+    cannot tell whether its gas kept the wall's temperature, and kappa C passed: the interval of C holds both, unless
+    the rig's exponent is stated or identified.
     """
 
     u: float
@@ -73,8 +74,10 @@ def iso_conductance(
 ) -> tuple[IsoConductance, ...]:
     """Return C, b, m of each command at which the model knows the valve's area."""
     rig, model = found.model.rig, found.model
-    unit = PSI_MAX * np.sqrt(2.0 / (rig.gas_constant * REFERENCE_TEMPERATURE)) / REFERENCE_DENSITY
-    known = any("heat" in effect.ports for effect in model.effects)
+    k = flow_constant(rig.gas_constant, REFERENCE_TEMPERATURE, rig.heat_capacity_ratio)
+    unit = PSI_MAX * k / REFERENCE_DENSITY
+    known = rig.exponent_free or rig.polytropic_exponent is not None
+    known |= any("heat" in effect.ports for effect in model.effects)
     unknown_gas = 1.0 if known else rig.heat_capacity_ratio
     estimates = {e.name: e for e in found.estimates}
     b, ends = _critical_ratio(model, estimates)

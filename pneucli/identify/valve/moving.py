@@ -82,7 +82,7 @@ def held_against(trend: Trend, shown: Paths, test: Experiment, volume: float) ->
     The measured pressure less what the model's flows make of it over time is smoothed and derived as any pressure is:
     so smoothing spreads the difference alone, not the gradient, which a moving command changes fast.
     """
-    e, kappa = shown.experiment, trend.model.rig.heat_capacity_ratio
+    e, kappa = shown.experiment, trend.model.base()["rig.polytropic_exponent"]
     u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
     still = trend.at(trend.start)
     model = still(u, p, supply)

@@ -1,0 +1,25 @@
+"""The gases that a rig may be filled with, by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Name = Literal["air", "nitrogen", "helium", "argon"]
+
+
+@dataclass(frozen=True)
+class Gas:
+    """Ratio of heat capacities, and gas constant in J/(kg K), at 300 K (VDI Heat Atlas; air as the thesis has it)."""
+
+    heat_capacity_ratio: float
+    gas_constant: float
+
+
+GASES: dict[Name, Gas] = {
+    "air": Gas(1.4, 287.0),
+    "nitrogen": Gas(1.4, 296.8),
+    "helium": Gas(5.0 / 3.0, 2077.1),
+    "argon": Gas(5.0 / 3.0, 208.13),
+}
+AIR = GASES["air"]
