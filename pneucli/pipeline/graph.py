@@ -62,6 +62,8 @@ _ALL = (
             *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in OF_VALVE),
             "friction.warnings",
             *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),
+            *("friction.breakaway", "friction.over_pressure", "friction.repeats", "leaks.lost", "leaks.flows"),
+            "leaks.areas",
         ),
     ),
     Stage(

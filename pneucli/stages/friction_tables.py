@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.identify.friction import FrictionIdentification
+from pneucli.identify.friction import FrictionIdentification, Value
 from pneucli.identify.friction.stickslip import Cut
 from pneucli.io.artifacts import Provenance, write_table
 
@@ -17,13 +17,36 @@ MODEL_POINTS = 401
 
 def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
     """Return what the JSON answer holds of friction."""
+    line = friction.over_pressure
     return {
         "warnings": list(friction.warnings),
         "taken_out": list(friction.taken_out),
         "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
         "kinetic": [
-            {"recording": k.recording, "pressures": k.pressures, "friction": k.friction.value, "unit": "N"}
+            {
+                "recording": k.recording,
+                "pressures": k.pressures,
+                "speed": k.speed,
+                "friction": k.friction.value,
+                "ci95": [k.friction.ci_low, k.friction.ci_high],
+                "unit": "N",
+            }
             for k in friction.kinetic
+        ],
+        "breakaway": [
+            {
+                "recording": b.recording,
+                **_value(b.force),
+                "least": b.least,
+                "most": b.most,
+                "count": int(b.count),
+            }
+            for b in friction.break_aways
+        ],
+        "over_pressure": None if line is None else {n: _value(getattr(line, n)) for n in ("at_ambient", "slope")},
+        "repeats": [
+            {"recordings": list(r.recordings), "friction": r.friction, "unit": "N", "spread": r.spread}
+            for r in friction.repeats
         ],
         "deviations": [
             {
@@ -39,6 +62,11 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
             for d in friction.deviations
         ],
     }
+
+
+def _value(value: Value) -> dict[str, Any]:
+    ends = [end if np.isfinite(end) else None for end in (value.ci_low, value.ci_high)]
+    return {"value": value.value, "unit": value.unit, "ci95": ends}
 
 
 def write_friction(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:

@@ -10,6 +10,7 @@ from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.leaks import TRADE, leak_flows, losses
 from pneucli.identify.null import drifted
 from pneucli.identify.parameters import Free, has, value_of
 from pneucli.identify.paths import Chamber, driven, opening_of
@@ -45,6 +46,7 @@ def run(context: Context) -> dict[str, Any]:
     found = _fitted(study)
     context.progress("identifying the valve", 0.5)
     valves = _valves(study, found, warnings)
+    leaks = _leaks(study, found.model, [as_ratio(e, study) for e in found.estimates])
     study.forget_experiments()
     context.progress("identifying friction", 0.7)
     model, estimates = found.model, [as_ratio(e, study) for e in found.estimates] + _null(study.rig)
@@ -54,7 +56,7 @@ def run(context: Context) -> dict[str, Any]:
     del found  # its derivatives fill the memory with a long recording
     friction = _friction(study, model, warnings)
     _write(study, model, estimates, valves, friction)
-    return _answer(study, estimates, valves, friction, warnings)
+    return _answer(study, estimates, valves, friction, warnings) | leaks
 
 
 def _null(rig: Rig) -> list[Estimate]:
@@ -238,3 +240,27 @@ def _answer(
     if friction is not None:
         answer["friction"] = friction_answer(friction)
     return answer
+
+
+def _leaks(study: Study, model: Model, estimates: list[Estimate]) -> dict[str, Any]:
+    """Return what the answer says of leaks, in the units of the trade, and what an area takes for granted of heat."""
+    lost = [asdict(one) for one in losses(study.experiments, study.rig)]
+    flows = [
+        asdict(one) | {"unit": TRADE}
+        for one in leak_flows(model, study.experiments, volume_known=not _per_volume(study))
+    ]
+    leaking = {f"{e.name}.area" for e in model.effects if any(port.startswith("leak_") for port in e.ports)}
+    simulated = any("heat" in e.ports for e in model.effects)
+    mine = [e for e in estimates if e.name in leaking and not simulated]
+    exponent, kappa = model.base()["rig.polytropic_exponent"], study.rig.heat_capacity_ratio
+    areas = [
+        {
+            "name": e.name,
+            "unit": e.unit,
+            "exponent": exponent,
+            "isothermal": e.value * exponent,
+            "adiabatic": e.value * exponent / kappa,
+        }
+        for e in mine
+    ]
+    return {"leaks": {"lost": lost, "flows": flows, "areas": areas}} if lost or flows else {}

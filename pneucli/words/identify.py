@@ -6,7 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.words import labelled, table, warnings
-from pneucli.words.numbers import percent, times, with_interval
+from pneucli.words.numbers import joined, number, percent, quantity, shown_unit, times, with_interval
+
+ISO = ("command", "C (ISO 6358)", "b", "m")
+FRICTION = ("recording", "p1", "kinetic friction", "break-away")
+LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -22,6 +26,14 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     for label in ("valve", "valve_2"):
         if valve := answer.get(label):
             yield from labelled(label.replace("_", " "), _valve(valve))
+            if by_command := iso_rows(valve["iso"], label):
+                yield from table(ISO, by_command, texts=4)
+    friction = answer.get("friction", {})
+    if by_recording := friction_rows(friction):
+        yield from table(FRICTION, by_recording, texts=4)
+    for name, said in (("friction", friction_lines(friction)), ("leak", leak_lines(answer.get("leaks", {})))):
+        for one in said:
+            yield from labelled(name, one)
     yield from warnings(answer)
     yield from labelled("do", f"pneucli compare {file}")
 
@@ -43,3 +55,64 @@ def _off(lack: Mapping[str, Any], what: str) -> str:
         return f" has no {what} to be held against"
     off = f"{percent(lack['median'])} in the median, {percent(lack['p95'])} at the 95th percentile"
     return f" is off {what} by {off}, outside both intervals at {percent(lack['share_outside'])}"
+
+
+def iso_rows(iso: Mapping[str, Any], label: str) -> list[tuple[str, ...]]:
+    """Return the characteristics of ISO 6358 by command: command, C, b, m."""
+    rows: list[tuple[str, ...]] = []
+    for name in [name for name in iso if name.startswith(f"{label}.sonic_conductance(")]:
+        of = "(" + name.partition("(")[2]
+        c, b, m = (iso[f"{label}.{figure}{of}"] for figure in ("sonic_conductance", "critical_ratio", "subsonic_index"))
+        ends = [None if end is None else LITRES_PER_BAR * end for end in c["ci95"]]
+        shown = with_interval(LITRES_PER_BAR * c["value"], "l/(s bar)", ends)
+        rows.append((of.strip("()"), shown, *(with_interval(v["value"], "1", v["ci95"]) for v in (b, m))))
+    return rows
+
+
+def friction_rows(friction: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return friction by recording: its name, the pressure, kinetic friction, break-away."""
+    kinetic = {k["recording"]: k for k in friction.get("kinetic", [])}
+    broken = {b["recording"]: b for b in friction.get("breakaway", [])}
+    rows: list[tuple[str, ...]] = []
+    for name in {**kinetic, **broken}:
+        level, away = kinetic.get(name), broken.get(name)
+        p1 = level["pressures"].get("p1") if level else None
+        sliding = with_interval(level["friction"], level["unit"], level["ci95"]) if level else "–"
+        held = f"{with_interval(away['value'], away['unit'], away['ci95'])} ({away['count']} ×)" if away else "–"
+        rows.append((name, quantity(p1, "Pa", 3), sliding, held))
+    return rows
+
+
+def friction_lines(friction: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how friction grows with pressure, and how far recordings agree."""
+    if line := friction.get("over_pressure"):
+        at_ambient, slope = line["at_ambient"], line["slope"]
+        unit, ends = at_ambient["unit"], [1e5 * end for end in slope["ci95"]]
+        growth = with_interval(1e5 * slope["value"], f"{shown_unit(unit)}/bar", ends)
+        force = with_interval(at_ambient["value"], unit, at_ambient["ci95"])
+        yield f"kinetic, over p1 above ambient: {force} + {growth}"
+    for one in friction.get("repeats", []):
+        force, spread = quantity(one["friction"], one["unit"], 3), percent(one["spread"])
+        yield f"{joined(one['recordings'])}, at one pressure and speed: {force} with a standard deviation of {spread}"
+
+
+def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what shut chambers lost, what that is as a flow, and what an area takes for granted of heat."""
+    for one in leaks.get("lost", []):
+        of = "" if one["volume_known"] else " for each litre of volume"
+        yield (
+            f"{one['recording']}: {quantity(one['start'], 'Pa')} to {quantity(one['end'], 'Pa')} in "
+            f"{number(one['seconds'], 3)} s, {number(one['percent'], 2)} %/s of the pressure above ambient at first; "
+            f"in the mean {number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
+            f"{number(one['adiabatic'], 3)} if it took none of its heat"
+        )
+    for one in leaks.get("flows", []):
+        of = "" if one["volume_known"] else " for each litre of volume"
+        said = f"{one['effect']}: {number(one['flow'], 3)} {one['unit']}{of}"
+        yield f"{said} from {quantity(one['pressure'], 'Pa', 3)} to ambient"
+    for one in leaks.get("areas", []):
+        isothermal, adiabatic = (quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
+        yield (
+            f"{one['name']} goes with the exponent {number(one['exponent'], 3)} ([rig] thermal): {isothermal} if the "
+            f"gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
+        )

@@ -30,3 +30,13 @@ def test_one_level_of_friction_for_all_pressures_is_found_wanting(answers: Answe
     assert any("differs between recordings" in w for w in answer["identify"]["warnings"])
     kinetic = [k["friction"] for k in answer["identify"]["friction"]["kinetic"]]
     assert min(kinetic) < answer["identify"]["model"]["parameters"]["friction.coulomb"]["value"] < max(kinetic)
+
+
+def test_friction_over_pressure_is_a_line_that_people_can_look_up(answers: Answers) -> None:
+    """Described: 3.98 to 7.98 N from 1 to 7 bar, 0.667 N/bar between the ends; a seal breaks away above it."""
+    friction = answers("zillen-o-ring")["identify"]["friction"]
+    low, high = (1e5 * end for end in friction["over_pressure"]["slope"]["ci95"])
+    assert low < (7.98 - 3.98) / 6 < high
+    kinetic = {k["recording"]: k["friction"] for k in friction["kinetic"]}
+    assert all(b["most"] > kinetic[b["recording"]] for b in friction["breakaway"])
+    assert [b["count"] for b in friction["breakaway"]] == [20, 20, 20, 20]  # ten strokes there and back

@@ -37,6 +37,17 @@ def test_leak_area_over_volume_is_that_of_the_balance_of_mass(answers: Answers) 
     assert area["value"] == pytest.approx(expected, rel=0.2)  # it falls faster at first, which an orifice does not
 
 
+def test_a_leak_says_what_it_takes_for_granted_of_heat(answers: Answers) -> None:
+    """README of the recordings: 7.645 to 7.548 bar gauge; as isothermal the same fall takes 1.4 times the leak."""
+    leaks = answers("zillen-decay-prusa", ("chamber-leak",))["identify"]["leaks"]
+    (lost,), (area,) = leaks["lost"], leaks["areas"]
+    assert (lost["start"] - lost["end"]) / 1e5 == pytest.approx(7.645 - 7.548, abs=0.005)
+    assert lost["percent"] == pytest.approx(100 * (7.645 - 7.548) / 7.645 / 145, rel=0.05)
+    assert 1 - lost["adiabatic"] / lost["isothermal"] == pytest.approx(0.29, abs=0.01)
+    assert area["exponent"] == 1.4
+    assert 1 - area["adiabatic"] / area["isothermal"] == pytest.approx(0.29, abs=0.01)
+
+
 def test_hyddown_heat_transfer_brings_pressure_and_temperature_together(answers: Answers) -> None:
     """README of the recordings: discharge coefficient 0.808, 0.092 bar and 14 K with heat transfer."""
     hot = answers("hyddown")

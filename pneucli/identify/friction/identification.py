@@ -9,6 +9,7 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.curve import FrictionCurve, curve
+from pneucli.identify.friction.figures import BreakAway, OverPressure, Repeats, break_away, over_pressure, repeats
 from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck
 from pneucli.identify.friction.imposed import KineticFriction, kinetic_friction
 from pneucli.identify.friction.lacking import lacking
@@ -33,7 +34,8 @@ class FrictionIdentification:
     ``mass`` (kg) as given (interval of no width) or identified; None where it can't be: inertia is then neglected and
     a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
     (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
-    ``deviations`` are the tables 6.2 and 6.3, test recordings included; everything else rests on the training ones.
+    ``deviations`` are the tables 6.2 and 6.3; they, ``kinetic`` friction, ``break_aways``, growth ``over_pressure`` and
+    ``repeats`` have the test recordings in them; everything else rests on the training ones.
     ``taken_out`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``lacking``
     for each of A to F the effects on friction that it cannot show.
     """
@@ -48,6 +50,9 @@ class FrictionIdentification:
     models: tuple[FrictionModel, ...]
     deviations: tuple[Deviation, ...]
     kinetic: tuple[KineticFriction, ...]
+    break_aways: tuple[BreakAway, ...]
+    over_pressure: OverPressure | None
+    repeats: tuple[Repeats, ...]
     taken_out: tuple[str, ...]
     lacking: Mapping[Name, tuple[str, ...]]
     warnings: tuple[str, ...]
@@ -87,7 +92,9 @@ def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int 
     domain = Domain(top, max(m.floor for m in train), nodes)
     models, missing = identify_models(samples, both, domain, inertia or 1.0)
     cuts = tuple(c for m in train if not m.imposed for c in cut(m, inertia))
-    levels = tuple(k for m in motions if m.imposed and (k := kinetic_friction(m, inertia)))
+    levels = tuple(k for m in motions if (k := kinetic_friction(m, inertia)))
+    ambient, imposed = model.rig.ambient_pressure, {m.recording.name for m in motions if m.imposed}
+    strokes = [k for k in levels if k.recording in imposed]  # of others the pressure changes as they move
     return FrictionIdentification(
         mass=mass,
         parameters=both.values(),
@@ -99,9 +106,12 @@ def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int 
         models=models,
         deviations=deviations(models, motions, inertia),
         kinetic=levels,
+        break_aways=tuple(b for m in motions if (b := break_away(m))),
+        over_pressure=over_pressure(strokes, ambient),
+        repeats=tuple(repeats(strokes, ambient)),
         taken_out=train[0].beside.names,
         lacking={m.name: lacks[m.name] for m in models},
-        warnings=(*warnings, *missing, *_doubts(both, samples, lacks), *_differing(levels)),
+        warnings=(*warnings, *missing, *_doubts(both, samples, lacks), *_differing(strokes)),
     )
 
 

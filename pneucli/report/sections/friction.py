@@ -113,7 +113,7 @@ def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawi
 def _kinetic(kinetic: Table) -> Drawing:
     over_pressure = np.isfinite(kinetic["p1"]).all()
     x = shown(kinetic["p1"], "Pa") if over_pressure else shown(kinetic["speed"], "m/s")
-    caption = "Kinetic friction at imposed motion, with 95 % intervals, one point a recording."
+    caption = "Kinetic friction with 95 % intervals, one point a recording."
     title = "pressure of chamber 1 in bar" if over_pressure else "speed in mm/s"
     with drawing(caption, title, "friction in N") as one:
         middle = kinetic["friction"]

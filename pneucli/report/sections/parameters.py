@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.report.material import Material
-from pneucli.report.parts import Cell, Grid, Part, Section, warnings
+from pneucli.report.parts import Cell, Grid, Note, Part, Section, warnings
 from pneucli.report.sections.friction import friction_warnings
+from pneucli.words.identify import FRICTION, friction_lines, friction_rows, leak_lines
 from pneucli.words.numbers import number, with_interval
 
 
@@ -22,8 +23,17 @@ def section(material: Material) -> Section | None:
     head = ("parameter", "value, 95 % interval", "half width")
     grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
     told = [note for note in warnings(material, "identify") if note not in friction_warnings(material)]
-    parts: list[Part] = [*told, grid]
+    parts: list[Part] = [*told, grid, *_looked_up(material.answer("identify"))]
     return Section("parameters", "Parameters", lead, parts, folded=True)
+
+
+def _looked_up(answer: Mapping[str, Any]) -> Iterator[Part]:
+    """Yield what people look up: friction and break-away by recording, growth with pressure, agreement, leaks."""
+    friction = answer.get("friction", {})
+    if rows := friction_rows(friction):
+        cells = [[Cell(text, numeric=False) for text in row] for row in rows]
+        yield Grid("Friction by recording; in brackets the number of break-aways.", FRICTION, cells)
+    yield from (Note(f"{said}.") for said in (*friction_lines(friction), *leak_lines(answer.get("leaks", {}))))
 
 
 def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:
