@@ -30,6 +30,11 @@ class Kind:
     compared: tuple[str, ...]
     bench: str
 
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """The channels that are compared too, where they were recorded."""
+        return ("temperature", "flow") if self.valve else ("temperature",)
+
     def needed(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
         """Return the signals without which nothing can be identified, beside those that are ``present``."""
         driven = {"u"} if self.vessel and not valve_shut else set()

@@ -37,6 +37,7 @@ _ALL = (
     Quantity("a", "a", "m/s^2", "m/s^2", "piston acceleration"),
     Quantity("force", "F", "N", "N", "driving force"),
     Quantity("temperature", "T", "K", "K", "gas temperature"),
+    Quantity("flow", "q", "kg/s", "g/s", "flow through the valve"),
     Quantity("x_ref", "x_ref", "m", "mm", "position reference"),
     Quantity("p_ref", "p_ref", "Pa", "bar", "pressure reference"),
 )
@@ -44,7 +45,7 @@ _ALL = (
 SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}
 
 # the channels that `compare` reports, in the order in which people read them
-CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature")
+CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature", "flow")
 
 # where a residual may concentrate (interface, section 3)
 LOCATORS = ("time", "u", "p1", "p2", "x", "v", "a", "direction", "p_ratio")

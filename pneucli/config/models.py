@@ -22,6 +22,7 @@ from pneucli.config.sizes import (
     Force,
     Frequency,
     Instant,
+    MassFlow,
     Position,
     Pressure,
     Table,
@@ -37,7 +38,11 @@ from pneucli.quantities import ROTARY, SIGNALS
 from pneucli.recording import Rig, Use
 from pneucli.units import parse_quantity, parse_unit, same_dimension
 
-SignalName = Literal["time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "x_ref", "p_ref"]
+SignalName = Literal[
+    "time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "flow", "x_ref", "p_ref"
+]
+
+AS_VOLUME = ', or a volume of air under standard conditions, "l/min ANR" or "Nl/min"'
 
 
 class PipelineTable(Table):
@@ -90,7 +95,10 @@ def _fits(name: str) -> AfterValidator:
             return None
         wanted = ROTARY.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
         if signal.unit is not None and not same_dimension(signal.unit, wanted):
-            raise UnitError(f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"')
+            more = AS_VOLUME if name == "flow" else ""
+            raise UnitError(
+                f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"{more}'
+            )
         if signal.reference is not None and quantity.unit != "Pa":
             raise UnitError(f"{name} is not a pressure and takes no reference")
         if signal.reference == "absolute" and signal.gauge:
@@ -119,6 +127,7 @@ class SignalsTable(Table):
     a: Annotated[SignalTable | None, _fits("a")] = None
     force: Annotated[SignalTable | None, _fits("force")] = None
     temperature: Annotated[SignalTable | None, _fits("temperature")] = None
+    flow: Annotated[SignalTable | None, _fits("flow")] = None
     x_ref: Annotated[SignalTable | None, _fits("x_ref")] = None
     p_ref: Annotated[SignalTable | None, _fits("p_ref")] = None
 
@@ -158,6 +167,7 @@ class RecordingTable(Table):
     a: Acceleration | None = None
     force: Force | None = None
     temperature: Temperature | None = None
+    flow: MassFlow | None = None
     x_ref: Position | None = None
     p_ref: Pressure | None = None
 

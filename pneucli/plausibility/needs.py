@@ -119,8 +119,8 @@ Volume = Literal["rig.dead_volume_1", "rig.dead_volume_2", "rig.vessel_volume"]
 def to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[Volume, ...]:
     """Return the volumes that the pipeline file leaves out and that motion or another volume lets be told.
 
-    A dead volume shows as the piston moves; a vessel's volume beside a cylinder that the same valve drives. A vessel
-    alone tells only ratios to its volume.
+    A dead volume shows as the piston moves; a vessel's volume beside a cylinder that the same valve drives, or with
+    the flow into it. A vessel alone tells only ratios to its volume.
     """
     driven = [one for one in recordings if one.kind.axis]
     found: list[Volume] = []
@@ -128,7 +128,7 @@ def to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[Volume, ...]
         found.append("rig.dead_volume_1")
     if rig.dead_volume_2 is None and any(_second(one, rig) and "p2" in one for one in driven):
         found.append("rig.dead_volume_2")
-    vessels = {one.chamber for one in recordings if one.kind.vessel and not one.valve_shut}
-    if rig.vessel_volume is None and vessels and driven:
+    vessels = [one for one in recordings if one.kind.vessel and not one.valve_shut]
+    if rig.vessel_volume is None and vessels and (driven or any("flow" in one for one in vessels)):
         found.append("rig.vessel_volume")
     return tuple(found)

@@ -22,7 +22,7 @@ from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 Array = NDArray[np.float64]
 
 PRESSURES = ("p1", "p2", "p_supply")
-OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T}
+OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
 USUALLY = 0.99  # of the samples: what is faster is noise or an instant
 FINEST = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
@@ -106,7 +106,7 @@ class Experiment:
             return ("force",)
         compared = tuple(c for c in r.kind.compared if c != "p2" or r.chamber_2 != "open")
         known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
-        return tuple(c for c in (*compared, "temperature") if c in known)
+        return tuple(c for c in (*compared, *r.kind.beside) if c in known)
 
     @cached_property
     def smear(self) -> float:

@@ -413,7 +413,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
 
     time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
     they say of the truth, base (19,) and th parameters, on (effects + 1,) switches, flags (8,), areas and areas_2
-    (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 9) is filled. States without a sensor
+    (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 10) is filled. States without a sensor
     go on over a restart.
     """
     n = time.size
@@ -478,6 +478,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                 a = 0.0  # the end carries it
             out[k, A] = read_a(a, th, on)
         if last:
+            out[k, FLOW] = out[max(k - 1, 0), FLOW]
             break
         steps = steps_between(time[k], time[nxt], h_max)
         h = dt / steps
@@ -518,6 +519,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                 opening = command(u, h, s1, th, on)
                 q_in, q_out = valve_flow(opening, p1_mid, p_line, p_amb, b, leak, k1, k_gas, u_max, areas)
             q_supply = q_in
+            if i == 0:
+                out[k, FLOW] = q_in - q_out
             if delay > 0.0:
                 t = time[k] + (i + 0.5) * h
                 # without back-flow: delayed, it would oscillate as no hose does

@@ -34,6 +34,7 @@ MECHANICS, PNEUMATICS, CHAMBER_2, VALVE_SHUT, LOOP, U_MAX, INITIAL_U, INITIAL_U2
 CLOSED, OPEN, VALVE_2, MIRRORED = 0, 1, 2, 3  # of chamber 2; mirrored: by the other way of one spool (5/3)
 FLAGS = 8
 
-# columns of the output; R1 and R2 are what the sensors of p1 and p2 read, A what the accelerometer does
-X, V, A, P1, P2, R1, R2, GAS_T, U = range(9)
-OUTPUTS = 9
+# columns of the output; R1 and R2 are what the sensors of p1 and p2 read, A what the accelerometer does, FLOW what goes
+# through the valve of chamber 1
+X, V, A, P1, P2, R1, R2, GAS_T, U, FLOW = range(10)
+OUTPUTS = 10

@@ -38,7 +38,7 @@ def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) 
 
 
 def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:
-    """Return the kernel's whole output, shape (n, 9) in the order of :mod:`pneucli.simulate.layout`."""
+    """Return the kernel's whole output, shape (n, 10) in the order of :mod:`pneucli.simulate.layout`."""
     kernel = kernel_for(model.effects)
     active = experiment.active(model.effects)
     out = np.zeros((experiment.time.size, at.OUTPUTS))

@@ -18,7 +18,7 @@ from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_moving, identify_valve
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
-from pneucli.plausibility.needs import Assumed, assumptions
+from pneucli.plausibility.needs import Assumed, assumptions, to_identify
 from pneucli.quantities import named
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
@@ -155,7 +155,8 @@ def _friction(study: Study, model: Model, warnings: list[str]) -> FrictionIdenti
 
 def _per_volume(study: Study) -> bool:
     """Whether vessels of unknown volume are all that gas flows into."""
-    return study.rig.vessel_volume is None and {r.kind.cylinder for r in study.recordings if r.kind.valve} == {False}
+    unknown = study.rig.vessel_volume is None and "rig.vessel_volume" not in to_identify(study.recordings, study.rig)
+    return unknown and {r.kind.cylinder for r in study.recordings if r.kind.valve} == {False}
 
 
 def as_ratio(estimate: Estimate, study: Study) -> Estimate:

@@ -76,3 +76,8 @@ def test_a_need_names_its_recordings_and_how_the_key_may_be_written() -> None:
     (need,) = needs([PUSHED], Rig())
     assert "one" in need.wanted
     assert "cm^2" in need.example
+
+
+def test_a_recorded_flow_tells_the_volume_that_it_fills() -> None:
+    metered = replace(VESSEL, signals=VESSEL.signals | {"flow": 1e-3 + TIME})
+    assert to_identify([metered], Rig()) == ("rig.vessel_volume",)

@@ -205,3 +205,20 @@ def test_helium_fills_by_its_own_flow_function() -> None:
     slope = 5 / 3 * 2077.1 * T / VOLUME * psi * np.sqrt(2 / (2077.1 * T)) * AREA * 7e5
     held = (TIME > 0.15) & (TIME < 0.25)
     assert np.polyfit(TIME[held], p[held], 1)[0] == pytest.approx(slope, rel=1e-3)
+
+
+def test_the_flow_is_what_fills_the_vessel() -> None:
+    """By the balance of mass: q = V dp/dt / (kappa R T), where no leak takes part."""
+    vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
+    out = run(vessel, bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL))
+    held = (TIME > 0.15) & (TIME < 0.35)
+    q = VOLUME * np.gradient(out[:, at.P1], TIME) / (KAPPA * R * T)
+    assert out[held, at.FLOW] == pytest.approx(q[held], rel=2e-3)
+    assert out[-1, at.FLOW] == out[-2, at.FLOW]
+    assert abs(out[0, at.FLOW]) == 0.0
+
+
+def test_a_valve_that_vents_has_a_flow_below_zero() -> None:
+    vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
+    out = run(vessel, bench("valve", TIME, {"u": -STEP, "p1": 6e5}, rig=VESSEL))
+    assert out[TIME > 0.15, at.FLOW].max() < 0.0

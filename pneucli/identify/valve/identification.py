@@ -41,6 +41,7 @@ from pneucli.identify.views import views_of
 from pneucli.noise import NoiseModel, pool
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
@@ -117,8 +118,7 @@ class ValveIdentification:
     def volume(self) -> float | None:
         """The volume in m^3 for which the gradients hold, None for a vessel of unknown volume."""
         model = self.law.trend.model
-        volume = model.values["rig.vessel_volume"]
-        return None if model.rig.vessel_volume is None and volume == STAND_IN_VOLUME else volume
+        return volume_of(model)
 
     def gradient(self, u: Array, p: Array, supply: Array | float | None = None) -> Array:
         """Return dp/dt (Pa/s) at any ``u`` (V), ``p`` and ``supply`` (Pa), broadcast against each other."""
@@ -131,6 +131,12 @@ class ValveIdentification:
         gradient, p = np.broadcast_arrays(gradient, p)
         opening, reachable = commands_for(self.law, self.fit, gradient, p, self.covers)
         return self.command_of.of(opening), reachable
+
+
+def volume_of(model: Model) -> float | None:
+    """Return the vessel's volume in m^3, stated or identified; None where it is not known."""
+    volume = model.values["rig.vessel_volume"]
+    return None if model.rig.vessel_volume is None and volume == STAND_IN_VOLUME else volume
 
 
 def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamber = 1) -> ValveIdentification:
@@ -166,7 +172,7 @@ def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamb
         command_of(experiments[0].rig, chamber),
         curves=_curves(law, fit, data, recordings),
         lack=lambda grid: lack_of_fit(modelled, law.supply, grid),
-        iso=iso_conductance(law, fit, found, covers, nodes) if rig.vessel_volume else (),
+        iso=iso_conductance(law, fit, found, covers, nodes) if volume_of(found.model) else (),
         residuals=_residuals(law, fit, _cut(tests, trend), tests, sensor),
         shown=data.steepest,
     )

@@ -31,8 +31,8 @@ class Chambers(View):
 
     @property
     def candidates(self) -> tuple[str, ...]:
-        """Pressures, and the gas's temperature."""
-        return ("p1", "p2", "temperature")
+        """Pressures, the gas's temperature, and the flow through the valve."""
+        return ("p1", "p2", "temperature", "flow")
 
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return measured minus model by channel, whitened for the ``errors`` of the starts."""
