@@ -165,7 +165,7 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     start = time.monotonic()
     module = importlib.import_module(stage.module)
     try:
-        with moving(rotary=context.config.rotary):
+        with moving(rotary=getattr(context.config, "rotary", False)):  # other pipelines have no axis
             answer = json.loads(json.dumps(told(module.run(context)), allow_nan=False))  # as a later run will read it
     except NotApplicable as error:
         return replace(manifest, skipped=asdict(error))
