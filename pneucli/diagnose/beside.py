@@ -12,24 +12,24 @@ from pneucli.diagnose.smooth import Left, strongest
 from pneucli.diagnose.trial import Bench, State, Trial
 
 
-def weighed(bench: Bench, last: State, trial: Trial, *, unknown: bool) -> tuple[Decision, float]:
-    """Return the decision about an effect that was added, and its probability.
+def weighed(bench: Bench, last: State, trial: Trial, *, unknown: bool) -> tuple[Decision, Evidence]:
+    """Return the decision about an effect that was added, and what it rests on.
 
     Where something ``unknown`` is left, what is more likely a stand-in for that is not named.
     """
-    sure = probability(evidence_of(bench, last, trial))
+    evidence = evidence_of(bench, last, trial, clear=not unknown)
     reason: Reason = "supported"
     if contradicted(trial.state.model, trial.effect, bench.train):
         reason = "contradicted-by-reading"
-    elif unknown and sure < NAMED:
+    elif unknown and probability(evidence) < NAMED:
         reason = "explained-by-unknown"
     elif unknown and not bench.falls(trial.before, trial.state):
         reason = "raises-error"
-    return Decision(trial.effect, reason, trial), sure
+    return Decision(trial.effect, reason, trial), evidence
 
 
-def evidence_of(bench: Bench, last: State, trial: Trial) -> Evidence:
-    """Return what tells the effect of a trial from a stand-in."""
+def evidence_of(bench: Bench, last: State, trial: Trial, *, clear: bool) -> Evidence:
+    """Return what tells the effect of a trial from a stand-in; ``clear`` where nothing is left."""
     gain = trial.before.cost - trial.state.cost
     smooth = strongest(Left.by(trial.before, bench.train, bench.held_out), trial.effect, trial.before)
     return Evidence(
@@ -37,7 +37,7 @@ def evidence_of(bench: Bench, last: State, trial: Trial) -> Evidence:
         agreement(bench, last, trial.effect.name),
         smooth.gain / max(gain, 1e-9) if smooth else 0.0,
         gain,
-        trial.state.every.total / max(trial.state.every.samples, 1),
+        clear,
     )
 
 

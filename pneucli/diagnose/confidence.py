@@ -26,14 +26,15 @@ class Evidence(NamedTuple):
 
     ``share``: part of the squares beyond noise that it explains on all readings. ``disagreement``: by which part of its
     size single recordings want it changed. ``unknown``: what a smooth function of one signal would explain instead,
-    over what it explains. ``gain``: the fall of the deviance. ``left``: the squares that stay, over those of noise.
+    over what it explains. ``gain``: the fall of the deviance. ``clear``: whether nothing is left beside all that was
+    found.
     """
 
     share: float
     disagreement: float
     unknown: float
     gain: float
-    left: float
+    clear: bool
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -45,12 +46,12 @@ class Evidence(NamedTuple):
             min(max(self.unknown, 0.0), 1.2),
             math.log(share / (1.0 - share)),
             math.log10(min(max(self.gain, 50.0), 2e4)),
-            math.log10(min(max(self.left - 1.0, 0.05), 100.0)),
+            float(self.clear),
         )
 
 
 # of each feature, in their order; estimated by benchmarks/confidence.py, which prints them
-WEIGHTS = (-10.46, -2.38, -0.45, 0.12, 2.1, 0.0)
+WEIGHTS = (-9.31, -1.77, -0.51, 0.17, 1.92, 2.5)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.15, "needless": 0.03}
 OTHERWISE = 0.003  # of all other reasons together

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pneucli.diagnose.beside import weighed
-from pneucli.diagnose.confidence import refused, shares
+from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
 from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
@@ -64,6 +64,7 @@ class Diagnosis:
     detectable: tuple[Detectable, ...]
     unknown: Unknown | None
     confidence: Mapping[str, Confidence]
+    evidence: Mapping[str, Evidence]
     left: tuple[Discrepancy, ...]
 
 
@@ -79,13 +80,24 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     alike = [Decision(t.effect, "supported", t) for trials in twins.values() for t in trials]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
-    sure = _confidence(found, decisions, {d.effect.name: p for d, p in weights}, twins)
+    evidence = {d.effect.name: e for d, e in weights}
+    sure = _confidence(found, decisions, evidence, twins)
     unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
     verdict = _verdict(bench, left, missing, sizes)
     remaining = discrepancies(found.last.model, [*bench.train, *bench.held_out], [*found.test, *found.train])
     return Diagnosis(
-        verdict, tuple(missing), decisions, equals, found, moved, tuple(sizes), unknown, sure, tuple(remaining)
+        verdict=verdict,
+        missing=tuple(missing),
+        decisions=decisions,
+        equals=equals,
+        found=found,
+        moved=moved,
+        detectable=tuple(sizes),
+        unknown=unknown,
+        confidence=sure,
+        evidence=evidence,
+        left=tuple(remaining),
     )
 
 
@@ -104,15 +116,16 @@ def _trials(bench: Bench, found: Search) -> list[Trial]:
 
 
 def _confidence(
-    found: Search, decisions: Sequence[Decision], added: Mapping[str, float], twins: Mapping[str, Sequence[Trial]]
+    found: Search, decisions: Sequence[Decision], added: Mapping[str, Evidence], twins: Mapping[str, Sequence[Trial]]
 ) -> dict[str, Confidence]:
     """Return for each effect the probability that it, or one of its twins, is there, and that it is that one."""
     sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions}
-    sure |= {name: Confidence(p, p) for name, p in added.items()}
+    sure |= {name: Confidence(*[probability(evidence)] * 2) for name, evidence in added.items()}
     for name, trials in twins.items():
         parts = shares([found.last, *(t.state for t in trials)])
         for one, part in zip([name, *(t.effect.name for t in trials)], parts, strict=True):
-            sure[one] = Confidence(added[name], part * added[name])
+            of_set = probability(added[name])
+            sure[one] = Confidence(of_set, part * of_set)
     return sure
 
 

@@ -171,6 +171,7 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, decision: Decision)
         "confidence": round(found.confidence[name].of_set, 4),
         "confidence_alone": round(found.confidence[name].alone, 4),
         "share": None if trial is None else _share(before, after),
+        "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
     return said | {"why": why(said, found.missing, held_out(bench), decision.effect.looks_like)}
 
