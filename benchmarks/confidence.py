@@ -87,7 +87,7 @@ def main() -> None:
     print(
         f"Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, each by a law that has not seen its case"
     )
-    for low, high in zip(EDGES, EDGES[1:], strict=False):
+    for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():
             print(f"{low:g} to {high:g}: stated {p[mine].mean():.2f}, there {int(y[mine].sum())} of {mine.sum()}")
