@@ -20,6 +20,7 @@ Reason = Literal[
     "not-on-held-out",  # what it takes off fitted data it does not take off data that were not fitted
     "raises-error",  # the error of the comparison, which the user sees, rises
     "needless",  # it passed alone, and beside what was taken nothing is left for it
+    "contradicted-by-reading",  # samples at a known pressure refute the fault of a sensor
     "explained-by-unknown",  # something unknown remains, and it may but stand in for that
 ]
 

@@ -22,13 +22,14 @@ SEEN = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the
 class Detectable:
     """The size of one effect's leading parameter from which it would have shown, in the parameter's unit.
 
-    ``size`` is inf where no plausible size would have shown.
+    ``size`` is inf where no plausible size would have shown; ``typical`` tells whether a typical one would.
     """
 
     effect: Effect
     parameter: Parameter
     size: float
     plausible: bool
+    typical: bool
 
     @property
     def would_show(self) -> str:
@@ -64,10 +65,12 @@ def _size(effect: Effect, found: list[Signature], state: State) -> Detectable:
     name = f"{effect.name}.{leading.name}"
     seen = [s for s in found if np.isfinite(s.error) and s.error > 0.0]
     if not seen:
-        return Detectable(effect, leading, np.inf, plausible=False)
+        return Detectable(effect, leading, np.inf, plausible=False, typical=False)
     best = min(seen, key=lambda s: s.error)
     null = null_value(leading, state.model)
     if null is None:
-        return Detectable(effect, leading, best.values[name], plausible=SEEN * best.error < 1.0)
+        seen_at_once = SEEN * best.error < 1.0
+        return Detectable(effect, leading, best.values[name], plausible=seen_at_once, typical=seen_at_once)
     typical = abs(best.values[name] - null)
-    return Detectable(effect, leading, SEEN * best.error * typical, plausible=SEEN * best.error < 3.0)
+    size = SEEN * best.error
+    return Detectable(effect, leading, size * typical, plausible=size < 3.0, typical=size < 1.0)

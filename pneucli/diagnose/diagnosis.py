@@ -4,24 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from pneucli.diagnose.beside import weighed
+from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
+from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
 from pneucli.diagnose.equals import equal
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.replay import astray
 from pneucli.diagnose.search import Search, remains, search
-from pneucli.diagnose.stand_ins import beside
-from pneucli.diagnose.trial import Bench
+from pneucli.diagnose.trial import Bench, Trial
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.physics.declaration import Effect
 
-Verdict = Literal["adequate", "missing-effect", "unexplained"]
+Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
 
+BLIND = 0.5  # of the effects that could act: where more would not have shown, nothing is adequate
 MOVED = 0.2  # of a base parameter's value, beyond its interval
 
 
@@ -34,6 +38,13 @@ class Moved:
     after: float
     unit: str
     plausible: bool
+
+
+class Confidence(NamedTuple):
+    """The probability that an effect, or one that the data cannot tell from it, is there; and that it is this one."""
+
+    of_set: float
+    alone: float
 
 
 @dataclass(frozen=True)
@@ -52,6 +63,9 @@ class Diagnosis:
     moved: tuple[Moved, ...]
     detectable: tuple[Detectable, ...]
     unknown: Unknown | None
+    confidence: Mapping[str, Confidence]
+    evidence: Mapping[str, Evidence]
+    left: tuple[Discrepancy, ...]
 
 
 def diagnose(bench: Bench, base: Fit) -> Diagnosis:
@@ -59,23 +73,60 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     start = bench.state(base)
     found = search(bench, start)
     left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
-    added = [_added(bench, found, left, i) for i in range(len(found.added))]
-    missing = [d.effect.name for d in added if d.supported]
+    weights = [weighed(bench, found.last, trial, unknown=bool(left)) for trial in _trials(bench, found)]
+    missing = [d.effect.name for d, _ in weights if d.supported]
     twins = {n: [t for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left)] for n in missing}
     equals = {n: tuple(t.effect.name for t in trials) for n, trials in twins.items()}
     alike = [Decision(t.effect, "supported", t) for trials in twins.values() for t in trials]
     sizes = detectable(bench, found.last)
-    decisions = _one_each([*added, *alike, *found.decisions, *cannot_show(bench, sizes)])
-    verdict: Verdict = "unexplained" if left else "missing-effect" if missing else "adequate"
+    decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
+    evidence = {d.effect.name: e for d, e in weights}
+    sure = _confidence(found, decisions, evidence, twins)
     unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
-    return Diagnosis(verdict, tuple(missing), decisions, equals, found, moved, tuple(sizes), unknown)
+    verdict = _verdict(bench, left, missing, sizes)
+    remaining = discrepancies(found.last.model, [*bench.train, *bench.held_out], [*found.test, *found.train])
+    return Diagnosis(
+        verdict=verdict,
+        missing=tuple(missing),
+        decisions=decisions,
+        equals=equals,
+        found=found,
+        moved=moved,
+        detectable=tuple(sizes),
+        unknown=unknown,
+        confidence=sure,
+        evidence=evidence,
+        left=tuple(remaining),
+    )
 
 
-def _added(bench: Bench, found: Search, left: Sequence[Remainder], i: int) -> Decision:
-    """Return the decision about the i-th effect that was added: it stands, or stands in for what is left."""
-    trial = bench.trial(found.rungs[i], found.rungs[i + 1], bench.effects[found.added[i]])
-    return Decision(trial.effect, beside(bench, found.last, left, trial) if left else "supported", trial)
+def _verdict(bench: Bench, left: Sequence[Remainder], missing: Sequence[str], sizes: Sequence[Detectable]) -> Verdict:
+    if left:
+        return "unexplained"
+    if missing:
+        return "missing-effect"
+    blind = sum(not d.typical for d in sizes)
+    return "inconclusive" if bench.implausible or blind > BLIND * len(sizes) else "adequate"
+
+
+def _trials(bench: Bench, found: Search) -> list[Trial]:
+    """Return the step to each rung."""
+    return [bench.trial(a, b, bench.effects[n]) for n, (a, b) in zip(found.added, pairwise(found.rungs), strict=True)]
+
+
+def _confidence(
+    found: Search, decisions: Sequence[Decision], added: Mapping[str, Evidence], twins: Mapping[str, Sequence[Trial]]
+) -> dict[str, Confidence]:
+    """Return for each effect the probability that it, or one of its twins, is there, and that it is that one."""
+    sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions}
+    sure |= {name: Confidence(*[probability(evidence)] * 2) for name, evidence in added.items()}
+    for name, trials in twins.items():
+        parts = shares([found.last, *(t.state for t in trials)])
+        for one, part in zip([name, *(t.effect.name for t in trials)], parts, strict=True):
+            of_set = probability(added[name])
+            sure[one] = Confidence(of_set, part * of_set)
+    return sure
 
 
 def _one_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
-from pneucli.diagnose.remainder import drawn_rms
+from pneucli.diagnose.evidence import Gain, gain, wald
+from pneucli.diagnose.likelihood import deviance
 from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
-from pneucli.identify.fit import Fit, Problem, block_numbers
+from pneucli.identify.fit import Fit, Problem
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
@@ -23,8 +24,8 @@ Array = NDArray[np.float64]
 
 
 ROUNDS = 5  # of a first fit, which only ranks
-KNOWN = 0.8  # of the noise's power, at least
 RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts; a fall by as much is chance too
+READING = frozenset({"pressure sensor"})  # faults of it cannot show where no pressure is recorded
 Screened = tuple[Effect, list[Signature]]
 Errors = Mapping[str, float | None]
 
@@ -35,7 +36,7 @@ class Bench:
 
     Where none is held out, ``turns`` has for each fitted view the turn in which it is (:mod:`pneucli.diagnose.turns`).
     ``covered`` are parts whose effects the model's valve shows already; ``given`` names the effects that the model had
-    before; ``shown`` is the error that the user sees, by use.
+    before; ``shown`` is the error that the user sees, by use. ``implausible``: a check of the recordings failed.
     """
 
     train: Sequence[View]
@@ -46,6 +47,7 @@ class Bench:
     progress: Callable[[str], None] = field(default=lambda _: None)
     turns: tuple[int, ...] = ()
     shown: Callable[[Model], Errors] | None = None
+    implausible: bool = False
 
     @property
     def checked(self) -> bool:
@@ -59,23 +61,25 @@ class Bench:
 
     def can_show(self, effect: Effect) -> bool:
         """Whether the effect acts in any view that is fitted."""
-        return effect.part not in self.covered and any(view.feels(effect) for view in self.train)
+        if effect.part in self.covered or not any(view.feels(effect) for view in self.train):
+            return False
+        return effect.sides != READING or any({"p1", "p2"} & view.experiment.raw.keys() for view in self.train)
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        drawn = drawn_noise(found.model, self.train)
-        train = costs(self.train, drawn, found.residual, found.errors)
-        seen = int(np.count_nonzero(found.residual))
-        if self.turns:
-            residual = held_out_by_turns(found, self.train, self.turns)
-            turned = costs(self.train, drawn, residual, found.errors)
-            return State(found, train, turned, turned, seen)
-        if not self.held_out:
-            return State(found, train, np.zeros(0), train, seen)
+        fitted = Squares.of(found.residual)
+        if self.turns or not self.held_out:
+            train = deviance(self.train, found.residual, found.errors)
+            if not self.turns:
+                return State(found, train, np.zeros(0), train, fitted, fitted)
+            turned = held_out_by_turns(found, self.train, self.turns)
+            out = deviance(self.train, turned, found.errors)
+            return State(found, train, out, out, fitted, Squares.of(turned))
         problem = Problem(found.model, self.held_out, ())
-        residual = np.concatenate(problem.data(found.model))
-        test = costs(self.held_out, drawn_noise(found.model, self.held_out), residual, problem.errors)
-        return State(found, train, test, np.concatenate([train, test]), seen + int(np.count_nonzero(residual)))
+        residual = np.concatenate([found.residual, *problem.data(found.model)])
+        costs = deviance([*self.train, *self.held_out], residual, [*found.errors, *problem.errors])
+        train, test = np.split(costs, [int(found.blocks[-1]) + 1])
+        return State(found, train, test, costs, fitted, Squares.of(residual))
 
     def lacking(self, state: State) -> list[Effect]:
         """Return the effects that a state lacks and that can show."""
@@ -146,52 +150,37 @@ class Bench:
         )
 
 
-def drawn_noise(model: Model, views: Sequence[View]) -> list[dict[str, float]]:
-    """Return for each view the rms by channel that a correct model of this kind would show of noise."""
-    return [drawn_rms(model, view, view.carried(model)) for view in views]
+class Squares(NamedTuple):
+    """The sum of squared residuals in units of the sensors' noise, and how many there are; zeros say nothing."""
 
+    total: float
+    samples: int
 
-def costs(
-    views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array, errors: Sequence[Mapping[str, Array]]
-) -> Array:
-    """Return the cost by block of residuals (N,): their squares, and the volume of what the starts may err by."""
-    blocks = block_numbers(views)
-    volume = np.concatenate([view.volume(mine) for view, mine in zip(views, errors, strict=True)])
-    return block_costs(allowed(views, drawn, residual), blocks) + np.bincount(blocks, weights=volume)
+    @classmethod
+    def of(cls, residual: Array) -> Squares:
+        """Return those of residuals (N,)."""
+        return cls(float(residual @ residual), int(np.count_nonzero(residual)))
 
-
-def allowed(views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array) -> Array:
-    """Return residuals (N,) scaled, channel by channel, for what a correct model of this kind would show of noise.
-
-    A model that undoes a lag amplifies noise, one that smooths over it (a lag in the balance of forces, a delay by half
-    a sample) shows less; without the allowance a wrong one could leave less. The noise is no more than what is left; a
-    channel is made smaller than the sensors' noise only so far as that is not known better.
-    """
-    parts, first = [], 0
-    for view, noises in zip(views, drawn, strict=True):
-        for channel in view.channels:
-            part = residual[first : first + view.experiment.time.size]
-            first += part.size
-            cost, noise = float(part @ part), float(np.count_nonzero(part))
-            more = max(noises[channel] ** 2, KNOWN)
-            fair = max(cost - (more - 1.0) * min(noise, cost / more), KNOWN * min(cost, noise))
-            parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
-    return np.concatenate(parts)
+    @property
+    def beyond_noise(self) -> float:
+        """What of the sum the noise of the sensors does not leave."""
+        return max(self.total - self.samples, 0.0)
 
 
 @dataclass(frozen=True)
 class State:
-    """A fitted model and what it leaves over, as costs by block: ``train`` as fitted, ``test`` held out.
+    """A fitted model and what it leaves over, as deviance by block: ``train`` as fitted, ``test`` held out.
 
-    ``costs`` counts each reading once, held out where it is; ``samples`` are the residuals behind them, zeros of what
-    does not count left out.
+    ``costs`` counts each reading once, held out where it is. The squares, which the user sees, are those of the
+    ``fitted`` readings and of ``every`` one.
     """
 
     fit: Fit
     train: Array
     test: Array
     costs: Array
-    samples: int
+    fitted: Squares
+    every: Squares
 
     @property
     def model(self) -> Model:

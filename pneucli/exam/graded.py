@@ -9,6 +9,7 @@ from pneucli.exam.conditions import USUAL, WIDE
 
 TOLERANCE = 0.15
 SURE = 0.9
+SUBSYSTEMS = {"force": ("mechanics",), "flow": ("gas",), "sensor": ("gas", "mechanics", "the whole")}
 MESS = "several small ones"  # what truths of other rigs say of small unknown effects
 
 
@@ -81,7 +82,18 @@ class Graded:
         if self.is_null or self.hidden:
             expected = "missing-effect" if self.hidden else "adequate"
             return self.verdict == expected or (self.verdict == "unexplained" and allowed)
-        return self.verdict == "unexplained"
+        return self.verdict == "unexplained" and self.is_placed
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether what is said of the unknown names its subsystem and the signal of which it is a function."""
+        about = self.answer.get("unexplained") or {}
+        if not self.truth.get("part"):
+            return True  # a truth that does not say where it is
+        told = {about.get("variable"), *(d["over"] for d in self.answer.get("discrepancy", []))}
+        return any(str(about.get("subsystem")).startswith(s) for s in SUBSYSTEMS[self.truth["part"]]) and (
+            self.truth["over"] in told
+        )
 
     @property
     def is_clean(self) -> bool:
@@ -123,6 +135,26 @@ class Graded:
         """Of each effect that was named with a confidence of 0.9 or more: whether it, or a twin, is true."""
         sure = [c for c in self.candidates.values() if (c.get("confidence") or 0.0) >= SURE]
         return [bool(self.hidden & {c["effect"], *c.get("indistinguishable_from", [])}) for c in sure]
+
+    @property
+    def stated(self) -> list[tuple[float, bool]]:
+        """The probability of each effect that was fitted, a set of twins once, and whether it or a twin is there."""
+        alike = {other for c in self.candidates.values() for other in c.get("indistinguishable_from", [])}
+        found = []
+        for c in self.answer.get("candidates", []):
+            if c.get("confidence") is None or not c.get("parameters") or c["effect"] in alike - self.missing:
+                continue
+            mine = {c["effect"], *(c["indistinguishable_from"] if c["effect"] in self.missing else [])}
+            found.append((float(c["confidence"]), bool(self.hidden & mine)))
+        return found
+
+    @property
+    def surely_found(self) -> list[bool]:
+        """For each true effect: whether it, or a twin, was named with a confidence of 0.9 or more."""
+        sure = [c for c in self.candidates.values() if (c.get("confidence") or 0.0) >= SURE]
+        return [
+            any(e in {c["effect"], *c.get("indistinguishable_from", [])} for c in sure) for e in sorted(self.hidden)
+        ]
 
     @property
     def error_after(self) -> float | None:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from pneucli.errors import InputError
+from pneucli.exam.calibration import calibration
 from pneucli.exam.cases import EXAM, SEALED
 from pneucli.exam.graded import Graded
 
@@ -62,6 +63,7 @@ def _counts(graded: Sequence[Graded]) -> dict[str, Any]:
     right = [right for g in known for right in g.parameters_right]
     held = [held for g in known for held in g.parameters_covered]
     sure = [true for g in graded for true in g.sure_ones]
+    surely = [found for g in known for found in g.surely_found]
     return {
         "cases": len(graded),
         "unanswered": [g.case for g in graded if g.verdict == "no answer"],
@@ -78,7 +80,10 @@ def _counts(graded: Sequence[Graded]) -> dict[str, Any]:
             "parameters within 15 %": _proportion(sum(right), len(right)),
             "intervals that hold the truth": _proportion(sum(held), len(held)),
             "named with 0.9 or more, and true": _proportion(sum(sure), len(sure)),
+            "true effects named with 0.9 or more": _proportion(sum(surely), len(surely)),
+            "unknown flagged in its subsystem, over its signal": _share(strangers, lambda g: g.verdict_is_right),
         },
+        "calibration": calibration(graded),
         "set_size": _summary([size for g in known for size in g.set_sizes]),
         "error_after": _summary([g.error_after for g in known if g.hidden == g.missing]),
         "seconds": _seconds(graded),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from pneucli.exam import calibration
 from pneucli.exam.graded import Graded
 
 SHORT = {
@@ -29,7 +30,12 @@ def to_markdown(result: dict[str, Any]) -> str:
             lines.append(
                 f"| {what} | {share['right']} | {share['of']} | {share['share']:.0%} | {low:.0%} to {high:.0%} |"
             )
-    lines += [*_sizes(result), *_conditions(result["conditions"]), *_failures(result)]
+    lines += [
+        *_sizes(result),
+        *calibration.table(result["calibration"]),
+        *_conditions(result["conditions"]),
+        *_failures(result),
+    ]
     lines += ["", "| hidden | answered | cases |", "| --- | --- | ---: |"]
     lines += [f"| {row['hidden']} | {row['answered']} | {row['cases']} |" for row in result["confusion"]]
     return "\n".join(lines) + "\n"

@@ -117,6 +117,8 @@ def _missing(material: Material) -> Tile | None:
     title = "Still missing"
     if answer["verdict"] == "adequate":
         return Tile(title, "nothing that shows", f"{_capital(diagnose.limits(answer))}; all under Evidence.", "good")
+    if answer["verdict"] == "inconclusive":
+        return Tile(title, "cannot be told", answer["sentence"], "bad")
     words = f"{_capital(diagnose.sure(answer))}."
     if answer["missing"]:
         return Tile(title, joined(answer["missing"]), words, "bad")

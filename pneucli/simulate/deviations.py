@@ -29,23 +29,14 @@ def deviations(model: Model, experiment: Experiment, draws: int, seed: int = SEE
 
 def drawn(model: Model, experiment: Experiment, draws: int, seed: int = SEED) -> Iterator[dict[str, Array]]:
     """Yield such draws one after the other, shape (n,) for each channel."""
-    rng = np.random.default_rng(seed)
     nominal = outputs(model, experiment)
-    for _ in range(draws):
-        yield _deviation(model, experiment, nominal, rng)
-
-
-def _deviation(
-    model: Model, experiment: Experiment, nominal: dict[str, Array], rng: np.random.Generator
-) -> dict[str, Array]:
-    noise = experiment.draw_noise(rng)
-    inputs = experiment.read_again(noise)
-    disturbed = outputs(model, experiment, inputs, noise)
-    return {
-        channel: experiment.filtered(_reading_noise(experiment, channel, noise, inputs))
-        - (disturbed[channel] - nominal[channel])
-        for channel in experiment.channels
-    }
+    for noise, inputs in experiment.readings(draws, seed):
+        disturbed = outputs(model, experiment, inputs, noise)
+        yield {
+            channel: experiment.filtered(_reading_noise(experiment, channel, noise, inputs))
+            - (disturbed[channel] - nominal[channel])
+            for channel in experiment.channels
+        }
 
 
 def _reading_noise(experiment: Experiment, channel: str, noise: dict[str, Array], inputs: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -30,6 +30,7 @@ SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
 STILL = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
+KEPT = 16 << 20  # bytes, of drawn readings
 SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
 STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
 FILLING = 200.0  # while a vessel would be filled at the highest rate seen
@@ -183,6 +184,23 @@ class Experiment:
             inputs[:, column] = local_fits(reading, self.noise[name], self.recording.period)(reading)
         inputs[np.abs(inputs[:, at.IN_V]) < self.still, at.IN_V] = 0.0
         return inputs
+
+    def readings(self, draws: int, seed: int) -> Iterable[tuple[dict[str, Array], Array]]:
+        """Return noise and inputs (n, 8) of other readings of the same run, for as many ``draws``.
+
+        They do not depend on a model: those of a short recording are kept, since smoothing takes longest.
+        """
+        if (draws, seed) in self._readings:
+            return self._readings[draws, seed]
+        rng = np.random.default_rng(seed)
+        drawn = ((noise, self.read_again(noise)) for noise in (self.draw_noise(rng) for _ in range(draws)))
+        if draws * (len(self.raw) + len(at.INPUTS)) * self.inputs.itemsize * self.time.size > KEPT:
+            return drawn
+        return self._readings.setdefault((draws, seed), list(drawn))
+
+    @cached_property
+    def _readings(self) -> dict[tuple[int, int], list[tuple[dict[str, Array], Array]]]:
+        return {}
 
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""

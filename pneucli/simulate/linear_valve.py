@@ -58,3 +58,7 @@ class LinearValve:
     def roughness(self) -> Array:
         """Return how far the area is from a power law: a line is one."""
         return np.zeros(0)
+
+    def changed(self, other: LinearValve) -> tuple[tuple[float, float], ...]:
+        """Return the ranges of commands (V) in which another valve of this form may have another area."""
+        return ((-np.inf, np.inf),) if self != other else ()

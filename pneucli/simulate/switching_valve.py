@@ -63,3 +63,8 @@ class SwitchingValve:
     def roughness(self) -> Array:
         """Return how far the area is from a power law: it has no shape."""
         return np.zeros(0)
+
+    def changed(self, other: SwitchingValve) -> tuple[tuple[float, float], ...]:
+        """Return the ranges of commands (V) in which another valve of this form may have another area."""
+        both = ((-np.inf, 0.0), self.vent != other.vent), ((0.0, np.inf), self.fill != other.fill)
+        return tuple(side for side, differs in both if differs)

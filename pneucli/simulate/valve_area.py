@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 POINTS = 4001  # of the kernel's table over both directions
 CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
 OVERLAPS = ("overlap_fill", "overlap_vent")
+Knots = tuple[float, tuple[tuple[float, float], ...]]  # of one direction: overlap (V), and (opening in V, area in m^2)
 
 
 def area_name(command: float, label: str = "valve") -> str:
@@ -43,7 +44,7 @@ class ValveArea:
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at u, shape of u."""
         u = np.asarray(u, dtype=np.float64)
-        return np.where(u > 0, self._side(u, 1.0, self.overlap_fill), self._side(-u, -1.0, self.overlap_vent))
+        return np.where(u > 0, _areas(u, self._knots(1.0)), _areas(-u, self._knots(-1.0)))
 
     def table(self, largest: float) -> Array:
         """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,); not to be written to."""
@@ -83,25 +84,66 @@ class ValveArea:
                 rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
         return np.concatenate(rows) if rows else np.zeros(0)
 
-    def _side(self, u: Array, sign: float, overlap: float) -> Array:
-        knots = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
-        if not knots:
-            return np.zeros_like(u)
-        place = np.log([c - overlap for c, _ in knots])
-        value = np.log([max(a, CLOSED_AREA) for _, a in knots])
-        beyond = np.log(np.maximum(u - overlap, 1e-12))
-        if len(knots) == 1:
-            return np.where(u > overlap, np.exp(value[0] + beyond - place[0]), 0.0)
-        slopes = np.diff(value) / np.diff(place)
-        inside = PchipInterpolator(place, value)(np.clip(beyond, place[0], place[-1]))
-        below = np.minimum(beyond - place[0], 0.0) * max(slopes[0], 0.0)
-        above = np.maximum(beyond - place[-1], 0.0) * max(slopes[-1], 0.0)
-        return np.where(u > overlap, np.exp(inside + below + above), 0.0)
+    def changed(self, other: ValveArea) -> tuple[tuple[float, float], ...]:
+        """Return the ranges of commands (V) in which another valve with the same knots may have another area.
+
+        A cubic bends with its knots to the second neighbour, and the power laws go on from the two last ones.
+        """
+        sides = ((1.0, self._knots(1.0), other._knots(1.0)), (-1.0, self._knots(-1.0), other._knots(-1.0)))
+        found = [(sign, _apart(mine, its)) for sign, mine, its in sides if mine != its]
+        return tuple((low, high) if sign > 0.0 else (-high, -low) for sign, (low, high) in found)
+
+    def _knots(self, sign: float) -> Knots:
+        overlap = self.overlap_fill if sign > 0.0 else self.overlap_vent
+        side = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
+        return overlap, tuple(side)
+
+
+def _apart(mine: Knots, its: Knots) -> tuple[float, float]:
+    """Return the openings (V) between which two sides with different knots may differ."""
+    commands = [c for c, _ in mine[1]]
+    if mine[0] != its[0] or commands != [c for c, _ in its[1]]:
+        return 0.0, np.inf
+    moved = [i for i, (a, b) in enumerate(zip(mine[1], its[1], strict=True)) if a != b]
+    first, last = moved[0] - 2, moved[-1] + 2
+    return commands[first] if first >= 0 else 0.0, commands[last] if last < len(commands) else np.inf
+
+
+def _areas(u: Array, side: Knots) -> Array:
+    """Return the area at openings u (n,) of one direction."""
+    overlap, knots = side
+    if not knots:
+        return np.zeros_like(u)
+    beyond = np.log(np.maximum(u - overlap, 1e-12))
+    place, value, curve = _curve(side)
+    if curve is None:
+        return np.where(u > overlap, np.exp(value[0] + beyond - place[0]), 0.0)
+    slopes = np.diff(value) / np.diff(place)
+    inside = curve(np.clip(beyond, place[0], place[-1]))
+    below = np.minimum(beyond - place[0], 0.0) * max(slopes[0], 0.0)
+    above = np.maximum(beyond - place[-1], 0.0) * max(slopes[-1], 0.0)
+    return np.where(u > overlap, np.exp(inside + below + above), 0.0)
+
+
+@lru_cache(maxsize=256)
+def _curve(side: Knots) -> tuple[Array, Array, PchipInterpolator | None]:
+    """Return log openings, log areas and the cubic through them; None of a single knot."""
+    overlap, knots = side
+    place = np.log([c - overlap for c, _ in knots])
+    value = np.log([max(a, CLOSED_AREA) for _, a in knots])
+    return place, value, PchipInterpolator(place, value) if len(knots) > 1 else None
+
+
+@lru_cache(maxsize=4096)
+def _half_table(side: Knots, largest: float) -> Array:
+    """Return the areas of one direction from the smallest opening of the kernel's table to the largest."""
+    return _areas(np.linspace(-largest, largest, POINTS)[POINTS // 2 + 1 :], side)
 
 
 @lru_cache(maxsize=1024)
 def _table(valve: ValveArea, largest: float) -> Array:
-    table = valve(np.linspace(-largest, largest, POINTS))
+    halves = [_half_table(valve._knots(sign), largest) for sign in (-1.0, 1.0)]
+    table = np.concatenate([halves[0][::-1], [0.0], halves[1]])
     table.setflags(write=False)
     return table
 

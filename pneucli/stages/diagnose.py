@@ -9,6 +9,7 @@ from typing import Any
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
+from pneucli.diagnose.discrepancy import Discrepancy
 from pneucli.diagnose.errors import ShownErrors
 from pneucli.diagnose.manoeuvres import separation
 from pneucli.diagnose.trial import Bench, Errors, State
@@ -42,7 +43,8 @@ def run(context: Context) -> dict[str, Any]:
     fitted = [view.experiment for view in bench.train]
     guess = first_guess(fitted, study.rig, study.valve)
     base = fit_model(guess, bench.train, study.effects)
-    bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments))
+    implausible = bool(context.answers["ingest"]["plausibility"])
+    bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments), implausible=implausible)
     found = diagnose(bench, base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
@@ -97,6 +99,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         "next_experiment": following or _next(bench, found),
         "sentence": sentence(found, rungs),
         "detectable": [_detectable(d) for d in found.detectable],
+        "discrepancy": [_discrepancy(d) for d in found.left],
         "moved": [
             {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
             for m in found.moved
@@ -121,6 +124,17 @@ def _detectable(one: Detectable) -> dict[str, Any]:
         "size": one.size if one.plausible else None,
         "unit": one.parameter.unit,
         "would_show": one.would_show,
+    }
+
+
+def _discrepancy(one: Discrepancy) -> dict[str, Any]:
+    return {
+        "subsystem": one.subsystem,
+        "channel": one.channel,
+        "size": one.size,
+        "time_constant_s": one.time_constant,
+        "over": one.over,
+        "share": one.share,
     }
 
 
@@ -154,6 +168,10 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, decision: Decision)
         "indistinguishable_from": _alike(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
+        "confidence": round(found.confidence[name].of_set, 4),
+        "confidence_alone": round(found.confidence[name].alone, 4),
+        "share": None if trial is None else _share(before, after),
+        "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
     return said | {"why": why(said, found.missing, held_out(bench), decision.effect.looks_like)}
 
@@ -168,6 +186,12 @@ def _alike(found: Diagnosis, name: str) -> list[str]:
 def held_out(bench: Bench) -> str:
     """Return how recordings were held out: apart, by turns, or none."""
     return "apart" if bench.held_out else "by turns" if bench.turns else "none"
+
+
+def _share(before: Errors, after: Errors) -> float | None:
+    """The part of the squared error beyond noise that goes, on held-out recordings where there are any."""
+    left = _left(before, after)
+    return None if left is None else 1.0 - left
 
 
 def _left(first: Errors, last: Errors) -> float | None:
@@ -203,7 +227,7 @@ def _next(bench: Bench, found: Diagnosis) -> str | None:
             "what comes back over it belongs to the rig."
         )
     blind = [d for d in found.detectable if not d.plausible]
-    if found.verdict == "adequate" and blind:
+    if found.verdict in ("adequate", "inconclusive") and blind:
         return f"These recordings could not have shown {blind[0].effect.name}: {blind[0].effect.separate}"
     return None
 
@@ -215,6 +239,11 @@ def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
     named = " and ".join(f"{titles[n]} ({n})" for n in found.missing)
     if found.verdict == "adequate":
         return f"Nothing in the residual is more than noise and known uncertainty (error {after} times the noise)."
+    if found.verdict == "inconclusive":
+        blind = sum(not d.typical for d in found.detectable)
+        of = f"{blind} of {len(found.detectable)} effects would not have shown at a typical size"
+        why = "what the recordings say does not fit together" if blind <= len(found.detectable) / 2 else of
+        return f"Nothing can be said: {why} (error {after} times the noise)."
     if found.verdict == "missing-effect":
         what = "it" if len(found.missing) == 1 else "them"
         text = f"The model lacks {named}: with {what} the error goes from {before} to {after} times the noise."

@@ -38,13 +38,21 @@ def found(answer: Answer) -> str:
 
 def sure(answer: Answer) -> str:
     """Return the evidence: how the error falls, on which recordings, with which size, and what else it could be."""
-    if answer["verdict"] == "adequate":
+    if answer["verdict"] in ("adequate", "inconclusive"):
         return f"{fall(answer)}; {limits(answer)}"
-    named = [f"{c['effect']} {parameters(c['parameters'])}" for c in _named(answer)]
+    named = [f"{c['effect']} {parameters(c['parameters'])}{chance(c)}" for c in _named(answer)]
     parts = [fall(answer), *named, *([apart(answer)] if named else [])]
     if left := answer.get("unexplained_share"):
         parts.append(f"{percent(left)} of the error beyond noise stays")
     return "; ".join(parts)
+
+
+def chance(candidate: Answer) -> str:
+    """Return how probable an effect is, with its set where it has one; nothing where that is not stated."""
+    if candidate.get("confidence") is None:
+        return ""
+    of = ", or one that it cannot be told from," if candidate["indistinguishable_from"] else ""
+    return f"{of} is there with {percent(candidate['confidence'])} probability"
 
 
 def fall(answer: Answer) -> str:
@@ -116,9 +124,10 @@ WHY_NOT = {
     "not-on-held-out": "It helps where it was fitted, but not for certain on recordings that were not fitted.",
     "raises-error": "It fits each part by itself, but the error of the whole model rises with it.",
     "needless": "It helps alone, but beside what was taken nothing is left for it.",
+    "contradicted-by-reading": "Samples at ambient pressure in these recordings refute it.",
     "explained-by-unknown": (
-        "It may only stand in for something unknown that remains: it takes too little, recordings disagree on its "
-        "size, or it states no force where one is left."
+        "It more likely stands in for something unknown that remains: it takes too little, recordings disagree on its "
+        "size, or a smooth function of one signal explains as much."
     ),
 }
 """What is said of an effect that is not named, by its ``reason``: the only place."""

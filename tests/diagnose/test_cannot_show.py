@@ -20,8 +20,8 @@ def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
     names = ("valve-lag", "extra-mass", "stribeck")
     where = replace(bench(), train=[deaf], effects={n: KNOWN[n] for n in names})
     sizes = [
-        Detectable(KNOWN["extra-mass"], KNOWN["extra-mass"].parameters[0], 90.0, plausible=False),
-        Detectable(KNOWN["stribeck"], KNOWN["stribeck"].parameters[0], 0.1, plausible=True),
+        Detectable(KNOWN["extra-mass"], KNOWN["extra-mass"].parameters[0], 90.0, plausible=False, typical=False),
+        Detectable(KNOWN["stribeck"], KNOWN["stribeck"].parameters[0], 0.1, plausible=True, typical=True),
     ]
     found = cannot_show(where, sizes)
     assert {d.effect.name: d.reason for d in found} == {"valve-lag": "cannot-show", "extra-mass": "cannot-show"}

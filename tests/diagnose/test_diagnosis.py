@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import diagnosis, errors
+from pneucli.diagnose.confidence import Evidence, probability, refused
+from pneucli.diagnose.decision import Decision, Reason
 from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.search import Search
@@ -16,7 +18,9 @@ from pneucli.diagnose.trial import Trial
 from pneucli.identify.views import Forces, Whole
 from tests.diagnose.toys import Toys, adding, effect
 
-A, B = effect("a"), effect("b")
+A, B, C, D = (effect(name) for name in "abcd")
+RESTS_ON = {"a": Evidence(0.8, 0.05, 0.3, 900.0, False), "b": Evidence(0.2, 0.5, 0.9, 90.0, False)}
+SURE = {name: probability(evidence) for name, evidence in RESTS_ON.items()}
 MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
 ASTRAY = Remainder(Whole, "x", 3.0, 3.0, ())
 
@@ -29,17 +33,20 @@ class Diagnosed:
         self.rungs = tuple(self.toys.state(names) for names in ([], ["a"], ["a", "b"]))
         for rung in self.rungs:
             rung.fit.estimates[:] = []  # type: ignore[index]
-        self.steps: list[tuple[str, list[str], list[str]]] = []
+        self.steps: list[tuple[str, list[str], list[str], bool]] = []
         self.described: list[tuple[list[str], Remainder]] = []
-        rival = Trial(A, self.rungs[0], self.rungs[-1], Gain(1.0, 0.0, 1.0, 1.0), Gain(1.0, 0.0, 1.0, 1.0), 0.0)
+        none = Gain(1.0, 0.0, 1.0, 1.0)
+        rival = Trial(given.get("equals", A), self.rungs[0], self.rungs[-1], none, none, 0.0)
         rivals = {"b": (rival,), "a": ()}
         left = given.get("left", [])
-        found = Search(self.rungs, rivals, (), tuple(left), ())
+        found = Search(self.rungs, rivals, tuple(given.get("refused", ())), tuple(left), ())
         standing = given.get("standing", {"a", "b"})
 
-        def beside(bench: Any, last: Any, left: Any, step: Trial) -> str:
-            self.steps.append((step.effect.name, step.before.names, step.state.names))
-            return "supported" if step.effect.name in standing else "explained-by-unknown"
+        def weighed(bench: Any, last: Any, step: Trial, *, unknown: bool) -> tuple[Decision, Evidence]:
+            self.steps.append((step.effect.name, step.before.names, step.state.names, unknown))
+            stands = step.effect.name in standing or not unknown
+            reason: Reason = "supported" if stands else "explained-by-unknown"
+            return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
 
         def describe(model: Any, views: Any, worst: Remainder) -> str:
             self.described.append(([e.name for e in model.effects], worst))
@@ -48,14 +55,24 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "search", lambda bench, start: found)
         monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
         monkeypatch.setattr(diagnosis, "remains", lambda bench, state: ([MUCH], []))
-        monkeypatch.setattr(diagnosis, "beside", beside)
+        monkeypatch.setattr(diagnosis, "weighed", weighed)
         monkeypatch.setattr(diagnosis, "describe", describe)
-        monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: [tuple(state.names)])
+        self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
+        monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: self.sizes if state is found.last else [])
+        monkeypatch.setattr(diagnosis, "discrepancies", lambda model, views, left: [(model, len(left))])
         monkeypatch.setattr(diagnosis, "cannot_show", lambda bench, sizes: [])
         self.bench: Any = SimpleNamespace(
-            state=lambda base: self.rungs[0], train=[], held_out=[], effects=self.toys.effects, trial=self.toys.trial
-        )
+            state=lambda base: self.rungs[0], train=[], held_out=[], effects=self.toys.effects, trial=self.toys.trial,
+            implausible=given.get("implausible", False),
+        )  # fmt: skip
         self.result = diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
+
+    def of_nothing(self, monkeypatch: pytest.MonkeyPatch) -> diagnosis.Diagnosis:
+        """The diagnosis where the search added nothing."""
+        alone = Search(self.rungs[:1], {}, (), (), ())
+        monkeypatch.setattr(diagnosis, "search", lambda bench, start: alone)
+        monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: self.sizes)
+        return diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
 
     @property
     def reasons(self) -> dict[str, str]:
@@ -66,8 +83,8 @@ def test_where_noise_is_left_all_that_was_found_is_missing(monkeypatch: pytest.M
     d = Diagnosed(monkeypatch)
     assert (d.result.verdict, d.result.missing, d.result.unknown) == ("missing-effect", ("a", "b"), None)
     assert d.result.equals == {"a": (), "b": ("a",)}
-    assert d.result.detectable == (("a", "b"),)
-    assert d.steps == []  # nothing has to stand against a remainder
+    assert d.result.detectable == tuple(d.sizes)
+    assert d.steps == [("a", [], ["a"], False), ("b", ["a"], ["a", "b"], False)]
     assert d.reasons == {"a": "supported", "b": "supported"}
 
 
@@ -77,7 +94,7 @@ def test_beside_something_unknown_only_what_stands_is_named(
 ) -> None:
     d = Diagnosed(monkeypatch, standing={"b"}, **given)
     assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", ("b",), "unknown")
-    assert d.steps == [("a", [], ["a"]), ("b", ["a"], ["a", "b"])]
+    assert d.steps == [("a", [], ["a"], True), ("b", ["a"], ["a", "b"], True)]
     assert d.reasons == {"a": "explained-by-unknown", "b": "supported"}
     assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
 
@@ -89,11 +106,53 @@ def test_where_nothing_stands_what_the_first_rung_leaves_is_described(monkeypatc
 
 
 def test_nothing_found_and_nothing_left_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
-    d = Diagnosed(monkeypatch)
-    alone = Search(d.rungs[:1], {}, (), (), ())
-    monkeypatch.setattr(diagnosis, "search", lambda bench, start: alone)
-    found = diagnosis.diagnose(d.bench, None)  # type: ignore[arg-type]
+    found = Diagnosed(monkeypatch).of_nothing(monkeypatch)
     assert (found.verdict, found.missing, found.unknown, dict(found.equals)) == ("adequate", (), None, {})
+
+
+@pytest.mark.parametrize(
+    ("typical", "implausible", "verdict"),
+    [
+        ([True, False], False, "adequate"),
+        ([True, False, False], False, "inconclusive"),  # most effects of a typical size would not have shown
+        ([True], True, "inconclusive"),  # what the recordings say does not fit together
+        ([], False, "adequate"),
+    ],
+)
+def test_what_could_not_have_shown_is_not_adequate(
+    monkeypatch: pytest.MonkeyPatch, typical: list[bool], implausible: bool, verdict: str
+) -> None:
+    found = Diagnosed(monkeypatch, typical=typical, implausible=implausible).of_nothing(monkeypatch)
+    assert (found.verdict, found.missing, found.unknown) == (verdict, (), None)
+
+
+@pytest.mark.parametrize(("left", "verdict"), [([], "missing-effect"), ([MUCH], "unexplained")])
+def test_what_was_found_or_is_left_over_is_told_however_blind_the_recordings_are(
+    monkeypatch: pytest.MonkeyPatch, left: list[Remainder], verdict: str
+) -> None:
+    assert Diagnosed(monkeypatch, left=left, typical=[False], implausible=True).result.verdict == verdict
+
+
+def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``b`` and its equal share what is known of both; one that a reason speaks against is improbable."""
+    d = Diagnosed(monkeypatch, equals=C, refused=[Decision(D, "vanishes")])
+    sure = d.result.confidence
+    assert set(sure) == {"a", "b", "c", "d"}
+    assert sure["a"] == (SURE["a"], SURE["a"])
+    assert sure["b"].of_set == sure["c"].of_set == SURE["b"]
+    assert sure["b"].alone + sure["c"].alone == pytest.approx(SURE["b"])
+    assert sure["d"] == (refused("vanishes"), refused("vanishes"))
+
+
+def test_an_effect_that_is_not_named_has_its_probability_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    d = Diagnosed(monkeypatch, left=[MUCH], standing={"a"})
+    assert d.result.confidence["b"] == (SURE["b"], SURE["b"])
+
+
+def test_what_stays_beside_the_last_model_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Remainders of fitted recordings and of those held out."""
+    d = Diagnosed(monkeypatch, left=[MUCH])
+    assert d.result.left == ((d.rungs[-1].model, 1),)
 
 
 def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from pneucli.diagnose import manoeuvres, remainder, unknown
 from pneucli.diagnose.remainder import Remainder, Shape, _remainder, bulk_rms, shape, too_much
-from pneucli.diagnose.stand_ins import explained
 from pneucli.diagnose.unknown import _law, _line, _sine, describe
 from pneucli.identify.views import Chambers, Forces, Imposed, Whole
 from pneucli.quantities import SIGNALS
@@ -66,11 +65,6 @@ def test_the_bulk_of_normal_noise_is_its_deviation_and_ignores_the_worst() -> No
     assert bulk_rms(spoiled) == pytest.approx(3.0, rel=0.05)
     spoiled[:400] = 1e6
     assert bulk_rms(spoiled) > 1e4
-
-
-def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
-    before, after = SimpleNamespace(cost=300.0, samples=100), SimpleNamespace(cost=150.0)
-    assert explained(before, after) == pytest.approx(0.75)  # type: ignore[arg-type]
 
 
 # --- its shape

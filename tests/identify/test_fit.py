@@ -13,6 +13,7 @@ from pneucli.identify import fit as fits
 from pneucli.identify.fit import Fit, Problem, block_numbers, fit, joined
 from pneucli.identify.parameters import Free
 from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from pneucli.simulate.valve_area import ValveArea
 from tests.simulate.benches import bench, clock, model
 
 RNG = np.random.default_rng
@@ -203,19 +204,12 @@ def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, diffe
     [(Chambers, 6.0, True), (Whole, 6.0, True), (Forces, 6.0, False), (Chambers, 4.0, False)],
 )
 def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs: bool) -> None:
-    """An area that grows beyond +5 V; one recording opens that far, the other does not."""
-    known = model()
-    grown = replace(known, valve=replace(known.valve, areas=(1.8e-6, 0.9e-6, 0.9e-6, 2.0e-6)))
+    """A knot at 10 V bends the area from 5 V on, the second knot below; one recording opens that far."""
+    valve = ValveArea((-10.0, -5.0, 2.0, 5.0, 7.0, 10.0), (2e-6, 1e-6, 2e-7, 1e-6, 1.4e-6, 2e-6))
+    known = replace(model(), valve=valve)
+    grown = replace(known, valve=replace(valve, areas=(*valve.areas[:-1], 2.2e-6)))
     seen = bench("axis", clock(0.1), {"u": np.linspace(-most, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
-    bent = beyond_5_v(known, grown)
-    assert kind(seen).tells(known, bent) == differs
-
-
-def beyond_5_v(known: Any, grown: Any) -> Any:
-    """The grown valve with the known one's table up to 5 V."""
-    table = np.where(np.linspace(-10.0, 10.0, 4001) > 5.0, grown.valve.table(10.0), known.valve.table(10.0))
-    valve = SimpleNamespace(table=lambda largest: table)
-    return SimpleNamespace(valve=valve, valves=(valve,), values=known.values, effects=known.effects)
+    assert kind(seen).tells(known, grown) == differs
 
 
 def test_an_effects_parameter_shows_where_the_effect_does() -> None:

@@ -422,10 +422,7 @@ def test_chambers_are_simulated_with_the_measured_motion() -> None:
 def test_the_openings_reach_from_rest_to_the_largest_commands() -> None:
     for least, most in ((-5.0, 10.0), (2.0, 5.0), (-10.0, -2.0)):
         e = bench("axis", clock(0.1), {"u": np.linspace(least, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
-        (found,) = Chambers(e).openings
-        table = np.linspace(-10.0, 10.0, 4001)[found]
-        assert table[0] == pytest.approx(min(least, 0.0), abs=0.006)
-        assert table[-1] == pytest.approx(max(most, 0.0), abs=0.006)
+        assert Chambers(e).openings == [(min(least, 0.0), max(most, 0.0))]
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from pneucli.identify.paths import Chamber, opening_of
 from pneucli.physics.declaration import Effect, Side
-from pneucli.simulate import layout as at
 from pneucli.simulate.deviations import deviations
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import POINTS
 
 Array = NDArray[np.float64]
 
@@ -106,16 +104,16 @@ class View(ABC):
         return felt or any(self.feels_base(name) for name in changed)
 
     def feels_valve(self, a: Model, b: Model) -> bool:
-        """Whether two models' valves differ where this recording opened them."""
+        """Whether two models' valves may differ where this recording opened them."""
         if self.valve_is_given:
             return False
-        seen, largest = self.openings, self.experiment.flags[at.U_MAX]
         pairs = [(a.second, b.second)] if self.experiment.recording.chamber == 2 else [(a.valve, b.valve)]
-        if len(seen) == 2:
+        if len(self.openings) == 2:
             pairs.append((a.second, b.second))
         return any(
-            old != new and bool(np.any((old.table(largest) != new.table(largest))[part]))
-            for (old, new), part in zip(pairs, seen, strict=True)
+            low < most and high > least
+            for (old, new), (least, most) in zip(pairs, self.openings, strict=True)
+            for low, high in old.changed(new)  # type: ignore[arg-type]
         )
 
     @property
@@ -124,22 +122,17 @@ class View(ABC):
         return "valve" not in self.base
 
     @cached_property
-    def openings(self) -> list[slice]:
-        """The part of each valve's table that its opening may pass through, from rest to the largest commands."""
+    def openings(self) -> list[tuple[float, float]]:
+        """Between which openings (V) each path may have been: from rest to its largest ones."""
         e = self.experiment
         chambers: list[Chamber] = [e.recording.chamber] if e.vessel else [1, 2]
         opened = [u for u in (opening_of(e, chamber) for chamber in chambers) if u is not None]
-        return [_passed(u / e.flags[at.U_MAX]) for u in opened]
+        return [(min(float(u.min()), 0.0), max(float(u.max()), 0.0)) for u in opened]
 
     @cached_property
     def measured(self) -> dict[str, Array]:
         """What was measured by channel, each (n,), NaN where it was not."""
         return {c: self.experiment.measured(c) for c in self.channels}
-
-
-def _passed(share: Array) -> slice:
-    place = (np.array([min(share.min(), 0.0), max(share.max(), 0.0)]) + 1.0) * 0.5 * (POINTS - 1)
-    return slice(max(int(place[0]), 0), int(place[1]) + 2)
 
 
 def difference(measured: Array, modelled: Array, noise: float) -> Array:

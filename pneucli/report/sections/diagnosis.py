@@ -87,6 +87,7 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
         [
             Cell(c["effect"], numeric=False),
             Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
+            Cell(percent(c["confidence"]) if c.get("confidence") is not None else "–"),
             Cell(number(c.get("error_before"), 3)),
             Cell(number(c.get("error_after"), 3)),
             Cell(parameters(c.get("parameters", {})), numeric=False),
@@ -95,7 +96,7 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
         ]
         for c in candidates
     ]
-    head = ("effect", "supported", "error before", "after", "would be", "not told apart from", "why")
+    head = ("effect", "supported", "probability", "error before", "after", "would be", "not told apart from", "why")
     return Grid("What was tried, and why it was taken or refused; errors are × noise", head, rows, folded=True)
 
 
@@ -122,9 +123,27 @@ def _remarks(answer: Answer) -> list[Part]:
     if rest := answer.get("unexplained"):
         words = ", ".join(f"{key}: {value}" for key, value in rest.items() if value)
         parts.append(Note(f"What remains – {words}."))
+    parts += _discrepancy(answer.get("discrepancy", []))
     if following := answer.get("next_experiment"):
         parts.append(Note(f"Next experiment: {following}"))
     if limits := answer.get("detectable"):
         rows = [[Cell(diagnose.limit(one), numeric=False)] for one in limits]
         parts.append(Grid("From which size on each effect would have shown", ("effect",), rows, folded=True))
     return parts
+
+
+def _discrepancy(left: Sequence[Answer]) -> list[Part]:
+    """Return the table of what is more than noise beside all that was found."""
+    rows = [
+        [
+            Cell(one["channel"], numeric=False),
+            Cell(one["subsystem"], numeric=False),
+            Cell(number(one["size"], 3)),
+            Cell("–" if one["time_constant_s"] is None else quantity(one["time_constant_s"], "s", 2)),
+            Cell(one["over"] or "–", numeric=False),
+            Cell(percent(one["share"])),
+        ]
+        for one in left
+    ]
+    head = ("channel", "subsystem", "× noise", "alike over", "function of", "share")
+    return [Grid("What stays beside all that was found, by channel", head, rows, folded=True)] if rows else []

@@ -1,0 +1,99 @@
+"""Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
+
+    pneucli exam E1 --condition messy --cases 66 --nulls 26 --seed 6201 --answer
+    pneucli exam E2 --condition usual --cases 20 --nulls 8 --seed 6202 --answer
+    pneucli exam E3 --size 0.3333 --cases 16 --nulls 4 --seed 6204 --answer
+    python -m benchmarks.confidence E1 E2 E3
+
+The law is fitted with a small ridge and judged case by case, each by a law that has not seen it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.diagnose.confidence import Evidence
+from pneucli.exam.calibration import EDGES
+from pneucli.exam.graded import Graded
+from pneucli.exam.grading import graded_cases
+
+Array = NDArray[np.float64]
+RIDGES = (0.1, 0.3, 1.0, 3.0)
+
+
+def told(exams: list[Path]) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,)."""
+    rows = [
+        (Evidence(**c["evidence"]).features, is_there(g, c), i)
+        for i, g in enumerate(g for exam in exams for g in graded_cases(exam, exam / "answers"))
+        for c in g.answer.get("candidates", [])
+        if c.get("evidence")
+    ]
+    return np.array([r[0] for r in rows]), np.array([r[1] for r in rows], float), np.array([r[2] for r in rows])
+
+
+def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
+    """Whether a candidate, or one that it cannot be told from, is true."""
+    return bool(graded.hidden & {candidate["effect"], *candidate["indistinguishable_from"]})
+
+
+def fitted(x: Array, y: Array, ridge: float) -> Array:
+    """Return the weights (k,) of the most likely logistic law, the constant free."""
+    w, penalty = np.zeros(x.shape[1]), np.diag([0.0, *[ridge] * (x.shape[1] - 1)])
+    for _ in range(50):
+        p = 1.0 / (1.0 + np.exp(-x @ w))
+        w = w + np.linalg.solve((x.T * (p * (1.0 - p) + 1e-9)) @ x + penalty, x.T @ (y - p) - penalty @ w)
+    return w
+
+
+def left_out(x: Array, y: Array, case: NDArray[np.int64], ridge: float) -> Array:
+    """Return the probability (n,) of each effect by the law of all other cases."""
+    p = np.zeros(y.size)
+    for one in np.unique(case):
+        mine = case == one
+        p[mine] = 1.0 / (1.0 + np.exp(-x[mine] @ fitted(x[~mine], y[~mine], ridge)))
+    return p
+
+
+def log_score(p: Array, y: Array) -> float:
+    """Return the mean of -log of what was said of what came true."""
+    return float(-np.mean(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0))))
+
+
+def refusals(exams: list[Path]) -> dict[str, tuple[int, int]]:
+    """Return by reason how many effects that were refused for it were there, and of how many."""
+    of, there = Counter[str](), Counter[str]()
+    for g in (g for exam in exams for g in graded_cases(exam, exam / "answers")):
+        for c in g.answer.get("candidates", []):
+            if not c["supported"]:
+                of[c["reason"]] += 1
+                there[c["reason"]] += c["effect"] in g.hidden
+    return {reason: (there[reason], of[reason]) for reason in of}
+
+
+def main() -> None:
+    """Print the law, its reliability and the frequencies of refused effects."""
+    exams = [Path(name) for name in sys.argv[1:]]
+    x, y, case = told(exams)
+    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r), y))
+    p = left_out(x, y, case, ridge)
+    print("WEIGHTS =", tuple(round(float(w), 2) for w in fitted(x, y, ridge)), f"ridge {ridge}, {y.size} effects")
+    print(
+        f"Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, each by a law that has not seen its case"
+    )
+    for low, high in pairwise(EDGES):
+        mine = (p >= low) & (p <= high)
+        if mine.any():
+            print(f"{low:g} to {high:g}: stated {p[mine].mean():.2f}, there {int(y[mine].sum())} of {mine.sum()}")
+    for reason, (there, of) in sorted(refusals(exams).items()):
+        print(f"{reason}: {there} of {of}")
+
+
+if __name__ == "__main__":
+    main()
