@@ -90,8 +90,11 @@ _ALL = (
         "design",
         "sliding sector, sliding mode observers, cascade",
         parents=("identify",),
-        tables=("pipeline", "design"),
-        answer=("requirements", "corners", "sector", "matching", "surface", "lmi.best", "lmi.types", "warnings"),
+        tables=("pipeline", "design", "scenarios"),
+        answer=(
+            *("requirements", "corners", "sector", "matching", "surface", "lmi.best", "lmi.types", "warnings"),
+            *("controllers", "not_made", "tolerance_um", "compare", "without_map", "ablation"),
+        ),
     ),
     Stage(
         "simulate",

@@ -16,12 +16,14 @@ from scipy.linalg import expm
 from scipy.signal import place_poles
 
 from pneucli.design import layout, lpv, pdc, robust
-from pneucli.design.closed_loop import Bench, controller_text
+from pneucli.design.closed_loop import Bench
 from pneucli.design.controller import Controller
+from pneucli.design.laws import LAWS
 from pneucli.design.pdc import Pdc
 from pneucli.design.robust import Axes, plausible, sigma_of, success_rates
 from pneucli.design.sector import Sector, resolved, sector_from_vertices, speed_floor
 from pneucli.design.surface import axis_systems
+from pneucli.design.text import controller_text
 from pneucli.errors import InputError
 from pneucli.physics.declaration import Parameter
 from pneucli.physics.effects import catalogue
@@ -389,7 +391,8 @@ def test_every_number_with_a_unit_has_one() -> None:
     none = {
         "C_MIRRORED",
         "C_TWO_VALVES",
-        "C_COMPENSATION",
+        *layout.SWITCHES,
+        "C_PRESSURE",
         "C_GAMMA",
         "C_CRITICAL",
         "C_OBS_X",
@@ -440,5 +443,6 @@ def test_the_kernel_gets_the_controllers_constants_and_functions_as_text() -> No
     exec(text.replace("flow_function", "abs"), names)
     for name in (*layout.STATE, *layout.PARAMETERS, "L_U1", "L_ROW"):
         assert names[name] == getattr(layout, name)
-    assert all(callable(names[name]) for name in ("clamp", "step", "control", "rounded"))
+    assert all(callable(names[name]) for name in ("clamp", "step", "control", "rounded", "any_law"))
+    assert all(callable(names[law.step.__name__]) for law in LAWS.values())
     assert "import" not in text
