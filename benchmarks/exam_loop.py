@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from pneucli.caches import compiled
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, Flows, X, valve_area, valve_area_2, valve_flow
-from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
-from pneucli.exam.rig.run import LOOP, _advance, _limited, _spool
+from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, X
+from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
+from pneucli.exam.rig.run import LOOP, drive, empty_line, limited
 from pneucli.exam.rig.sensors import Sensors
 
 Array = NDArray[np.float64]
@@ -34,19 +34,12 @@ SETTLED = 500  # samples before the next change
 
 
 @compiled()
-def period(par: Parameters, t: float, s: Array, o: Array, held: int, rest: float, work: Array) -> float:
-    """Run the rig for one period of the loop with openings ``o``, and spools and plays behind them; returns rest."""
-    for i in range(STEPS):
-        o[2], o[4] = _spool(par, STEP, o[0], o[2], o[4])
-        o[3], o[5] = _spool(par, STEP, o[1], o[3], o[5])
-        second = -o[4] if par.arrangement == FIVE_THREE else o[5]
-        now = t + i * STEP
-        first = valve_flow(par, valve_area(par, o[4], now), now, s)
-        other = (0.0, 0.0)
-        if par.arrangement != ONE_CHAMBER:
-            other = valve_flow(par, valve_area_2(par, second, now), now, s, 1)
-        q: Flows = (first[0], first[1], other[0], other[1])
-        rest = _advance(par, now, STEP, s, rest, q, held, work)
+def period(
+    par: Parameters, k: int, s: Array, o: Array, spools: Array, line: Array, held: int, rest: float, work: Array
+) -> float:
+    """Run the rig for period k of the loop with openings ``o`` (V); returns the time at rest in s."""
+    for i in range(k * STEPS, (k + 1) * STEPS):
+        rest, _ = drive(par, i, STEP, o[0], o[1], spools, line, s, rest, held, work)
     return rest
 
 
@@ -73,7 +66,8 @@ def positions(
     par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool
 ) -> Array:
     """Return the true position in m, (n,), where the controller follows a ``reference`` (m) under a ``load`` (N)."""
-    rng, s, o, work, rest = np.random.default_rng(0), np.zeros(10), np.zeros(6), np.zeros((3, 10)), 1.0
+    rng, s, o, work, rest = np.random.default_rng(0), np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
+    spools, line = np.zeros(4), empty_line(par, STEP)
     s[X] = s[XL] = reference[0]
     balanced = par.constant_force + par.spring_stiffness * (reference[0] - par.spring_rest)
     s[P1] = s[P2] = np.sqrt(par.ambient * par.supply)
@@ -87,10 +81,10 @@ def positions(
         noise = sensors.pressure * rng.standard_normal(2)
         read = np.round(s[X] / sensors.position_step) * sensors.position_step
         u, u2 = control(reference[k], read, s[P1] + noise[0], s[P2] + noise[1])
-        o[0] = _limited(par, par.command_sign * (u - par.command_null))
-        o[1] = _limited(par, u2 - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        o[0] = limited(par, par.command_sign * (u - par.command_null))
+        o[1] = limited(par, u2 - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = par._replace(constant_force=par.constant_force + load[k])
-        rest = period(loaded, LOOP * k, s, o, int(is_open), rest, work)
+        rest = period(loaded, k, s, o, spools, line, int(is_open), rest, work)
     return x
 
 
