@@ -22,6 +22,7 @@ from pneucli.config.sizes import (
     Instant,
     Position,
     Pressure,
+    Steepness,
     Table,
     Temperature,
     Velocity,
@@ -181,6 +182,20 @@ class ModelTable(Table):
     plugins: list[Name] = Field(default_factory=list)
 
 
+class FrictionTable(Table):
+    """``[identify.friction]``: of the friction models; what is absent follows from the recordings."""
+
+    velocity_range: Annotated[Velocity, Field(gt=0)] | None = None
+    nodes: Annotated[int, Field(ge=10, le=100_000)] | None = None
+    eta: Steepness | None = None
+
+
+class IdentifyTable(Table):
+    """``[identify]``."""
+
+    friction: FrictionTable = FrictionTable()
+
+
 class CompareTable(Table):
     """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
 
@@ -210,6 +225,7 @@ class PipelineConfig(Table):
     signals: SignalsTable = SignalsTable()
     recordings: Annotated[list[RecordingTable], Field(min_length=1)]
     model: ModelTable = ModelTable()
+    identify: IdentifyTable = IdentifyTable()
     compare: CompareTable = CompareTable()
     design: dict[str, Any] = Field(default_factory=dict)
     scenarios: list[dict[str, Any]] = Field(default_factory=list)

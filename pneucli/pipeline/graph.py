@@ -55,12 +55,13 @@ _ALL = (
         "identify",
         "valve map and inverse, friction models A-F, model parameters",
         parents=("ingest",),
-        tables=("pipeline", "model", "compare"),
+        tables=("pipeline", "model", "identify", "compare"),
         files=("model", "plugins"),
         answer=(
             *("model.effects", "model.parameters", "warnings"),
             *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in OF_VALVE),
             "friction.warnings",
+            "friction.domain",
             *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),
         ),
     ),
@@ -92,8 +93,9 @@ _ALL = (
         parents=("identify",),
         tables=("pipeline", "design", "scenarios"),
         answer=(
-            *("requirements", "corners", "sector", "matching", "surface", "lmi.best", "lmi.types", "warnings"),
-            *("controllers", "not_made", "tolerance_um", "compare", "without_map", "ablation"),
+            *("requirements", "corners", "sector", "matching", "surface", "warnings"),
+            *("lmi.best", "lmi.types", "lmi.vertex_loops", "controllers"),
+            *("not_made", "tolerance_um", "compare", "without_map", "ablation"),
         ),
     ),
     Stage(

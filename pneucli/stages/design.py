@@ -254,7 +254,8 @@ def _answer(study: Study, designed: Designed, found: Compared) -> dict[str, Any]
         for w in designed.weights
     ]
     feasible = [w for w in designed.weights if w.pdc]
-    best = max(feasible, key=lambda w: w.pdc.rate if w.pdc else 0.0).weight_type if feasible else None
+    best = max(feasible, key=lambda w: w.pdc.rate if w.pdc else 0.0, default=None)
+    loops = best.pdc.loops if best is not None and best.pdc is not None else np.zeros((0, 0))
     return {
         "schema": "pneucli/design/1",
         "pipeline": study.context.config.name,
@@ -263,7 +264,11 @@ def _answer(study: Study, designed: Designed, found: Compared) -> dict[str, Any]
         "sector": {n: asdict(s) | {"steepness": s.steepness, "remark": s.warning} for n, s in designed.sectors.items()},
         "matching": {n: {"holds": not broken, "broken_by": broken} for n, broken in designed.matching.items()},
         "surface": designed.surfaces,
-        "lmi": {"best": best, "types": lmi},
+        "lmi": {
+            "best": best.weight_type if best is not None else None,
+            "types": lmi,
+            "vertex_loops": [[[pole.real, pole.imag] for pole in loop] for loop in loops.tolist()],
+        },
         "controllers": {name: LAWS[name].title for name in designed.controllers},
         "not_made": designed.failed,
         "tolerance_um": 2e6 * designed.chosen.values["C_REACH"],

@@ -20,6 +20,11 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
     return {
         "warnings": list(friction.warnings),
         "taken_out": list(friction.taken_out),
+        "domain": {
+            "velocity_range": {"value": friction.domain.top, "unit": "m/s"},
+            "nodes": friction.domain.nodes,
+            "eta": {"value": friction.domain.eta, "unit": "s/m"},
+        },
         "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
         "kinetic": [
             {"recording": k.recording, "pressures": k.pressures, "friction": k.friction.value, "unit": "N"}

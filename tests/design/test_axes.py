@@ -111,7 +111,7 @@ def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
         grids=(np.array([-1.0, 1.0]), np.array([0.0, C["C_STROKE"]])), weights_at=lambda v, x: (np.ones(1), np.ones(1))
     )
     x0, scale = np.array([1e-9, 0.0, 0.0]), np.array([1.0, 1e-2, 1e-4])
-    found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0)
+    found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0, np.zeros((1, 2), complex))
     peak, decayed = lpv.verify(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
     step, states = expm((both[:, :3] - both[:, 3:] @ gains) * 2e-4), [x0]
     for _ in range(int(0.2 / 2e-4) - 1):
@@ -156,7 +156,7 @@ def test_pairs_of_vertices_count_too() -> None:
     ],
 )
 def test_a_design_is_verified_by_eigenvalues(changed: dict[str, Any], verified: bool) -> None:
-    found = Pdc(np.ones((1, 1, 2)), np.eye(2), 2.0, "optimal", -2.0, 0.0)
+    found = Pdc(np.ones((1, 1, 2)), np.eye(2), 2.0, "optimal", -2.0, 0.0, np.zeros((1, 2), complex))
     assert replace(found, **changed).verified == verified
 
 

@@ -64,12 +64,20 @@ class FrictionIdentification:
         raise InputError("friction model", name, ", ".join(m.name for m in self.models))
 
 
-def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int = GRID) -> FrictionIdentification:
+def identify_friction(
+    recordings: Sequence[Recording],
+    model: Model,
+    nodes: int | None = None,
+    top: float | None = None,
+    eta: float | None = None,
+) -> FrictionIdentification:
     """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
 
-    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. ``nodes`` is the
-    number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError where there is none,
-    where the drive or the motion was not recorded, or where hardly anything moves.
+    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. Of the TP models
+    ``nodes`` is the number of grid points, ``top`` (m/s) the end of their velocities, by default the highest of the
+    tests, ``eta`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits the recordings of
+    use ``train``. Raises InputError where there is none, where the drive or the motion was not recorded, or where
+    hardly anything moves.
     """
     motions = tuple(motion_of(r, model) for r in _usable(recordings))
     train = [m for m in motions if m.recording.use == "train"]
@@ -82,8 +90,8 @@ def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int 
     if not samples.both_directions:
         warnings.append("motion in one direction only: a constant force can't be told from dry friction")
     both = fit_stribeck(samples, offset=samples.both_directions)
-    top = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
-    domain = Domain(top, max(m.floor for m in train), nodes)
+    fastest = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
+    domain = Domain(top or fastest, max(m.floor for m in train), nodes or GRID, eta)
     models, missing = identify_models(samples, both, domain, inertia or 1.0)
     cuts = tuple(c for m in train if not m.imposed for c in cut(m, inertia))
     levels = tuple(k for m in motions if m.imposed and (k := kinetic_friction(m, inertia)))
