@@ -122,7 +122,7 @@ def main() -> None:
             try:
                 designed(folder, ["design"])
             except RuntimeError as error:
-                print(f"| {name} | {str(error)[:200]} |")
+                print(f"| {name} | {str(error)[:200]} |", flush=True)
                 continue
             for law in LAWS:
                 try:
@@ -130,6 +130,7 @@ def main() -> None:
                 except RuntimeError as error:
                     print(f"| {name} | {law} | {str(error).splitlines()[0][:160]} |", flush=True)
                     continue
+                control = Path(shutil.copytree(control, folder / law))  # what is compiled is no part of the export
                 shown = [f"{value:.3g}" for value in [*figures(laboratory, control), difference(control)]]
                 print(f"| {name} | `{law}` | {' | '.join(shown)} |", flush=True)
             poles(folder / "out")

@@ -56,6 +56,13 @@ def write_friction(friction: FrictionIdentification, out: Path, provenance: Prov
         for v, f in zip(grid, b.force(grid), strict=True)
     ]
     _write(out / "friction_models.parquet", models, {"v": "m/s", "force": "N"}, provenance)
+    slip = [
+        {"model": r.model, "time": time, "v": v, "v_model": vm, "a": a, "a_model": am}
+        for r in friction.replays
+        for time, v, vm, a, am in zip(r.time, r.v, r.v_model, r.a, r.a_model, strict=True)
+    ]
+    units = {"v_model": "m/s", "a_model": "m/s^2"}
+    _write(out / "friction_replays.parquet", slip, units, provenance)
     curves = [
         {"branch": c.branch, "v": v, "force": f, "ci_low": low, "ci_high": high, "count": float(n)}
         for c in friction.curves

@@ -15,7 +15,7 @@ from pneucli.identify.friction.lacking import lacking
 from pneucli.identify.friction.models import GRID, Domain, FrictionModel, Name, identify_models
 from pneucli.identify.friction.motion import Motion, motion_of
 from pneucli.identify.friction.stickslip import Averaged, Cut, average, cut
-from pneucli.identify.friction.tables import Deviation, deviations
+from pneucli.identify.friction.tables import Deviation, Replay, deviations, replays
 from pneucli.identify.friction.values import Samples, Value, pool
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
@@ -32,7 +32,8 @@ class FrictionIdentification:
     ``mass`` (kg) as given (interval of no width) or identified; None where it can't be: inertia is then neglected and
     a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
     (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
-    ``deviations`` are the tables 6.2 and 6.3, test recordings included; everything else rests on the training ones.
+    ``deviations`` are the tables 6.2 and 6.3, test recordings included, ``replays`` one slip under each model;
+    everything else rests on the training ones.
     ``taken_out`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``lacking``
     for each of A to F the effects on friction that it cannot show.
     """
@@ -46,6 +47,7 @@ class FrictionIdentification:
     averages: tuple[Averaged, ...]
     models: tuple[FrictionModel, ...]
     deviations: tuple[Deviation, ...]
+    replays: tuple[Replay, ...]
     kinetic: tuple[KineticFriction, ...]
     taken_out: tuple[str, ...]
     lacking: Mapping[Name, tuple[str, ...]]
@@ -105,6 +107,7 @@ def identify_friction(
         averages=tuple(average(cuts)),
         models=models,
         deviations=deviations(models, motions, inertia),
+        replays=replays(models, motions, cuts, inertia),
         kinetic=levels,
         taken_out=train[0].beside.names,
         lacking={m.name: lacks[m.name] for m in models},
