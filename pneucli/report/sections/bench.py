@@ -39,7 +39,8 @@ def section(material: Material) -> Section | None:
         )
     parts.append(_grid("The same controllers without the inverse of the valve's map", design["without_map"], tolerance))
     parts.append(_titles(design["controllers"]))
-    parts += figures([*_errors(signals), *_thesis(signals)])
+    if len(signals):
+        parts += figures([*_errors(signals), *_thesis(signals)])
     lead = (
         "The same axis, sensors and scenarios under each law, which is faithful to its equations in the source thesis "
         "first; each can be exported."
@@ -129,7 +130,7 @@ def _pressures(caption: str, rows: Table, bare: Table, about: float | None = Non
                 continue
             near = np.full(len(table), True) if about is None else np.abs(table["time"] - about) < AFTER
             one.axes.plot(table["time"][near], shown(table[column][near], "Pa"), color=colour, label=label)
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     return one
 
 
@@ -137,7 +138,7 @@ def _position(rows: Table) -> Drawing:
     with drawing("Figure 7.32: position control.", "time in s", "position in µm") as one:
         one.axes.plot(rows["time"], UM * rows["x_ref"], color=GREY, label="reference")
         one.axes.plot(rows["time"], UM * rows["x"], color=BLUE, label="position")
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     return one
 
 
@@ -148,7 +149,7 @@ def _inner(rows: Table) -> Drawing:
             values = shown(rows[column], "Pa")
             kept = envelope([values], MOST)
             one.axes.plot(rows["time"][kept], values[kept], color=colour, label=label, linewidth=0.9)
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     return one
 
 
@@ -163,5 +164,5 @@ def _load(rows: Table, best: Table) -> Drawing:
             if len(table):
                 kept = envelope([table["load_estimate"]], MOST)
                 one.axes.plot(table["time"][kept], table["load_estimate"][kept], color=colour, label=label)
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     return one

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from pneucli.physics.flows import flow_functions
@@ -13,7 +14,7 @@ from pneucli.report.decimate import envelope
 from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Part, Section
-from pneucli.words.numbers import number, percent, short, shown
+from pneucli.words.numbers import number, short, shown
 
 Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
@@ -51,8 +52,8 @@ def _flow_function() -> Iterator[Drawing]:
     of_value = off[open_] / exact[open_]
     told = (
         f"Figure 2.5: the flow function and its approximation (2.42, 2.43). It errs by at most "
-        f"{percent(float(off.max() / exact.max()))} of the maximum and {percent(float(of_value.max()))} of the value "
-        f"(claimed: 0.3 %), and by {percent(float((off[usual] / exact[usual]).max()))} of the value for ratios of 0.2 "
+        f"{_percent(off.max() / exact.max())} of the maximum and {_percent(of_value.max())} of the value "
+        f"(claimed: 0.3 %), and by {_percent((off[usual] / exact[usual]).max())} of the value for ratios of 0.2 "
         "to 0.8 (claimed: less than 0.2 %)."
     )
     with drawing(told, "pressure ratio", "Ψ") as one:
@@ -65,13 +66,17 @@ def _flow_function() -> Iterator[Drawing]:
     yield one
 
 
+def _percent(share: float) -> str:
+    return f"{number(100.0 * float(share), 2)} %"
+
+
 def _valve(material: Material) -> Iterator[Drawing]:
     """Yield figures 7.16 to 7.26 of the valve at chamber 1."""
     curves, grid, areas = (_first(material.table(f"identify/valve_{name}")) for name in ("curves", "map", "areas"))
     if len(curves):
         fill, vent = (_strongest(curves, sign) for sign in (1.0, -1.0))
         if fill is not None:
-            yield from _inflation(fill)
+            yield from _inflation(fill, float(shown(curves["fitted"].max(), "Pa")))
         if vent is not None:
             yield from _deflation(vent)
     if len(areas):
@@ -90,14 +95,11 @@ def _first(table: Table) -> Table:
 
 
 def _strongest(curves: Table, sign: float) -> Table | None:
-    """Return the longest of the curves that rise (or fall) by more than half of the largest change."""
+    """Return the curve that rises (or falls) most; of those within a tenth of it the one with the most samples."""
     pairs = [rows for _, rows in curves.groups("recording", "u")]
     moved = [(sign * float(rows["fitted"][-1] - rows["fitted"][0]), rows) for rows in pairs]
     most = max(change for change, _ in moved)
-    if most <= 0.0:
-        return None
-    whole = [rows for change, rows in moved if change > 0.5 * most]
-    return min(whole, key=lambda rows: float(np.ptp(rows["time"])))
+    return max((rows for change, rows in moved if change >= 0.9 * most), key=len) if most > 0.0 else None
 
 
 def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
@@ -107,20 +109,24 @@ def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
             time, values = rows["time"][kept] - rows["time"][0], shown(rows[column][kept], "Pa")
             one.axes.plot(time, values, style, color=colour, markersize=2, label=label)
         one.axes.set_yscale(scale)
-        one.axes.legend()
+        if scale == "log":
+            for axis in (one.axes.yaxis.set_major_formatter, one.axes.yaxis.set_minor_formatter):
+                axis(ScalarFormatter())
+        one.axes.legend(loc="upper right")
     return one
 
 
-def _inflation(rows: Table) -> Iterator[Drawing]:
+def _inflation(rows: Table, supply: float) -> Iterator[Drawing]:
+    """Yield the figures of one inflation; ``supply`` (bar) is the highest pressure that any curve reaches."""
     yield _curve("Figures 7.16 and 7.19: inflation pressure curve.", rows)
     p, gradient = shown(rows["fitted"], "Pa"), shown(rows["gradient"], "Pa/s")
     most = float(np.nanmax(gradient))
     caption = "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42) beside it."
-    with drawing(caption, "pressure of the vessel over its largest", "Ψ / Ψ max") as one:
-        ratio = p / float(p.max())
+    with drawing(caption, "pressure over the highest that is reached", "Ψ / Ψ max") as one:
+        ratio = p / supply
         one.axes.plot(ratio, gradient / most, color=BLUE, label="measured")
         one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / 0.484, "--", color=ORANGE, label="(2.42)")
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     yield one
     caption = "Figure 7.20: mass flow of the inflation, as the gradient that it makes (2.22): constant while choked."
     with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
@@ -142,7 +148,7 @@ def _deflation(rows: Table) -> Iterator[Drawing]:
             slope = float(np.sum(p[choked] * gradient[choked]) / np.sum(p[choked] ** 2))
             line = np.array([0.0, float(p.max())])
             one.axes.plot(line, slope * line, "--", color=ORANGE, label=f"{number(slope, 3)} 1/s × pressure")
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     yield one
 
 
@@ -176,7 +182,7 @@ def _areas(caption: str, areas: Table, chosen: NDArray[np.bool_]) -> Drawing:
                 area = 1e6 * areas["area"][mine]
                 one.axes.plot(areas["u"][mine], area, "o-", color=colour, markersize=3, label=label)
         one.axes.set_ylim(bottom=0)
-        one.axes.legend()
+        one.axes.legend(loc="upper right")
     return one
 
 
@@ -190,5 +196,5 @@ def _slip(replays: Table) -> Iterator[Drawing]:
             with drawing(caption, "time from break-away in s", title, height=2.3) as one:
                 one.axes.plot(rows["time"], rows[name], color=GREY, linewidth=1.0, label="measured")
                 one.axes.plot(rows["time"], rows[f"{name}_model"], color=BLUE, label=f"model {model}")
-                one.axes.legend()
+                one.axes.legend(loc="upper right")
             yield one
