@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,9 @@ from numpy.typing import NDArray
 from pneucli.caches import compiled
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, Flows, X, valve_area, valve_area_2, valve_flow
-from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
-from pneucli.exam.rig.run import LOOP, _advance, _limited, _spool
+from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, X
+from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
+from pneucli.exam.rig.run import LOOP, drive, empty_line, limited
 from pneucli.exam.rig.sensors import Sensors
 
 Array = NDArray[np.float64]
@@ -34,20 +35,15 @@ SETTLED = 500  # samples before the next change
 
 
 @compiled()
-def period(par: Parameters, t: float, s: Array, o: Array, held: int, rest: float, work: Array) -> float:
-    """Run the rig for one period of the loop with openings ``o``, and spools and plays behind them; returns rest."""
-    for i in range(STEPS):
-        o[2], o[4] = _spool(par, STEP, o[0], o[2], o[4])
-        o[3], o[5] = _spool(par, STEP, o[1], o[3], o[5])
-        second = -o[4] if par.arrangement == FIVE_THREE else o[5]
-        now = t + i * STEP
-        first = valve_flow(par, valve_area(par, o[4], now), now, s)
-        other = (0.0, 0.0)
-        if par.arrangement != ONE_CHAMBER:
-            other = valve_flow(par, valve_area_2(par, second, now), now, s, 1)
-        q: Flows = (first[0], first[1], other[0], other[1])
-        rest = _advance(par, now, STEP, s, rest, q, held, work)
-    return rest
+def period(
+    par: Parameters, k: int, s: Array, o: Array, spools: Array, line: Array, held: int, rest: float, work: Array
+) -> tuple[float, float]:
+    """Run the rig for period k of the loop with openings ``o`` (V); returns the time at rest (s) and air used (kg)."""
+    air = 0.0
+    for i in range(k * STEPS, (k + 1) * STEPS):
+        rest, q = drive(par, i, STEP, o[0], o[1], spools, line, s, rest, held, work)
+        air += STEP * (q[0] + q[2])
+    return rest, air
 
 
 class Exported:
@@ -69,11 +65,18 @@ class Exported:
         return self._u[0], self._u[1]
 
 
-def positions(
-    par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool
-) -> Array:
-    """Return the true position in m, (n,), where the controller follows a ``reference`` (m) under a ``load`` (N)."""
-    rng, s, o, work, rest = np.random.default_rng(0), np.zeros(10), np.zeros(6), np.zeros((3, 10)), 1.0
+class Trace(NamedTuple):
+    """What a loop did: true position (m) and command (V) at every sample, (n,), and the air that it drew (kg)."""
+
+    x: Array
+    u: Array
+    air: float
+
+
+def driven(par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool) -> Trace:
+    """Let the controller follow a ``reference`` (m) under a ``load`` (N)."""
+    rng, s, o, work, rest = np.random.default_rng(0), np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
+    spools, line = np.zeros(4), empty_line(par, STEP)
     s[X] = s[XL] = reference[0]
     balanced = par.constant_force + par.spring_stiffness * (reference[0] - par.spring_rest)
     s[P1] = s[P2] = np.sqrt(par.ambient * par.supply)
@@ -81,17 +84,18 @@ def positions(
     s[P1] += par.ambient * (par.piston_area_1 - par.piston_area_2) / par.piston_area_1
     s[P2] = par.ambient if is_open else s[P2]
     s[T1] = s[T2] = par.temperature
-    s[PS], x = par.supply, np.zeros(reference.size)
+    s[PS], x, u, air = par.supply, np.zeros(reference.size), np.zeros(reference.size), 0.0
     for k in range(reference.size):
         x[k] = s[X]
         noise = sensors.pressure * rng.standard_normal(2)
         read = np.round(s[X] / sensors.position_step) * sensors.position_step
-        u, u2 = control(reference[k], read, s[P1] + noise[0], s[P2] + noise[1])
-        o[0] = _limited(par, par.command_sign * (u - par.command_null))
-        o[1] = _limited(par, u2 - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        u[k], u2 = control(reference[k], read, s[P1] + noise[0], s[P2] + noise[1])
+        o[0] = limited(par, par.command_sign * (u[k] - par.command_null))
+        o[1] = limited(par, u2 - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = par._replace(constant_force=par.constant_force + load[k])
-        rest = period(loaded, LOOP * k, s, o, int(is_open), rest, work)
-    return x
+        rest, used = period(loaded, k, s, o, spools, line, int(is_open), rest, work)
+        air += used
+    return Trace(x, u, air)
 
 
 def figures(par: Parameters, sensors: Sensors, control: Path, is_open: bool) -> tuple[float, float, float]:
@@ -102,7 +106,7 @@ def figures(par: Parameters, sensors: Sensors, control: Path, is_open: bool) -> 
     push = LOAD * (par.supply - par.ambient) * par.piston_area_1 * pushed
 
     def error(reference: Array, load: Array) -> Array:
-        return 1e6 * (positions(par, sensors, Exported(control), reference, load, is_open) - reference)
+        return 1e6 * (driven(par, sensors, Exported(control), reference, load, is_open).x - reference)
 
     stepped, followed, loaded = (error(r, f) for r, f in ((at, 0 * TIME), (sine, 0 * TIME), (still, push)))
     at_rest = [
@@ -111,9 +115,9 @@ def figures(par: Parameters, sensors: Sensors, control: Path, is_open: bool) -> 
     return at_rest[0], float(np.sqrt(np.mean(followed[1500:] ** 2))), at_rest[1]
 
 
-def designed(folder: Path) -> Path:
+def designed(folder: Path, *commands: list[str]) -> Path:
     """Return the folder with the exported C of a pipeline."""
-    for command in (["design"], ["export", "--to", "c"]):
+    for command in commands or (["design"], ["export", "--to", "c"]):
         told = subprocess.run(
             [sys.executable, "-m", "pneucli", command[0], "pipeline.toml", *command[1:], "--out", "out", "--quiet"],
             check=False,

@@ -8,7 +8,7 @@ _EXAMPLES = {
     "identify": "pneucli identify axis-7/pipeline.toml",
     "compare": "pneucli compare axis-7/pipeline.toml -v",
     "diagnose": "pneucli diagnose axis-7/pipeline.toml --exclude extra-mass",
-    "design": "pneucli design axis-7/pipeline.toml",
+    "design": "pneucli design axis-7/pipeline.toml --compare pid,relay,best",
     "simulate": "pneucli simulate axis-7/pipeline.toml -v",
     "report": "pneucli report axis-7/pipeline.toml",
     "export": "pneucli export axis-7/pipeline.toml --to c --to mat",

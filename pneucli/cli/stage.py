@@ -30,6 +30,7 @@ class Target(StrEnum):
 def register(app: typer.Typer, stage: Stage) -> None:
     """Add the command of ``stage``."""
     special: dict[str, Callable[..., None]] = {
+        "design": _design,
         "diagnose": _diagnose,
         "export": _export,
         "simulate": _simulate,
@@ -99,6 +100,30 @@ def _diagnose(
     )
 
 
+def _design(
+    pipeline: File,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            "--compare", metavar="NAME,NAME...", help="Laws to run side by side; default: all.", show_default=False
+        ),
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    options = None if compare is None else {"compare": _laws(compare.split(","), "--compare")}
+    bring_up("design", pipeline, out, json, quiet, verbose, options)
+
+
+def _laws(names: list[str], where: str) -> list[str]:
+    """Check names of laws before anything runs; raises InputError."""
+    from pneucli.design.laws import laws_named
+
+    return [law.name for law in laws_named([name.strip() for name in names], where)]
+
+
 def _simulate(
     pipeline: File,
     executor: Annotated[
@@ -121,6 +146,10 @@ def _simulate(
 def _export(
     pipeline: File,
     to: Annotated[list[Target], typer.Option("--to", help="c (PLC, cRIO), mat (MATLAB) or csv; repeatable.")],
+    controller: Annotated[
+        str | None,
+        typer.Option("--controller", metavar="NAME", help="Another law than that of [design].", show_default=False),
+    ] = None,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -133,7 +162,8 @@ def _export(
         json,
         quiet,
         verbose,
-        {"to": _with_former(opened(pipeline, out).artifacts, to)},
+        {"to": _with_former(opened(pipeline, out).artifacts, to)}
+        | ({"controller": _laws([controller], "--controller")[0]} if controller else {}),
     )
 
 

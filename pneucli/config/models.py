@@ -25,6 +25,7 @@ from pneucli.config.sizes import (
     MassFlow,
     Position,
     Pressure,
+    Steepness,
     Table,
     Temperature,
     Velocity,
@@ -190,6 +191,20 @@ class RecordingTable(Table):
         return self
 
 
+class FrictionTable(Table):
+    """``[identify.friction]``: of the friction models; what is absent follows from the recordings."""
+
+    velocity_range: Annotated[Velocity, Field(gt=0)] | None = None
+    nodes: Annotated[int, Field(ge=10, le=100_000)] | None = None
+    eta: Steepness | None = None
+
+
+class IdentifyTable(Table):
+    """``[identify]``."""
+
+    friction: FrictionTable = FrictionTable()
+
+
 class CompareTable(Table):
     """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
 
@@ -219,6 +234,7 @@ class PipelineConfig(Table):
     signals: SignalsTable = SignalsTable()
     recordings: Annotated[list[RecordingTable], Field(min_length=1)]
     model: ModelTable = ModelTable()
+    identify: IdentifyTable = IdentifyTable()
     compare: CompareTable = CompareTable()
     design: dict[str, Any] = Field(default_factory=dict)
     scenarios: list[dict[str, Any]] = Field(default_factory=list)

@@ -38,6 +38,7 @@ Instant: TypeAlias = Annotated[float, _in("s")]
 Voltage: TypeAlias = Annotated[float, _in("V")]
 Position: TypeAlias = Annotated[float, _in("m")]
 Velocity: TypeAlias = Annotated[float, _in("m/s")]
+Steepness: TypeAlias = Annotated[float, _in("s/m"), Field(gt=0)]
 Acceleration: TypeAlias = Annotated[float, _in("m/s^2")]
 Force: TypeAlias = Annotated[float, _in("N")]
 

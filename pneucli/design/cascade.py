@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.design.controller import Controller
-from pneucli.design.layout import OUTSIDE
+from pneucli.design.layout import NODES, OUTSIDE, SWITCHES
 from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, lateness, moving_mass, pull
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
@@ -36,7 +36,6 @@ from pneucli.simulate.valve_area import CLOSED_AREA
 Array = NDArray[np.float64]
 Pull = Callable[[Array], Array]
 
-NODES = 201
 WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
 SLACK = 0.05  # of ambient and supply pressure, which the pressure references keep away from
 
@@ -64,7 +63,8 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     limits = reference_limits(corners, axis, wanted, partial(pull, model))
     values = axis | gains(corners, axis, wanted) | limits
     values |= standstill(corners, values, wanted)
-    return Controller(values, *(commands for commands, _ in tables))
+    fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
+    return Controller(values, fill, vent, fill_2, vent_2)
 
 
 NEEDED = {
@@ -121,7 +121,8 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_U_MAX": max(abs(c) for c in model.valve.commands),
         "C_TWO_VALVES": float(driven and not mirrored),
         "C_MIRRORED": float(mirrored),
-        "C_COMPENSATION": 1.0,
+        **dict.fromkeys(SWITCHES, 1.0),
+        "C_PRESSURE": 0.0,
         "C_MASS": moving_mass(model),
         "C_AREA_1": base["rig.piston_area_1"],
         "C_AREA_2": base["rig.piston_area_2"],

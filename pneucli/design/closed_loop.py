@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
-import re
 from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design import layout, loop, plant, step
+from pneucli.design import layout
 from pneucli.design.controller import Controller
+from pneucli.design.laws import LAWS
+from pneucli.design.text import controller_text
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -38,6 +38,7 @@ class Scenario:
     """What happens to the axis, one value a sample of the controller: shapes ``(n,)``, SI.
 
     ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
+    ``pressed``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
     ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s.
     """
 
@@ -47,6 +48,7 @@ class Scenario:
     supply: Array
     start: tuple[float, float, float]
     lost: tuple[tuple[str, float, float], ...] = field(default=())
+    pressed: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,17 +69,10 @@ def loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
     return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()), control=controller_text())
 
 
-def controller_text() -> str:
-    """Return the controller as text for the kernel: its constants and functions."""
-    constants = [f"{n} = {v}" for n, v in vars(layout).items() if n[:2] in ("S_", "C_", "L_")]
-    sources = [inspect.getsource(module) for module in (plant, step, loop)]
-    functions = [text[re.search(r"^def ", text, flags=re.MULTILINE).start() :] for text in sources]  # type: ignore[union-attr]
-    return "\n\n\n".join(["\n".join(constants), *functions])
-
-
 def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, seed: int = 0) -> Run:
     """Simulate one scenario; the noise depends on the seed alone."""
     kernel = loop_kernel(model.effects)
+    controller = controller.with_values(C_PRESSURE=float(scenario.pressed))
     n = scenario.reference.size
     time: Array = controller.period * np.arange(n, dtype=np.float64)
     log = sensor_rows(scenario, bench, time, seed)
@@ -90,14 +85,19 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
         np.array([model.base()[name] for name in at.BASE]),
         kernel.vector(model.effect_values()),
         kernel.switches([e.name for e in model.effects]),
-        _flags(controller),
+        _flags(controller, scenario.pressed),
         *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
         longest_step(model.rig, controller.period),
         state,
-        np.concatenate([controller.vector(), [bench.quantum_x, bench.quantum_p, bench.delay]]),
+        np.concatenate([controller.vector(), _settings(controller, bench)]),
         out,
     )
     return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
+
+
+def _settings(controller: Controller, bench: Bench) -> list[float]:
+    """Return what stands behind the controller's numbers: the sensors' quanta, the delay, and the law's place."""
+    return [bench.quantum_x, bench.quantum_p, bench.delay, list(LAWS).index(controller.law)]
 
 
 def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Array:
@@ -119,9 +119,9 @@ def _inputs(scenario: Scenario) -> Array:
     return out
 
 
-def _flags(controller: Controller) -> Array:
+def _flags(controller: Controller, clamped: bool = False) -> Array:
     flags = np.zeros(at.FLAGS)
-    flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0
+    flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0 - clamped, 1.0, 1.0
     two, mirrored = (controller.values[name] > 0.5 for name in ("C_TWO_VALVES", "C_MIRRORED"))
     undriven = at.OPEN if controller.values["C_DEAD_2"] >= layout.OUTSIDE else at.CLOSED
     flags[at.CHAMBER_2] = at.MIRRORED if mirrored else at.VALVE_2 if two else undriven

@@ -17,10 +17,11 @@ TABLE = "C_TABLE"
 
 @dataclass(frozen=True)
 class Controller:
-    """A cascade controller: ``values`` by the names of :mod:`pneucli.design.layout` (SI), and the valve's inverse.
+    """A controller: ``values`` by the names of :mod:`pneucli.design.layout` (SI), and the valve's inverse.
 
     ``fill`` and ``vent``, those of chamber 1 and then of chamber 2, hold commands in V at effective areas
-    ``(i / (n - 1))^2`` of the largest one of that direction; all have n entries.
+    ``(i / (n - 1))^2`` of the largest one of that direction; all have n entries. ``law`` names the control law
+    (:mod:`pneucli.design.laws`), ``own`` are the numbers and tables that it has beside the common ones.
     """
 
     values: Mapping[str, float]
@@ -28,6 +29,8 @@ class Controller:
     vent: tuple[float, ...]
     fill_2: tuple[float, ...]
     vent_2: tuple[float, ...]
+    law: str = "best"
+    own: tuple[float, ...] = ()
 
     @property
     def period(self) -> float:
@@ -37,7 +40,7 @@ class Controller:
     def vector(self) -> Array:
         """Return the parameter array of :func:`pneucli.design.step.step`."""
         numbers = [self.values[name] for name in PARAMETERS if name != TABLE]
-        return np.concatenate([numbers, *self.tables().values()])
+        return np.concatenate([numbers, *self.tables().values(), self.own])
 
     def tables(self) -> dict[str, tuple[float, ...]]:
         """Return the inverse tables by name, in the order in which they follow the numbers."""
@@ -47,6 +50,10 @@ class Controller:
         """Return the controller with some numbers replaced, by the names of the layout."""
         return replace(self, values={**self.values, **values})
 
+    def governed(self, law: str, values: Mapping[str, float], own: tuple[float, ...]) -> Controller:
+        """Return the same axis and valve under another law."""
+        return replace(self.with_values(**values), law=law, own=own)
+
     def to_json(self) -> str:
         """Return the controller as text from which :meth:`from_json` makes the same one, to the last bit."""
         return json.dumps(asdict(self), indent=1)
@@ -55,4 +62,10 @@ class Controller:
     def from_json(text: str) -> Controller:
         """Return the controller that :meth:`to_json` wrote."""
         plain = json.loads(text)
-        return Controller(plain["values"], *(tuple(plain[name]) for name in ("fill", "vent", "fill_2", "vent_2")))
+        lists = {name: tuple(plain[name]) for name in ("fill", "vent", "fill_2", "vent_2", "own")}
+        return Controller(**{**plain, **lists})
+
+
+def usual_load(c: Mapping[str, float]) -> float:
+    """Return a usual load in N: a tenth of the force that supply makes against ambient pressure."""
+    return 0.1 * c["C_AREA_1"] * (c["C_SUPPLY"] - c["C_AMBIENT"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+NODES = 201  # of each inverse table
 OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pressure stays that of the surroundings
 
 (
@@ -45,7 +46,12 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     C_U_MAX,  # V
     C_TWO_VALVES,  # 1: a second valve drives chamber 2
     C_MIRRORED,  # 1: the other way of the one spool does (5/3)
-    C_COMPENSATION,  # 1: both disturbance estimates are subtracted, 0: the PIDs alone
+    C_AHEAD,  # 1: what is known goes ahead: mass and friction on the reference's way, the piston's motion
+    C_ESTIMATES,  # 1: both disturbance estimates are subtracted, 0: the errors are integrated instead
+    C_HOLD,  # 1: near a resting reference the piston is left where it sticks, the valve shut
+    C_SWITCHING,  # 1: off it, the sector's switching term frees a piston that sticks
+    C_INVERSE,  # 1: commands by the inverse of the valve's map, 0: in proportion to the gradient
+    C_PRESSURE,  # 1: the reference is the pressure of chamber 1 in Pa, and the pressure loop is all there is
     C_MASS,  # kg, m^2, m, m^3
     C_AREA_1,
     C_AREA_2,
@@ -96,15 +102,20 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(54)
+) = range(59)
 
 STATE = tuple(name for name in globals() if name.startswith("S_"))
 PARAMETERS = tuple(name for name in globals() if name.startswith("C_"))
+SWITCHES = ("C_AHEAD", "C_ESTIMATES", "C_HOLD", "C_SWITCHING", "C_INVERSE")
+
+# a law's own states and numbers stand behind the common ones (:mod:`pneucli.design.laws`)
+OWN_STATE, MOST_OWN = len(STATE), 8
+OWN_NUMBER = C_TABLE + 4 * NODES
 
 # in the closed loop the state is followed by a row a sample: what the sensors add, what the controller read and made
 (L_NOISE_X, L_NOISE_P1, L_NOISE_P2, L_READ_X, L_READ_P1, L_READ_P2, L_U1, L_U2) = range(8)
 (L_LOAD, L_FLOW1, L_P1_REF, L_P2_REF, L_SHAPED, L_V, L_FORCE) = range(8, 15)
-L_STATES, L_ROW = len(STATE), 15
+L_STATES, L_ROW = len(STATE) + MOST_OWN, 15
 
 UNITS = {
     **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE"), "s"),

@@ -1,7 +1,7 @@
 """The controller's place in the simulation kernel: what it reads, what it logs, when its command takes effect.
 
-The text of this function takes the place of ``control`` in :mod:`pneucli.simulate.kernel`, that of
-:mod:`pneucli.design.plant` and :mod:`pneucli.design.step` goes before it.
+The text of this function takes the place of ``control`` in :mod:`pneucli.simulate.kernel`; that of all laws goes before
+it (:mod:`pneucli.design.text`).
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
+from pneucli.design.laws import LAWS
 from pneucli.design.layout import *
-from pneucli.design.step import step
 
 
 def rounded(value, quantum):
@@ -19,17 +19,22 @@ def rounded(value, quantum):
     return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 and math.isfinite(value) else value
 
 
+def any_law(which: int, x_ref, x, p1, p2, s, c):
+    """Advance the law at that place of the table; in the kernel a choice between compiled functions."""
+    tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
+
+
 def control(k, x_ref, x, p1, p2, cs, cp):
     """Run one sample of the controller: cs holds its state and then a row of noise and log a sample.
 
-    The last three of cp are the quanta of position (m) and pressure (Pa) and the delay in samples.
+    The last four of cp are the quanta of position (m) and pressure (Pa), the delay in samples, and the law's place.
     """
-    settings: int = cp.size - 3
+    settings: int = cp.size - 4
     row: int = L_STATES + k * L_ROW
     read_x = rounded(x + cs[row + L_NOISE_X], cp[settings])
     read_p1 = rounded(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
     read_p2 = rounded(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
-    step(x_ref, read_x, read_p1, read_p2, cs, cp)
+    any_law(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, cs, cp)
     cs[row + L_READ_X], cs[row + L_READ_P1], cs[row + L_READ_P2] = read_x, read_p1, read_p2
     cs[row + L_U1], cs[row + L_U2], cs[row + L_LOAD] = cs[S_U1], cs[S_U2], cs[S_LOAD]
     cs[row + L_P1_REF], cs[row + L_P2_REF], cs[row + L_FLOW1] = cs[S_P1_REF], cs[S_P2_REF], cs[S_FLOW1]

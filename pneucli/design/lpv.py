@@ -33,6 +33,7 @@ class Study:
     """One weight type: its PDC (None: ``failure`` says why), and what a simulation of it showed.
 
     ``peak``: largest |q| over its bound, ``decayed``: largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function.
+    ``model``: the TP model whose vertices the gains belong to.
     """
 
     weight_type: WeightType
@@ -41,6 +42,7 @@ class Study:
     failure: str = ""
     peak: float = np.nan
     decayed: float = np.nan
+    model: TPModel | None = None
 
 
 def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float) -> Array:
@@ -93,7 +95,7 @@ def _study(c: Mapping[str, float], floor: float, kind: WeightType, x0: Array, sc
     except InputError as error:
         return Study(kind, 0, None, str(error))
     peak, decayed = verify(c, floor, model, pdc, x0)
-    return Study(kind, len(systems), pdc, "", peak / most, decayed)
+    return Study(kind, len(systems), pdc, "", peak / most, decayed, model)
 
 
 def verify(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc, x0: Array) -> tuple[float, float]:

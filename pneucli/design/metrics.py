@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from pneucli.caches import compiled
 from pneucli.design import layout
 from pneucli.design.closed_loop import Run
 from pneucli.design.controller import Controller
+from pneucli.design.laws import LAWS
 from pneucli.design.ports import critical_ratio
 from pneucli.physics.flows import flow_functions
 from pneucli.physics.gas import flow_constant
@@ -37,7 +38,9 @@ class Metrics:
     ``overshoot_um``, ``rise_s`` (10-90 %), ``settling_s`` (to 50 um): the worst of all steps of the reference.
     ``recovery_s``, ``peak_um``: the worst after changes of load. ``load_error``: estimate minus true load, over the
     largest true load. ``switching_hz``: reversals of u by more than 1 % of its range; ``fast_share``: share of u's
-    variance above 50 Hz; ``fast_v``: its rms in V. ``air_kg``: drawn from the supply.
+    variance above 50 Hz; ``fast_v``: its rms in V. ``air_kg``: drawn from the supply. ``pressure_rest_pa``,
+    ``pressure_rms_pa``: error of a pressure that is asked for, the largest at rest and the rms of all; of such a run
+    nothing else is told but u and the air.
     """
 
     steady_um: float
@@ -54,11 +57,15 @@ class Metrics:
     fast_share: float
     fast_v: float
     air_kg: float
+    pressure_rest_pa: float = np.nan
+    pressure_rms_pa: float = np.nan
 
 
 def measure(run: Run, model: Model, controller: Controller) -> Metrics:
     """Return the figures of a run."""
     s, time, x = run.scenario, run.time, run.model[:, at.X]
+    if s.pressed:
+        return _of_pressure(run, model, controller)
     error = s.reference - x
     jumps = np.abs(np.diff(s.reference)) > 10.0 * controller.values["C_A_MAX"] * controller.period**2
     moving = np.concatenate([[False], (np.diff(s.reference) != 0.0) & ~jumps])
@@ -78,12 +85,38 @@ def measure(run: Run, model: Model, controller: Controller) -> Metrics:
         _worst(t for _, _, t in steps),
         _worst(t for t, _ in loads),
         UM * _worst(p for _, p in loads),
-        _load_error(run, ends),
-        _reversals(run.log[:, layout.L_U1], 0.02 * controller.values["C_U_MAX"]) / float(time[-1] - time[0]),
+        _load_error(run, ends) if LAWS[controller.law].estimates else np.nan,
+        _switching(run, controller),
         share,
         fast,
         air_used(run, model, controller),
     )
+
+
+def _of_pressure(run: Run, model: Model, controller: Controller) -> Metrics:
+    """Return the figures of a run in which a pressure is asked for."""
+    error = run.scenario.reference - run.model[:, at.P1]
+    rests = [
+        r for r in _stretches(run, np.zeros(error.size, dtype=bool)) if (r.stop - r.start) * controller.period > LAST
+    ]
+    ends = [slice(r.stop - round(LAST / controller.period), r.stop) for r in rests]
+    fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
+    nothing = dict.fromkeys((f.name for f in fields(Metrics)), np.nan)
+    told = {
+        "switching_hz": _switching(run, controller),
+        "fast_share": share,
+        "fast_v": fast,
+        "air_kg": air_used(run, model, controller),
+        "pressure_rest_pa": _worst(float(np.max(np.abs(error[e]))) for e in ends),
+        "pressure_rms_pa": float(np.sqrt(np.mean(error**2))),
+    }
+    return Metrics(**(nothing | told))
+
+
+def _switching(run: Run, controller: Controller) -> float:
+    """Return the reversals of u a second."""
+    times = _reversals(run.log[:, layout.L_U1], 0.02 * controller.values["C_U_MAX"])
+    return times / float(run.time[-1] - run.time[0])
 
 
 def _worst(values: object) -> float:

@@ -30,7 +30,8 @@ class Pdc:
     """Gains F (R, m, n), Lyapunov matrix P (n, n) in the plant's units, decay rate (1/s), and the solver's status.
 
     ``worst_pole``: largest real part (1/s) over all vertices and pairs of them, ``worst_lmi``: largest eigenvalue of
-    the decay inequality, normalised (negative where it holds); both found by eigenvalues after the solver.
+    the decay inequality, normalised (negative where it holds); ``loops`` (R, n): the poles (1/s) of every vertex loop.
+    All are found by eigenvalues after the solver.
     """
 
     gains: Array
@@ -39,6 +40,8 @@ class Pdc:
     status: str
     worst_pole: float
     worst_lmi: float
+
+    loops: NDArray[np.complex128]
 
     @property
     def verified(self) -> bool:
@@ -70,7 +73,8 @@ def design_pdc(A: Array, B: Array, x0: Array, scale: Array, u_max: float) -> Pdc
     F = M @ inverse
     lmi = _largest_eigenvalue(A_n / time, B_n / time, X, M, low)
     poles = _worst_pole(A_n, B_n, F)
-    return Pdc(F * u_max / scale, inverse / np.outer(scale, scale), low * time, "optimal", poles, lmi)
+    loops = np.linalg.eigvals(A_n - B_n @ F).astype(np.complex128)
+    return Pdc(F * u_max / scale, inverse / np.outer(scale, scale), low * time, "optimal", poles, lmi, loops)
 
 
 class _Problem:

@@ -47,6 +47,13 @@ def opening(area, most, table: int, c):
     return c[table + i] + (place - i) * (c[table + i + 1] - c[table + i])
 
 
+def in_proportion(wanted, slope, most, begin: int, c):
+    """Return the command in V in proportion to ``wanted``, all of it at ``slope`` x ``most``: what no map inverts."""
+    nodes: int = int(c[C_NODES])
+    null = 0.5 * (c[C_TABLE] + c[C_TABLE + nodes])
+    return null + min(math.fabs(wanted) / (slope * most), 1.0) * (c[begin + nodes - 1] - null)
+
+
 def command_for(gradient, p, volume, fill, vent, table: int, c):
     """Return the command in V that makes dp/dt in Pa/s at p, by the inverse tables from ``table`` on."""
     nodes: int = int(c[C_NODES])
@@ -55,6 +62,8 @@ def command_for(gradient, p, volume, fill, vent, table: int, c):
     filling = gradient > 0.0
     most = fill if filling else vent
     begin: int = table if filling else table + nodes
+    if c[C_INVERSE] < 0.5:
+        return in_proportion(gradient, per_area(filling, c[C_P_MEAN], volume, c), most, begin, c)
     slope = per_area(filling, p, volume, c)
     reachable = slope * most > math.fabs(gradient)
     return opening(math.fabs(gradient) / slope if reachable else most, most, begin, c)
@@ -111,4 +120,10 @@ def both_ways(wanted, s, c):
     s[S_RATE2] = -way * area * slope_2
     begin: int = C_TABLE if filling else C_TABLE + int(c[C_NODES])
     s[S_U1] = opening(area, most, begin, c)
+    if c[C_INVERSE] < 0.5:
+        volume_1 = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
+        usual = per_area(filling, c[C_P_MEAN], volume_1, c) + share * ratio * per_area(
+            not filling, c[C_P_MEAN], volume_2, c
+        )
+        s[S_U1] = in_proportion(wanted, usual, most, begin, c)
     return wanted if enough else way * area * (slope_1 + share * slope_2)

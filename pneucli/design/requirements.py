@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from pneucli.design.laws import law_named
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.units import parse_quantity
 
@@ -22,6 +24,7 @@ UNITS = {
     "quantum_x": "m",
     "noise_p": "Pa",
     "delay": "s",
+    "switching_gain": "1",
 }
 PERIODS = (1e-5, 1.0)  # s, of a controller
 
@@ -34,6 +37,10 @@ class Requirements:
     the position loop's oscillating pair. ``sector_ratio``: slope of the sector's steeper line over the flatter one's.
     ``noise_x``, ``quantum_x``, ``noise_p``: what the sensors add (1 sigma) and how they round; ``delay``: from reading
     to valve. ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (driven).
+
+    ``controller`` names the law that is exported and simulated. Of the sliding mode laws: how the line of the relay is
+    found (``surface``), the weights of the squared error (1/m^2) and rate (s^2/m^2) that the LQ one stands for, whether
+    the relay has the equivalent control beside it, and its force over the breakaway force (``switching_gain``).
     """
 
     period: float = 1e-3
@@ -49,6 +56,11 @@ class Requirements:
     noise_p: float = 0.0
     delay: float = 0.0
     chamber_2: Literal["closed", "open", "valve"] = "closed"
+    controller: str = "best"
+    surface: Literal["poles", "lq"] = "poles"
+    surface_weights: tuple[float, float] | None = None
+    equivalent_control: bool = True
+    switching_gain: float = 1.5
 
 
 def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
@@ -58,10 +70,8 @@ def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Req
     """
     values: dict[str, Any] = dict(known)
     for key, value in table.items():
-        if key == "chamber_2":
-            if value not in ("closed", "open", "valve"):
-                raise InputError(f"{where}.{key}", f"{value!r}", '"closed", "open" or "valve"')
-            values[key] = value
+        if key in READERS:
+            values[key] = READERS[key](value, f"{where}.{key}")
             continue
         if key not in UNITS:
             raise InputError(
@@ -83,3 +93,38 @@ def _positive(value: Any, key: str, where: str) -> float:
     if key == "period" and not PERIODS[0] <= round(number, 9) <= PERIODS[1]:
         raise InputError(f"{where}.{key}", f"{number:g} s", f"from {PERIODS[0]:g} s to {PERIODS[1]:g} s")
     return number
+
+
+def _one_of(*choices: Any) -> Callable[[Any, str], Any]:
+    """Return a reader of one of a few words or of yes and no."""
+
+    def read(value: Any, where: str) -> Any:
+        if not any(value is choice or (value == choice and isinstance(choice, str)) for choice in choices):
+            shown = [f'"{choice}"' if isinstance(choice, str) else str(choice).lower() for choice in choices]
+            raise InputError(where, f"{value!r}", " or ".join([", ".join(shown[:-1]), shown[-1]]))
+        return value
+
+    return read
+
+
+def _weights(value: Any, where: str) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2 or not all(_is_weight(one) for one in value):
+        raise InputError(where, f"{value!r}", "two numbers above 0: of the squared error, and of the squared rate")
+    return float(value[0]), float(value[1])
+
+
+def _is_weight(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0.0
+
+
+def _law(value: Any, where: str) -> str:
+    return law_named(value, where).name
+
+
+READERS: dict[str, Callable[[Any, str], Any]] = {
+    "chamber_2": _one_of("closed", "open", "valve"),
+    "surface": _one_of("poles", "lq"),
+    "equivalent_control": _one_of(True, False),
+    "surface_weights": _weights,
+    "controller": _law,
+}

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design.closed_loop import Bench, Scenario, controller_text, run
+from pneucli.design.closed_loop import Bench, Scenario, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import Metrics, measure
+from pneucli.design.text import controller_text
 from pneucli.errors import InputError, did_you_mean
 from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect

@@ -39,6 +39,15 @@ def start(x_ref, x, p1, p2, s, c):
     s[S_BREAK] = c[C_STATIC]
 
 
+def begin(x_ref, x, p1, p2, s, c):
+    """Start from the first sample; return the reference, the last one where it is missing."""
+    if not math.isfinite(x_ref):
+        x_ref = s[S_X_REF] if s[S_STARTED] > 0.5 else x
+    if s[S_STARTED] < 0.5:
+        start(x_ref, x, p1, p2, s, c)
+    return x_ref
+
+
 def reference_rate(x_ref, s, c):
     """Return the reference's filtered rate in m/s; a sample at which the rate itself jumps is passed over."""
     raw = (x_ref - s[S_X_REF]) / c[C_PERIOD]
@@ -168,23 +177,30 @@ def hold(x_ref, s, c):
     return s[S_HOLD] > 0.5
 
 
+def dry_ahead(s, c):
+    """Return the dry friction in N on the shaped reference's way; its direction fades below the least speed."""
+    return dry_friction(math.fabs(s[S_V_SHAPED]), s, c) * clamp(s[S_V_SHAPED] / c[C_V_FLOOR], -1.0, 1.0)
+
+
 def position_law(x_ref, s, c):
     """Return the force in N that the pressures shall make: PID, friction ahead, minus the load, the sector at rest."""
     error = s[S_X_SHAPED] - s[S_X]
     rate = s[S_V_SHAPED] - s[S_V]
-    if hold(x_ref, s, c):
+    if c[C_HOLD] > 0.5 and hold(x_ref, s, c):
         return s[S_FORCE]
-    force = c[C_MASS] * (s[S_A_SHAPED] + c[C_KD] * rate + c[C_KP] * error) + c[C_VISCOUS] * s[S_V_SHAPED]
-    if c[C_COMPENSATION] < 0.5:
-        s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
-        return force + s[S_INTEGRAL]
-    if s[S_REST] > 0.05:
+    ahead = c[C_AHEAD]
+    force = c[C_MASS] * (ahead * s[S_A_SHAPED] + c[C_KD] * rate + c[C_KP] * error)
+    force += ahead * c[C_VISCOUS] * s[S_V_SHAPED]
+    if c[C_SWITCHING] > 0.5 and s[S_REST] > 0.05:
         loosen(error, s, c)
     else:
         s[S_STICK] = 0.0
         s[S_EAGER] = 4.0
-    ahead = dry_friction(math.fabs(s[S_V_SHAPED]), s, c) * clamp(s[S_V_SHAPED] / c[C_V_FLOOR], -1.0, 1.0)
-    return force + ahead + s[S_STICK] - s[S_LOAD]
+    force = force + ahead * dry_ahead(s, c) + s[S_STICK]
+    if c[C_ESTIMATES] > 0.5:
+        return force - s[S_LOAD]
+    s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
+    return force + s[S_INTEGRAL]
 
 
 def pressure_references(force, s, c):
@@ -205,6 +221,13 @@ def pressure_references(force, s, c):
         s[S_INTEGRAL] += sign(lost) * min(math.fabs(lost), math.fabs(s[S_INTEGRAL]))
 
 
+def pressure_wanted(p_ref, s, c):
+    """Set the pressure of chamber 1 in Pa that is asked for itself; a second valve keeps the mean pressure."""
+    s[S_X_REF] = p_ref
+    s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], c[C_P_HIGH])
+    s[S_P2_REF] = c[C_P_MEAN] if c[C_TWO_VALVES] > 0.5 else s[S_P2]
+
+
 def quiet(error, s, c):
     """Whether a valve stays shut: the piston is held, and its pressure is near enough."""
     return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_P_BAND]
@@ -215,14 +238,13 @@ def chamber_1(s, c):
     volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
     error = s[S_P1_REF] - s[S_P1]
     wanted = c[C_P_KP] * error
-    if c[C_COMPENSATION] > 0.5:
-        wanted += c[C_GAMMA] * s[S_P1] * c[C_AREA_1] * s[S_V] / volume - s[S_FLOW1]
-        if c[C_TWO_VALVES] < 0.5:
-            volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-            wanted += c[C_AREA_2] / c[C_AREA_1] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume_2
-        if c[C_MIRRORED] > 0.5:
-            wanted += c[C_AREA_2] / c[C_AREA_1] * s[S_FLOW2]
-    else:
+    wanted += c[C_AHEAD] * c[C_GAMMA] * s[S_P1] * c[C_AREA_1] * s[S_V] / volume - c[C_ESTIMATES] * s[S_FLOW1]
+    if c[C_TWO_VALVES] < 0.5:
+        volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+        wanted += c[C_AHEAD] * c[C_AREA_2] / c[C_AREA_1] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume_2
+    if c[C_MIRRORED] > 0.5:
+        wanted += c[C_ESTIMATES] * c[C_AREA_2] / c[C_AREA_1] * s[S_FLOW2]
+    if c[C_ESTIMATES] < 0.5:
         wanted += s[S_INTEGRAL1]
     if quiet(error, s, c):
         wanted = 0.0
@@ -243,9 +265,8 @@ def chamber_2(s, c):
     volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
     error = s[S_P2_REF] - s[S_P2]
     wanted = c[C_P_KP] * error
-    if c[C_COMPENSATION] > 0.5:
-        wanted -= c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume + s[S_FLOW2]
-    else:
+    wanted -= c[C_AHEAD] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume + c[C_ESTIMATES] * s[S_FLOW2]
+    if c[C_ESTIMATES] < 0.5:
         wanted += s[S_INTEGRAL2]
     if quiet(error, s, c):
         wanted = 0.0
@@ -261,14 +282,14 @@ def step(x_ref, x, p1, p2, s, c):
     Positions in m, pressures absolute in Pa. A reading that cannot be one (not finite, out of range) is bridged by what
     the observers expect, a missing reference by the last one.
     """
-    if not math.isfinite(x_ref):
-        x_ref = s[S_X_REF] if s[S_STARTED] > 0.5 else x
-    if s[S_STARTED] < 0.5:
-        start(x_ref, x, p1, p2, s, c)
+    x_ref = begin(x_ref, x, p1, p2, s, c)
     observe_pressures(p1, p2, s, c)
     observe_motion(x, s, c)
-    shape_reference(x_ref, s, c)
-    force = position_law(x_ref, s, c)
-    pressure_references(force, s, c)
+    if c[C_PRESSURE] > 0.5:
+        pressure_wanted(x_ref, s, c)
+    else:
+        shape_reference(x_ref, s, c)
+        force = position_law(x_ref, s, c)
+        pressure_references(force, s, c)
     chamber_1(s, c)
     chamber_2(s, c)

@@ -1,8 +1,9 @@
 """Write the controller's restricted Python (:mod:`pneucli.design.step`) as C99.
 
-What is translated: functions of scalars and of the arrays ``s`` and ``c``, assignments, ``if``, ``return``, conditional
-expressions, arithmetic, comparisons, ``math``, ``min``, ``max``, ``int``. A local or argument annotated ``int`` is one,
-everything else is a double. Anything else raises ``ValueError``: no program is written that does something else.
+What is translated: functions of scalars and of the arrays ``s`` and ``c``, assignments, ``if``, ``for`` over a
+``range``, ``return``, conditional expressions, arithmetic, comparisons, ``math``, ``min``, ``max``, ``int``. A local or
+argument annotated ``int`` is one, everything else is a double. Anything else raises ``ValueError``: no program is
+written that does something else.
 """
 
 from __future__ import annotations
@@ -55,30 +56,18 @@ def c_function(function: Callable[..., Any]) -> str:
     return "\n".join([*lines, "}"])
 
 
-def callees_first(root: Callable[..., Any], known: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]:
-    """Return the functions of ``known`` that ``root`` needs, and ``root``, each after those that it calls."""
-    by_name = {f.__name__: f for f in known}
-    done: dict[str, Callable[..., Any]] = {}
-
-    def visit(function: Callable[..., Any]) -> None:
-        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function)))):
-            name = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-            if name in by_name and name not in done and name != function.__name__:
-                visit(by_name[name])
-        done[function.__name__] = function
-
-    visit(root)
-    return list(done.values())
-
-
 def _declarations(tree: ast.FunctionDef, arguments: list[str]) -> list[str]:
     """Return the declarations of all locals, which Python does not have."""
     whole, real = [], []
     for node in ast.walk(tree):
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and _is_int(node.annotation):
-            whole.append(node.target.id)
-        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            real.append(node.targets[0].id)
+        match node:
+            case ast.AnnAssign(target=ast.Name(id=name), annotation=kind) if _is_int(kind):
+                whole.append(name)
+            case ast.For(target=ast.Name(id=name)):
+                whole.append(name)
+            case ast.Assign(targets=[ast.Name(id=name), *_]):
+                real.append(name)
+    whole = list(dict.fromkeys(whole))
     real = [name for name in dict.fromkeys(real) if name not in arguments and name not in whole]
     return [(INDENT + f"{kind} {', '.join(names)};") for kind, names in (("int", whole), ("double", real)) if names]
 
@@ -87,7 +76,7 @@ def _is_int(annotation: ast.expr | None) -> bool:
     return isinstance(annotation, ast.Name) and annotation.id == "int"
 
 
-def _statement(node: ast.stmt, depth: int) -> list[str]:
+def _statement(node: ast.stmt, depth: int) -> list[str]:  # noqa: PLR0911 - one case a kind of statement
     pad = INDENT * depth
     match node:
         case ast.Assign(targets=[target], value=value):
@@ -100,6 +89,11 @@ def _statement(node: ast.stmt, depth: int) -> list[str]:
             return [f"{pad}return {_expression(value)};" if value is not None else f"{pad}return;"]
         case ast.Expr(value=ast.Call() as call):
             return [f"{pad}{_expression(call)};"]
+        case ast.For(
+            target=ast.Name(id=i), iter=ast.Call(func=ast.Name(id="range"), args=[stop]), body=body, orelse=[]
+        ):
+            lines = [f"{pad}for ({i} = 0; {i} < {_expression(stop)}; ++{i}) {{"]
+            return [*lines, *(x for s in body for x in _statement(s, depth + 1)), f"{pad}}}"]
         case ast.If(test=test, body=body, orelse=orelse):
             lines = [f"{pad}if ({_expression(test)}) {{", *(x for s in body for x in _statement(s, depth + 1))]
             if orelse:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,30 +10,34 @@ from typing import Any
 import numpy as np
 
 from pneucli.design import layout
+from pneucli.design.bench import controllers, plan_of, surfaces
 from pneucli.design.cascade import Corners, corners_of, design_cascade
 from pneucli.design.closed_loop import Bench
 from pneucli.design.controller import Controller
+from pneucli.design.laws import LAWS, laws_named
 from pneucli.design.lpv import Study as WeightStudy
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.ports import pulls_back
 from pneucli.design.requirements import Requirements, requirements_from
 from pneucli.design.sector import Sector, resolved, sector_from_vertices
-from pneucli.design.surface import axis_systems, surface_by_lq, surface_by_poles, unmatched
+from pneucli.design.surface import axis_systems, unmatched
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, atomic_path, read_table, write_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
+from pneucli.stages.bench import Compared, compared, compared_answer, scenarios_of, write_compared
 from pneucli.stages.study import Study, load_model
 
-CONTROLLER = "controller.json"
+CONTROLLERS = "controllers"  # a file a law
 
 
 @dataclass(frozen=True)
 class Designed:
     """All that the stage found."""
 
-    controller: Controller
+    controllers: dict[str, Controller]
+    failed: dict[str, str]
     requirements: Requirements
     corners: Corners
     sectors: dict[str, Sector]
@@ -41,6 +45,11 @@ class Designed:
     matching: dict[str, dict[str, list[str]]]
     weights: list[WeightStudy]
     warnings: list[str]
+
+    @property
+    def chosen(self) -> Controller:
+        """The controller that is simulated and exported."""
+        return self.controllers[self.requirements.controller]
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -55,8 +64,22 @@ def run(context: Context) -> dict[str, Any]:
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
     wanted = requirements_from(context.config.design, f"{context.path}, key design", **_known(axes, model, context))
     designed = _design(context, model, wanted, sealed_pressure(axes, model))
+    names = [law.name for law in laws_named(context.options.get("compare") or LAWS, "--compare")]
+    _require(designed, [wanted.controller, *context.options.get("compare", [])], context)
+    context.progress("the same scenarios under each law", 0.7)
+    chosen = {name: designed.controllers[name] for name in names if name in designed.controllers}
+    scenarios = scenarios_of(context, study.recordings, designed.chosen)
+    found = compared(model, chosen, scenarios, _bench(wanted))
     _write(study, designed)
-    return _answer(study, designed)
+    write_compared(found, context.out, study.provenance("identify/model.parquet"))
+    return _answer(study, designed, found)
+
+
+def _require(designed: Designed, names: Sequence[str], context: Context) -> None:
+    """Raise InputError where a law that was asked for cannot be made."""
+    for name in names:
+        if name in designed.failed:
+            raise InputError(f"{context.path}, controller {name}", designed.failed[name], "a law that can be made here")
 
 
 def _known(axes: Sequence[Recording], model: Model, context: Context) -> dict[str, Any]:
@@ -101,34 +124,37 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
     sectors, warnings = _sectors(context.artifacts / "identify", controller, wanted)
     systems = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])
     matching = {name: unmatched(system) for name, system in systems.items()}
-    mechanical = systems["mechanical"]
-    surfaces = [
-        ("mechanical", "pole placement", surface_by_poles(mechanical.A, mechanical.B, [-corners.position])),
-        ("mechanical", "LQ", surface_by_lq(mechanical.A, mechanical.B, np.diag([corners.position**2, 1.0]))),
-    ]
-    rows = [{"system": s, "method": m, "surface": f.S[0], "pole": float(f.poles[0].real)} for s, m, f in surfaces]
+    rows = surfaces(systems["mechanical"], corners, wanted)
     context.progress("linear matrix inequalities", 0.4)
     floor = sectors["resolved"].speed_floor if "resolved" in sectors else c["C_V_FLOOR"]
     weights: list[WeightStudy] = []
+    missing = {"vertices": "there is none", "scheduled": "no weight type gives gains that are verified"}
     try:
         weights = compare_weight_types(c, floor)
     except InputError as error:
+        missing["scheduled"] = error.found
         warnings.append(f"no PDC: {error.found}")
-    return Designed(controller, wanted, corners, sectors, rows, matching, weights, warnings)
+    vertices = _vertices(context.artifacts / "identify")
+    made, failed = controllers(plan_of(controller, corners, wanted, rows, vertices, weights, missing))
+    return Designed(made, failed, wanted, corners, sectors, rows, matching, weights, warnings)
+
+
+def _vertices(folder: Path) -> list[float]:
+    """Return a22 in 1/s at the vertices of the direct TP friction model (C), where there is one."""
+    try:
+        table = read_table(folder / "tp_vertices.parquet")
+    except InputError:
+        return []
+    return [float(a) for a, m in zip(table["a22"], table["model"], strict=True) if m == "C"]
 
 
 def _sectors(folder: Path, controller: Controller, wanted: Requirements) -> tuple[dict[str, Sector], list[str]]:
     """Return the sector of the TP friction model as identified, and as far as the controller can resolve it."""
-    try:
-        table = read_table(folder / "tp_vertices.parquet")
-    except InputError:
-        return {}, ["no sliding sector from vertices: there is no TP friction model"]
+    if not (vertices := _vertices(folder)):
+        return {}, ["no sliding sector from vertices: there is no direct TP friction model"]
     c = controller.values
-    chosen = [float(a) for a, m in zip(table["a22"], table["model"], strict=True) if m == "B"]
     try:
-        sector = sector_from_vertices(
-            chosen or table["a22"], c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio
-        )
+        sector = sector_from_vertices(vertices, c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio)
     except InputError as error:
         return {}, [f"no sliding sector: {error.found}"]
     found = {"vertices": sector, "resolved": resolved(sector, c["C_STATIC"], c["C_SECTOR_2"])}
@@ -137,9 +163,10 @@ def _sectors(folder: Path, controller: Controller, wanted: Requirements) -> tupl
 
 def _write(study: Study, designed: Designed) -> None:
     out, provenance = study.context.out, study.provenance("identify/model.parquet")
-    with atomic_path(out / CONTROLLER) as path:
-        path.write_text(designed.controller.to_json(), encoding="utf-8")
-    values = designed.controller.values
+    for name, controller in designed.controllers.items():
+        with atomic_path(out / CONTROLLERS / f"{name}.json") as path:
+            path.write_text(controller.to_json(), encoding="utf-8")
+    values = designed.chosen.values
     write_table(
         out / "gains.parquet",
         {
@@ -193,19 +220,29 @@ def _write_lmi(out: Path, weights: Sequence[WeightStudy], provenance: Provenance
     )
 
 
-def load_controller(folder: Path) -> Controller:
-    """Return the controller that the stage wrote."""
-    return Controller.from_json((folder / CONTROLLER).read_text(encoding="utf-8"))
+def load_controller(folder: Path, name: str) -> Controller:
+    """Return the controller of that name; raises InputError where the stage could not make it."""
+    if not (path := folder / CONTROLLERS / f"{name}.json").is_file():
+        made = ", ".join(sorted(one.stem for one in path.parent.iterdir()))
+        raise InputError(f"controller {name}", "it could not be designed for this axis", f"one of {made}")
+    return Controller.from_json(path.read_text(encoding="utf-8"))
 
 
-def bench_of(answer: dict[str, Any]) -> Bench:
+def chosen_controller(folder: Path, answer: Mapping[str, Any]) -> Controller:
+    """Return the controller that ``[design] controller`` names."""
+    return load_controller(folder, answer["requirements"]["controller"])
+
+
+def bench_of(answer: Mapping[str, Any]) -> Bench:
     """Return the sensors and the delay that the design reckoned with."""
-    wanted = answer["requirements"]
-    delay = round(wanted["delay"] / wanted["period"])
-    return Bench(wanted["noise_x"], wanted["noise_p"], wanted["quantum_x"], 0.0, delay)
+    return _bench(Requirements(**answer["requirements"]))
 
 
-def _answer(study: Study, designed: Designed) -> dict[str, Any]:
+def _bench(wanted: Requirements) -> Bench:
+    return Bench(wanted.noise_x, wanted.noise_p, wanted.quantum_x, 0.0, round(wanted.delay / wanted.period))
+
+
+def _answer(study: Study, designed: Designed, found: Compared) -> dict[str, Any]:
     lmi = [
         {
             "weight_type": w.weight_type,
@@ -217,7 +254,8 @@ def _answer(study: Study, designed: Designed) -> dict[str, Any]:
         for w in designed.weights
     ]
     feasible = [w for w in designed.weights if w.pdc]
-    best = max(feasible, key=lambda w: w.pdc.rate if w.pdc else 0.0).weight_type if feasible else None
+    best = max(feasible, key=lambda w: w.pdc.rate if w.pdc else 0.0, default=None)
+    loops = best.pdc.loops if best is not None and best.pdc is not None else np.zeros((0, 0))
     return {
         "schema": "pneucli/design/1",
         "pipeline": study.context.config.name,
@@ -225,7 +263,15 @@ def _answer(study: Study, designed: Designed) -> dict[str, Any]:
         "corners": {n: {"value": v, "unit": "1/s"} for n, v in asdict(designed.corners).items()},
         "sector": {n: asdict(s) | {"steepness": s.steepness, "remark": s.warning} for n, s in designed.sectors.items()},
         "matching": {n: {"holds": not broken, "broken_by": broken} for n, broken in designed.matching.items()},
-        "surface": [{**row, "surface": list(map(float, row["surface"]))} for row in designed.surfaces],
-        "lmi": {"best": best, "types": lmi},
+        "surface": designed.surfaces,
+        "lmi": {
+            "best": best.weight_type if best is not None else None,
+            "types": lmi,
+            "vertex_loops": [[[pole.real, pole.imag] for pole in loop] for loop in loops.tolist()],
+        },
+        "controllers": {name: LAWS[name].title for name in designed.controllers},
+        "not_made": designed.failed,
+        "tolerance_um": 2e6 * designed.chosen.values["C_REACH"],
+        **compared_answer(found),
         "warnings": designed.warnings,
     }

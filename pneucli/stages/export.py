@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pneucli.design.controller import Controller
+from pneucli.design.laws import law_named
 from pneucli.export import files
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
@@ -30,7 +31,8 @@ TABLES = (
 
 def run(context: Context) -> dict[str, Any]:
     """Write what was asked for (``options["to"]``, by default all); return the files' names."""
-    controller = load_controller(context.artifacts / "design")
+    name = context.options.get("controller") or context.answers["design"]["requirements"]["controller"]
+    controller = load_controller(context.artifacts / "design", law_named(name, "--controller").name)
     wanted = context.options.get("to") or TARGETS
     for i, target in enumerate(wanted):
         context.progress(f"writing {target}", i / len(wanted))
@@ -44,6 +46,7 @@ def run(context: Context) -> dict[str, Any]:
     return {
         "schema": "pneucli/export/1",
         "pipeline": context.config.name,
+        "controller": controller.law,
         "period_s": controller.period,
         "files": sorted(path.name for path in context.out.iterdir()),
     }

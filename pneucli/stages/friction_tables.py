@@ -21,6 +21,11 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
     return {
         "warnings": list(friction.warnings),
         "taken_out": list(friction.taken_out),
+        "domain": {
+            "velocity_range": {"value": friction.domain.top, "unit": "m/s"},
+            "nodes": friction.domain.nodes,
+            "eta": {"value": friction.domain.eta, "unit": "s/m"},
+        },
         "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
         "kinetic": [
             {
@@ -79,6 +84,13 @@ def write_friction(friction: FrictionIdentification, out: Path, provenance: Prov
         for v, f in zip(grid, b.force(grid), strict=True)
     ]
     _write(out / "friction_models.parquet", models, {"v": "m/s", "force": "N"}, provenance)
+    slip = [
+        {"model": r.model, "time": time, "v": v, "v_model": vm, "a": a, "a_model": am}
+        for r in friction.replays
+        for time, v, vm, a, am in zip(r.time, r.v, r.v_model, r.a, r.a_model, strict=True)
+    ]
+    units = {"v_model": "m/s", "a_model": "m/s^2"}
+    _write(out / "friction_replays.parquet", slip, units, provenance)
     curves = [
         {"branch": c.branch, "v": v, "force": f, "ci_low": low, "ci_high": high, "count": float(n)}
         for c in friction.curves

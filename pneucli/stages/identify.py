@@ -145,7 +145,8 @@ def _friction(study: Study, model: Model, warnings: list[str]) -> FrictionIdenti
     if not any(r.kind.cylinder and r.use == "train" for r in study.recordings):
         return None
     try:
-        found = identify_friction(study.recordings, model)
+        asked = study.context.config.identify.friction
+        found = identify_friction(study.recordings, model, asked.nodes, asked.velocity_range, asked.eta)
     except InputError as error:
         warnings.append(f"no friction models: {error.where}: {error.found}")
         return None

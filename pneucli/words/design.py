@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.words import labelled, warnings
+from pneucli.words import bench, labelled, table, warnings
 from pneucli.words.numbers import number, quantity
 
 
@@ -20,6 +20,17 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
             yield from labelled("match", f"{name} system: {matching(m)}")
         for t in answer["lmi"]["types"]:
             yield from labelled("PDC", f"weights {t['weight_type']}: {decay(t)}")
+    if answer["compare"]:
+        yield ""
+        yield from table(
+            ("controller", *bench.HEAD), list(bench.rows(answer["compare"], answer["tolerance_um"])), texts=1
+        )
+    for name, why in answer["not_made"].items():
+        yield from labelled("lacks", f"{name}: {why}")
+    if verbose and answer["ablation"]:
+        yield ""
+        rows = list(bench.rows(answer["ablation"], answer["tolerance_um"]))
+        yield from table(("cascade without", *bench.HEAD), rows, texts=1)
     yield from warnings(answer)
     yield from labelled("do", f"pneucli simulate {file}")
 

@@ -10,5 +10,5 @@ from pneucli.words import labelled
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     """Yield the period of the controller, and the files."""
-    yield from labelled("found", f"one step every {1e3 * answer['period_s']:g} ms")
+    yield from labelled("found", f"controller {answer['controller']}, one step every {1e3 * answer['period_s']:g} ms")
     yield from labelled("wrote", ", ".join(answer["files"]))

@@ -25,6 +25,8 @@ FIGURES = {  # of pneucli.design.metrics.Metrics, as people read them
     "fast_share": "command above 50 Hz, share",
     "fast_v": "command above 50 Hz, rms, V",
     "air_kg": "air drawn, kg",
+    "pressure_rest_pa": "error of the pressure at rest, Pa",
+    "pressure_rms_pa": "error of the pressure, rms, Pa",
 }
 WORST = 3  # effects that are named where a check does not always hold
 

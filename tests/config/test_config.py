@@ -64,6 +64,15 @@ def test_quantities_are_si_and_gauge_stands_on_the_files_own_ambient(tmp_path: P
     assert config.checks["compare.error.test"].max == 1.5
 
 
+def test_the_grid_of_the_friction_models_may_be_stated(tmp_path: Path) -> None:
+    table = '[identify.friction]\nvelocity_range = "50 mm/s"\nnodes = 500\neta = "2 s/mm"\n'
+    found = load(write(tmp_path, BASE + table)).identify.friction
+    assert (found.velocity_range, found.nodes, found.eta) == (0.05, 500, 2000.0)
+    (tmp_path / "pipeline.toml").write_text(BASE + table.replace("500", "3"))
+    with pytest.raises(InputError, match=r"(?s)identify\.friction\.nodes"):
+        load(tmp_path / "pipeline.toml")
+
+
 def test_a_glob_makes_numbered_recordings_in_natural_order(tmp_path: Path) -> None:
     found = sources(load(write(tmp_path)))
     assert [(one.name, one.path.name) for one in found] == [("step_1", "a_2.csv"), ("step_2", "a_10.csv")]

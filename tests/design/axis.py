@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from pneucli.design.cascade import design_cascade
+from pneucli.design.bench import controllers, plan_of, surfaces
+from pneucli.design.cascade import corners_of, design_cascade
 from pneucli.design.closed_loop import Bench, Scenario
 from pneucli.design.controller import Controller
+from pneucli.design.laws.law import Plan
+from pneucli.design.lpv import compare_weight_types
 from pneucli.design.requirements import Requirements
 from pneucli.design.scenarios import start_at
+from pneucli.design.surface import axis_systems
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
@@ -55,6 +61,38 @@ def model() -> Model:
 
 def controller(requirements: Requirements = REQUIREMENTS) -> Controller:
     return design_cascade(model(), requirements, SEALED)
+
+
+ARRANGEMENTS = ("one-chamber", "5/3", "two")
+VERTICES = (45.0, 900.0)  # 1/s, of a friction model that resolves 10 mm/s
+
+
+def arranged(arrangement: str) -> tuple[Model, Requirements]:
+    """The axis with its valve connected otherwise, and what is then asked of the controller."""
+    one = model()
+    if arrangement == "one-chamber":
+        return one, REQUIREMENTS
+    rig = replace(RIG, valve_arrangement=arrangement)
+    return replace(one, rig=rig), replace(REQUIREMENTS, chamber_2="valve")
+
+
+@cache
+def plan(arrangement: str = "one-chamber") -> Plan:
+    """What every law is designed from; the PDC has the smallest weight type that is quickly found."""
+    one, wanted = arranged(arrangement)
+    cascade = design_cascade(one, wanted, SEALED)
+    corners, c = corners_of(one, wanted, cascade.values), cascade.values
+    mechanical = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])["mechanical"]
+    weights = compare_weight_types(c, 0.05, ("cno",))
+    return plan_of(cascade, corners, wanted, surfaces(mechanical, corners, wanted), VERTICES, weights, {})
+
+
+@cache
+def bench_of_laws(arrangement: str = "one-chamber") -> tuple[Model, dict[str, Controller]]:
+    """The axis and every law's controller for it."""
+    made, failed = controllers(plan(arrangement))
+    assert not failed
+    return arranged(arrangement)[0], made
 
 
 def scenario(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0, **more: object) -> Scenario:

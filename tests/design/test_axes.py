@@ -16,12 +16,14 @@ from scipy.linalg import expm
 from scipy.signal import place_poles
 
 from pneucli.design import layout, lpv, pdc, robust
-from pneucli.design.closed_loop import Bench, controller_text
+from pneucli.design.closed_loop import Bench
 from pneucli.design.controller import Controller
+from pneucli.design.laws import LAWS
 from pneucli.design.pdc import Pdc
 from pneucli.design.robust import Axes, plausible, sigma_of, success_rates
 from pneucli.design.sector import Sector, resolved, sector_from_vertices, speed_floor
 from pneucli.design.surface import axis_systems
+from pneucli.design.text import controller_text
 from pneucli.errors import InputError
 from pneucli.physics.declaration import Parameter
 from pneucli.physics.effects import catalogue
@@ -109,7 +111,7 @@ def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
         grids=(np.array([-1.0, 1.0]), np.array([0.0, C["C_STROKE"]])), weights_at=lambda v, x: (np.ones(1), np.ones(1))
     )
     x0, scale = np.array([1e-9, 0.0, 0.0]), np.array([1.0, 1e-2, 1e-4])
-    found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0)
+    found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0, np.zeros((1, 2), complex))
     peak, decayed = lpv.verify(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
     step, states = expm((both[:, :3] - both[:, 3:] @ gains) * 2e-4), [x0]
     for _ in range(int(0.2 / 2e-4) - 1):
@@ -154,7 +156,7 @@ def test_pairs_of_vertices_count_too() -> None:
     ],
 )
 def test_a_design_is_verified_by_eigenvalues(changed: dict[str, Any], verified: bool) -> None:
-    found = Pdc(np.ones((1, 1, 2)), np.eye(2), 2.0, "optimal", -2.0, 0.0)
+    found = Pdc(np.ones((1, 1, 2)), np.eye(2), 2.0, "optimal", -2.0, 0.0, np.zeros((1, 2), complex))
     assert replace(found, **changed).verified == verified
 
 
@@ -389,7 +391,8 @@ def test_every_number_with_a_unit_has_one() -> None:
     none = {
         "C_MIRRORED",
         "C_TWO_VALVES",
-        "C_COMPENSATION",
+        *layout.SWITCHES,
+        "C_PRESSURE",
         "C_GAMMA",
         "C_CRITICAL",
         "C_OBS_X",
@@ -440,5 +443,6 @@ def test_the_kernel_gets_the_controllers_constants_and_functions_as_text() -> No
     exec(text.replace("flow_function", "abs"), names)
     for name in (*layout.STATE, *layout.PARAMETERS, "L_U1", "L_ROW"):
         assert names[name] == getattr(layout, name)
-    assert all(callable(names[name]) for name in ("clamp", "step", "control", "rounded"))
+    assert all(callable(names[name]) for name in ("clamp", "step", "control", "rounded", "any_law"))
+    assert all(callable(names[law.step.__name__]) for law in LAWS.values())
     assert "import" not in text

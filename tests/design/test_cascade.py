@@ -20,6 +20,7 @@ from pneucli.design.cascade import (
     reference_limits,
     standstill,
 )
+from pneucli.design.layout import SWITCHES
 from pneucli.design.requirements import Requirements, requirements_from
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
@@ -214,7 +215,8 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
     rig, base = axis.RIG, MODEL.base()
     rt = base["rig.gas_constant"] * rig.gas_temperature
     assert found == {
-        "C_PERIOD": 2e-3, "C_U_MAX": 10.0, "C_TWO_VALVES": 1.0, "C_COMPENSATION": 1.0,
+        "C_PERIOD": 2e-3, "C_U_MAX": 10.0, "C_TWO_VALVES": 1.0,
+        **dict.fromkeys(SWITCHES, 1.0), "C_PRESSURE": 0.0,
         "C_MASS": pytest.approx(rig.moving_mass + 0.5), "C_AREA_1": rig.piston_area_1, "C_AREA_2": rig.piston_area_2,
         "C_STROKE": rig.stroke, "C_DEAD_1": pytest.approx(rig.dead_volume_1 + 1e-5), "C_DEAD_2": rig.dead_volume_2,
         "C_AMBIENT": rig.ambient_pressure, "C_SUPPLY": rig.supply_pressure, "C_GAMMA": base["rig.heat_capacity_ratio"],

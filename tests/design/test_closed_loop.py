@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.design import layout
+from pneucli.design.bench import without
 from pneucli.design.cascade import design_cascade
 from pneucli.design.closed_loop import Bench, loop_kernel, run
 from pneucli.design.controller import Controller
@@ -15,6 +16,7 @@ from pneucli.design.metrics import measure
 from pneucli.design.plant import valve_command
 from pneucli.design.requirements import Requirements
 from pneucli.design.scenarios import scenarios_from
+from pneucli.design.text import controller_text
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -23,7 +25,7 @@ from pneucli.simulate.experiment import longest_step
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
-ALONE = CONTROLLER.with_values(C_COMPENSATION=0.0)
+ALONE = without(CONTROLLER, "all but the map")
 TIME = 1e-3 * np.arange(6000)
 STEPS = 0.1 + 0.03 * (TIME >= 0.5) - 0.06 * (TIME >= 3.0)
 SINE = 0.1 + 0.03 * np.sin(2 * np.pi * 0.5 * np.maximum(TIME - 0.5, 0.0))
@@ -134,7 +136,7 @@ def test_the_compiled_loop_is_the_python_text() -> None:
     from pneucli.design import closed_loop
 
     scene = axis.scenario(CONTROLLER, 0.1 + 0.01 * (TIME[:200] >= 0.05))
-    plain = build((), compiled=False, control=closed_loop.controller_text())
+    plain = build((), compiled=False, control=controller_text())
     outs = []
     for kernel in (plain, loop_kernel(())):
         state = np.concatenate(
@@ -142,7 +144,7 @@ def test_the_compiled_loop_is_the_python_text() -> None:
         )
         out = np.zeros((200, at.OUTPUTS))
         base = np.array([MODEL.base()[name] for name in at.BASE])
-        cp = np.concatenate([CONTROLLER.vector(), [1e-6, 0.0, 0]])
+        cp = np.concatenate([CONTROLLER.vector(), [1e-6, 0.0, 0, 0]])
         flags = closed_loop._flags(CONTROLLER)
         kernel.run(
             TIME[:200], closed_loop._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.vector({}),
@@ -201,7 +203,7 @@ def test_what_is_missing_for_a_design_is_named(missing: str) -> None:
 
 def test_default_scenarios_show_each_kind_of_trouble() -> None:
     names = [s.name for s in scenarios_from([], CONTROLLER, "pipeline.toml, scenarios")]
-    assert names == ["steps", "sine", "s-curve", "load", "supply-drop", "sensor-dropout"]
+    assert names == ["steps", "sine", "s-curve", "load", "supply-drop", "sensor-dropout", "points", "pressure"]
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,10 @@ def sticking(samples: int) -> np.ndarray:
     return np.column_stack([np.full(samples, 0.1), x, p])
 
 
-@pytest.mark.parametrize("values", [{}, {"C_TWO_VALVES": 1.0}, {"C_MIRRORED": 1.0}, {"C_COMPENSATION": 0.0}])
+VARIANTS = [{}, {"C_TWO_VALVES": 1.0}, {"C_MIRRORED": 1.0}, *({name: 0.0} for name in at.SWITCHES)]
+
+
+@pytest.mark.parametrize("values", VARIANTS)
 @pytest.mark.parametrize("scales", [SMALLER, FASTER])
 def test_a_moving_axis_is_controlled_alike_in_all_units(scales: dict[str, float], values: dict[str, float]) -> None:
     known = commands(moving(150), dict.fromkeys(scales, 1.0), **values)
@@ -74,13 +77,13 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
 
 
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
-    none = {"C_TWO_VALVES", "C_MIRRORED", "C_COMPENSATION", "C_GAMMA", "C_CRITICAL", "C_OBS_X", "C_OBS_P", "C_NODES"}
-    assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE"}
+    none = {"C_TWO_VALVES", "C_MIRRORED", "C_GAMMA", "C_CRITICAL", "C_OBS_X", "C_OBS_P", "C_NODES", "C_PRESSURE"}
+    assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE", *at.SWITCHES}
 
 
 def test_every_column_of_a_rows_log_has_one_name() -> None:
     """Beside these there are the number of states, which go before, and that of the columns."""
     columns = {getattr(at, name) for name in dir(at) if name.startswith("L_") and name not in ("L_STATES", "L_ROW")}
     assert columns == set(range(at.L_ROW))
-    assert len(at.STATE) == at.L_STATES
+    assert len(at.STATE) + at.MOST_OWN == at.L_STATES
     assert UNITS["C_U_MAX"] == "V"  # the step clips by the tables

@@ -16,6 +16,7 @@ from tests.design import axis
 CONTROLLER = axis.controller()
 STROKE = CONTROLLER.values["C_STROKE"]
 SUPPLY = CONTROLLER.values["C_SUPPLY"]
+ABOVE = SUPPLY - CONTROLLER.values["C_AMBIENT"]
 
 
 def scene(**table: Any):
@@ -83,14 +84,50 @@ def test_it_starts_in_balance_where_the_reference_does() -> None:
 
 
 def test_the_defaults() -> None:
-    steps, sine, curve, load, drop, dropout = scenarios_from([], CONTROLLER, "here")
-    assert [s.reference.size for s in (steps, sine, curve, load, drop, dropout)] == [8000, 6000, 5000, 6000, 8000, 8000]
+    steps, sine, curve, load, drop, dropout, points, pressure = found = scenarios_from([], CONTROLLER, "here")
+    assert [s.reference.size for s in found] == [8000, 6000, 5000, 6000, 8000, 8000, 8000, 6000]
     assert np.ptp(steps.reference) == np.ptp(drop.reference) == np.ptp(dropout.reference) == pytest.approx(0.3 * STROKE)
     assert np.argmax(sine.reference) == 1000
-    assert load.force[[999, 1000, 3499, 3500]].tolist() == [0.0, -50.0, -50.0, 0.0]
-    assert drop.supply[[1499, 1500, 4999, 5000]] - SUPPLY == pytest.approx([0.0, -1e5, -1e5, 0.0])
+    push = 0.1 * CONTROLLER.values["C_AREA_1"] * ABOVE
+    assert load.force[[999, 1000, 3499, 3500]] == pytest.approx([0.0, -push, -push, 0.0])
+    assert drop.supply[[1499, 1500, 4999, 5000]] - SUPPLY == pytest.approx([0.0, -ABOVE / 6, -ABOVE / 6, 0.0])
     assert dropout.lost == (("p1", 3.2, 3.3),)
     assert not any(s.lost for s in (steps, sine, curve, load, drop))
+    assert points.reference[[0, 501, 2001, 3501, 5001]] / STROKE == pytest.approx([0.5, 0.515, 0.44, 0.4385, 0.62])
+    assert [s.name for s in found if s.pressed] == ["pressure"]
+    assert np.ptp(pressure.reference) == pytest.approx(0.2 * ABOVE)
+    assert pressure.reference[0] == pytest.approx(pressure.start[1])
+
+
+def test_sizes_that_are_not_stated_suit_the_rig() -> None:
+    """A sine is as fast as the reference may be, at most, an S-curve takes the time that it needs for that."""
+    slow = CONTROLLER.with_values(C_V_MAX=0.02, C_AREA_1=2e-3)
+    sine, curve, load = (
+        scenarios_from([table], slow, "here")[0]
+        for table in (
+            {"reference": "sine", "frequency": 0.5},
+            {"reference": "s-curve", "duration": 12.0},
+            {"load_from": 0},
+        )
+    )
+    assert np.ptp(sine.reference) == pytest.approx(2 * 0.02 / np.pi, rel=1e-3)
+    assert np.abs(np.diff(curve.reference)).max() / 1e-3 == pytest.approx(0.02, rel=1e-3)
+    assert load.force[0] == pytest.approx(-0.1 * 2e-3 * ABOVE)
+
+
+def test_points_are_visited_in_turn() -> None:
+    found = scene(reference="points", points=["50 mm", "0.1 m", 0.07], dwell="1 s", duration="4 s").reference
+    assert found[[0, 501, 1501, 3999]] == pytest.approx([0.05, 0.1, 0.07, 0.07])
+
+
+def test_a_pressure_may_be_asked_for_and_its_sizes_are_pressures() -> None:
+    found = scene(control="pressure", reference="sine", centre="3 bar", amplitude="20 kPa", frequency="1 Hz")
+    assert found.pressed
+    assert found.start[0] == 0.5 * STROKE
+    assert found.reference[[0, 750, 1250]] == pytest.approx([3e5, 3.2e5, 2.8e5])
+    asked = {"axis_1, pressure": (np.array([0.0, 10.0]), np.array([2e5, 4e5])), "axis_1": (np.zeros(1), np.ones(1))}
+    table = {"control": "pressure", "reference": "recorded", "recording": "axis_1", "duration": 10.0}
+    assert scenarios_from([table], CONTROLLER, "here", asked)[0].reference[5000] == pytest.approx(3e5)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +140,9 @@ def test_the_defaults() -> None:
         ({"duration": "0 s"}, r"here\.duration: 0.*above 0"),
         ({"dwell": "-1 s"}, r"here\.dwell: -1.*above 0"),
         ({"frequency": "0 Hz"}, r"here\.frequency: 0.*above 0"),
+        ({"control": "force"}, r'here\.control: "force"'),
+        ({"control": "pressure", "centre": "3 mm"}, r'here\.centre.*a quantity such as "1 Pa"'),
+        ({"points": ["1 mm", "1 bar"]}, r'here\.points.*a quantity such as "1 m"'),
         ({"lost": "a"}, r'here\.lost: "a".*"x", "p1" or "p2"'),
     ],
 )

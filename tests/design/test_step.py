@@ -12,7 +12,8 @@ from pneucli.design import loop, plant, step
 
 NODES = 5
 ROUND = {
-    "PERIOD": 1e-3, "U_MAX": 10.0, "TWO_VALVES": 0.0, "COMPENSATION": 1.0, "MASS": 2.0, "AREA_1": 8e-4, "AREA_2": 6e-4,
+    "PERIOD": 1e-3, "U_MAX": 10.0, "TWO_VALVES": 0.0, "AHEAD": 1.0, "ESTIMATES": 1.0,
+    "HOLD": 1.0, "SWITCHING": 1.0, "INVERSE": 1.0, "PRESSURE": 0.0, "MASS": 2.0, "AREA_1": 8e-4, "AREA_2": 6e-4,
     "STROKE": 0.2, "DEAD_1": 2e-5, "DEAD_2": 3e-5, "AMBIENT": 1e5, "SUPPLY": 7e5, "GAMMA": 1.4, "GAMMA_R_T": 1.2e5,
     "K_GAS": 5e-3, "CRITICAL": 0.5, "COULOMB": 10.0, "STATIC": 20.0, "STRIBECK": 0.01, "VISCOUS": 50.0,
     "V_FLOOR": 2e-3, "V_MAX": 0.5, "A_MAX": 5.0, "SHAPE": 4e-3, "KP": 900.0, "KD": 60.0, "KI": 2e4, "SECTOR_1": 20.0,
@@ -485,9 +486,9 @@ def test_held_it_is_let_go_as_it_moves() -> None:
 # --- the position law
 
 
-def asked(x_ref: float = 0.15, compensation: float = 1.0, **given: float) -> tuple[float, np.ndarray]:
+def asked(x_ref: float = 0.15, off: tuple[str, ...] = (), **given: float) -> tuple[float, np.ndarray]:
     s = state(**({"X_SHAPED": 0.1 + 1e-4, "V_SHAPED": 0.02, "A_SHAPED": 0.3, "V": 0.01, "LOAD": 5.0} | given))
-    return float(step.position_law(x_ref, s, settings(COMPENSATION=compensation))), s
+    return float(step.position_law(x_ref, s, settings(**dict.fromkeys(off, 0.0)))), s
 
 
 PID = 2.0 * (0.3 + 60.0 * 0.01 + 900.0 * 1e-4) + 50.0 * 0.02
@@ -507,11 +508,16 @@ def test_friction_ahead_fades_below_the_least_speed(v: float, share: float) -> N
     assert force == pytest.approx(2.0 * (0.3 + 900.0 * 1e-4) + 50.0 * v + share * friction - 5.0)
 
 
-def test_a_pid_alone_integrates_the_error_instead() -> None:
-    force, s = asked(compensation=0.0, INTEGRAL=7.0)
+def test_without_the_estimate_the_error_is_integrated_instead() -> None:
+    force, s = asked(off=("ESTIMATES",), INTEGRAL=7.0)
     grown = 7.0 + 1e-3 * 2.0 * 2e4 * 1e-4
     assert of(s, "INTEGRAL") == pytest.approx([grown])
-    assert force == pytest.approx(PID + grown)
+    assert force == pytest.approx(PID + 12.0 + grown)
+
+
+def test_with_nothing_ahead_mass_and_friction_are_left_to_the_loop() -> None:
+    force, _ = asked(off=("AHEAD",))
+    assert force == pytest.approx(2.0 * (60.0 * 0.01 + 900.0 * 1e-4) - 5.0)
 
 
 def test_at_rest_off_the_reference_the_sector_pushes_too() -> None:
@@ -524,6 +530,12 @@ def test_at_rest_off_the_reference_the_sector_pushes_too() -> None:
 def test_held_the_force_is_left_as_it_was() -> None:
     force, _ = asked(0.1, REST=0.06, V=0.0, V_SHAPED=0.0, HOLD=1.0, FORCE=3.5)
     assert force == 3.5
+    assert asked(0.1, ("HOLD",), REST=0.06, V=0.0, V_SHAPED=0.0, FORCE=3.5)[0] != 3.5
+
+
+def test_without_switching_a_piston_that_sticks_off_the_reference_is_not_freed() -> None:
+    still = {"X_SHAPED": 0.15, "V_SHAPED": 0.0, "A_SHAPED": 0.0, "V": 0.0, "REST": 0.06, "STIRS": 0.0, "LOAD": 0.0}
+    assert of(asked(off=("SWITCHING",), **still)[1], "STICK") == [0.0]
 
 
 # --- pressures that make the force, and anti-windup
@@ -595,9 +607,9 @@ def test_a_valve_stays_shut_while_the_piston_is_held_and_its_pressure_near(
     assert bool(step.quiet(error, state(HOLD=hold), C)) == shut
 
 
-def driven(number: int = 1, compensation: float = 1.0, two: float = 0.0, **given: float) -> np.ndarray:
+def driven(number: int = 1, off: tuple[str, ...] = (), two: float = 0.0, **given: float) -> np.ndarray:
     s = state(**({"P1_REF": 3e5, "P2_REF": 3e5} | given))
-    (step.chamber_1 if number == 1 else step.chamber_2)(s, settings(COMPENSATION=compensation, TWO_VALVES=two))
+    (step.chamber_1 if number == 1 else step.chamber_2)(s, settings(TWO_VALVES=two, **dict.fromkeys(off, 0.0)))
     return s
 
 
@@ -624,14 +636,14 @@ def test_chamber_2_makes_up_likewise_where_it_has_a_valve() -> None:
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_pi_alone_integrates_its_error(number: int) -> None:
     given = {f"P{number}_REF": 3.01e5, f"INTEGRAL{number}": 5e3, "V": 0.1, f"FLOW{number}": 2e4}
-    s = driven(number, 0.0, 1.0, **given)
+    s = driven(number, ("AHEAD", "ESTIMATES"), 1.0, **given)
     assert of(s, f"RATE{number}", f"INTEGRAL{number}") == pytest.approx([1.05e5, 5e3 + 1e-3 * 300.0 * 1e3])
 
 
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_anti_windup_stops_the_integral_while_the_valve_is_wide_open(number: int, sign: float) -> None:
-    s = driven(number, 0.0, 1.0, **{f"P{number}_REF": 3e5 + sign * 1e9})
+    s = driven(number, ("AHEAD", "ESTIMATES"), 1.0, **{f"P{number}_REF": 3e5 + sign * 1e9})
     assert of(s, f"INTEGRAL{number}") == [0.0]
     assert of(s, f"U{number}") == pytest.approx([10.0 if sign > 0 else -9.0])
     assert 0.0 < sign * of(s, f"RATE{number}")[0] < 1e11
@@ -639,8 +651,21 @@ def test_anti_windup_stops_the_integral_while_the_valve_is_wide_open(number: int
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_held_and_near_its_pressure_a_valve_is_shut(number: int) -> None:
-    s = driven(number, 1.0, 1.0, HOLD=1.0, V=0.1, **{f"P{number}_REF": 3e5 + 900.0})
+    s = driven(number, (), 1.0, HOLD=1.0, V=0.1, **{f"P{number}_REF": 3e5 + 900.0})
     assert of(s, f"RATE{number}", f"U{number}") == [0.0, -0.5]
+
+
+def test_the_motion_alone_or_the_other_flows_alone_are_made_up_for() -> None:
+    known = {"V": 0.1, "FLOW1": 2e4, "P1_REF": 3.01e5}
+    assert of(driven(off=("AHEAD",), **known), "RATE1") == pytest.approx([100.0 * 1e3 - 2e4])
+    assert of(driven(off=("ESTIMATES",), **known), "RATE1") == pytest.approx([100.0 * 1e3 + COMPRESSED + SPRING])
+
+
+@pytest.mark.parametrize(("share", "u"), [(0.25, 2.125), (-0.5, -4.75), (3.0, 10.0), (0.0, -0.5)])
+def test_without_the_inverse_map_the_command_is_in_proportion(share: float, u: float) -> None:
+    """All of what the open valve makes at mean pressure takes all of the command, whose null is -0.5 V here."""
+    whole = plant.per_area(share > 0.0, 3e5, VOLUME_1, C) * (2e-6 if share > 0.0 else 1e-6)
+    assert plant.valve_command(share * whole, 5e5, VOLUME_1, settings(INVERSE=0.0)) == pytest.approx(u)
 
 
 # --- the whole step
@@ -682,9 +707,9 @@ def test_a_missing_reading_stays_missing() -> None:
 
 
 def test_a_sample_reads_logs_and_commands_late() -> None:
-    cp = np.concatenate([C, [1e-4, 100.0, 1.0]])
-    cs = np.zeros(len(at.STATE) + 2 * at.L_ROW)
-    first, second = len(at.STATE), len(at.STATE) + at.L_ROW
+    cp = np.concatenate([C, [1e-4, 100.0, 1.0, 0.0]])
+    cs = np.zeros(at.L_STATES + 2 * at.L_ROW)
+    first, second = at.L_STATES, at.L_STATES + at.L_ROW
     cs[first + at.L_NOISE_X : first + at.L_NOISE_P2 + 1] = 0.4e-4, 160.0, -160.0
     assert loop.control(0, 0.15, 0.1, 3e5, 3.7e5, cs, cp) == (0.0, 0.0)
     assert cs[first + at.L_READ_X : first + at.L_READ_P2 + 1] == pytest.approx([0.1, 3.002e5, 3.698e5])

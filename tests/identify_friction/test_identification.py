@@ -58,8 +58,12 @@ def test_a_constant_force_is_told_from_friction_only_where_both_directions_were_
 
 
 def test_the_grid_is_the_users_to_choose() -> None:
-    found = identify_friction([RUN], Model(RIG), nodes=400)
-    assert found.model("E").branches[0].tp.grids[0].size == 400
+    found = identify_friction([RUN], Model(RIG), nodes=400, top=0.05, eta=2000.0)
+    grid = found.model("E").branches[0].tp.grids[0]
+    assert grid.size == 400
+    assert grid[[0, -1]] == pytest.approx([-0.05, 0.05])
+    assert found.domain.eta == 2000.0
+    assert found.model("A").force(np.array([1.0])) == pytest.approx(found.model("A").force(np.array([0.05])))
 
 
 def test_what_cannot_be_identified_is_said() -> None:

@@ -53,6 +53,16 @@ def test_the_smoothed_sign_reaches_95_percent_where_sensors_and_grid_begin_to_re
     assert by_sensor.sign(v) == pytest.approx(2 / (1 + np.exp(-by_sensor.eta * v)) - 1)  # (6.22)
 
 
+def test_a_stated_steepness_sets_the_vertex_at_standstill() -> None:
+    """a22(0) = (Fs eta / 2 + Fv) / m, by eta alone (6.22, 6.9)."""
+    for eta in (200.0, 2000.0):
+        found = models(domain=Domain(top=0.3, resolved=1e-3, steepness=eta))
+        tp = found["B"].branches[0].tp
+        a = found["A"].branches[0].parameters
+        expected = (0.5 * eta * a["coulomb"].value + a["viscous"].value) / MASS
+        assert tp.vertices.max() == pytest.approx(expected, rel=0.05)
+
+
 def test_nodes_are_so_dense_near_standstill_that_straight_lines_follow_a22() -> None:
     domain = Domain(top=0.5, resolved=5e-4)
     v = np.linspace(5e-4, 0.01, 5000)

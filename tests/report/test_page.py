@@ -29,9 +29,11 @@ ANCHORS = {
     "valve": "identify",
     "friction": "identify",
     "closed-loop": "design",
+    "bench": "design",
     "robustness": "simulate",
     "open-loop": "simulate",
     "tensor": "identify",
+    "thesis": "identify",
     "measured": "ingest",
     "checks": None,
 }
@@ -55,7 +57,7 @@ def test_a_section_is_absent_where_its_stage_never_ran(material: Material, stage
 
 def test_a_report_comes_out_of_ingest_and_identify_alone(material: Material) -> None:
     page = to_html(replace(without(material, "compare", "diagnose", "design", "simulate"), checks=[]))
-    assert anchors(page) == ["parameters", "valve", "friction", "tensor", "measured"]
+    assert anchors(page) == ["parameters", "valve", "friction", "tensor", "thesis", "measured"]
 
 
 def test_a_report_comes_out_of_nothing() -> None:

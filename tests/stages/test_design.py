@@ -10,6 +10,8 @@ import pytest
 
 from pneucli import words
 from pneucli.config import load
+from pneucli.design.bench import COMPONENTS
+from pneucli.design.laws import LAWS
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
@@ -64,7 +66,7 @@ def test_the_sensors_come_from_the_recordings(designed: Demo) -> None:
     wanted = designed[1]["design"]["requirements"]
     assert wanted["noise_p"] == pytest.approx(400.0, rel=0.05)
     assert wanted["quantum_x"] == pytest.approx(1e-6)
-    assert design.load_controller(designed[0] / "design").values["C_P_MEAN"] == pytest.approx(
+    assert design.load_controller(designed[0] / "design", "best").values["C_P_MEAN"] == pytest.approx(
         (1.013e5 * 7e5) ** 0.5, rel=1e-3
     )
 
@@ -103,6 +105,42 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
     assert "closed loop, " in told
 
 
+def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) -> None:
+    answer = designed[1]["design"]
+    assert set(answer["compare"]) == set(LAWS) == set(answer["controllers"])
+    assert answer["not_made"] == {}
+    assert set(answer["without_map"]) == {f"{name}, no map" for name in LAWS}
+    assert list(answer["ablation"]) == ["nothing", *COMPONENTS]
+    assert answer["ablation"]["nothing"] == answer["compare"]["best"]
+    rest = {name: words.bench.worst_of(by, "steady_um") for name, by in answer["compare"].items()}
+    assert rest["best"] <= answer["tolerance_um"] < min(rest["relay"], rest["pdc"], rest["sector"])
+    told = words.of("design", answer, "demo.toml", verbose=True)
+    assert "cascade without" in told
+    assert "off" in next(line for line in told.splitlines() if line.strip().startswith("pdc"))
+    table = read_table(designed[0] / "design" / "comparison.parquet")
+    assert set(table["group"]) == {"law", "without map", "without"}
+
+
+def test_only_the_laws_that_are_asked_for_are_compared(designed: Demo) -> None:
+    answer = design.run(context_of(designed, "compared", options={"compare": ["pid", "relay"]}))
+    assert list(answer["compare"]) == ["pid", "relay"]
+    assert answer["ablation"] == {}
+    assert set(answer["controllers"]) == set(LAWS)  # each can be exported all the same
+
+
+def test_the_controller_of_the_file_is_simulated_and_exported_and_another_one_on_demand(
+    designed: Demo, tmp_path: Path
+) -> None:
+    path = edited(tmp_path, '\n[design]\ncontroller = "relay"\nsurface = "lq"\nsurface_weights = [900.0, 1.0]\n')
+    folder = context_of(designed, "relays", path)
+    answer = design.run(folder)
+    assert next(line for line in answer["surface"] if line["taken"])["slope"] == pytest.approx(30.0)
+    assert design.chosen_controller(folder.out, answer).law == "relay"
+    asked = context_of(designed, "export", options={"to": ["c"], "controller": "pdc"})
+    assert export.run(asked)["controller"] == "pdc"
+    assert "parallel distributed" in (asked.out / "pneucli_controller.h").read_text(encoding="utf-8")
+
+
 def test_the_export_writes_what_is_asked_for(designed: Demo) -> None:
     answer = export.run(context_of(designed, "export", options={"to": ["c", "csv"]}))
     assert {"pneucli_controller.h", "pneucli_controller.c", "pneucli_replay.csv", "valve_map.csv"} <= {*answer["files"]}
@@ -115,6 +153,10 @@ def test_the_export_writes_what_is_asked_for(designed: Demo) -> None:
         ('\n[design]\ntolerence = "5 um"\n', "tolerance"),
         ('\n[design]\ntolerance = "5 bar"\n', "tolerance"),
         ("\n[design]\nsector_ratio = 0.5\n", "above 1"),
+        ('\n[design]\ncontroller = "rely"\n', "relay"),
+        ('\n[design]\nsurface = "lqr"\n', "poles"),
+        ("\n[design]\nsurface_weights = [1.0, -1.0]\n", "above 0"),
+        ('\n[design]\nequivalent_control = "no"\n', "true"),
         ('\n[design]\nchamber_2 = "ajar"\n', "closed"),
     ],
 )

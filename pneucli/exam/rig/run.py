@@ -111,7 +111,48 @@ def _spool(par: Parameters, h: float, u: float, spool: float, opening: float) ->
 
 
 @compiled()
-def _limited(par: Parameters, opening: float) -> float:
+def empty_line(par: Parameters, step: float) -> Array:
+    """What is under way in the hose: flows (kg/s) of as many steps as it delays, and of this one; none yet."""
+    line: Array = np.zeros((round(par.line_delay / step) + 1, 4))
+    return line
+
+
+@compiled()
+def drive(
+    par: Parameters,
+    i: int,
+    step: float,
+    o: float,
+    o2: float,
+    spools: Array,
+    line: Array,
+    s: Array,
+    rest: float,
+    held: int,
+    work: Array,
+) -> tuple[float, Flows]:
+    """Step ``i`` of length ``step`` (s) under openings o and o2 (V): spools, flows, hose, gas and motion.
+
+    ``spools``: spool and opening (V) of either valve, ``line``: what is in the hose; both are brought forward with
+    ``s``. Returns the time at rest in s and the flows.
+    """
+    t = i * step
+    spools[0], spools[1] = _spool(par, step, o, spools[0], spools[1])
+    now = line[i % len(line)]
+    now[0], now[1] = valve_flow(par, valve_area(par, spools[1], t), t, s)
+    if par.arrangement == TWO_VALVES:
+        spools[2], spools[3] = _spool(par, step, o2, spools[2], spools[3])
+    elif par.arrangement == FIVE_THREE:
+        spools[3] = -spools[1]
+    if par.arrangement != ONE_CHAMBER:
+        now[2], now[3] = valve_flow(par, valve_area_2(par, spools[3], t), t, s, 1)
+    late = line[(i + 1) % len(line)]
+    q = (late[0], late[1], late[2], late[3])
+    return _advance(par, t, step, s, rest, q, held, work), q
+
+
+@compiled()
+def limited(par: Parameters, opening: float) -> float:
     """The opening in V that the valve's amplifier passes on."""
     if par.switching > 0.0:
         return math.copysign(par.command_range, opening) if abs(opening) > 0.1 * par.command_range else 0.0
@@ -145,33 +186,21 @@ def _run(
     s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty(((steps - 1) // every + 1, 10))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
     s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
-    line = np.zeros((round(par.line_delay / step) + 1, 4))
+    spools, line = np.zeros(4), empty_line(par, step)
     o, o2, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
-    spool, opening, spool_2, opening_2 = 0.0, 0.0, 0.0, 0.0
     for i in range(steps):
         k, t = i // hold, i * step
         if i % hold == 0:
-            o = _limited(par, command[k])
+            o = limited(par, command[k])
             if gain > 0.0:
-                o = round(_limited(par, gain * (command[k] - s[X])), 4)
+                o = round(limited(par, gain * (command[k] - s[X])), 4)
             if par.arrangement == TWO_VALVES:
-                o2 = _limited(par, second[k] - o if gain > 0.0 else second[k])
+                o2 = limited(par, second[k] - o if gain > 0.0 else second[k])
         if i % every == 0:
             rows[i // every] = _row(par, o, o2, t, s, rest, q, held, work)
         if imposed.size:
             s[P1 : P2 + 1 : 2] = _between(imposed, k, (i % hold + 0.5) / hold)
-        spool, opening = _spool(par, step, o, spool, opening)
-        now = line[i % len(line)]
-        now[0], now[1] = valve_flow(par, valve_area(par, opening, t), t, s)
-        if par.arrangement == TWO_VALVES:
-            spool_2, opening_2 = _spool(par, step, o2, spool_2, opening_2)
-        elif par.arrangement == FIVE_THREE:
-            opening_2 = -opening
-        if par.arrangement != ONE_CHAMBER:
-            now[2], now[3] = valve_flow(par, valve_area_2(par, opening_2, t), t, s, 1)
-        late = line[(i + 1) % len(line)]
-        q = (late[0], late[1], late[2], late[3])
-        rest = _advance(par, t, step, s, rest, q, held, work)
+        rest, q = drive(par, i, step, o, o2, spools, line, s, rest, held, work)
     return rows
 
 

@@ -6,7 +6,7 @@
 enum { @STATE@ };
 
 enum { @PARAMETERS@ };
-
+@OWN@
 static const double PARAMETERS[] = {
 @NUMBERS@
 };
@@ -33,7 +33,7 @@ void pneucli_controller_init(pneucli_controller *c)
 
 void pneucli_controller_step(pneucli_controller *c, double x_ref, double x, double p1, double p2, double u[2])
 {
-    step(x_ref, x, p1, p2, c->state, PARAMETERS);
+    @STEP@(x_ref, x, p1, p2, c->state, PARAMETERS);
     u[0] = c->state[S_U1];
     u[1] = c->state[S_U2];
 }

@@ -1,4 +1,5 @@
-/* Controller of the pipeline {pipeline}, written by pneucli {version}. C99, no allocation, no library but math.h.
+/* Controller of the pipeline {pipeline}, written by pneucli {version}: {law}.
+ * C99, no allocation, no library but math.h.
  *
  *     static pneucli_controller controller;
  *     double u[2];

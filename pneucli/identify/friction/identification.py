@@ -16,7 +16,7 @@ from pneucli.identify.friction.lacking import lacking
 from pneucli.identify.friction.models import GRID, Domain, FrictionModel, Name, identify_models
 from pneucli.identify.friction.motion import Motion, motion_of
 from pneucli.identify.friction.stickslip import Averaged, Cut, average, cut
-from pneucli.identify.friction.tables import Deviation, deviations
+from pneucli.identify.friction.tables import Deviation, Replay, deviations, replays
 from pneucli.identify.friction.values import Samples, Value, pool
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
@@ -34,8 +34,9 @@ class FrictionIdentification:
     ``mass`` (kg) as given (interval of no width) or identified; None where it can't be: inertia is then neglected and
     a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
     (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
-    ``deviations`` are the tables 6.2 and 6.3; they, ``kinetic`` friction, ``break_aways``, growth ``over_pressure`` and
-    ``repeats`` have the test recordings in them; everything else rests on the training ones.
+    ``deviations`` are the tables 6.2 and 6.3, ``replays`` one slip under each model; they, ``kinetic`` friction,
+    ``break_aways``, growth ``over_pressure`` and ``repeats`` have the test recordings in them; all else rests on the
+    training ones.
     ``taken_out`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``lacking``
     for each of A to F the effects on friction that it cannot show.
     """
@@ -49,6 +50,7 @@ class FrictionIdentification:
     averages: tuple[Averaged, ...]
     models: tuple[FrictionModel, ...]
     deviations: tuple[Deviation, ...]
+    replays: tuple[Replay, ...]
     kinetic: tuple[KineticFriction, ...]
     break_aways: tuple[BreakAway, ...]
     over_pressure: OverPressure | None
@@ -70,12 +72,20 @@ class FrictionIdentification:
         raise InputError("friction model", name, ", ".join(m.name for m in self.models))
 
 
-def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int = GRID) -> FrictionIdentification:
+def identify_friction(
+    recordings: Sequence[Recording],
+    model: Model,
+    nodes: int | None = None,
+    top: float | None = None,
+    eta: float | None = None,
+) -> FrictionIdentification:
     """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
 
-    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. ``nodes`` is the
-    number of grid points of the TP models. Fits the recordings of use ``train``. Raises InputError where there is none,
-    where the drive or the motion was not recorded, or where hardly anything moves.
+    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. Of the TP models
+    ``nodes`` is the number of grid points, ``top`` (m/s) the end of their velocities, by default the highest of the
+    tests, ``eta`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits the recordings of
+    use ``train``. Raises InputError where there is none, where the drive or the motion was not recorded, or where
+    hardly anything moves.
     """
     motions = tuple(motion_of(r, model) for r in _usable(recordings))
     train = [m for m in motions if m.recording.use == "train"]
@@ -88,8 +98,8 @@ def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int 
     if not samples.both_directions:
         warnings.append("motion in one direction only: a constant force can't be told from dry friction")
     both = fit_stribeck(samples, offset=samples.both_directions)
-    top = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
-    domain = Domain(top, max(m.floor for m in train), nodes)
+    fastest = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
+    domain = Domain(top or fastest, max(m.floor for m in train), nodes or GRID, eta)
     models, missing = identify_models(samples, both, domain, inertia or 1.0)
     cuts = tuple(c for m in train if not m.imposed for c in cut(m, inertia))
     levels = tuple(k for m in motions if (k := kinetic_friction(m, inertia)))
@@ -105,6 +115,7 @@ def identify_friction(recordings: Sequence[Recording], model: Model, nodes: int 
         averages=tuple(average(cuts)),
         models=models,
         deviations=deviations(models, motions, inertia),
+        replays=replays(models, motions, cuts, inertia),
         kinetic=levels,
         break_aways=tuple(b for m in motions if (b := break_away(m))),
         over_pressure=over_pressure(strokes, ambient),

@@ -44,12 +44,13 @@ class Domain:
     distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
     broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve
     (``resolved``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its
-    smoothing.
+    smoothing. ``steepness`` (s/m) states eta instead.
     """
 
     top: float
     resolved: float
     nodes: int = GRID
+    steepness: float | None = None
 
     @property
     def grid(self) -> Array:
@@ -71,6 +72,8 @@ class Domain:
     @property
     def eta(self) -> float:
         """Steepness of the smoothed sign in s/m."""
+        if self.steepness is not None:
+            return self.steepness
         return float(np.log((1 + RESOLVED) / (1 - RESOLVED)) / max(self.resolved, 2 * self.step))
 
     def sign(self, v: Array) -> Array:

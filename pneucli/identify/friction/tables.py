@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pneucli.identify.friction.models import FrictionModel, Name
 from pneucli.identify.friction.motion import Motion
+from pneucli.identify.friction.stickslip import Cut
 
 Array = NDArray[np.float64]
 Channel = Literal["a", "v", "force"]
@@ -64,15 +65,53 @@ def level_tables(model: FrictionModel) -> tuple[Array, float]:
     return np.maximum(np.array(rows), 0.0), step
 
 
-def driven(model: FrictionModel, motion: Motion, mass: float, noise: Array | float = 0.0) -> Array:
+def driven(
+    model: FrictionModel, motion: Motion, mass: float, noise: Array | float = 0.0, span: slice = slice(None)
+) -> Array:
     """Return v (m/s) and a (m/s^2), shape (2, n), of the model under a recording's drive, started once at its v.
 
     The effects' forces act at the measured position and the model's own velocity. ``noise`` (N) disturbs the drive.
+    ``span`` is the stretch of samples that is driven.
     """
     tables, step = level_tables(model)
-    start = float(motion.v[0]) if abs(motion.v[0]) > motion.floor else 0.0
+    begin = float(motion.v[span][0])
+    start = begin if abs(begin) > motion.floor else 0.0
     drive = motion.smooth_drive - motion.load - model.offset + noise
-    return motion.beside.driven(motion.time, drive, motion.x, start, mass, tables, step, STEPS)
+    return motion.beside.driven(motion.time[span], drive[span], motion.x[span], start, mass, tables, step, STEPS)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """One stick-slip as measured and as a model gives it under the same drive; arrays of shape (n,), SI."""
+
+    model: Name
+    recording: str
+    time: Array
+    v: Array
+    v_model: Array
+    a: Array
+    a_model: Array
+
+
+def replays(
+    models: Sequence[FrictionModel], motions: Sequence[Motion], cuts: Sequence[Cut], mass: float
+) -> tuple[Replay, ...]:
+    """Return what each model makes of the single stick-slip with the highest speed (figures 6.14-6.19, 6.34-6.39)."""
+    by_name = {m.recording.name: m for m in motions}
+    one = max(cuts, key=lambda c: c.peak_speed, default=None)
+    if one is None:
+        return ()
+    motion, slide = by_name[one.recording], one.stop - one.breakaway
+    span = slice(max(one.start, one.breakaway - slide), min(one.end, one.stop + slide))
+    out = []
+    for model in models:
+        v, a = driven(model, motion, mass, span=span)
+        time, measured = (
+            motion.time[span] - motion.time[one.breakaway],
+            motion.a if motion.measured_a else motion.smooth_a,
+        )
+        out.append(Replay(model.name, one.recording, time, motion.v[span], v, measured[span], a))
+    return tuple(out)
 
 
 def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pneucli.report.parts import SectionMaker
+from pneucli.report.sections.bench import section as bench
 from pneucli.report.sections.checks import section as checks
 from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.comparison import section as comparison
@@ -13,6 +14,7 @@ from pneucli.report.sections.open_loop import section as open_loop
 from pneucli.report.sections.parameters import section as parameters
 from pneucli.report.sections.robustness import section as robustness
 from pneucli.report.sections.tensor import section as tensor
+from pneucli.report.sections.thesis import section as thesis
 from pneucli.report.sections.valve import section as valve
 from pneucli.report.sections.where import section as where
 
@@ -24,9 +26,11 @@ SECTIONS: tuple[SectionMaker, ...] = (
     valve,
     friction,
     closed_loop,
+    bench,
     robustness,
     open_loop,
     tensor,
+    thesis,
     measured,
     checks,
 )
