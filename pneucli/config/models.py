@@ -31,6 +31,7 @@ from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale
 from pneucli.errors import UnitError
 from pneucli.experiments import KINDS
 from pneucli.experiments import Name as Experiment
+from pneucli.io.expression import Expression
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig, Use
 from pneucli.units import parse_quantity, parse_unit, same_dimension
@@ -52,9 +53,13 @@ class WhereTable(Table):
 
 
 class SignalTable(Table):
-    """How one raw column becomes a signal: ``scale * column + offset``, read in ``unit`` (SI where absent)."""
+    """How raw columns become a signal: ``scale * column + offset``, read in ``unit``, with one column or an expression.
 
-    column: Column
+    Where no unit is stated, and no scale, it is what the file says of the column, else SI.
+    """
+
+    column: Column | None = None
+    expression: str | None = None
     unit: str | None = None
     reference: Literal["gauge", "absolute"] | None = None
     scale: Scale = 1.0
@@ -63,6 +68,16 @@ class SignalTable(Table):
     decimal: Mark | None = None
     where: WhereTable | None = None
     noise: str | float | None = None
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> SignalTable:
+        if (self.column is None) == (self.expression is None):
+            raise ValueError(
+                'a signal needs either a column or an expression; wanted column = "..." or expression = "..."'
+            )
+        if self.expression is not None:
+            Expression(self.expression).check()
+        return self
 
     @model_validator(mode="after")
     def _two_marks(self) -> SignalTable:

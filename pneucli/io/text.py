@@ -7,17 +7,25 @@ import csv
 import io
 import re
 import string
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io.raw import RawFile
+from pneucli.io.stamps import is_stamp
 
 HEAD = 1 << 18
 LONGEST = 16 << 20  # bytes of a line
+NULLS = (
+    *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
+    *("1.#QNAN", "-1.#IND"),
+)
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
+_BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK = (" ", r"\s+", "whitespace")  # as some programs call blanks
 _DELIMITER_MARKS = (*_BLANK, "\t", *(mark for mark in string.punctuation if mark not in "\"#'+-."))
@@ -25,14 +33,20 @@ _DELIMITER_MARKS = (*_BLANK, "\t", *(mark for mark in string.punctuation if mark
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks."""
+    """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks.
+
+    ``units`` is the line below the header, if that is none of numbers; ``stamps`` are the columns (from 0) of dates and
+    times of day, ``labels`` those of other text.
+    """
 
     encoding: str
     delimiter: str
     decimal: str
     skip: int
     names: tuple[str, ...]
-    units_line: bool = False
+    units: tuple[str, ...] = ()
+    stamps: frozenset[int] = frozenset()
+    labels: frozenset[int] = frozenset()
     line_end: str = "\n"
 
     def split(self, line: str) -> list[str]:
@@ -75,17 +89,35 @@ def layout(raw: RawFile) -> Layout:
 
 def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list[int]) -> Layout:
     first = sample[raw.header]
-    units = raw.header and len(rows) > 2 and not any(map(_numeric, first)) and any(map(_numeric, sample[2]))
+    units = raw.header and len(rows) > 2 and not any(map(_is_value, first)) and any(map(_is_value, sample[2]))
     body = sample[raw.header + units :]
     names = sample[0] if raw.header else [str(number + 1) for number in range(len(first))]
     if raw.header and len(body[0]) == len(names) + 1 and not body[0][-1]:
         names = [*names, ""]  # every row ends with a delimiter, the header does not
+    if raw.header and names[-1].lower() == "comment" and {len(row) for row in body} == {len(names) - 1}:
+        names = names[:-1]  # LabVIEW's last column, of which only rows with a comment have a field
     if raw.header and all(map(_numeric, names)):
         where = f"{raw.path}, line {rows[0] + 1}"
         raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
-    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units_line=units)
+    said = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
+    stamps, labels = (_columns_of(body, test) for test in (is_stamp, _is_label))
+    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, stamps=stamps, labels=labels)
+
+
+def _columns_of(body: list[list[str]], test: Callable[[str], bool]) -> frozenset[int]:
+    """Return the columns in whose rows something stands, and all of that passes ``test``."""
+    columns = [[field for field in column if field not in NULLS] for column in zip_longest(*body, fillvalue="")]
+    return frozenset(number for number, fields in enumerate(columns) if fields and all(map(test, fields)))
+
+
+def _is_value(field: str) -> bool:
+    return _numeric(field) or is_stamp(field)
+
+
+def _is_label(field: str) -> bool:
+    return not _is_value(field)
 
 
 def _check_marks(raw: RawFile) -> None:

@@ -32,7 +32,7 @@ ONE_SPOOL = '; where one valve drives both chambers, say [rig.valve] arrangement
 SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
 WARNINGS = (
     *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
-    *("vacuum", "cut-number", "empty", "reader"),
+    *("vacuum", "cut-number", "empty", "reader", "unit"),
 )
 
 Array = NDArray[np.float64]
@@ -83,6 +83,7 @@ def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
         thousands=table.thousands,
         encoding=table.encoding,
         skip_rows=table.skip_rows,
+        ambient=ambient,
     )
 
 
@@ -90,13 +91,17 @@ def _channel(name: str, signal: SignalTable, ambient: float) -> Channel:
     factor, offset = factor_and_offset(signal.unit or SIGNALS[name].unit, ambient_pressure=0.0)
     above = ambient if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None
+    plain = signal.unit is None and signal.expression is None and (signal.scale, signal.offset) == (1.0, 0.0)
     return Channel(
-        signal.column,
+        signal.column or 0,
         factor * signal.scale,
         factor * signal.offset + offset + above,
         where,
         signal.decimal,
         signal.thousands,
+        signal.expression,
+        unit=signal.unit if signal.scale == 1.0 else None,
+        si=SIGNALS[name].unit if plain else None,
     )
 
 
@@ -109,7 +114,7 @@ def _present(source: Source, file: Opened) -> tuple[list[str], set[str]]:
     present = {*file.positions, *table.constants}
     for name in sorted(_needed(source, present) - present):
         asked = source.signals.get(name)
-        found = f'no column "{asked.column}" for {name}' if asked else f"{name} is not described"
+        found = f'no column "{asked.column or asked.expression}" for {name}' if asked else f"{name} is not described"
         columns = ", ".join(f'"{column}"' for column in file.reader.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
         mend += ONE_SPOOL if name == "u2" else ""
