@@ -142,6 +142,7 @@ class RecordingTable(Table):
     file: Name
     experiment: Experiment
     use: Use
+    test: Name | list[Name] | None = None
     take: list[SignalName] | None = None
     chamber_2: Literal["closed", "open", "valve"] | None = None
     chamber: Literal[1, 2] = 1

@@ -14,6 +14,8 @@ def _in(unit: str) -> BeforeValidator:
     """Read text with a unit; gauge values stand on the file's own ambient pressure."""
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
+        if isinstance(value, str) and "?" in value:
+            raise ValueError(f'"{value}" is to be filled in; wanted a quantity such as "1 {unit}"')
         ambient = (info.context or {}).get("ambient_pressure", STANDARD_ATMOSPHERE)
         return size(parse_quantity(value, unit, ambient_pressure=ambient))
 

@@ -77,10 +77,28 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     required &= signals.keys()
     is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
+    tables = _by_use(table, found, where)
     return [
-        Source(name, path, table, signals, frozenset(required), where, commands)
-        for name, path in zip(names, found, strict=True)
+        Source(name, path, own, signals, frozenset(required), where, commands)
+        for name, path, own in zip(names, found, tables, strict=True)
     ]
+
+
+def _by_use(table: RecordingTable, found: list[Path], where: str) -> list[RecordingTable]:
+    """Return the table of each file: those that ``test`` names are held out."""
+    if table.test is None:
+        return [table] * len(found)
+    held: set[Path] = set()
+    for pattern in [table.test] if isinstance(table.test, str) else table.test:
+        hits = {path for path in found if path.match(pattern)}
+        if not hits:
+            wanted = "a file, or a glob, of those of this recording"
+            raise InputError(
+                f"{where}, key test", f'no file "{pattern}"', wanted, did_you_mean(pattern, [p.name for p in found])
+            )
+        held |= hits
+    test = table.model_copy(update={"use": "test"})
+    return [test if path in held else table for path in found]
 
 
 def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: str) -> None:

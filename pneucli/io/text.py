@@ -70,8 +70,8 @@ def layout(raw: RawFile) -> Layout:
     if not head.strip():
         raise InputError(str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out")
     _check_marks(raw)
-    encoding = raw.encoding or _encoding(raw.path, head)
-    text = _decode(raw.path, head, encoding)
+    encoding = raw.encoding or encoding_of(raw.path, head)
+    text = decoded(raw.path, head, encoding)
     line_end = "\n" if "\n" in text else "\r"
     lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
     if len(head) == HEAD and len(lines) > 1:
@@ -89,7 +89,7 @@ def layout(raw: RawFile) -> Layout:
 
 def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list[int]) -> Layout:
     first = sample[raw.header]
-    units = raw.header and len(rows) > 2 and not any(map(_is_value, first)) and any(map(_is_value, sample[2]))
+    units = raw.header and len(rows) > 2 and not any(map(is_value, first)) and any(map(is_value, sample[2]))
     body = sample[raw.header + units :]
     names = sample[0] if raw.header else [str(number + 1) for number in range(len(first))]
     if raw.header and len(body[0]) == len(names) + 1 and not body[0][-1]:
@@ -112,12 +112,13 @@ def _columns_of(body: list[list[str]], test: Callable[[str], bool]) -> frozenset
     return frozenset(number for number, fields in enumerate(columns) if fields and all(map(test, fields)))
 
 
-def _is_value(field: str) -> bool:
+def is_value(field: str) -> bool:
+    """Return whether a field is a number, a date or a time of day."""
     return _numeric(field) or is_stamp(field)
 
 
 def _is_label(field: str) -> bool:
-    return not _is_value(field)
+    return not is_value(field)
 
 
 def _check_marks(raw: RawFile) -> None:
@@ -140,7 +141,8 @@ def _numeric(field: str) -> bool:
     return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf", field))
 
 
-def _encoding(path: Path, head: bytes) -> str:
+def encoding_of(path: Path, head: bytes) -> str:
+    """Return the encoding of a text; raises InputError where it is none."""
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF16_LE, "utf-16"),
@@ -162,7 +164,8 @@ def _encoding(path: Path, head: bytes) -> str:
     return "utf-8"
 
 
-def _decode(path: Path, head: bytes, encoding: str) -> str:
+def decoded(path: Path, head: bytes, encoding: str) -> str:
+    """Return the first bytes of a file as text; raises InputError where they are not of this encoding."""
     try:
         b"".decode(encoding)  # there are codecs that are no encodings of text
         return codecs.getincrementaldecoder(encoding)().decode(head)

@@ -119,7 +119,9 @@ def test_a_column_may_serve_a_signal_and_an_expression(tmp_path: Path) -> None:
     np.testing.assert_array_equal(batch["p2"], batch["p1"] + 1)
 
 
-@pytest.mark.parametrize("text", ["__import__('os')", "p.sum", "p[0]", "f(p)", "p if p else 1", "'a'", "p,", "(", "", "2"])
+@pytest.mark.parametrize(
+    "text", ["__import__('os')", "p.sum", "p[0]", "f(p)", "p if p else 1", "'a'", "p,", "(", "", "2"]
+)
 def test_an_expression_is_arithmetic_and_runs_nothing_else(text: str) -> None:
     with pytest.raises(ValueError, match="wanted"):
         Expression(text).check()
