@@ -44,6 +44,11 @@ class DelimitedReader:
         return self._look.labels
 
     @property
+    def stamps(self) -> frozenset[int]:
+        """The columns (from 0) that hold dates and times of day, read in seconds."""
+        return self._look.stamps
+
+    @property
     def start(self) -> datetime | None:
         """When the clock reads 0, where it is a calendar's and has been read."""
         return next((stamps.start for stamps in self._stamps.values() if stamps.start), None)

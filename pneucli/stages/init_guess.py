@@ -147,8 +147,8 @@ def _rises(column: Column) -> bool:
 
 
 def _is_switched(column: Column) -> bool:
-    """Return whether a column has but a few values, as something that is set and no sensor."""
-    return column.known.size > MANY and np.unique(column.known).size <= FEW
+    """Return whether a column changes between a few values, as something that is set and no sensor."""
+    return column.known.size > MANY and 1 < np.unique(column.known).size <= FEW
 
 
 def _offers(name: _Name) -> Iterator[tuple[str, float]]:

@@ -108,7 +108,7 @@ def _of_text(reader: DelimitedReader, found: Sniffed) -> list[Column]:
         name = found.names[ask.position] if ask.position < len(found.names) else ""
         often = reader.names.count(reader.names[ask.position]) > 1
         key: Key = ask.position + 1 if not found.header or often or not name else name
-        unit = unit_said(reader, ask.position) or (found.units[ask.position] if found.units else "")
+        unit = "s" if ask.position in reader.stamps else unit_said(reader, ask.position) or ""
         columns.append(Column(key, name, unit, values, thousands=ask.thousands))
     long = _channels(reader, columns, dict(zip((ask.position for ask in labels), read[len(asks) :], strict=True)))
     return long or columns
