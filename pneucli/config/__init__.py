@@ -3,6 +3,7 @@
 from pneucli.config.load import join_faults, load
 from pneucli.config.models import CheckTable, PipelineConfig, RecordingTable, SignalTable, WhereTable
 from pneucli.config.sources import Source, plugin_files, raw_files, sources
+from pneucli.config.texts import TextTable
 
 __all__ = [
     "CheckTable",
@@ -10,6 +11,7 @@ __all__ = [
     "RecordingTable",
     "SignalTable",
     "Source",
+    "TextTable",
     "WhereTable",
     "join_faults",
     "load",

@@ -27,7 +27,8 @@ from pneucli.config.sizes import (
     Velocity,
     Voltage,
 )
-from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands
+from pneucli.config.texts import TextTable
+from pneucli.config.values import Column, Mark, Name, Scale, Thousands
 from pneucli.errors import UnitError
 from pneucli.experiments import KINDS
 from pneucli.experiments import Name as Experiment
@@ -135,7 +136,24 @@ class SignalsTable(Table):
         return {name: getattr(self, name) for name in SIGNALS if getattr(self, name) is not None}
 
 
-class RecordingTable(Table):
+class MoreTable(TextTable):
+    """One ``[[recordings.more]]``: a further file of the recording, whose clock is moved by ``offset`` (s)."""
+
+    file: Name
+    offset: Instant | Literal["find"] | None = None
+    match: SignalName | None = None
+    signals: SignalsTable = SignalsTable()
+
+    @model_validator(mode="after")
+    def _found_by(self) -> MoreTable:
+        if (self.offset == "find") != (self.match is not None):
+            raise ValueError(
+                'offset = "find" and match belong together; wanted match = "x", or any signal of both files'
+            )
+        return self
+
+
+class RecordingTable(TextTable):
     """One ``[[recordings]]``: files, how to read them, what was measured, and what was held constant (SI)."""
 
     name: Name | None = None
@@ -149,12 +167,7 @@ class RecordingTable(Table):
     imposed: Literal["motion"] | None = None
     valve: Literal["shut"] | None = None
     signals: SignalsTable = SignalsTable()
-    header: bool = True
-    delimiter: Delimiter | None = None
-    decimal: Mark | None = None
-    thousands: Thousands | None = None
-    encoding: Encoding | None = None
-    skip_rows: Annotated[int, Field(ge=0)] = 0
+    more: list[MoreTable] = Field(default_factory=list)
     from_: Annotated[Instant | None, Field(alias="from")] = None
     to: Instant | None = None
     u: Voltage | None = None

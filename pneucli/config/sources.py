@@ -10,9 +10,18 @@ from pathlib import Path
 from pneucli import paths
 from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
-from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable
+from pneucli.config.models import MoreTable, PipelineConfig, RecordingTable, SignalTable
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import KINDS
+
+
+@dataclass(frozen=True)
+class More:
+    """A further file of a recording, with the signals that it may hold."""
+
+    path: Path
+    table: MoreTable
+    signals: dict[str, SignalTable]
 
 
 @dataclass(frozen=True)
@@ -31,6 +40,12 @@ class Source:
     required: frozenset[str]
     where: str
     commands: tuple[str, ...] = ()
+    more: tuple[More, ...] = ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files of the recording."""
+        return (self.path, *(one.path for one in self.more))
 
 
 def sources(config: PipelineConfig) -> list[Source]:
@@ -57,7 +72,7 @@ def plugin_files(config: PipelineConfig) -> list[Path]:
 
 def raw_files(config: PipelineConfig) -> list[Path]:
     """Return the raw files that the pipeline reads, each once."""
-    return list(dict.fromkeys(source.path for source in sources(config)))
+    return list(dict.fromkeys(path for source in sources(config) for path in source.paths))
 
 
 def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
@@ -78,10 +93,26 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
     tables = _by_use(table, found, where)
+    more = _more(config.path, table, signals, len(found), where)
     return [
-        Source(name, path, own, signals, frozenset(required), where, commands)
-        for name, path, own in zip(names, found, tables, strict=True)
+        Source(name, path, own, signals, frozenset(required), where, commands, further)
+        for name, path, own, further in zip(names, found, tables, more, strict=True)
     ]
+
+
+def _more(
+    pipeline: Path, table: RecordingTable, signals: dict[str, SignalTable], count: int, where: str
+) -> list[tuple[More, ...]]:
+    """Return the further files of each of ``count`` recordings: of globs, the first, the second, ... of each."""
+    columns = []
+    for number, one in enumerate(table.more, 1):
+        found = _paths(pipeline, one.file, f"{where}, key more.{number}")
+        if len(found) != count:
+            wanted = f"{count}, one for each file of the recording"
+            raise InputError(f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob")
+        own = {**signals, **one.signals.present()}
+        columns.append([More(path, one, own) for path in found])
+    return list(zip(*columns, strict=True)) if columns else [()] * count
 
 
 def _by_use(table: RecordingTable, found: list[Path], where: str) -> list[RecordingTable]:

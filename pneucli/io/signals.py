@@ -44,6 +44,11 @@ class Opened:
         return {name: self.raw.channels[name] for name in self.positions}
 
     @property
+    def names(self) -> Sequence[str]:
+        """The columns of the file."""
+        return self.reader.names
+
+    @property
     def rows(self) -> int:
         """Rows of the file that were read so far."""
         return self.reader.rows
@@ -65,7 +70,7 @@ class Opened:
     def batches(self) -> Iterator[Batch]:
         """Yield signals in SI, ``time`` among them, in the file's order of rows, BATCH rows at a time."""
         long = any(channel.where for channel in self.channels.values())
-        yield from _even(iter([self._long()]) if long else self._flat(), list(self.positions))
+        yield from even(iter([self._long()]) if long else self._flat(), list(self.positions))
 
     def _flat(self) -> Iterator[Batch]:
         for columns in self.reader.batches(self._asks()):
@@ -219,7 +224,7 @@ def _same_names(reader: Reader) -> list[Repair]:
     )
 
 
-def _even(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
+def even(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
     """Yield the same rows, BATCH at a time; at least one batch, which may be empty."""
     waiting: Batch = {name: np.empty(0) for name in names}
     for batch in batches:

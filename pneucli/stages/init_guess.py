@@ -59,7 +59,7 @@ _KINDS = {
     "m^3/s": "flow",
 }
 MANY, FEW = 100, 3  # samples of one that was surely read, values of one that was not
-_ANGLE = re.compile("rad|deg|°")
+_ANGLE = re.compile("m?rad|deg|°")
 _PLAIN = str.maketrans("äöüéèó", "aoueeo")
 _MARKED = re.compile(r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^(.+?),\s*(\S+)$")
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
@@ -113,9 +113,13 @@ def guess(alike: Sequence[Survey]) -> list[Guess]:
 
 def quantity(unit: str) -> str:
     """Return the kind of quantity that a unit measures; empty where there is none that a rig records."""
-    if not unit or same_dimension(unit, "1"):
-        return "position" if _ANGLE.search(unit) else ""
-    return next((kind for base, kind in _KINDS.items() if same_dimension(unit, base)), "")
+    if _ANGLE.fullmatch(unit):
+        return "position"
+    return (
+        ""
+        if not unit or same_dimension(unit, "1")
+        else next((kind for base, kind in _KINDS.items() if same_dimension(unit, base)), "")
+    )
 
 
 def _read(alike: Sequence[Survey], n: int, signal: str, name: _Name) -> Guess:

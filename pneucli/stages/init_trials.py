@@ -189,8 +189,9 @@ def _cylinder(moved: Sequence[Kind], axes: bool) -> Iterator[Line]:
     )
     if axes:
         yield "stroke", f'"? {length}"', "x = 0 where chamber 1 is smallest"
-        yield "dead_volume_1", '"? cm^3"', "of chamber 1 at x = 0, its hose included"
-        yield "dead_volume_2", '"? cm^3"', "of chamber 2 at x = stroke"
+        yield "# dead_volume_1", '"? cm^3"', "of chamber 1 at x = 0, its hose included; identified where absent"
+        known = all("p2" in kind.guesses for kind in moved)  # else nothing tells how that gas pushes
+        yield "# dead_volume_2" if known else "dead_volume_2", '"? cm^3"', "of chamber 2 at x = stroke"
     yield ("# moment_of_inertia" if rotary else "# moving_mass"), f'"? {mass}"', "identified where absent"
 
 

@@ -22,7 +22,7 @@ RIG = {  # what people add: the rig's truth
 EXPORTS = {
     "export_german": (2, "Versuch 2", {"p1", "p2", "x"}),
     "export_labview": (1, "step 3V", {"u", "p_supply", "p1"}),
-    "export_matlab": (5, "run2", {"u", "p_supply", "p1", "p2", "x"}),
+    "export_matlab": (3, "run2", {"u", "p_supply", "p1", "p2", "x"}),
 }
 
 

@@ -182,12 +182,12 @@ def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path
     columns = {**stroke(), "u [V]": 5 + np.sin(T)}
     answer = init.create(tmp_path / "rig", [write(tmp_path / "a.csv", columns)])
     keys = [one["key"] for one in answer["fill_in"]]
-    cylinder = ["piston_area_1", "piston_area_2", "stroke", "dead_volume_1", "dead_volume_2"]
+    cylinder = ["piston_area_1", "piston_area_2", "stroke", "dead_volume_2"]  # no p2 is recorded
     assert keys == ["rig.supply_pressure", *(f"rig.cylinder.{key}" for key in cylinder)]
     for one in answer["fill_in"]:
         assert one["key"].endswith(lines_of(answer)[one["line"] - 1].split(" =")[0])
     said = " ".join(words.of("init", answer, "rig/pipeline.toml").split())
-    assert "fill in these 6: rig.supply_pressure (line 8)" in said
+    assert "fill in these 5: rig.supply_pressure (line 8)" in said
     assert said.endswith("then pneucli run rig/pipeline.toml")
     with pytest.raises(InputError, match=r'"\? bar" is to be filled in\n  wanted: a quantity such as'):
         load(answer["pipeline"])
