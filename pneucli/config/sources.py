@@ -81,7 +81,8 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     signals = {**config.signals.present(), **table.signals.present()}
     required = {"time", *table.signals.present(), *(table.take or [])} - table.constants.keys()
     if table.take is not None:
-        _check_take(table, signals, where)
+        further = {name: one for more in table.more for name, one in more.signals.present().items()}
+        _check_take(table, {**signals, **further}, where)
         signals = {name: signal for name, signal in signals.items() if name in {"time", *table.take}}
     if "time" not in signals:
         mend = 'add to [signals]: time = { column = "...", unit = "s" }'
@@ -93,24 +94,27 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
     tables = _by_use(table, found, where)
-    more = _more(config.path, table, signals, len(found), where)
+    more = _more(config, table, len(found), where)
     return [
         Source(name, path, own, signals, frozenset(required), where, commands, further)
         for name, path, own, further in zip(names, found, tables, more, strict=True)
     ]
 
 
-def _more(
-    pipeline: Path, table: RecordingTable, signals: dict[str, SignalTable], count: int, where: str
-) -> list[tuple[More, ...]]:
-    """Return the further files of each of ``count`` recordings: of globs, the first, the second, ... of each."""
+def _more(config: PipelineConfig, table: RecordingTable, count: int, where: str) -> list[tuple[More, ...]]:
+    """Return the further files of each of ``count`` recordings: of globs, the first, the second, ... of each.
+
+    A further file holds signals of ``[signals]`` and its own, as far as they are taken and not held constant.
+    """
     columns = []
     for number, one in enumerate(table.more, 1):
-        found = _paths(pipeline, one.file, f"{where}, key more.{number}")
+        found = _paths(config.path, one.file, f"{where}, key more.{number}")
         if len(found) != count:
             wanted = f"{count}, one for each file of the recording"
             raise InputError(f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob")
-        own = {**signals, **one.signals.present()}
+        own = {**config.signals.present(), **one.signals.present()}
+        taken = {"time", *(table.take or own)} - table.constants.keys()
+        own = {name: signal for name, signal in own.items() if name in taken}
         columns.append([More(path, one, own) for path in found])
     return list(zip(*columns, strict=True)) if columns else [()] * count
 

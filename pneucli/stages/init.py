@@ -14,8 +14,9 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path
 from pneucli.io.raw import RawFile
+from pneucli.stages.init_joined import joined
 from pneucli.stages.init_kinds import Kind, kinds, natural, references, values_of
-from pneucli.stages.init_survey import Guess, survey
+from pneucli.stages.init_survey import Guess, Survey, survey
 from pneucli.stages.init_text import quoted, text, waiting
 from pneucli.stages.init_trials import trial
 
@@ -31,7 +32,13 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     target = directory / NAME
     if target.exists():
         raise InputError(str(target), "exists already", "a new folder", "choose another folder, or move the file away")
-    found = kinds([survey(RawFile(path, {}, **stated)) for path in _files(raw)]) if raw else []
+    left: list[str] = []
+    surveys = [*_surveys(raw, stated, left)]
+    together = joined(surveys)
+    found = [together] if together else kinds(surveys)
+    if left and not surveys:
+        found_there = f"no recording among {len(left)} files: {left[0]}"
+        raise InputError(str(raw[0]), found_there, "files of recorded numbers", "name them")
     content = _from_raw(directory, found) if raw else _example(directory)
     with atomic_path(target) as temporary:
         temporary.write_text(content, encoding="utf-8")
@@ -39,25 +46,34 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
         "schema": "pneucli/init/1",
         "pipeline": str(target),
         "columns": [row for kind in found for row in _columns(kind)],
+        "left_out": left,
         "recordings": [_entry(kind) for kind in found],
         "fill_in": [{"line": line, "key": key} for line, key in waiting(content)],
         "check": [number for number, line in enumerate(content.splitlines(), 1) if "CHECK " in line and number > 1],
     }
 
 
-def _files(raw: Sequence[Path]) -> list[Path]:
-    """Return the files that are meant, each once: those of folders and of globs, which not every shell fills in."""
-    found: list[Path] = []
+def _surveys(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> Iterator[Survey]:
+    """Yield the files that are meant, each once: those of folders and of globs, which not every shell fills in.
+
+    What lies in a folder and is no recording is left out, and said in ``left``.
+    """
+    seen = set()
     for path in raw:
-        if path.is_dir():
-            inside = [one for one in path.iterdir() if one.is_file() and not one.name.startswith(".")]
-            found += sorted(inside, key=natural)
-        else:
-            hits = [path] if path.exists() else sorted(map(Path, glob.glob(str(path), recursive=True)), key=natural)
-            if not hits:
-                raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
-            found += hits
-    return list(dict.fromkeys(Path(os.path.abspath(one)) for one in found))
+        inside = [one for one in path.iterdir() if one.is_file()] if path.is_dir() else []
+        hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
+        if not hits:
+            raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
+        for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural):
+            if one in seen:
+                continue
+            seen.add(one)
+            try:
+                yield survey(RawFile(one, {}, **stated))
+            except InputError as error:
+                if len(inside) < 2:
+                    raise
+                left.append(f"{one.name}: {error.found}")
 
 
 def _example(directory: Path) -> str:
@@ -67,7 +83,7 @@ def _example(directory: Path) -> str:
 
 def _from_raw(directory: Path, found: Sequence[Kind]) -> str:
     for kind in found:
-        if not kind.guesses.keys() & {"p1", "x"}:
+        if not kind.signals.keys() & {"p1", "x"}:
             listed = ", ".join(f'"{one.column.name or one.column.key}"' for one in kind.idle)
             wanted = "a pressure or a position, by a name such as p1 or pos, or by a unit such as [bar] or [mm]"
             mend = f"name them in the file, or describe them by hand in [signals]; columns: {listed}"
@@ -78,9 +94,10 @@ def _from_raw(directory: Path, found: Sequence[Kind]) -> str:
 def _columns(kind: Kind) -> Iterator[dict[str, Any]]:
     """Yield what was seen of each column of a kind of file."""
     told = references([kind])
-    guesses: list[Guess] = [*kind.guesses.values(), *kind.idle]
+    guesses: list[Guess] = [*kind.signals.values(), *kind.idle]
     for one in guesses:
-        values = np.concatenate([values_of(survey, one) for survey in kind.surveys])
+        each = kind.numbers(one.signal) if one.signal else [values_of(survey, one) for survey in kind.surveys]
+        values = np.concatenate(each)
         reference, why = told.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
         yield {
             "file": kind.file,
@@ -97,4 +114,9 @@ def _columns(kind: Kind) -> Iterator[dict[str, Any]]:
 
 def _entry(kind: Kind) -> dict[str, Any]:
     held = [one.path.name for one in kind.held]
-    return {"file": kind.file, "files": len(kind.surveys), "experiment": trial(kind).experiment, "held_out": held}
+    return {
+        "file": kind.file,
+        "files": len(kind.surveys) + len(kind.more),
+        "experiment": trial(kind).experiment,
+        "held_out": held,
+    }

@@ -25,7 +25,7 @@ _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 class Kind:
     """Files that are read alike and are called alike: ``file`` is their path or glob, ``held`` those held out.
 
-    ``guesses`` are by signal; ``idle`` the columns that are none.
+    ``guesses`` are by signal; ``idle`` the columns that are none; ``more`` are further files of the same recording.
     """
 
     surveys: Sequence[Survey]
@@ -33,6 +33,18 @@ class Kind:
     held: Sequence[Survey]
     guesses: Mapping[str, Guess]
     idle: Sequence[Guess]
+    more: Sequence[Kind] = ()
+
+    @property
+    def signals(self) -> dict[str, Guess]:
+        """The signals of the recording, those of further files included."""
+        found = {name: one for kind in (*reversed(self.more), self) for name, one in kind.guesses.items()}
+        return {name: found[name] for name in SIGNALS if name in found}
+
+    def numbers(self, signal: str) -> list[Array]:
+        """Return the numbers of a signal as they stand in the files, a file each."""
+        home = next(kind for kind in (self, *self.more) if signal in kind.guesses)
+        return [values_of(one, home.guesses[signal]) for one in home.surveys]
 
     def pooled(self, signal: str) -> Array:
         """Return the values of a signal in SI, without references, of all files."""
@@ -40,7 +52,7 @@ class Kind:
 
     def each(self, signal: str) -> list[Array]:
         """Return the values of a signal in SI, without references, a file each."""
-        return [in_si(values_of(one, self.guesses[signal]), self.guesses[signal].unit) for one in self.surveys]
+        return [in_si(values, self.signals[signal].unit) for values in self.numbers(signal)]
 
 
 def values_of(found: Survey, one: Guess) -> Array:
@@ -121,7 +133,7 @@ def _hold_out(found: Sequence[Kind]) -> list[Kind]:
     chosen = [_middle([one for kind in group for one in kind.surveys if moves(kind, one)]) for group in alone.values()]
     chosen += [_middle([one for one in kind.surveys if moves(kind, one)]) for kind in found if len(kind.surveys) > 1]
     held = {id(one) for one in chosen if one}
-    return [Kind(k.surveys, k.file, [one for one in k.surveys if id(one) in held], k.guesses, k.idle) for k in found]
+    return [replace(k, held=[one for one in k.surveys if id(one) in held]) for k in found]
 
 
 def _middle(moving: Sequence[Survey]) -> Survey | None:
@@ -144,14 +156,13 @@ def references(found: Sequence[Kind]) -> dict[str, tuple[str, str]]:
     """
     told: dict[str, tuple[str, str]] = {}
     for kind in found:
-        for signal, one in kind.guesses.items():
+        for signal, one in kind.signals.items():
             if not signal.startswith("p"):
                 continue
-            columns = [values_of(survey, one) for survey in kind.surveys]
+            columns = kind.numbers(signal)
             answer = reference_of(columns, one.unit, one.reference)
-            if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.guesses:
-                forces = [values_of(survey, kind.guesses["force"]) for survey in kind.surveys]
-                answer = reference_by_force(columns, forces, one.unit) or answer
+            if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
+                answer = reference_by_force(columns, kind.numbers("force"), one.unit) or answer
             if one.unit not in told or told[one.unit][1].startswith("CHECK"):
                 told[one.unit] = answer
     return told

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 import numpy as np
 import tomlkit
 
-from pneucli.stages.init_kinds import Kind, values_of
+from pneucli.stages.init_kinds import Kind
 from pneucli.stages.init_survey import Guess
 from pneucli.stages.init_trials import Line, Trial, rig, senses
 from pneucli.units import parse_unit
@@ -35,10 +35,11 @@ def text(directory: Path, kinds: Sequence[Kind], trials: Sequence[Trial], refere
     lines += ["", "[signals]  # least, median and most of each, in its column's unit", *shared.values()]
     lines += [*_idle(kinds)]
     for kind, one in zip(kinds, trials, strict=True):
-        lines += ["", *_recording(directory, kind, one)]
-        own = {name: _signal(kind, guess, references) for name, guess in kind.guesses.items()}
-        differ = [line for name, line in own.items() if _bare(line) != _bare(shared[name])]
-        lines += ["[recordings.signals]", *differ] * bool(differ)
+        lines += ["", *_recording(directory, kind, one), *_own(kind, references, shared, "recordings.signals")]
+        for further in kind.more:
+            lines += ["", "[[recordings.more]]  # of the same recording, its clock as it is; or offset"]
+            lines += [f"file = {quoted(relative(further.file, directory))}", *_layout(further)]
+            lines += _own(further, references, shared, "recordings.more.signals")
     return "\n".join([*lines, "", "[model]", "effects = []", "", *_compare(kinds)])
 
 
@@ -61,11 +62,12 @@ def quoted(text: str) -> str:
 def _shared(kinds: Sequence[Kind], references: References) -> dict[str, str]:
     shared: dict[str, str] = {}
     for kind in kinds:
-        for name, guess in kind.guesses.items():
-            shared.setdefault(name, _signal(kind, guess, references))
+        for name, guess in kind.signals.items():
+            if name == "time" or not _called_alike(kind):
+                shared.setdefault(name, _signal(kind, guess, references))
     if "time" not in shared:
         shared = {"time": _clock(kinds), **shared}
-    if any("x" in kind.guesses and not kind.guesses.keys() & {"p1", "force"} for kind in kinds):
+    if any("x" in kind.signals and not kind.signals.keys() & {"p1", "force"} for kind in kinds):
         shared["force"] = (
             'force = { column = "?", unit = "N" }  # no pressure and no force is recognised: one is needed'
         )
@@ -95,7 +97,7 @@ def _signal(kind: Kind, one: Guess, references: References) -> str:
 
 
 def _seen(kind: Kind, one: Guess) -> str:
-    each = [values_of(survey, one) for survey in kind.surveys]
+    each = kind.numbers(one.signal)
     if one.signal == "time":
         factor = parse_unit(one.unit).factor
         steps = float(np.median(np.concatenate([np.diff(values) for values in each]))) * factor
@@ -107,7 +109,7 @@ def _seen(kind: Kind, one: Guess) -> str:
 
 def _compare(kinds: Sequence[Kind]) -> list[str]:
     """Return the horizon of slow recordings: a fifth of the longest, of samples enough."""
-    clocks = [values for kind in kinds if "time" in kind.guesses for values in kind.each("time") if values.size > 1]
+    clocks = [values for kind in kinds if "time" in kind.signals for values in kind.each("time") if values.size > 1]
     period = max((float(np.median(np.diff(values))) for values in clocks), default=0.0)
     if period <= FASTEST:
         return []
@@ -136,6 +138,19 @@ def _clock(kinds: Sequence[Kind]) -> str:
     return 'time = { expression = "row / ?" }  # no column rises like a clock: put in the samples per second'
 
 
+def _called_alike(kind: Kind) -> bool:
+    """Return whether several files of one recording call different signals alike: each then describes its own."""
+    keys = [one.column.key for name, one in kind.signals.items() if name != "time"]
+    return bool(kind.more) and len(set(keys)) < len(keys)
+
+
+def _own(kind: Kind, references: References, shared: Mapping[str, str], table: str) -> list[str]:
+    """Return the table of the signals that a file has in other columns, or writes in another way."""
+    own = {name: _signal(kind, guess, references) for name, guess in kind.guesses.items()}
+    differ = [line for name, line in own.items() if _bare(line) != _bare(shared.get(name, ""))]
+    return [f"[{table}]", *differ] if differ else []
+
+
 def _idle(kinds: Sequence[Kind]) -> Iterator[str]:
     """Yield comments with the columns that are not taken, and with single values."""
     told = set()
@@ -154,7 +169,6 @@ def _idle(kinds: Sequence[Kind]) -> Iterator[str]:
 
 
 def _recording(directory: Path, kind: Kind, one: Trial) -> list[str]:
-    raw = kind.surveys[0].raw
     many = len(kind.surveys) > 1
     alone_held = not many and bool(kind.held)
     lines = ["[[recordings]]" + f"  # {len(kind.surveys)} files" * many]
@@ -162,10 +176,15 @@ def _recording(directory: Path, kind: Kind, one: Trial) -> list[str]:
     lines += [f'use = "{"test" if alone_held else "train"}"']
     if many and kind.held:
         lines.append(f"test = {quoted(kind.held[0].path.name)}  # of these files, the one that is never fitted to")
+    return [*lines, *_layout(kind), *map(_line, one.keys)]
+
+
+def _layout(kind: Kind) -> list[str]:
+    """Return how the text has to be read, as far as reading does not find it by itself."""
+    raw = kind.surveys[0].raw
     stated = {"header": raw.header, "skip_rows": raw.skip_rows, "delimiter": raw.delimiter, "decimal": raw.decimal}
     usual = {"header": True, "skip_rows": 0, "delimiter": None, "decimal": None}
-    lines += [f"{key} = {tomlkit.item(value).as_string()}" for key, value in stated.items() if value != usual[key]]
-    return [*lines, *map(_line, one.keys)]
+    return [f"{key} = {tomlkit.item(value).as_string()}" for key, value in stated.items() if value != usual[key]]
 
 
 def _line(line: Line) -> str:

@@ -35,7 +35,7 @@ class Trial:
 
 def trial(kind: Kind) -> Trial:
     """Return what was tried in the recordings of a kind."""
-    has = kind.guesses.keys()
+    has = kind.signals.keys()
     if {"x", "u", "p1"} <= has:
         return Trial("axis", [*_chamber_2(kind)])
     if "x" in has:
@@ -44,9 +44,11 @@ def trial(kind: Kind) -> Trial:
 
 
 def _chamber_2(kind: Kind) -> Iterator[Line]:
-    if "u2" in kind.guesses:
+    if kind.more:
+        yield "chamber_2", '"closed"', 'CHECK or "open" (to ambient), or "valve"'
+    elif "u2" in kind.signals:
         yield "chamber_2", '"valve"', "u2 is recorded"
-    elif "p2" not in kind.guesses:
+    elif "p2" not in kind.signals:
         yield "chamber_2", '"closed"', 'CHECK no p2 is recorded; or "open" (to ambient), or "valve"'
     elif np.ptp(kind.pooled("p2")) < 0.1 * np.ptp(kind.pooled("p1")):
         yield "chamber_2", '"open"', "p2 stays where it is"
@@ -66,13 +68,13 @@ def _follows(values: Array, x: Array) -> bool:
 
 
 def _friction(kind: Kind) -> Iterator[Line]:
-    if "force" in kind.guesses or "p1" not in kind.guesses:
+    if "force" in kind.signals or "p1" not in kind.signals:
         yield (
             "imposed",
             '"motion"',
             "the force is held against the motion; take it out where the force was what was set",
         )
-    if "p1" in kind.guesses and "p2" not in kind.guesses:
+    if "p1" in kind.signals and "p2" not in kind.signals:
         yield "chamber_2", '"open"', "CHECK no p2 is recorded"
 
 
@@ -82,7 +84,7 @@ def senses(kind: Kind) -> dict[str, str]:
     Chamber 1 pushes toward +x. A force that grows with its pressure holds against it, so it is positive toward -x; and
     what drives a piston is larger where it moves toward its own positive side.
     """
-    if not {"x", "p1", "force"} <= kind.guesses.keys():
+    if not {"x", "p1", "force"} <= kind.signals.keys():
         return {}
     pressures, forces, places = (kind.each(name) for name in ("p1", "force", "x"))
     p, force = (np.array([np.median(values) for values in each]) for each in (pressures, forces))
@@ -109,7 +111,7 @@ def _drag(force: Array, x: Array) -> float | None:
 
 
 def _command(kind: Kind) -> Iterator[Line]:
-    if "u" in kind.guesses:
+    if "u" in kind.signals:
         return
     if _only_falls(kind):
         other = 'where it was emptied through an opening: u = "-10 V"'
@@ -143,7 +145,7 @@ def rig(kinds: Sequence[Kind], trials: Sequence[Trial]) -> Iterator[tuple[str, l
         )
     if lines := [*_valve(kinds, trials)]:
         yield "rig.valve", lines
-    moved = [k for k in kinds if "x" in k.guesses and {"p1", "p2"} & k.guesses.keys()]
+    moved = [k for k in kinds if "x" in k.signals and {"p1", "p2"} & k.signals.keys()]
     if moved:
         yield "rig.cylinder", [*_cylinder(moved, bool(axes))]
 
@@ -151,14 +153,14 @@ def rig(kinds: Sequence[Kind], trials: Sequence[Trial]) -> Iterator[tuple[str, l
 def _surroundings(kinds: Sequence[Kind], driven: Sequence[Kind]) -> Iterator[Line]:
     yield "ambient_pressure", '"1.013 bar"', "absolute"
     yield "gas_temperature", '"293.15 K"', ""
-    if any("p_supply" not in kind.guesses for kind in driven):
+    if any("p_supply" not in kind.signals for kind in driven):
         yield "supply_pressure", '"? bar"', "absolute; p_supply is not recorded"
 
 
 def _valve(kinds: Sequence[Kind], trials: Sequence[Trial]) -> Iterator[Line]:
-    driven = [kind for kind in kinds if {"u", "p1"} <= kind.guesses.keys()]
+    driven = [kind for kind in kinds if {"u", "p1"} <= kind.signals.keys()]
     if any(t.says("chamber_2") == "valve" for t in trials):
-        two = any("u2" in kind.guesses for kind in kinds)
+        two = any("u2" in kind.signals for kind in kinds)
         why = "u2 is recorded" if two else "one command, and both chambers are driven"
         yield "arrangement", '"two"' if two else '"5/3"', why
     u = np.concatenate([kind.pooled("u") for kind in driven] or [np.zeros(1)])
@@ -178,10 +180,10 @@ def _falls(values: Array) -> bool:
 
 
 def _cylinder(moved: Sequence[Kind], axes: bool) -> Iterator[Line]:
-    rotary = any(is_angle(kind.guesses["x"].unit) for kind in moved)
+    rotary = any(is_angle(kind.signals["x"].unit) for kind in moved)
     area, length, mass = ("cm^3/rad", "deg", "kg m^2") if rotary else ("cm^2", "mm", "kg")
     yield "piston_area_1", f'"? {area}"', "on which p1 acts" + (", or pi/4 x bore squared" if not rotary else "")
-    both = any("p2" in kind.guesses for kind in moved) or axes
+    both = any("p2" in kind.signals for kind in moved) or axes
     yield (
         "piston_area_2" if both else "# piston_area_2",
         f'"? {area}"',
@@ -190,7 +192,7 @@ def _cylinder(moved: Sequence[Kind], axes: bool) -> Iterator[Line]:
     if axes:
         yield "stroke", f'"? {length}"', "x = 0 where chamber 1 is smallest"
         yield "# dead_volume_1", '"? cm^3"', "of chamber 1 at x = 0, its hose included; identified where absent"
-        known = all("p2" in kind.guesses for kind in moved)  # else nothing tells how that gas pushes
+        known = all("p2" in kind.signals for kind in moved)  # else nothing tells how that gas pushes
         yield "# dead_volume_2" if known else "dead_volume_2", '"? cm^3"', "of chamber 2 at x = stroke"
     yield ("# moment_of_inertia" if rotary else "# moving_mass"), f'"? {mass}"', "identified where absent"
 

@@ -23,6 +23,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
             if column["file"] == one["file"] and column["why"] and column["signal"]:
                 yield from labelled("", f"{column['signal']}: {column['why'].replace('CHECK ', '')}")
         yield ""
+    for text in answer["left_out"]:
+        yield from labelled("left out", text)
     yield from labelled("wrote", answer["pipeline"])
     if answer["check"]:
         yield from labelled("check", f"line {_listed(answer['check'])}: what the data alone cannot tell")

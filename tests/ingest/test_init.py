@@ -246,3 +246,22 @@ def test_globs_that_the_shell_left_alone_and_folders_are_filled_in(tmp_path: Pat
     assert by_glob["recordings"][0]["files"] == by_folder["recordings"][0]["files"] == 2
     with pytest.raises(InputError, match="no such file"):
         init.create(tmp_path / "three", [tmp_path / "b_*.csv"])
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_files_of_one_signal_each_are_one_recording(tmp_path: Path, same: bool) -> None:
+    """As figures are digitised; where all columns are called alike, the files' names say what they are."""
+    rng = np.random.default_rng(4)
+    curves = {"pos": 100 + 30 * np.sin(T), "p1": 2 + np.sin(T), "force": np.cos(T)}
+    for name, values in curves.items():
+        some = np.sort(rng.choice(T.size, 200, replace=False))
+        write(tmp_path / f"{name}.csv", {"t [s]": T[some], "value" if same else name: values[some]})
+    (tmp_path / "notes.md").write_text("no numbers\n", encoding="utf-8")
+    answer = init.create(tmp_path / "rig", [tmp_path])
+    assert answer["left_out"] == ["notes.md: no table of numbers in 2 lines"]
+    path = Path(answer["pipeline"])
+    path.write_text(path.read_text(encoding="utf-8").replace('"? cm^2"', '"5 cm^2"'), encoding="utf-8")
+    out = tmp_path / "out"
+    (row,) = ingest.run(Context(path, load(path), out, tmp_path))["recordings"]
+    assert row["rows_read"] == 600
+    assert set(row["signals"]) == {"time", "x", "p1", "force"}
