@@ -17,7 +17,7 @@ from pneucli.io.raw import RawFile
 from pneucli.stages.init_joined import joined
 from pneucli.stages.init_kinds import Kind, kinds, natural, references, values_of
 from pneucli.stages.init_survey import Guess, Survey, survey
-from pneucli.stages.init_text import quoted, text, waiting
+from pneucli.stages.init_text import References, quoted, text, waiting
 from pneucli.stages.init_trials import trial
 
 NAME = "pipeline.toml"
@@ -40,12 +40,13 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
         found_there = f"no recording among {len(left)} files: {left[0]}"
         raise InputError(str(raw[0]), found_there, "files of recorded numbers", "name them")
     content = _from_raw(directory, found) if raw else _example(directory)
+    told = references(found)
     with atomic_path(target) as temporary:
         temporary.write_text(content, encoding="utf-8")
     return {
         "schema": "pneucli/init/1",
         "pipeline": str(target),
-        "columns": [row for kind in found for row in _columns(kind)],
+        "columns": [row for kind in found for row in _columns(kind, told)],
         "left_out": left,
         "recordings": [_entry(kind) for kind in found],
         "fill_in": [{"line": line, "key": key} for line, key in waiting(content)],
@@ -91,9 +92,8 @@ def _from_raw(directory: Path, found: Sequence[Kind]) -> str:
     return text(directory, found, [trial(kind) for kind in found], references(found))
 
 
-def _columns(kind: Kind) -> Iterator[dict[str, Any]]:
+def _columns(kind: Kind, told: References) -> Iterator[dict[str, Any]]:
     """Yield what was seen of each column of a kind of file."""
-    told = references([kind])
     guesses: list[Guess] = [*kind.signals.values(), *kind.idle]
     for one in guesses:
         each = kind.numbers(one.signal) if one.signal else [values_of(survey, one) for survey in kind.surveys]

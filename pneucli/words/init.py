@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import PurePath
 from typing import Any
 
 from pneucli.words import labelled, table
@@ -16,7 +17,7 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     for one in answer["recordings"]:
         held = f"held out to test: {', '.join(one['held_out'])}" if one["held_out"] else "none held out"
         count = f"{one['files']} file" + "s" * (one["files"] > 1)
-        yield from labelled("kind", f"{one['file']}: {count}, {one['experiment']}; {held}")
+        yield from labelled("kind", f"{_short(one['file'])}: {count}, {one['experiment']}; {held}")
         rows = [_row(column) for column in answer["columns"] if column["file"] == one["file"]]
         yield from table(("column", "taken for", "unit", "least", "median", "most"), rows, texts=3)
         for column in answer["columns"]:
@@ -43,6 +44,10 @@ def _row(column: Mapping[str, Any]) -> tuple[str, ...]:
     gauge = " gauge" * column["gauge"]
     numbers = ("" if column[key] is None else f"{column[key]:.4g}" for key in ("least", "median", "most"))
     return (f"{column['column']}", column["signal"] or "-", f"{column['unit']}{gauge}", *numbers)
+
+
+def _short(file: str) -> str:
+    return "/".join(PurePath(file).parts[-2:])
 
 
 def _listed(numbers: list[int]) -> str:
