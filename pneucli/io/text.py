@@ -102,14 +102,14 @@ def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
     said = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
-    stamps, labels = (_columns_of(body, test) for test in (is_stamp, _is_label))
+    stamps, labels = (_columns_of(body, test, len(names)) for test in (is_stamp, _is_label))
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, stamps=stamps, labels=labels)
 
 
-def _columns_of(body: list[list[str]], test: Callable[[str], bool]) -> frozenset[int]:
+def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
     """Return the columns in whose rows something stands, and all of that passes ``test``."""
     columns = [[field for field in column if field not in NULLS] for column in zip_longest(*body, fillvalue="")]
-    return frozenset(number for number, fields in enumerate(columns) if fields and all(map(test, fields)))
+    return frozenset(number for number, fields in enumerate(columns[:width]) if fields and all(map(test, fields)))
 
 
 def is_value(field: str) -> bool:
