@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from pneucli import words
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json
+from pneucli.cli.options import Json, shortest
 
 
 def register(app: typer.Typer) -> None:
@@ -24,16 +25,27 @@ def register(app: typer.Typer) -> None:
 def _init(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to make.", show_default=False)],
     raw: Annotated[
-        list[Path] | None, typer.Option("--from", metavar="RAW", help="A raw file; more may follow.")
+        list[Path] | None,
+        typer.Option("--from", metavar="RAW", help="A raw file, a folder or a glob; more may follow."),
     ] = None,
     more: Annotated[
         list[Path] | None, typer.Argument(metavar="RAW", help="More raw files.", show_default=False)
     ] = None,
+    no_header: Annotated[
+        bool, typer.Option("--no-header", help="Texts begin with numbers: columns by number.")
+    ] = False,
+    skip_rows: Annotated[int, typer.Option("--skip-rows", metavar="N", help="Lines above the table.", min=0)] = 0,
+    delimiter: Annotated[
+        str | None, typer.Option("--delimiter", metavar="MARK", help="What stands between columns.")
+    ] = None,
+    decimal: Annotated[str | None, typer.Option("--decimal", metavar="MARK", help="The decimal mark: . or ,")] = None,
     json: Json = False,
 ) -> None:
     init = importlib.import_module("pneucli.stages.init")
-    answer = init.create(directory, [*(raw or []), *(more or [])])
+    mark = {"\\t": "\t", "tab": "\t"}.get(delimiter or "", delimiter)
+    stated = {"header": not no_header, "skip_rows": skip_rows, "delimiter": mark, "decimal": decimal}
+    answer = init.create(directory, [*(raw or []), *(more or [])], **stated)
     if json:
         console.answer(answer)
     else:
-        print(init.describe(answer))
+        print(words.of("init", answer, shortest(Path(answer["pipeline"]))))

@@ -2,8 +2,10 @@
 
 from pneucli.config.load import join_faults, load
 from pneucli.config.model import ParameterTable
-from pneucli.config.models import CheckTable, PipelineConfig, RecordingTable, SignalTable, WhereTable
+from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable, WhereTable
 from pneucli.config.sources import Source, plugin_files, raw_files, sources
+from pneucli.config.stages import CheckTable
+from pneucli.config.texts import TextTable
 
 __all__ = [
     "CheckTable",
@@ -12,6 +14,7 @@ __all__ = [
     "RecordingTable",
     "SignalTable",
     "Source",
+    "TextTable",
     "WhereTable",
     "join_faults",
     "load",

@@ -18,23 +18,23 @@ from pneucli.config.model import ModelTable
 from pneucli.config.rig import RigTable
 from pneucli.config.sizes import (
     Acceleration,
-    Duration,
     Force,
-    Frequency,
     Instant,
     MassFlow,
     Position,
     Pressure,
-    Steepness,
     Table,
     Temperature,
     Velocity,
     Voltage,
 )
-from pneucli.config.values import Column, Delimiter, Encoding, Mark, Name, Scale, Thousands
+from pneucli.config.stages import CheckTable, CompareTable, IdentifyTable
+from pneucli.config.texts import TextTable
+from pneucli.config.values import Column, Mark, Name, Scale, Thousands
 from pneucli.errors import UnitError
 from pneucli.experiments import KINDS
 from pneucli.experiments import Name as Experiment
+from pneucli.io.expression import Expression
 from pneucli.quantities import ROTARY, SIGNALS
 from pneucli.recording import Rig, Use
 from pneucli.units import parse_quantity, parse_unit, same_dimension
@@ -60,12 +60,14 @@ class WhereTable(Table):
 
 
 class SignalTable(Table):
-    """How one raw column becomes a signal: ``scale * column + offset``, read in ``unit`` (SI where absent).
+    """How raw columns become a signal: ``scale * column + offset``, read in ``unit``, with one column or an expression.
 
-    ``noise`` becomes SI while it is checked.
+    Where no unit is stated, and no scale, it is what the file says of the column, else SI; ``noise`` becomes SI while
+    it is checked.
     """
 
-    column: Column
+    column: Column | None = None
+    expression: str | None = None
     unit: str | None = None
     reference: Literal["gauge", "absolute"] | None = None
     scale: Scale = 1.0
@@ -74,6 +76,16 @@ class SignalTable(Table):
     decimal: Mark | None = None
     where: WhereTable | None = None
     noise: str | float | None = None
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> SignalTable:
+        if (self.column is None) == (self.expression is None):
+            raise ValueError(
+                'a signal needs either a column or an expression; wanted column = "..." or expression = "..."'
+            )
+        if self.expression is not None:
+            Expression(self.expression).check()
+        return self
 
     @model_validator(mode="after")
     def _two_marks(self) -> SignalTable:
@@ -137,25 +149,38 @@ class SignalsTable(Table):
         return {name: getattr(self, name) for name in SIGNALS if getattr(self, name) is not None}
 
 
-class RecordingTable(Table):
+class MoreTable(TextTable):
+    """One ``[[recordings.more]]``: a further file of the recording, whose clock is moved by ``offset`` (s)."""
+
+    file: Name
+    offset: Instant | Literal["find"] | None = None
+    match: SignalName | None = None
+    signals: SignalsTable = SignalsTable()
+
+    @model_validator(mode="after")
+    def _found_by(self) -> MoreTable:
+        if (self.offset == "find") != (self.match is not None):
+            raise ValueError(
+                'offset = "find" and match belong together; wanted match = "x", or any signal of both files'
+            )
+        return self
+
+
+class RecordingTable(TextTable):
     """One ``[[recordings]]``: files, how to read them, what was measured, and what was held constant (SI)."""
 
     name: Name | None = None
     file: Name
     experiment: Experiment
     use: Use
+    test: Name | list[Name] | None = None
     take: list[SignalName] | None = None
     chamber_2: Literal["closed", "open", "valve"] | None = None
     chamber: Literal[1, 2] = 1
     imposed: Literal["motion"] | None = None
     valve: Literal["shut"] | None = None
     signals: SignalsTable = SignalsTable()
-    header: bool = True
-    delimiter: Delimiter | None = None
-    decimal: Mark | None = None
-    thousands: Thousands | None = None
-    encoding: Encoding | None = None
-    skip_rows: Annotated[int, Field(ge=0)] = 0
+    more: list[MoreTable] = Field(default_factory=list)
     from_: Annotated[Instant | None, Field(alias="from")] = None
     to: Instant | None = None
     u: Voltage | None = None
@@ -188,41 +213,6 @@ class RecordingTable(Table):
             raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
         if kind.axis and self.chamber_2 is None:
             raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
-        return self
-
-
-class FrictionTable(Table):
-    """``[identify.friction]``: of the friction models; what is absent follows from the recordings."""
-
-    velocity_range: Annotated[Velocity, Field(gt=0)] | None = None
-    nodes: Annotated[int, Field(ge=10, le=100_000)] | None = None
-    eta: Steepness | None = None
-
-
-class IdentifyTable(Table):
-    """``[identify]``."""
-
-    friction: FrictionTable = FrictionTable()
-
-
-class CompareTable(Table):
-    """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
-
-    horizon: Duration = 0.5
-    low_pass: Frequency | None = None
-
-
-class CheckTable(Table):
-    """One entry of ``[checks]``: limits of a value in a JSON answer."""
-
-    max: float | None = None
-    min: float | None = None
-    equals: bool | int | float | str | list[Any] | None = None
-
-    @model_validator(mode="after")
-    def _limits_something(self) -> CheckTable:
-        if self.max is None and self.min is None and self.equals is None:
-            raise ValueError("the check limits nothing; wanted max, min or equals")
         return self
 
 

@@ -17,6 +17,8 @@ def _in(unit: str, rotary: str | None = None) -> BeforeValidator:
     def parse(value: Any, info: ValidationInfo) -> float | None:
         context = info.context or {}
         wanted = (rotary or ROTARY.get(unit, unit)) if context.get("rotary") else unit
+        if isinstance(value, str) and "?" in value:
+            raise ValueError(f'"{value}" is to be filled in; wanted a quantity such as "1 {wanted}"')
         ambient = context.get("ambient_pressure", STANDARD_ATMOSPHERE)
         return size(parse_quantity(value, wanted, ambient_pressure=ambient))
 

@@ -10,9 +10,18 @@ from pathlib import Path
 from pneucli import paths
 from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
-from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable
+from pneucli.config.models import MoreTable, PipelineConfig, RecordingTable, SignalTable
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import KINDS
+
+
+@dataclass(frozen=True)
+class More:
+    """A further file of a recording, with the signals that it may hold."""
+
+    path: Path
+    table: MoreTable
+    signals: dict[str, SignalTable]
 
 
 @dataclass(frozen=True)
@@ -31,6 +40,12 @@ class Source:
     required: frozenset[str]
     where: str
     commands: tuple[str, ...] = ()
+    more: tuple[More, ...] = ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files of the recording."""
+        return (self.path, *(one.path for one in self.more))
 
 
 def sources(config: PipelineConfig) -> list[Source]:
@@ -57,7 +72,7 @@ def plugin_files(config: PipelineConfig) -> list[Path]:
 
 def raw_files(config: PipelineConfig) -> list[Path]:
     """Return the raw files that the pipeline reads, each once."""
-    return list(dict.fromkeys(source.path for source in sources(config)))
+    return list(dict.fromkeys(path for source in sources(config) for path in source.paths))
 
 
 def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
@@ -66,7 +81,8 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     signals = {**config.signals.present(), **table.signals.present()}
     required = {"time", *table.signals.present(), *(table.take or [])} - table.constants.keys()
     if table.take is not None:
-        _check_take(table, signals, where)
+        further = {name: one for more in table.more for name, one in more.signals.present().items()}
+        _check_take(table, {**signals, **further}, where)
         signals = {name: signal for name, signal in signals.items() if name in {"time", *table.take}}
     if "time" not in signals:
         mend = 'add to [signals]: time = { column = "...", unit = "s" }'
@@ -77,10 +93,47 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     required &= signals.keys()
     is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
+    tables = _by_use(table, found, where)
+    more = _more(config, table, len(found), where)
     return [
-        Source(name, path, table, signals, frozenset(required), where, commands)
-        for name, path in zip(names, found, strict=True)
+        Source(name, path, own, signals, frozenset(required), where, commands, further)
+        for name, path, own, further in zip(names, found, tables, more, strict=True)
     ]
+
+
+def _more(config: PipelineConfig, table: RecordingTable, count: int, where: str) -> list[tuple[More, ...]]:
+    """Return the further files of each of ``count`` recordings: of globs, the first, the second, ... of each.
+
+    A further file holds signals of ``[signals]`` and its own, as far as they are taken and not held constant.
+    """
+    columns = []
+    for number, one in enumerate(table.more, 1):
+        found = _paths(config.path, one.file, f"{where}, key more.{number}")
+        if len(found) != count:
+            wanted = f"{count}, one for each file of the recording"
+            raise InputError(f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob")
+        own = {**config.signals.present(), **one.signals.present()}
+        taken = {"time", *(table.take or own)} - table.constants.keys()
+        own = {name: signal for name, signal in own.items() if name in taken}
+        columns.append([More(path, one, own) for path in found])
+    return list(zip(*columns, strict=True)) if columns else [()] * count
+
+
+def _by_use(table: RecordingTable, found: list[Path], where: str) -> list[RecordingTable]:
+    """Return the table of each file: those that ``test`` names are held out."""
+    if table.test is None:
+        return [table] * len(found)
+    held: set[Path] = set()
+    for pattern in [table.test] if isinstance(table.test, str) else table.test:
+        hits = {path for path in found if path.match(pattern)}
+        if not hits:
+            wanted = "a file, or a glob, of those of this recording"
+            raise InputError(
+                f"{where}, key test", f'no file "{pattern}"', wanted, did_you_mean(pattern, [p.name for p in found])
+            )
+        held |= hits
+    test = table.model_copy(update={"use": "test"})
+    return [test if path in held else table for path in found]
 
 
 def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: str) -> None:

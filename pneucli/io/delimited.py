@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from itertools import islice
 from typing import Any, Literal, cast
 
@@ -14,29 +15,11 @@ import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError
 from pneucli.io.raw import Ask, RawFile, Repair, Values
-from pneucli.io.text import Layout, PlainStream, layout
+from pneucli.io.stamps import Stamps
+from pneucli.io.text import NULLS, Layout, PlainStream, layout
 
 BLOCK = 4 << 20
 TAIL = 1 << 16
-NULLS = [
-    "",
-    "-",
-    "--",
-    "NaN",
-    "nan",
-    "NAN",
-    "-nan",
-    "n/a",
-    "N/A",
-    "NA",
-    "null",
-    "NULL",
-    "None",
-    "#N/A",
-    "#NV",
-    "1.#QNAN",
-    "-1.#IND",
-]
 
 
 class DelimitedReader:
@@ -49,11 +32,26 @@ class DelimitedReader:
         self.repairs: list[Repair] = []
         self.rows = 0
         self.losses: Counter[str] = Counter()
-        if self._look.units_line:
-            self.repairs.append(
-                Repair("", "units-line", 1, "the line below the header holds no number and was skipped")
-            )
+        self.units = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULLS}
+        if self._look.units:
+            self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))
+        self._stamps = {number: Stamps() for number in self._look.stamps}
         self._bad: list[str] = []
+
+    @property
+    def labels(self) -> frozenset[int]:
+        """The columns (from 0) that hold text, and no numbers and no stamps."""
+        return self._look.labels
+
+    @property
+    def stamps(self) -> frozenset[int]:
+        """The columns (from 0) that hold dates and times of day, read in seconds."""
+        return self._look.stamps
+
+    @property
+    def start(self) -> datetime | None:
+        """When the clock reads 0, where it is a calendar's and has been read."""
+        return next((stamps.start for stamps in self._stamps.values() if stamps.start), None)
 
     def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
         """Yield the asked columns; raises InputError with line and column where a row does not fit."""
@@ -89,14 +87,14 @@ class DelimitedReader:
                 check_utf8=False,
                 column_types=types,
                 include_columns=list(types),
-                null_values=NULLS,
+                null_values=list(NULLS),
                 decimal_point=self._look.decimal,
             ),
         )
 
     def _as_text(self, ask: Ask) -> bool:
         own = ask.decimal is not None and ask.decimal != self._look.decimal
-        return ask.text or own or bool(ask.thousands or self._raw.thousands)
+        return ask.text or own or bool(ask.thousands or self._raw.thousands) or ask.position in self._stamps
 
     def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
         self._bad.append(row.text)
@@ -105,13 +103,24 @@ class DelimitedReader:
     def _values(self, column: Any, ask: Ask) -> Values:
         if ask.text:
             return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
+        if ask.position in self._stamps:
+            return self._seconds(column, ask)
         if pa.types.is_string(column.type):
             column = self._numbers(column, ask)
         return np.asarray(column.to_numpy(zero_copy_only=False))
 
+    def _seconds(self, column: Any, ask: Ask) -> Values:
+        try:
+            return self._stamps[ask.position].seconds(column)
+        except ValueError as error:
+            bad = str(error)[1:-1]
+            where = next((f"{self._raw.path}, line {n}" for n, line in self._rows() if bad in line), self._raw.path)
+            where = f'{where}, column "{self.names[ask.position]}"'
+            raise InputError(where, f'"{bad}"', "a date or time of day as above it", "mend the line") from error
+
     def _numbers(self, column: Any, ask: Ask) -> Any:
         plain = pc.utf8_trim_whitespace(column)
-        plain = pc.if_else(pc.is_in(plain, value_set=pa.array(NULLS)), pa.scalar(None, pa.string()), plain)
+        plain = pc.if_else(pc.is_in(plain, value_set=pa.array(list(NULLS))), pa.scalar(None, pa.string()), plain)
         if thousands := ask.thousands or self._raw.thousands:
             plain = pc.replace_substring(plain, thousands, "")
         decimal = ask.decimal or self._look.decimal
@@ -172,7 +181,7 @@ class DelimitedReader:
 
     def _readable(self, field: str, ask: Ask) -> bool:
         try:
-            if field not in NULLS:
+            if field not in NULLS and ask.position not in self._stamps:
                 self._numbers(pa.array([field]), ask)
         except pa.ArrowInvalid:
             return False

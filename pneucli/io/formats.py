@@ -17,17 +17,28 @@ def open_raw(raw: RawFile) -> Reader:
 
     Raises InputError where it is unreadable, cut off, no regular file, or needs an extra that is not installed.
     """
-    if not raw.path.is_file():
-        found = "a folder" if raw.path.is_dir() else "no regular file (a pipe or a device)"
-        raise InputError(str(raw.path), found, "a file of recorded numbers", "copy what it delivers into a file")
-    with raw.path.open("rb") as file:
+    if (found := _format(raw.path)) is not None:
+        return _opened(found[0], raw.path, found[1])
+    return DelimitedReader(raw)
+
+
+def is_text(path: Path) -> bool:
+    """Return whether a file is of none of the binary formats; raises InputError where it is no regular file."""
+    return _format(path) is None
+
+
+def _format(path: Path) -> tuple[Callable[[Path], Reader], str] | None:
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "no regular file (a pipe or a device)"
+        raise InputError(str(path), found, "a file of recorded numbers", "copy what it delivers into a file")
+    with path.open("rb") as file:
         head = file.read(1024)
     for magic, (opener, name) in _FORMATS.items():
         if head.startswith(magic) or (name == hdf5.NAME and head[512 : 512 + len(magic)] == magic):
-            return _opened(opener, raw.path, name)
-    if raw.path.suffix.lower() in _BINARY and not head.strip():
-        raise InputError(str(raw.path), "the file is empty", "a recording", "record it again or leave it out")
-    return DelimitedReader(raw)
+            return opener, name
+    if path.suffix.lower() in _BINARY and not head.strip():
+        raise InputError(str(path), "the file is empty", "a recording", "record it again or leave it out")
+    return None
 
 
 def _opened(opener: Callable[[Path], Reader], path: Path, name: str) -> Reader:

@@ -17,6 +17,7 @@ def open_hdf5(path: Path) -> WholeReader:
     """List the columns: a dataset, ``matrix/2``, or a field of a table, each below its path."""
     h5py = library("h5py", "hdf5", path)
     owner: dict[str, tuple[str, str | None]] = {}  # column -> dataset, field
+    units: dict[str, str] = {}
     with h5py.File(path, "r") as file:
         for name, dataset in _datasets(h5py, file):
             for field in dataset.dtype.names or [None]:
@@ -24,6 +25,7 @@ def open_hdf5(path: Path) -> WholeReader:
                 if kind in "fiub":
                     own = f"{name}/{field}" if field else name
                     owner |= dict.fromkeys(columns_of(own, dataset.shape), (name, field))
+                    units |= dict.fromkeys(columns_of(own, dataset.shape), _unit(dataset))
 
     def fetch(wanted: Sequence[str]) -> list[Values]:
         columns: dict[str, Values] = {}
@@ -36,7 +38,15 @@ def open_hdf5(path: Path) -> WholeReader:
                 columns |= {key: vector(part) for key, part in split(own, array).items() if key in wanted}
         return [columns[name] for name in wanted]
 
-    return WholeReader(path, NAME, list(owner), fetch)
+    said = {number: units[name] for number, name in enumerate(owner) if units[name]}
+    return WholeReader(path, NAME, list(owner), fetch, said)
+
+
+def _unit(dataset: Any) -> str:
+    """Return the unit that stands in a dataset's attributes, if any."""
+    found = [dataset.attrs.get(key) for key in ("unit", "units", "Unit", "Units")]
+    texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in found]
+    return next((text for text in texts if isinstance(text, str)), "")
 
 
 def _datasets(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:

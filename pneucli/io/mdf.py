@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,12 @@ class MdfReader:
             found = [(name, where) for name, places in file.channels_db.items() for where in places]
             channels = [(name, where) for name, where in found if where not in masters and _is_signal(file, where)]
             self._clocks = {name for name, where in found if where in masters}
-        often = Counter(name for name, _ in channels)
-        self._where = {name if often[name] == 1 else f"{where[0]}/{name}": where for name, where in channels}
+            often = Counter(name for name, _ in channels)
+            self._where = {name if often[name] == 1 else f"{where[0]}/{name}": where for name, where in channels}
+            units = {name: str(file.groups[g].channels[c].unit or "") for name, (g, c) in self._where.items()}
         self.names: Sequence[str] = [*self._where, *sorted(self._clocks - self._where.keys())]
+        self.units = {number: units[name] for number, name in enumerate(self._where) if units[name]}
+        self.start: datetime | None = None
 
     def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
         """Yield all rows at once, NaN where a group has no record at another one's stamp."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,11 @@ class ParquetReader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.names: Sequence[str] = pq.read_schema(path).names
+        schema = pq.read_schema(path)
+        self.names: Sequence[str] = schema.names
+        said = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema]
+        self.units = {number: unit for number, unit in enumerate(said) if unit}
+        self.start: datetime | None = None
         self.repairs: list[Repair] = []
         self.rows = 0
         self.losses: Counter[str] = Counter()

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError, did_you_mean
+from pneucli.units import STANDARD_ATMOSPHERE
 
 Key = str | int
 Values = NDArray[Any]
@@ -20,7 +22,9 @@ Values = NDArray[Any]
 class Channel:
     """One signal in a raw file: ``SI = factor * column + offset``, in the rows where ``where`` holds.
 
-    A column is named, or counted from 1. ``decimal`` and ``thousands`` are this column's own marks in text files.
+    A column is named, or counted from 1; an ``expression`` over columns may take its place. ``decimal`` and
+    ``thousands`` are this column's own marks in text files. ``unit`` is what the pipeline file states. Where it states
+    nothing (None) of a signal whose SI unit is ``si``, a unit that the raw file itself says counts.
     """
 
     column: Key
@@ -29,11 +33,17 @@ class Channel:
     where: tuple[Key, str | float] | None = None
     decimal: str | None = None
     thousands: str | None = None
+    expression: str | None = None
+    unit: str | None = None
+    si: str | None = None
 
 
 @dataclass(frozen=True)
 class RawFile:
-    """A raw file and its channels by signal; those in ``required`` must be there. ``None``: found from the file."""
+    """A raw file and its channels by signal; those in ``required`` must be there. ``None``: found from the file.
+
+    ``ambient`` is the pressure (Pa) that units such as barg, said by the file itself, count from.
+    """
 
     path: Path
     channels: Mapping[str, Channel]
@@ -44,6 +54,7 @@ class RawFile:
     thousands: str | None = None
     encoding: str | None = None
     skip_rows: int = 0
+    ambient: float = STANDARD_ATMOSPHERE
 
 
 @dataclass(frozen=True)
@@ -76,6 +87,14 @@ class Reader(Protocol):
     repairs: list[Repair]
     rows: int
     losses: Counter[str]
+
+    @property
+    def units(self) -> Mapping[int, str]:
+        """The units that the file itself says, by position (from 0)."""
+
+    @property
+    def start(self) -> datetime | None:
+        """When the clock reads 0, where it is a calendar's and has been read."""
 
     def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
         """Yield the asked columns in batches of rows: float64, or text where asked."""

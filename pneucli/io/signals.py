@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import isclose
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.errors import InputError
+from pneucli.errors import InputError, UnitError
+from pneucli.io.expression import ROW, Expression
 from pneucli.io.formats import open_raw
 from pneucli.io.raw import Ask, Channel, Key, RawFile, Reader, Repair, Values, missing_column, position
 from pneucli.io.rows import Array, Table, join, left_out
+from pneucli.units import factor_and_offset, parse_unit, same_dimension
 
 Batch = dict[str, Array]
 
+_BRACKETED = re.compile(r"[\[(<]([^\[\](){}<>]*)[\])>]\s*$")
 BATCH = 1 << 17  # rows: as many in every format, so that what is judged batch by batch is judged alike
 
 
 class Opened:
-    """A raw file, its reader, and the position of each channel that it has a column for, ``time`` first."""
+    """A raw file, its reader, and the position of each channel that it has a column for, ``time`` first.
 
-    def __init__(self, raw: RawFile, reader: Reader, positions: Mapping[str, int]) -> None:
-        self.raw, self.reader, self.positions = raw, reader, positions
+    The position of a channel that is computed is None: ``columns`` has those that it is computed from, by their keys.
+    """
+
+    def __init__(
+        self, raw: RawFile, reader: Reader, positions: Mapping[str, int | None], columns: Mapping[Key, int]
+    ) -> None:
+        self.raw, self.reader, self.positions, self._columns = raw, reader, positions, columns
+        self._first = 0  # row of the next batch
         self._losses: Counter[str] = Counter()
         self._rows: NDArray[np.intp] | None = None  # of the file, that the signals' rows come from
 
@@ -30,6 +42,11 @@ class Opened:
     def channels(self) -> dict[str, Channel]:
         """The channels that the file has, ``time`` first."""
         return {name: self.raw.channels[name] for name in self.positions}
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The columns of the file."""
+        return self.reader.names
 
     @property
     def rows(self) -> int:
@@ -53,25 +70,40 @@ class Opened:
     def batches(self) -> Iterator[Batch]:
         """Yield signals in SI, ``time`` among them, in the file's order of rows, BATCH rows at a time."""
         long = any(channel.where for channel in self.channels.values())
-        yield from _even(iter([self._long()]) if long else self._flat(), list(self.positions))
+        yield from even(iter([self._long()]) if long else self._flat(), list(self.positions))
 
     def _flat(self) -> Iterator[Batch]:
-        asks = [_ask(place, self.raw.channels[name]) for name, place in self.positions.items()]
-        for columns in self.reader.batches(asks):
-            pairs = zip(self.channels.items(), columns, strict=True)
-            yield {name: _to_si(column, channel) for (name, channel), column in pairs}
+        for columns in self.reader.batches(self._asks()):
+            yield self._values(columns)
+
+    def _asks(self) -> list[Ask]:
+        plain = [(place, self.raw.channels[name]) for name, place in self.positions.items() if place is not None]
+        asks = [_ask(place, channel) for place, channel in plain]
+        asks += [Ask(place) for place in self._columns.values()]
+        return asks or [Ask(0, text=True)]  # any column tells how many rows there are
+
+    def _values(self, columns: Sequence[Values]) -> Batch:
+        """Return the signals in SI; ``columns`` are those of :meth:`_asks`."""
+        waiting = iter(columns)
+        found = {name: next(waiting) for name, place in self.positions.items() if place is not None}
+        by_key = dict(zip(self._columns, waiting, strict=False))
+        rows = columns[0].size
+        by_key.setdefault(ROW, np.arange(self._first, self._first + rows, dtype=np.float64))
+        self._first += rows
+        for name, channel in self.channels.items():
+            if channel.expression is not None:
+                own = Expression(channel.expression)
+                found[name] = own.values({key: by_key[key] for key in own.columns})
+        return {name: _to_si(found[name], channel) for name, channel in self.channels.items()}
 
     def _long(self) -> Batch:
         keys = {channel.where[0]: None for channel in self.channels.values() if channel.where}
         places = [self._place("where", key) for key in keys]
-        asks = [_ask(place, self.raw.channels[name]) for name, place in self.positions.items()]
-        asks += [Ask(place, text=True) for place in places]
-        whole = [np.concatenate(parts) for parts in zip(*self.reader.batches(asks), strict=True)]
-        values = {
-            name: _to_si(column, channel)
-            for (name, channel), column in zip(self.channels.items(), whole[: len(self.positions)], strict=True)
-        }
-        labels = dict(zip(keys, whole[len(self.positions) :], strict=True))
+        asks = self._asks()
+        texts = [Ask(place, text=True) for place in places]
+        whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*asks, *texts]), strict=True)]
+        values = self._values(whole[: len(asks)])
+        labels = dict(zip(keys, whole[len(asks) :], strict=True))
         tables = [self._table(where, values, labels) for where in dict.fromkeys(self._wheres().values())]
         taken = np.unique(np.concatenate([table.rows for table in tables])).size
         table, losses = join(tables, self.reader.place)
@@ -106,17 +138,71 @@ def open_signals(raw: RawFile) -> Opened:
     """Open ``raw`` and find the columns of its channels.
 
     A channel without a column is passed over, unless it is required: then InputError lists the columns there are. It
-    is raised too where several columns are called alike, or one column is asked for two signals.
+    is raised too where several columns are called alike, or one column is asked for two signals, and where the unit
+    that the file says of a column cannot be that of its signal.
     """
     reader = open_raw(raw)
-    found = {name: position(raw.path, name, channel.column, reader.names) for name, channel in raw.channels.items()}
+    computed = {name: Expression(one.expression) for name, one in raw.channels.items() if one.expression is not None}
+    found = {
+        name: position(raw.path, name, channel.column, reader.names)
+        for name, channel in raw.channels.items()
+        if name not in computed
+    }
+    columns = {name: _columns_of(raw, name, one, reader.names) for name, one in computed.items()}
     for name in sorted(raw.required):
-        if found.get(name) is None:
-            raise missing_column(raw.path, name, raw.channels[name].column, reader.names)
+        lacking = [key for key, place in columns.get(name, {}).items() if place is None]
+        if lacking or (name in found and found[name] is None):
+            key = lacking[0] if lacking else raw.channels[name].column
+            raise missing_column(raw.path, name, key, reader.names)
     places = {name: place for name, place in found.items() if place is not None}
     _require_own_columns(raw, places, reader.names)
     reader.repairs += _same_names(reader)
-    return Opened(raw, reader, {"time": places.pop("time"), **places})
+    raw = replace(raw, channels={n: _as_said(raw, n, c, places.get(n), reader) for n, c in raw.channels.items()})
+    whole = {name: own for name, own in columns.items() if None not in own.values()}
+    inner = {key: place for own in whole.values() for key, place in own.items() if place is not None}
+    order = {name: places.get(name) for name in raw.channels if name in places or name in whole}
+    return Opened(raw, reader, {"time": order.pop("time"), **order}, inner)
+
+
+def _columns_of(raw: RawFile, name: str, expression: Expression, names: Sequence[str]) -> dict[Key, int | None]:
+    """Return where the columns of an expression stand; the rows' number is none of them."""
+    found = {key: position(raw.path, name, key, names) for key in expression.columns}
+    return {key: place for key, place in found.items() if place is not None or key != ROW}
+
+
+def _as_said(raw: RawFile, name: str, channel: Channel, place: int | None, reader: Reader) -> Channel:
+    """Return ``channel`` in the unit that the file says of its column, where the pipeline file states none."""
+    said = None if place is None else unit_said(reader, place)
+    if said is None or place is None or (channel.si is None and channel.unit is None):
+        return channel
+    where, column = f"{raw.path}, signal {name}", f'"{reader.names[place]}"'
+    if channel.unit is not None:
+        if same_dimension(said, channel.unit) and not isclose(
+            parse_unit(said).factor, parse_unit(channel.unit).factor, rel_tol=1e-6
+        ):
+            message = f"the file says {said} of {column}; read in {channel.unit}, as stated"
+            reader.repairs.append(Repair(name, "unit", 1, message))
+        return channel
+    if not same_dimension(said, channel.si or ""):
+        found = f"the file says {said} of column {column}, and no unit is stated"
+        raise InputError(
+            where, found, f"a unit such as {channel.si}", f'state unit = "...", with scale if {said} is right'
+        )
+    factor, offset = factor_and_offset(said, 0.0 if channel.offset else raw.ambient)
+    reader.repairs.append(Repair(name, "unit-said", 1, f"read in {said}, as the file says of {column}"))
+    return replace(channel, factor=factor, offset=offset + channel.offset)
+
+
+def unit_said(reader: Reader, place: int) -> str | None:
+    """Return the unit that a file says of its column: below the header, as a property, or in brackets in its name."""
+    in_name = _BRACKETED.search(reader.names[place])
+    for text in (reader.units.get(place), in_name and in_name[1]):
+        try:
+            if text and parse_unit(text):
+                return text
+        except UnitError:
+            continue
+    return None
 
 
 def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequence[str]) -> None:
@@ -138,7 +224,7 @@ def _same_names(reader: Reader) -> list[Repair]:
     )
 
 
-def _even(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
+def even(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
     """Yield the same rows, BATCH at a time; at least one batch, which may be empty."""
     waiting: Batch = {name: np.empty(0) for name in names}
     for batch in batches:

@@ -17,7 +17,9 @@ def open_tdms(path: Path) -> WholeReader:
     """List the channels; a waveform's own clock is called ``time`` where no channel is."""
     tdms = library("nptdms", "tdms", path).TdmsFile
     with tdms.open(path) as file:
-        names = list(_columns(file))
+        columns = _columns(file)
+        units = [str(channel.properties.get("unit_string") or "") for channel, _ in columns.values()]
+        said = {number: unit for number, unit in enumerate(units) if unit and [*columns][number] != "time"}
 
     def fetch(wanted: Sequence[str]) -> list[Values]:
         with tdms.open(path) as file:
@@ -25,7 +27,7 @@ def open_tdms(path: Path) -> WholeReader:
             check_size(path, sum(8 * len(channel) for name, (channel, _) in columns.items() if name in wanted))
             return [vector(columns[name][1]()) for name in wanted]
 
-    return WholeReader(path, NAME, names, fetch)
+    return WholeReader(path, NAME, list(columns), fetch, said)
 
 
 def _columns(file: Any) -> dict[str, tuple[Any, Callable[[], Any]]]:

@@ -7,17 +7,25 @@ import csv
 import io
 import re
 import string
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io.raw import RawFile
+from pneucli.io.stamps import is_stamp
 
 HEAD = 1 << 18
 LONGEST = 16 << 20  # bytes of a line
+NULLS = (
+    *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
+    *("1.#QNAN", "-1.#IND"),
+)
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
+_BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK = (" ", r"\s+", "whitespace")  # as some programs call blanks
 _DELIMITER_MARKS = (*_BLANK, "\t", *(mark for mark in string.punctuation if mark not in "\"#'+-."))
@@ -25,14 +33,20 @@ _DELIMITER_MARKS = (*_BLANK, "\t", *(mark for mark in string.punctuation if mark
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks."""
+    """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks.
+
+    ``units`` is the line below the header, if that is none of numbers; ``stamps`` are the columns (from 0) of dates and
+    times of day, ``labels`` those of other text.
+    """
 
     encoding: str
     delimiter: str
     decimal: str
     skip: int
     names: tuple[str, ...]
-    units_line: bool = False
+    units: tuple[str, ...] = ()
+    stamps: frozenset[int] = frozenset()
+    labels: frozenset[int] = frozenset()
     line_end: str = "\n"
 
     def split(self, line: str) -> list[str]:
@@ -56,8 +70,8 @@ def layout(raw: RawFile) -> Layout:
     if not head.strip():
         raise InputError(str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out")
     _check_marks(raw)
-    encoding = raw.encoding or _encoding(raw.path, head)
-    text = _decode(raw.path, head, encoding)
+    encoding = raw.encoding or encoding_of(raw.path, head)
+    text = decoded(raw.path, head, encoding)
     line_end = "\n" if "\n" in text else "\r"
     lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
     if len(head) == HEAD and len(lines) > 1:
@@ -75,17 +89,36 @@ def layout(raw: RawFile) -> Layout:
 
 def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list[int]) -> Layout:
     first = sample[raw.header]
-    units = raw.header and len(rows) > 2 and not any(map(_numeric, first)) and any(map(_numeric, sample[2]))
+    units = raw.header and len(rows) > 2 and not any(map(is_value, first)) and any(map(is_value, sample[2]))
     body = sample[raw.header + units :]
     names = sample[0] if raw.header else [str(number + 1) for number in range(len(first))]
     if raw.header and len(body[0]) == len(names) + 1 and not body[0][-1]:
         names = [*names, ""]  # every row ends with a delimiter, the header does not
+    if raw.header and names[-1].lower() == "comment" and {len(row) for row in body} == {len(names) - 1}:
+        names = names[:-1]  # LabVIEW's last column, of which only rows with a comment have a field
     if raw.header and all(map(_numeric, names)):
         where = f"{raw.path}, line {rows[0] + 1}"
         raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
-    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units_line=units)
+    said = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
+    stamps, labels = (_columns_of(body, test, len(names)) for test in (is_stamp, _is_label))
+    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, stamps=stamps, labels=labels)
+
+
+def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
+    """Return the columns in whose rows something stands, and all of that passes ``test``."""
+    columns = [[field for field in column if field not in NULLS] for column in zip_longest(*body, fillvalue="")]
+    return frozenset(number for number, fields in enumerate(columns[:width]) if fields and all(map(test, fields)))
+
+
+def is_value(field: str) -> bool:
+    """Return whether a field is a number, a date or a time of day."""
+    return _numeric(field) or is_stamp(field)
+
+
+def _is_label(field: str) -> bool:
+    return not is_value(field)
 
 
 def _check_marks(raw: RawFile) -> None:
@@ -108,7 +141,8 @@ def _numeric(field: str) -> bool:
     return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf", field))
 
 
-def _encoding(path: Path, head: bytes) -> str:
+def encoding_of(path: Path, head: bytes) -> str:
+    """Return the encoding of a text; raises InputError where it is none."""
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF16_LE, "utf-16"),
@@ -130,7 +164,8 @@ def _encoding(path: Path, head: bytes) -> str:
     return "utf-8"
 
 
-def _decode(path: Path, head: bytes, encoding: str) -> str:
+def decoded(path: Path, head: bytes, encoding: str) -> str:
+    """Return the first bytes of a file as text; raises InputError where they are not of this encoding."""
     try:
         b"".decode(encoding)  # there are codecs that are no encodings of text
         return codecs.getincrementaldecoder(encoding)().decode(head)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,11 @@ class WholeReader:
     format: str
     names: Sequence[str]
     fetch: Fetch
+    units: Mapping[int, str] = field(default_factory=dict)
     repairs: list[Repair] = field(default_factory=list)
     rows: int = 0
     losses: Counter[str] = field(default_factory=Counter)
+    start: datetime | None = None
 
     def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
         """Yield all rows at once; raises InputError where the columns differ in length."""

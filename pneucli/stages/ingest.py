@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.config import PipelineConfig, SignalTable, Source, sources
+from pneucli.config import PipelineConfig, SignalTable, Source, TextTable, sources
 from pneucli.errors import InputError
 from pneucli.experiments import KINDS
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
-from pneucli.io.raw import Channel, RawFile, Repair
+from pneucli.io.raw import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.rows import LOSSES
+from pneucli.io.several import Part, Several
 from pneucli.io.signals import Opened, open_signals
 from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
 from pneucli.pipeline.context import Context, Progress
@@ -34,7 +36,7 @@ ONE_SPOOL = '; where one valve drives both chambers, say [rig.valve] arrangement
 SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
 WARNINGS = (
     *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
-    *("vacuum", "cut-number", "empty", "reader"),
+    *("vacuum", "cut-number", "empty", "reader", "unit"),
 )
 
 Array = NDArray[np.float64]
@@ -47,17 +49,20 @@ def run(context: Context) -> dict[str, Any]:
     """
     config = context.config
     found = sources(config)
-    opened = [open_signals(_raw_file(source, config)) for source in found]
+    opened = [_open(source, config) for source in found]
     done = [Ingested(source, *_present(source, file)) for source, file in zip(found, opened, strict=True)]
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
-        hashes = {path: threads.submit(sha256_of, path) for path in dict.fromkeys(source.path for source in found)}
+        hashes = {
+            path: threads.submit(sha256_of, path)
+            for path in dict.fromkeys(path for source in found for path in source.paths)
+        }
         about = Provenance(None, {"pipeline": config.document})
         with TableWriter(context.out / SIGNALS_FILE, signals_schema(names, about)) as writer:
             for number, (one, file) in enumerate(zip(done, opened, strict=True)):
                 _ingest(one, file, writer, threads, _telling(context.progress, number / len(done)))
                 one.sha256 = hashes[one.source.path].result()
-            about = Provenance({str(one.source.path): one.sha256 for one in done}, about.parameters)
+            about = Provenance({str(path): hashed.result() for path, hashed in hashes.items()}, about.parameters)
             writer.add_inputs(about)
     _pool_noise(done)
     write_tables(context.out, done, about)
@@ -73,18 +78,41 @@ def _left_out(one: dict[str, Any]) -> str:
     return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
 
 
-def _raw_file(source: Source, config: PipelineConfig) -> RawFile:
-    table, rig = source.table, config.to_rig()
+def _open(source: Source, config: PipelineConfig) -> Opened | Several:
+    """Open the files of a recording; raises InputError where one of them, or a required signal, is not there."""
+    required = frozenset({"time"}) if source.more else source.required
+    first = open_signals(_raw_file(source.path, source.table, source.signals, required, config))
+    if not source.more:
+        return first
+    parts = [
+        Part(
+            open_signals(_raw_file(one.path, one.table, one.signals, frozenset({"time"}), config)),
+            one.table.offset,
+            one.table.match,
+        )
+        for one in source.more
+    ]
+    several = Several(first, parts)
+    for name in sorted(source.required - several.positions.keys()):
+        raise missing_column(source.path, name, source.signals[name].column or 0, several.names)
+    return several
+
+
+def _raw_file(
+    path: Path, table: TextTable, signals: dict[str, SignalTable], required: frozenset[str], config: PipelineConfig
+) -> RawFile:
+    rig = config.to_rig()
     return RawFile(
-        path=source.path,
-        channels={name: _channel(signal, config.unit(name), rig) for name, signal in source.signals.items()},
-        required=source.required,
+        path=path,
+        channels={name: _channel(signal, config.unit(name), rig) for name, signal in signals.items()},
+        required=required,
         header=table.header,
         delimiter=table.delimiter,
         decimal=table.decimal,
         thousands=table.thousands,
         encoding=table.encoding,
         skip_rows=table.skip_rows,
+        ambient=rig.ambient_pressure,
     )
 
 
@@ -94,17 +122,21 @@ def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
         factor *= AIR.gas_constant / rig.gas_constant
     above = rig.ambient_pressure if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None
+    plain = signal.unit is None and signal.expression is None and (signal.scale, signal.offset) == (1.0, 0.0)
     return Channel(
-        signal.column,
+        signal.column or 0,
         factor * signal.scale,
         factor * signal.offset + offset + above,
         where,
         signal.decimal,
         signal.thousands,
+        signal.expression,
+        unit=signal.unit if signal.scale == 1.0 else None,
+        si=unit if plain else None,
     )
 
 
-def _present(source: Source, file: Opened) -> tuple[list[str], set[str]]:
+def _present(source: Source, file: Opened | Several) -> tuple[list[str], set[str]]:
     """Return the signals of a recording, and which of them have columns.
 
     Raises InputError where the experiment cannot do without another one.
@@ -113,8 +145,8 @@ def _present(source: Source, file: Opened) -> tuple[list[str], set[str]]:
     present = {*file.positions, *table.constants}
     for name in sorted(_needed(source, present) - present):
         asked = source.signals.get(name)
-        found = f'no column "{asked.column}" for {name}' if asked else f"{name} is not described"
-        columns = ", ".join(f'"{column}"' for column in file.reader.names[:30])
+        found = f'no column "{asked.column or asked.expression}" for {name}' if asked else f"{name} is not described"
+        columns = ", ".join(f'"{column}"' for column in file.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
         mend += ONE_SPOOL if name == "u2" else ""
         wanted = f"{name}, which a {table.experiment} recording needs (columns: {columns})"
@@ -128,7 +160,7 @@ def _needed(source: Source, present: set[str]) -> set[str]:
 
 
 def _ingest(
-    one: Ingested, file: Opened, writer: TableWriter, threads: ThreadPoolExecutor, tell: Callable[[str], None]
+    one: Ingested, file: Opened | Several, writer: TableWriter, threads: ThreadPoolExecutor, tell: Callable[[str], None]
 ) -> None:
     """Clean one file batch by batch; a batch is written while the next one is read."""
     cleaner = Cleaner(file.place, _stated_noise(one.source), (one.source.table.from_, one.source.table.to))

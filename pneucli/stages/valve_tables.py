@@ -170,6 +170,12 @@ def valve_warnings(valve: ValveIdentification) -> Iterator[str]:
             f"valve-not-described: the map of the valve reaches {quantity(valve.steepest, 'Pa/s')}, its curves show no "
             f"more than {quantity(valve.shown, 'Pa/s')}; do not use it, and see what ingest finds implausible"
         )
+    if valve.uneven:
+        name, off = max(valve.uneven, key=lambda one: one[1])
+        yield (
+            f"valve-resampled: {len(valve.uneven)} recordings are sampled unevenly and were put on an even clock "
+            f"for the map, which brings p1 an error of up to {quantity(off, 'Pa')} ({name})"
+        )
     train, test = valve.over_noise("train") or 0.0, valve.over_noise("test") or 0.0
     if train > FOLLOWED:
         yield (

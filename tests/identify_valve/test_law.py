@@ -15,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pneucli.errors import InputError
+from pneucli.identify.valve.evenly import error_of
 from pneucli.identify.valve.fit import (
     Part,
     Posterior,
@@ -457,7 +458,28 @@ def test_what_is_missing_of_a_valve_test_is_named(signals: dict[str, np.ndarray]
         cut([Recording("r", "valve", "train", 1e-3 * np.arange(100), signals)], None, beside(100))
 
 
-def test_uneven_sampling_is_refused() -> None:
+def uneven(time: np.ndarray, noise: float) -> Recording:
+    """A vessel that fills with a time constant of 50 ms."""
+    p = 6e5 - 5e5 * np.exp(-time / 0.05) + noise * RNG(2).standard_normal(time.size)
+    models = {"p1": NoiseModel(white=noise, period=1e-3)}
+    return Recording("r", "valve", "train", time, {"u": np.ones(time.size), "p1": p}, models)
+
+
+def test_uneven_stamps_are_put_on_an_even_clock_with_the_error_of_that() -> None:
     time = np.cumsum(1e-3 * (1.0 + 0.3 * RNG(1).uniform(-1.0, 1.0, 400)))
-    with pytest.raises(InputError, match="sampled unevenly"):
-        cut([Recording("r", "valve", "train", time, {"u": np.ones(400), "p1": np.ones(400)})], SUPPLY, beside(400))
+    recording = uneven(time, 200.0)
+    data = cut([recording], SUPPLY, beside(400))
+    even = 6e5 - 5e5 * np.exp(-data.time[:, 0] / 0.05)
+    valid = data.valid[:, 0]
+    assert np.std(data.p[valid, 0] - even[valid]) < 250.0
+    np.testing.assert_allclose(np.diff(data.time[valid, 0]), data.period[0], rtol=1e-9)
+    clean = uneven(time, 1e-9)
+    clock = np.arange(time[0], time[-1], clean.period)
+    true = np.interp(clock, clean.time, clean["p1"]) - (6e5 - 5e5 * np.exp(-clock / 0.05))
+    assert error_of(clean, "p1") == pytest.approx(np.sqrt(np.mean(true**2)), rel=0.3)
+
+
+def test_uneven_sampling_is_refused_where_resampling_errs_by_more_than_the_noise() -> None:
+    time = np.cumsum(1e-2 * (1.0 + 0.3 * RNG(1).uniform(-1.0, 1.0, 40)))
+    with pytest.raises(InputError, match="sampled unevenly, and too slowly"):
+        cut([uneven(time, 200.0)], SUPPLY, beside(40))

@@ -245,11 +245,11 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], lis
 def test_seal_friction_is_what_its_authors_data_give(
     real: Callable[[str], list[Recording]], name: str, friction: list[float]
 ) -> None:
-    area = load(ROOT / "pipelines" / f"zillen-{name}.toml").to_rig().piston_area_1
-    assert area is not None
+    rig = load(ROOT / "pipelines" / f"zillen-{name}.toml").to_rig()
+    assert rig.piston_area_1 is not None
     measured = []
     for one in real(f"zillen-{name}"):
-        net = one["force"] + (one["p1"] - one["p2"]) * area
+        net = one["force"] + (one["p1"] - rig.ambient_pressure) * rig.piston_area_1
         speed = np.gradient(one["x"], one.time)
         forth, back = np.median(net[speed > 4e-3]), np.median(net[speed < -4e-3])
         measured.append(abs(forth - back) / 2)

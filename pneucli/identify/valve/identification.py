@@ -13,6 +13,7 @@ from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Fit
 from pneucli.identify.paths import Chamber, Command, command_of, on_a_vessel
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
+from pneucli.identify.valve.evenly import error_of, is_uneven
 from pneucli.identify.valve.fit import (
     Posterior,
     averaged_noise,
@@ -98,6 +99,7 @@ class ValveIdentification:
     covers: Coverage
     law: Law
     fit: Posterior
+    uneven: tuple[tuple[str, float], ...] = ()  # recordings that were resampled, and the error of p1 in Pa
 
     @property
     def described(self) -> bool:
@@ -159,13 +161,16 @@ def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamb
     trend = modelled if alone else trend_of(_of_tests_alone(found, train), train)
     data = _cut(train, trend)
     law = _law(trend, data, rig)
+    if not law.supply > law.ambient:
+        lacking = f"the supply has {law.supply:.4g} Pa, no more than ambient pressure"
+        raise InputError("valve tests", lacking, "a supply above it, over which a map goes", "see p_supply")
     sensor = pool([e.noise["p1"] for e in train])
     if not sensor.rms:
         lacking = "p1 has no noise at all: a sensor that is dead, or a computed signal"
         raise InputError("valve tests", lacking, "a recorded p1", 'check its column, or state its noise = "1 mbar"')
     fit, covers = fit_law(law, data, sensor), coverage(law, data)
     nodes = [float(d.sign * n) for d in law.directions for n in d.nodes]
-    return identified(
+    seen = identified(
         law,
         fit,
         covers,
@@ -176,6 +181,7 @@ def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamb
         residuals=_residuals(law, fit, _cut(tests, trend), tests, sensor),
         shown=data.steepest,
     )
+    return replace(seen, uneven=tuple((r.name, error_of(r, "p1")) for r in recordings if is_uneven(r)))
 
 
 def identified(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from pneucli.errors import InputError
+from pneucli.identify.valve.evenly import UNSEEN, error_of, is_uneven, resampled
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
@@ -19,7 +20,6 @@ SHORTEST = 0.03  # s that a stretch must last beyond that
 FEWEST = 4  # samples of a stretch
 MOST_STEPS = 50  # of one sample
 JUMP = 0.005  # of the command's range in one sample
-UNEVEN = 0.1  # median departure from the sampling period, over the period: jitter and a few gaps stay below it
 SMOOTH = 0.02  # of the time that the steepest curve would take through its range: over that it is nearly straight
 KEPT = 8  # samples that every stretch keeps where readings are averaged
 LATEST = 0.1  # s, at most, over which they are
@@ -133,12 +133,14 @@ def _pieces(index: int, recording: Recording, supply_pressure: float | None, bes
     for signal in ("u", "p1"):
         if signal not in recording:
             raise InputError(f"recording {recording.name}", f"no signal {signal}", "u and p1", "see [signals]")
-    steps, dt = np.diff(recording.time), recording.period
-    if np.median(np.abs(steps - dt)) > UNEVEN * dt:
-        found, mend = "sampled unevenly", "resample it, or leave it to the fit of the model"
-        raise InputError(f"recording {recording.name}", found, "even sampling", mend)
-    supply, u = _supply(recording, supply_pressure), recording["u"]
-    rows = np.stack([recording.time, u, supply, recording["p1"], *beside])
+    dt, noise, off = recording.period, recording.noise.get("p1"), error_of(recording, "p1")
+    if off > UNSEEN * (noise.rms if noise else 0.0):
+        found = f"sampled unevenly, and too slowly to be resampled: p1 would err by {off:.2g} Pa, which shows"
+        mend = "record it faster, or leave it to the fit of the model"
+        raise InputError(f"recording {recording.name}", found, "even sampling, or faster", mend)
+    rows = np.stack([recording.time, recording["u"], _supply(recording, supply_pressure), recording["p1"], *beside])
+    rows = resampled(rows, dt) if is_uneven(recording) else rows
+    u = rows[1]
     jumps = np.flatnonzero(np.abs(np.diff(u)) > JUMP * max(np.ptp(u), 1e-9)) + 1
     starts, stops = np.append(0, jumps), np.append(jumps, u.size)
     settling, shortest = round(SETTLING / dt), max(FEWEST, round(SHORTEST / dt))

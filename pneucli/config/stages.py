@@ -1,0 +1,44 @@
+"""``[identify]``, ``[compare]`` and ``[checks]`` of the pipeline file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from pneucli.config.sizes import Duration, Frequency, Steepness, Table, Velocity
+
+
+class FrictionTable(Table):
+    """``[identify.friction]``: of the friction models; what is absent follows from the recordings."""
+
+    velocity_range: Annotated[Velocity, Field(gt=0)] | None = None
+    nodes: Annotated[int, Field(ge=10, le=100_000)] | None = None
+    eta: Steepness | None = None
+
+
+class IdentifyTable(Table):
+    """``[identify]``."""
+
+    friction: FrictionTable = FrictionTable()
+
+
+class CompareTable(Table):
+    """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
+
+    horizon: Duration = 0.5
+    low_pass: Frequency | None = None
+
+
+class CheckTable(Table):
+    """One entry of ``[checks]``: limits of a value in a JSON answer."""
+
+    max: float | None = None
+    min: float | None = None
+    equals: bool | int | float | str | list[Any] | None = None
+
+    @model_validator(mode="after")
+    def _limits_something(self) -> CheckTable:
+        if self.max is None and self.min is None and self.equals is None:
+            raise ValueError("the check limits nothing; wanted max, min or equals")
+        return self

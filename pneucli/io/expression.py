@@ -1,0 +1,103 @@
+"""A signal computed from columns: arithmetic and a few functions, and nothing else, since a file's text is not run."""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneucli.io.raw import Key, Values
+
+ROW = "row"  # the number of the row, from 0, where no column is called so
+FUNCTIONS: dict[str, Callable[[Values], Values]] = {
+    **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "log": np.log}
+}
+_OPERATORS: dict[type[ast.AST], Callable[..., Values]] = {
+    **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.divide, ast.Pow: np.power},
+    **{ast.USub: operator.neg, ast.UAdd: operator.pos},
+}
+_CONSTANTS = {"pi": np.pi}
+_QUOTED = re.compile(r"`([^`]*)`")
+LONGEST = 500  # characters
+DEEPEST = 50  # operations within one another
+
+
+@dataclass(frozen=True)
+class Expression:
+    """``text`` over columns: names as they are, or in backticks; a column's number in backticks too."""
+
+    text: str
+
+    @property
+    def columns(self) -> tuple[Key, ...]:
+        """The columns that are read, by name or number; ``row`` may be among them."""
+        return tuple(dict.fromkeys(self._names().values()))
+
+    def check(self) -> None:
+        """Raise ValueError, found and wanted, where it is no arithmetic over columns."""
+        if not self._names():
+            raise ValueError(f'"{self.text}" reads no column; wanted arithmetic over columns')
+        with np.errstate(all="ignore"):
+            self._value(self._tree(), dict.fromkeys(self._names(), np.ones(1)), 0)
+
+    def values(self, columns: Mapping[Key, Values]) -> Values:
+        """Return the value of every row, shape ``(n,)``; ``columns`` holds those of :attr:`columns`."""
+        names = self._names()
+        with np.errstate(all="ignore"):  # what becomes infinite is counted as such
+            found = self._value(self._tree(), {name: columns[key] for name, key in names.items()}, 0)
+        size = next(iter(columns.values())).size
+        return np.asarray(np.broadcast_to(found, size), dtype=np.float64)
+
+    def _names(self) -> dict[str, Key]:
+        """Return columns by the names that stand for them in the tree."""
+        quoted = dict.fromkeys(_QUOTED.findall(self.text))
+        marks: dict[str, Key] = {_mark(n): int(q) if q.isdigit() else q for n, q in enumerate(quoted)}
+        bare = (node.id for node in ast.walk(self._tree()) if isinstance(node, ast.Name))
+        return {name: marks.get(name, name) for name in bare if name not in FUNCTIONS and name not in _CONSTANTS}
+
+    def _tree(self) -> ast.AST:
+        quoted = list(dict.fromkeys(_QUOTED.findall(self.text)))
+        plain = _QUOTED.sub(lambda match: f" {_mark(quoted.index(match[1]))} ", self.text).strip()
+        wanted = "wanted arithmetic over columns, such as (`P1 [bar]` - `P2 [bar]`) / 2"
+        if "?" in plain or len(self.text) > LONGEST:
+            raise ValueError(f'"{self.text[:LONGEST]}" is to be filled in; {wanted}')
+        try:
+            return ast.parse(plain.replace("^", "**"), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            raise ValueError(f'"{self.text}" cannot be read; {wanted}') from error
+
+    def _value(self, node: ast.AST, names: Mapping[str, Values], depth: int) -> Values:
+        if depth > DEEPEST:
+            raise ValueError(f'"{self.text[:60]}..." goes too deep; wanted at most {DEEPEST} operations in one another')
+        inner = [self._value(child, names, depth + 1) for child in _operands(node)]
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+            return np.asarray(float(node.value))
+        if isinstance(node, ast.Name) and (node.id in names or node.id in _CONSTANTS):
+            return np.asarray(names[node.id] if node.id in names else _CONSTANTS[node.id])
+        if isinstance(node, ast.BinOp | ast.UnaryOp) and type(node.op) in _OPERATORS:
+            return _OPERATORS[type(node.op)](*inner)
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in FUNCTIONS
+            and len(inner) == 1
+        ):
+            return FUNCTIONS[node.func.id](inner[0])
+        known = f"+ - * / ** and {', '.join(FUNCTIONS)}"
+        raise ValueError(f'"{ast.unparse(node)[:60]}" is no part of an expression; wanted columns, numbers, {known}')
+
+
+def _operands(node: ast.AST) -> list[ast.AST]:
+    if isinstance(node, ast.BinOp):
+        return [node.left, node.right]
+    if isinstance(node, ast.UnaryOp):
+        return [node.operand]
+    return list(node.args) if isinstance(node, ast.Call) and not node.keywords else []
+
+
+def _mark(number: int) -> str:
+    return f"_column_{number}_"
