@@ -1,4 +1,4 @@
-"""A bench of made-up effects: what each set of them leaves over is stated by block, as cost and squares alike."""
+"""A bench of made-up effects: what each set of them leaves over is stated, block by block, cost and squares alike."""
 
 from __future__ import annotations
 

@@ -1,0 +1,106 @@
+"""Beside something unknown an effect is named only where it is more likely there than not."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import beside
+from pneucli.diagnose.beside import agreement, evidence_of, explained, weighed
+from pneucli.diagnose.confidence import Evidence, probability
+from pneucli.diagnose.smooth import Left, Smooth
+from pneucli.diagnose.trial import Squares
+from pneucli.physics.effects import catalogue
+from tests.diagnose.trials import bench, trial
+
+STRONG = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=2e4, clear=False)
+WEAK = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=50.0, clear=False)
+TRIED = trial("extra-mass")
+
+
+@pytest.fixture
+def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The decision about an effect with evidence, a reading that contradicts it, and the error that the user sees."""
+
+    def reason(evidence: Evidence, *, unknown: bool, contradicted: bool = False, falls: bool = True) -> str:
+        monkeypatch.setattr(beside, "evidence_of", lambda *_, clear: evidence._replace(clear=clear))
+        monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: contradicted)
+        errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
+        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, unknown=unknown)
+        assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
+        assert rests_on == evidence._replace(clear=not unknown)
+        return decision.reason
+
+    return reason
+
+
+def test_beside_something_unknown_only_what_is_likely_there_is_named(judged: Any) -> None:
+    assert probability(WEAK) < 0.5 < probability(STRONG)
+    assert judged(STRONG, unknown=True) == "supported"
+    assert judged(WEAK, unknown=True) == "explained-by-unknown"
+
+
+def test_where_nothing_unknown_is_left_what_was_found_is_named(judged: Any) -> None:
+    assert judged(WEAK, unknown=False) == "supported"
+    assert judged(WEAK, unknown=False, falls=False) == "supported"
+
+
+def test_beside_something_unknown_the_error_that_the_user_sees_must_fall(judged: Any) -> None:
+    assert judged(STRONG, unknown=True, falls=False) == "raises-error"
+    assert judged(WEAK, unknown=True, falls=False) == "explained-by-unknown"
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, contradicted=True) == "contradicted-by-reading"
+
+
+# --- what it rests on
+
+
+def state(squares: float, samples: int = 100, cost: float = 0.0, **more: Any) -> Any:
+    return SimpleNamespace(every=Squares(squares, samples), cost=cost, **more)
+
+
+def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
+    assert explained(state(300.0), state(150.0)) == pytest.approx(0.75)
+    assert explained(state(300.0), state(350.0)) == pytest.approx(-0.25)
+
+
+@pytest.mark.parametrize(("rival", "unknown"), [(30.0, 0.25), (180.0, 1.5), (None, 0.0)])
+def test_evidence_holds_a_smooth_function_of_the_state_before_against_the_effect(
+    monkeypatch: pytest.MonkeyPatch, rival: float | None, unknown: float
+) -> None:
+    before, after, last = state(300.0, cost=500.0), state(150.0, cost=380.0), state(140.0)
+    tried: Any = SimpleNamespace(before=before, state=after, effect=catalogue()["extra-mass"])
+    where: Any = SimpleNamespace(train=["fitted"], held_out=["apart"])
+    asked = []
+
+    def strongest(left: Any, effect: Any, of: Any) -> Smooth | None:
+        asked.append((left, effect.name, of))
+        return Smooth("force", "x", rival) if rival is not None else None
+
+    monkeypatch.setattr(Left, "by", lambda *given: given)
+    monkeypatch.setattr(beside, "strongest", strongest)
+    monkeypatch.setattr(beside, "agreement", lambda bench, state, name: {"extra-mass": 0.3}[name] * (state is last))
+    found = evidence_of(where, last, tried, clear=True)
+    assert asked == [((before, ["fitted"], ["apart"]), "extra-mass", before)]
+    assert found == pytest.approx(Evidence(0.75, 0.3, unknown, 120.0, clear=True))
+
+
+def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two views of ``b`` count as one recording; every channel has its residuals."""
+
+    def view(name: str, n: int, *channels: str) -> Any:
+        experiment = SimpleNamespace(recording=SimpleNamespace(name=name), time=np.zeros(n))
+        return SimpleNamespace(experiment=experiment, channels=channels)
+
+    monkeypatch.setattr(beside, "disagreement", lambda fit, effect, recordings: (fit, effect.name, recordings.tolist()))
+    where: Any = SimpleNamespace(
+        train=[view("b", 2, "p1", "p2"), view("a", 3, "p1"), view("b", 1, "force")], effects=catalogue()
+    )
+    fit, name, recordings = agreement(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
+    assert (fit, name, recordings) == ("fit", "extra-mass", [1] * 4 + [0] * 3 + [1])

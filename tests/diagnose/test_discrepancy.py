@@ -1,0 +1,129 @@
+"""What stays beside what is named: how large, how slow, over which signal, and which part of all."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from pneucli.diagnose.discrepancy import discrepancies
+from pneucli.diagnose.remainder import Remainder, Shape
+from pneucli.identify.views import Chambers, Forces
+from tests.simulate.benches import model
+
+N = 20_000
+
+
+def drifting(time_constant: float, period: float = 1e-3, size: float = 10.0, seed: int = 1) -> np.ndarray:
+    """AR(1) noise (N,) of an rms, beside white noise of 1."""
+    pole, rng = np.exp(-period / time_constant), np.random.default_rng(seed)
+    slow = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], rng.standard_normal(N))
+    return np.asarray(size * slow + rng.standard_normal(N))
+
+
+class Gas(Chambers):
+    """A view whose residuals are stated in units of their noise, which is 50 SI units."""
+
+    channels = ()
+    noise: ClassVar = {"p1": 50.0, "p2": 50.0, "force": 50.0}
+
+    def __init__(self, period: float = 1e-3, **left: np.ndarray) -> None:
+        recording = SimpleNamespace(period=period)
+        self.__dict__.update(left=left, channels=tuple(left), experiment=SimpleNamespace(recording=recording))
+
+    def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:
+        return {c: 50.0 * r for c, r in self.__dict__["left"].items()}
+
+
+class Mechanics(Gas, Forces):  # type: ignore[misc]
+    title = Forces.title
+
+
+def left(kind: Any = Gas, channel: str = "p1", ratio: float = 3.0, *shapes: Shape) -> Remainder:
+    return Remainder(kind, channel, ratio, ratio, shapes)
+
+
+def shape(variable: str, share: float) -> Shape:
+    return Shape(variable, np.zeros(2), np.zeros(2), np.ones(2), share, 0.0)
+
+
+def memory(*views: Gas) -> float | None:
+    """The time constant that is told of p1."""
+    (found,) = discrepancies(model(), views, [left()])
+    return found.time_constant
+
+
+# --- how slow
+
+
+@pytest.mark.parametrize("time_constant", [0.01, 0.05])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_time_constant_of_a_first_order_drift_is_found(time_constant: float, seed: int) -> None:
+    """20 s of it, beside white noise, which is alike over no sample."""
+    assert memory(Gas(p1=drifting(time_constant, seed=seed))) == pytest.approx(time_constant, rel=0.2)
+
+
+def test_recordings_are_pooled() -> None:
+    """The time constant is a hundredth of each of 16 recordings: one alone tells it to a fifth or worse."""
+    views = [Gas(p1=drifting(0.2, seed=seed)) for seed in range(16)]
+    assert memory(*views) == pytest.approx(0.2, rel=0.1)
+
+
+def test_the_fastest_sampling_tells_it() -> None:
+    """At 20 ms a drift of 10 ms is alike over no sample."""
+    slow = Gas(period=0.02, p1=drifting(0.01, period=0.02, seed=2))
+    assert memory(slow, Gas(p1=drifting(0.01))) == pytest.approx(0.01, rel=0.2)
+    assert memory(Gas(p1=drifting(0.01, period=1e-3, seed=3)), slow) == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_time_is_counted_in_the_recordings_own_samples() -> None:
+    assert memory(Gas(period=4e-3, p1=drifting(0.1, period=4e-3))) == pytest.approx(0.1, rel=0.2)
+
+
+def test_white_noise_is_alike_over_a_sample_at_most_but_by_chance() -> None:
+    found = [memory(Gas(p1=3.0 * np.random.default_rng(seed).standard_normal(N))) or 0.0 for seed in range(20)]
+    assert np.mean(np.array(found) < 1.5e-3) >= 0.8
+    assert max(found) < 5e-3
+
+
+def test_what_never_falls_has_no_time_constant() -> None:
+    """An offset is alike for ever."""
+    assert memory(Gas(p1=5.0 + np.random.default_rng(1).standard_normal(N))) is None
+
+
+# --- how large, where, over what
+
+
+def test_shares_are_of_all_squares_beyond_noise_and_sum_to_one() -> None:
+    """9 - 1 and 25 - 1, and of p2 half as many again: 8, 24 and 12 of 44."""
+    flat = np.ones(N)
+    gas = Gas(p1=3.0 * flat, p2=np.where(np.arange(N) % 2, 5.0, 0.0))
+    mechanics = Mechanics(force=5.0 * flat)
+    found = discrepancies(model(), [gas, mechanics], [left(), left(channel="p2"), left(Mechanics, "force")])
+    assert [(d.subsystem, d.channel) for d in found] == [
+        (Forces.title, "force"), (Chambers.title, "p2"), (Chambers.title, "p1"),
+    ]  # fmt: skip
+    assert [d.share for d in found] == pytest.approx([24 / 44, 12 / 44, 8 / 44])
+
+
+def test_what_is_hardly_more_than_noise_is_not_told() -> None:
+    one = Gas(p1=3.0 * np.ones(N), p2=1.03 * np.ones(N))
+    found = discrepancies(model(), [one], [left(ratio=1.07), left(channel="p2", ratio=1.05)])
+    assert [(d.channel, d.share) for d in found] == [("p1", 1.0)]
+    assert discrepancies(model(), [one], []) == []
+
+
+def test_of_a_channel_that_is_left_over_twice_the_first_one_tells_its_size() -> None:
+    """Held-out remainders come first."""
+    found = discrepancies(model(), [Gas(p1=3.0 * np.ones(N))], [left(ratio=2.5), left(ratio=3.5)])
+    assert [d.size for d in found] == [2.5]
+
+
+@pytest.mark.parametrize(("share", "over"), [(0.06, "x"), (0.04, None)])
+def test_it_is_over_the_signal_that_holds_most_where_that_is_worth_telling(share: float, over: str | None) -> None:
+    shapes = (shape("x", share), shape("u", 0.03))
+    (found,) = discrepancies(model(), [Gas(p1=3.0 * np.ones(N))], [left(Gas, "p1", 3.0, *shapes)])
+    assert found.over == over
