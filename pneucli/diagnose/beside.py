@@ -36,7 +36,7 @@ def evidence_of(bench: Bench, last: State, trial: Trial, *, clear: bool) -> Evid
         explained(trial.before, trial.state),
         agreement(bench, last, trial.effect.name),
         smooth.gain / max(gain, 1e-9) if smooth else 0.0,
-        gain,
+        gain / max(trial.state.every.samples, 1),
         clear,
     )
 

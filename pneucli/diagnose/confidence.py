@@ -26,8 +26,8 @@ class Evidence(NamedTuple):
 
     ``share``: part of the squares beyond noise that it explains on all readings. ``disagreement``: by which part of its
     size single recordings want it changed. ``unknown``: what a smooth function of one signal would explain instead,
-    over what it explains. ``gain``: the fall of the deviance. ``clear``: whether nothing is left beside all that was
-    found.
+    over what it explains. ``gain``: the fall of the deviance for each reading. ``clear``: whether nothing is left
+    beside all that was found.
     """
 
     share: float
@@ -45,16 +45,16 @@ class Evidence(NamedTuple):
             math.log10(min(max(self.disagreement, 0.01), 1.0)),
             min(max(self.unknown, 0.0), 1.2),
             math.log(share / (1.0 - share)),
-            math.log10(min(max(self.gain, 50.0), 2e4)),
+            math.log10(min(max(self.gain, 0.002), 1.0)),
             float(self.clear),
         )
 
 
 # of each feature, in their order; estimated by benchmarks/confidence.py, which prints them
-WEIGHTS = (-9.31, -1.77, -0.51, 0.17, 1.92, 2.5)
+WEIGHTS = (-0.69, -1.45, -0.42, 0.35, 1.28, 1.21)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
-REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.15, "needless": 0.03}
-OTHERWISE = 0.003  # of all other reasons together
+REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.1, "immaterial": 0.1, "needless": 0.03}
+OTHERWISE = 0.002  # of all other reasons together
 
 
 def probability(evidence: Evidence) -> float:
@@ -69,9 +69,10 @@ def refused(reason: Reason) -> float:
 
 
 def shares(states: Sequence[State]) -> list[float]:
-    """Return how often each of some states that explain the data alike is the best, their blocks drawn anew."""
+    """Return the likelihood of each of some states over that of all, in the mean of their blocks drawn anew."""
     costs = np.array([state.costs for state in states])
     rng = np.random.default_rng(SEED)
     drawn = rng.multinomial(costs.shape[1], np.full(costs.shape[1], 1.0 / costs.shape[1]), RESAMPLES)
-    best = np.argmin(costs @ drawn.T, axis=0)
-    return [float(np.mean(best == i)) for i in range(len(states))]
+    sums = costs @ drawn.T
+    likely = np.exp(-0.5 * (sums - sums.min(axis=0)))
+    return [float(share) for share in np.mean(likely / likely.sum(axis=0), axis=1)]

@@ -16,8 +16,8 @@ from pneucli.diagnose.trial import Squares
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import bench, trial
 
-STRONG = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=2e4, clear=False)
-WEAK = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=50.0, clear=False)
+STRONG = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=1.0, clear=False)
+WEAK = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=0.002, clear=False)
 TRIED = trial("extra-mass")
 
 
@@ -88,7 +88,7 @@ def test_evidence_holds_a_smooth_function_of_the_state_before_against_the_effect
     monkeypatch.setattr(beside, "agreement", lambda bench, state, name: {"extra-mass": 0.3}[name] * (state is last))
     found = evidence_of(where, last, tried, clear=True)
     assert asked == [((before, ["fitted"], ["apart"]), "extra-mass", before)]
-    assert found == pytest.approx(Evidence(0.75, 0.3, unknown, 120.0, clear=True))
+    assert found == pytest.approx(Evidence(0.75, 0.3, unknown, 1.2, clear=True))
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:

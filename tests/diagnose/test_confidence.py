@@ -12,19 +12,19 @@ from pneucli.diagnose.decision import Reason
 from pneucli.diagnose.trial import State
 from tests.diagnose.trials import costing
 
-MIDDLING = Evidence(share=0.5, disagreement=0.2, unknown=0.5, gain=1000.0, clear=False)
+MIDDLING = Evidence(share=0.5, disagreement=0.2, unknown=0.5, gain=0.04, clear=False)
 WITHIN: dict[str, list[float]] = {
     "share": [0.05, 0.3, 0.6, 0.9],
     "disagreement": [0.02, 0.1, 0.5, 0.9],
     "unknown": [0.1, 0.5, 0.9, 1.1],
-    "gain": [60.0, 500.0, 5000.0, 15_000.0],
+    "gain": [0.003, 0.02, 0.2, 0.6],
     "clear": [False, True],
 }
 BEYOND: dict[str, list[tuple[float, float]]] = {
     "share": [(0.02, -0.5), (0.98, 1.0)],
     "disagreement": [(0.01, 0.0), (1.0, 30.0)],
     "unknown": [(0.0, -2.0), (1.2, 50.0)],
-    "gain": [(50.0, -1e4), (2e4, 1e7)],
+    "gain": [(0.002, -1.0), (1.0, 50.0)],
 }
 
 
@@ -56,8 +56,8 @@ def test_each_feature_has_its_weight() -> None:
 
 
 def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
-    best = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=2e4, clear=True)
-    worst = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=50.0, clear=False)
+    best = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=1.0, clear=True)
+    worst = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=0.002, clear=False)
     assert 1.0 > probability(best) > 0.9
     assert NAMED > 0.1 > probability(worst) > 0.0
 
