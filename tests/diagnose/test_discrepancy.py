@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from pneucli.diagnose.discrepancy import discrepancies
 from pneucli.diagnose.remainder import Remainder, Shape
-from pneucli.identify.views import Chambers, Forces
+from pneucli.identify.views import Chambers, Forces, Whole
 from tests.simulate.benches import model
 
 N = 20_000
@@ -40,6 +40,10 @@ class Gas(Chambers):
 
 class Mechanics(Gas, Forces):  # type: ignore[misc]
     title = Forces.title
+
+
+class Axis(Gas, Whole):  # type: ignore[misc]
+    title = Whole.title
 
 
 def left(kind: Any = Gas, channel: str = "p1", ratio: float = 3.0, *shapes: Shape) -> Remainder:
@@ -79,6 +83,26 @@ def test_the_fastest_sampling_tells_it() -> None:
     assert memory(Gas(p1=drifting(0.01, period=1e-3, seed=3)), slow) == pytest.approx(0.01, rel=0.2)
 
 
+def test_slower_recordings_have_no_say_in_it() -> None:
+    wandering = Gas(period=0.02, p1=drifting(2.0, period=0.02, size=30.0))
+    assert memory(Gas(p1=drifting(0.01)), wandering) == pytest.approx(0.01, rel=0.2)
+
+
+def test_white_noise_beside_a_drift_does_not_shorten_it() -> None:
+    """As much of it as of the drift: half of the power is alike after a sample, 1/e of that after the time constant."""
+    assert memory(Gas(p1=drifting(0.02, size=1.0))) == pytest.approx(0.02, rel=0.2)
+
+
+def test_what_alternates_has_no_time_constant() -> None:
+    assert memory(Gas(p1=3.0 * np.where(np.arange(N) % 2, 1.0, -1.0))) is None
+
+
+def test_the_end_of_a_recording_is_not_followed_by_its_beginning() -> None:
+    """It errs in its first and in its last second: each is alike with itself, which falls to 1/e at 0.63 s."""
+    time = 1e-3 * np.arange(N)
+    assert memory(Gas(p1=np.where((time < 1.0) | (time >= 19.0), 5.0, 0.0))) == pytest.approx(0.632, rel=0.01)
+
+
 def test_a_time_is_counted_in_the_recordings_own_samples() -> None:
     assert memory(Gas(period=4e-3, p1=drifting(0.1, period=4e-3))) == pytest.approx(0.1, rel=0.2)
 
@@ -107,6 +131,11 @@ def test_shares_are_of_all_squares_beyond_noise_and_sum_to_one() -> None:
         (Forces.title, "force"), (Chambers.title, "p2"), (Chambers.title, "p1"),
     ]  # fmt: skip
     assert [d.share for d in found] == pytest.approx([24 / 44, 12 / 44, 8 / 44])
+
+
+def test_subsystems_that_share_a_channel_are_told_apart() -> None:
+    found = discrepancies(model(), [Gas(p1=3.0 * np.ones(N)), Axis(p1=5.0 * np.ones(N))], [left(), left(Axis)])
+    assert [(d.subsystem, d.share) for d in found] == [(Whole.title, 0.75), (Chambers.title, 0.25)]
 
 
 def test_what_is_hardly_more_than_noise_is_not_told() -> None:

@@ -334,6 +334,13 @@ def test_a_size_counts_from_the_null() -> None:
     assert "from a difference of 0.1" in found.would_show
 
 
+@pytest.mark.parametrize(("error", "typical"), [(0.24, True), (0.26, False)])
+def test_a_typical_size_shows_where_it_is_four_standard_errors(error: float, typical: bool) -> None:
+    """By a smaller error than that at which a plausible size of three times as much does."""
+    found = size_of("constant-force", ({"force": 10.0}, error))
+    assert (found.typical, found.plausible) == (typical, True)
+
+
 @pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
 def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: float, plausible: bool) -> None:
     found = size_of("constant-force", ({"force": 10.0}, error))
@@ -344,13 +351,13 @@ def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: flo
 @pytest.mark.parametrize("signature", [None, ({"force": 10.0}, np.inf), ({"force": 10.0}, 0.0)])
 def test_what_leaves_no_signature_would_not_have_shown(signature: Any) -> None:
     found = size_of("constant-force", *([signature] if signature else []))
-    assert (found.size, found.plausible) == (np.inf, False)
+    assert (found.size, found.plausible, found.typical) == (np.inf, False, False)
 
 
 @pytest.mark.parametrize(("error", "plausible"), [(0.24, True), (0.26, False)])
 def test_an_effect_without_a_null_shows_at_its_typical_size_or_not(error: float, plausible: bool) -> None:
     found = size_of("presliding", ({"stiffness": 2e4, "damping": 50.0}, error))
-    assert (found.size, found.plausible) == (2e4, plausible)
+    assert (found.size, found.plausible, found.typical) == (2e4, plausible, plausible)
     if plausible:
         assert "at 2e+04 N/m" in found.would_show
 

@@ -140,7 +140,10 @@ def test_grading_counts_by_hand(tmp_path):
         "parameters within 15 %": (1, 1),
         "intervals that hold the truth": (0, 0),
         "named with 0.9 or more, and true": (0, 0),
+        "true effects named with 0.9 or more": (0, 3),  # no answer says how sure it is
+        "unknown flagged in its subsystem, over its signal": (1, 1),  # this truth does not say where it is
     }
+    assert result["calibration"] is None
     assert result["unanswered"] == ["c"]
     assert result["error_after"] == {"median": 1.02, "largest": 1.02}
     assert {"hidden": "none", "answered": "stribeck", "cases": 1} in result["confusion"]

@@ -34,6 +34,9 @@ RESULT: dict[str, Any] = {
     "shares": {"verdict right": share(1, 3), "messy nulls named nothing": NOTHING, "unknown flagged": share(1, 1)},
     "set_size": {"median": 1.0, "largest": 2.0}, "error_after": {"median": 1.02, "largest": 1.5},
     "seconds": {"median": 31.0, "slowest": 40.0, "case": "b"}, "failures": {"timeout": 2, "false alarm": 3},
+    "calibration": {
+        "bins": [{"from": 0.5, "to": 0.7, "stated": 0.61, "there": 3, "of": 4}], "brier": 0.1236, "log": 0.5, "of": 4,
+    },
     "confusion": [{"hidden": "none", "answered": "stribeck", "cases": 1}],
 }  # fmt: skip
 TOLD = """\
@@ -49,6 +52,12 @@ Effects in one answer that it does not tell apart: 1 (median), 2 (largest)
 Error after, over the noise floor: 1.02 (median), 1.50 (largest)
 
 Processor seconds a case: 31 (median), 40 (b, slowest)
+
+Probabilities: Brier score 0.124, log score 0.500, of 4
+
+| stated | mean | there | of |
+| --- | ---: | ---: | ---: |
+| 0.5 to 0.7 | 0.61 | 3 | 4 |
 
 | condition | cases | verdict | in the answer | exactly | clean nulls | messy nulls | unknown | parameters | intervals \
 | set | error | seconds |
@@ -72,12 +81,13 @@ def test_the_report_of_three_cases() -> None:
 
 
 def test_where_nothing_failed_nothing_is_said_of_it() -> None:
-    clean = RESULT | {"failures": {}, "set_size": None, "error_after": None, "seconds": None}
+    clean = RESULT | {"failures": {}, "set_size": None, "error_after": None, "seconds": None, "calibration": None}
     told = to_markdown(clean)
     assert "failure" not in told
     assert "Effects in one" not in told
     assert "Error after" not in told
     assert "Processor" not in told
+    assert "Probabilities" not in told
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,9 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
         "supported",
         "reason",
         "why",
+        "confidence",
+        "confidence_alone",
+        "share",
     }
     for candidate in answer["candidates"]:
         assert keys <= candidate.keys()
@@ -76,6 +79,44 @@ def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None
     (named,) = [c for c in answer["candidates"] if c["effect"] == "friction-hysteresis"]
     assert named["supported"]
     assert named["parameters"]["drop"]["value"] == pytest.approx(truth["drop"], rel=0.1)
+
+
+def test_what_is_named_is_sure_and_what_is_not_is_less_so(hysteresis: Diagnosed) -> None:
+    """What helps takes a share of the squares beyond noise: here nearly all of them, by one effect."""
+    by_effect = {c["effect"]: c for c in hysteresis[1]["candidates"]}
+    named = by_effect["friction-hysteresis"]
+    assert named["confidence"] > 0.5
+    assert named["share"] > 0.95
+    alike = {"friction-hysteresis", *named["indistinguishable_from"]}
+    assert sum(by_effect[n]["confidence_alone"] for n in alike) == pytest.approx(named["confidence"], abs=1e-3)
+    for c in by_effect.values():
+        assert 0.0 <= c["confidence_alone"] <= c["confidence"] <= 1.0
+        assert c["effect"] in alike or c["confidence"] < 0.5
+        assert (c["share"] is None) == (not c["parameters"])  # only a fit tells it
+
+
+def test_what_remains_is_told_by_channel(hysteresis: Diagnosed) -> None:
+    left = hysteresis[1]["discrepancy"]
+    keys = {"subsystem", "channel", "size", "time_constant_s", "over", "share"}
+    assert all(one.keys() == keys for one in left)
+    assert not left or sum(one["share"] for one in left) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("typical", "words"),
+    [
+        ([False, False, True], "2 of 3 effects would not have shown at a typical size"),
+        ([True, True, False], "what the recordings say does not fit together"),
+    ],
+)
+def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: str) -> None:
+    last = SimpleNamespace(model=SimpleNamespace(effects=()))
+    found: Any = SimpleNamespace(
+        verdict="inconclusive", missing=(), found=SimpleNamespace(last=last),
+        detectable=[SimpleNamespace(typical=t) for t in typical],
+    )  # fmt: skip
+    told = diagnose.sentence(found, [{"train": 1.1, "test": None}])
+    assert told == f"Nothing can be said: {words} (error 1.1 times the noise)."
 
 
 def test_the_ladder_falls_to_the_noise_floor(hysteresis: Diagnosed) -> None:
