@@ -2,53 +2,92 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.diagnose.confidence import NAMED, Evidence, probability
 from pneucli.diagnose.decision import Decision, Reason
 from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.known import contradicted
+from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.smooth import Left, strongest
 from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.identify.views import Chambers, Forces, View
+from pneucli.physics.declaration import Effect
+
+MUCH = 3.5  # times the expected rms: where so much is left, more than one thing acts
+EXPLAINS = 0.25  # of what exceeds noise, where much is left
+EXPLAINS_MOST = 0.95  # the same where little is left: an effect that resembles one unknown would leave little too
+EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
+DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 
 
-def weighed(bench: Bench, last: State, trial: Trial, *, unknown: bool) -> tuple[Decision, Evidence]:
+def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) -> tuple[Decision, Evidence]:
     """Return the decision about an effect that was added, and what it rests on.
 
-    Where something ``unknown`` is left, what is more likely a stand-in for that is not named.
+    Where something unknown is ``left``, what is more likely a stand-in for that is not named.
     """
-    evidence = evidence_of(bench, last, trial, clear=not unknown)
-    reason: Reason = "supported"
-    if contradicted(trial.state.model, trial.effect, bench.train):
-        reason = "contradicted-by-reading"
-    elif unknown and probability(evidence) < NAMED:
-        reason = "explained-by-unknown"
-    elif unknown and not bench.falls(trial.before, trial.state):
-        reason = "raises-error"
+    evidence = evidence_of(bench, last, trial, clear=not left)
+    known = probability(evidence) >= NAMED if examined(bench, trial.effect) else told(bench, evidence, left)
+    failed: list[tuple[bool, Reason]] = [
+        (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
+        (bool(left) and not known, "explained-by-unknown"),
+        (bool(left) and not bench.falls(trial.before, trial.state), "raises-error"),
+    ]
+    reason: Reason = next((why for fails, why in failed if fails), "supported")
     return Decision(trial.effect, reason, trial), evidence
+
+
+def examined(bench: Bench, effect: Effect) -> bool:
+    """Whether exams have recordings of this kind: only there is the law of the probability known.
+
+    They have no motion that is imposed, no force alone, and always a recording that was held out.
+    """
+    return bench.checked and all(type(view) in (Chambers, Forces) for view in bench.train if view.feels(effect))
+
+
+def told(bench: Bench, evidence: Evidence, left: Sequence[Remainder]) -> bool:
+    """Whether an effect is more than a stand-in where no exam tells: it takes most, or much is left beside it."""
+    if evidence.disagreement > DISAGREE and bench.checked:
+        return False
+    if not bench.checked:
+        return evidence.share > EXPLAINS_ALONE
+    return evidence.share > EXPLAINS_MOST or (evidence.share > EXPLAINS and left[0].ratio > MUCH)
 
 
 def evidence_of(bench: Bench, last: State, trial: Trial, *, clear: bool) -> Evidence:
     """Return what tells the effect of a trial from a stand-in; ``clear`` where nothing is left."""
-    gain = trial.before.cost - trial.state.cost
+    gain = trial.before.deviance - trial.state.deviance
     smooth = strongest(Left.by(trial.before, bench.train, bench.held_out), trial.effect, trial.before)
     return Evidence(
         explained(trial.before, trial.state),
         agreement(bench, last, trial.effect.name),
         smooth.gain / max(gain, 1e-9) if smooth else 0.0,
-        gain / max(trial.state.every.samples, 1),
+        gain / max(trial.state.samples, 1),
         clear,
     )
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:
-    """Return by which part of its size single recordings want an effect changed."""
+    """Return by which part of its size single recordings want an effect changed; of one alone, its quarters."""
     names = [view.experiment.recording.name for view in bench.train]
-    sizes = [view.experiment.time.size * len(view.channels) for view in bench.train]
-    recordings = np.repeat(np.unique(names, return_inverse=True)[1], sizes)
-    return disagreement(state.fit, bench.effects[name], recordings)
+    alone, number = len(set(names)) == 1, np.unique(names, return_inverse=True)[1]
+    parts = [_quarters(view) if alone else np.full(_size(view), i) for view, i in zip(bench.train, number, strict=True)]
+    return disagreement(state.fit, bench.effects[name], np.concatenate(parts))
+
+
+def _size(view: View) -> int:
+    return view.experiment.time.size * len(view.channels)
+
+
+def _quarters(view: View) -> NDArray[np.int64]:
+    """Return the quarter of the recording in which each residual stands."""
+    n = view.experiment.time.size
+    return np.tile(np.arange(n) * 4 // n, len(view.channels))
 
 
 def explained(before: State, after: State) -> float:
     """Return the share of what exceeds noise that a step takes away, on fitted and on held-out recordings."""
-    return (before.every.total - after.every.total) / max(before.every.beyond_noise, 1e-9)
+    return (before.cost - after.cost) / max(before.cost - before.samples, 1e-9)

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pneucli.diagnose.beside import weighed
+from pneucli.diagnose.beside import examined, weighed
 from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
@@ -73,7 +73,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     start = bench.state(base)
     found = search(bench, start)
     left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
-    weights = [weighed(bench, found.last, trial, unknown=bool(left)) for trial in _trials(bench, found)]
+    weights = [weighed(bench, found.last, trial, left) for trial in _trials(bench, found)]
     missing = [d.effect.name for d, _ in weights if d.supported]
     twins = {n: [t for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left)] for n in missing}
     equals = {n: tuple(t.effect.name for t in trials) for n, trials in twins.items()}
@@ -81,7 +81,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
     evidence = {d.effect.name: e for d, e in weights}
-    sure = _confidence(found, decisions, evidence, twins)
+    sure = _confidence(bench, found, decisions, evidence, twins)
     unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))
     verdict = _verdict(bench, left, missing, sizes)
@@ -116,16 +116,24 @@ def _trials(bench: Bench, found: Search) -> list[Trial]:
 
 
 def _confidence(
-    found: Search, decisions: Sequence[Decision], added: Mapping[str, Evidence], twins: Mapping[str, Sequence[Trial]]
+    bench: Bench,
+    found: Search,
+    decisions: Sequence[Decision],
+    added: Mapping[str, Evidence],
+    twins: Mapping[str, Sequence[Trial]],
 ) -> dict[str, Confidence]:
-    """Return for each effect the probability that it, or one of its twins, is there, and that it is that one."""
-    sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions}
-    sure |= {name: Confidence(*[probability(evidence)] * 2) for name, evidence in added.items()}
+    """Return for each effect the probability that it, or one of its twins, is there, and that it is that one.
+
+    Nothing is said of effects that only recordings show of which there is no exam.
+    """
+    sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions if examined(bench, d.effect)}
+    known = {name: probability(evidence) for name, evidence in added.items() if name in sure}
+    sure |= {name: Confidence(p, p) for name, p in known.items()}
     for name, trials in twins.items():
-        parts = shares([found.last, *(t.state for t in trials)])
-        for one, part in zip([name, *(t.effect.name for t in trials)], parts, strict=True):
-            of_set = probability(added[name])
-            sure[one] = Confidence(of_set, part * of_set)
+        if name in known:
+            parts = shares([found.last, *(t.state for t in trials)])
+            for one, part in zip([name, *(t.effect.name for t in trials)], parts, strict=True):
+                sure[one] = Confidence(known[name], part * known[name])
     return sure
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.judge import ALPHA, material_fall
+from pneucli.diagnose.judge import ALPHA, material
 from pneucli.diagnose.trial import Bench, State, Trial
 
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
@@ -32,8 +32,8 @@ def simpler(trial: Trial, best: Trial) -> bool:
     However certain: one parameter more takes up what the true law leaves of the rig's imperfections.
     """
     more = trial.state.cost - best.state.cost
-    slight = more < SLIGHTLY * (trial.before.cost - trial.state.cost)
-    return len(trial.effect.parameters) < len(best.effect.parameters) and slight
+    matters = min(material(best.state) * best.state.cost, SLIGHTLY * (trial.before.cost - trial.state.cost))
+    return len(trial.effect.parameters) < len(best.effect.parameters) and more < matters
 
 
 def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
@@ -45,7 +45,7 @@ def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
         return as_good(trial.state, named.state) or simpler(trial, named)
     better = gain(named.state.costs, trial.state.costs)
     sure = better.certain and better.p_value * bench.hypotheses < ALPHA
-    return sure and material_fall(named.state, trial.state)
+    return sure and better.total > material(named.state) * named.state.cost
 
 
 def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
@@ -55,5 +55,5 @@ def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
     the state at each restart does not decide.
     """
     more, gained = rival.state.cost - best.cost, rival.before.cost - rival.state.cost
-    slight = more < SLIGHTLY * (gained + more)
+    slight = more < SLIGHTLY * min(best.cost, gained + more)
     return as_good(rival.state, best) or (noise_alone and slight)

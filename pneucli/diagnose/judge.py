@@ -42,7 +42,7 @@ def _reason(bench: Bench, before: State, trial: Trial, p_value: float) -> Reason
         ("bound" in ends, "at-bound"),
         (_too_short(bench, trial), "below-resolution"),
         (not unlikely, "at-bound" if _at_any_bound(trial) else "not-significant"),
-        (not material_fall(before, trial.state), "immaterial"),
+        (not trial.train.total > material(before) * float(before.train.sum()), "immaterial"),
         (not certain and not _rarely_shown(trial, p_value), "not-on-held-out"),
     ]
     return next((reason for fails, reason in failed if fails), "supported")
@@ -74,15 +74,14 @@ def _at_any_bound(trial: Trial) -> bool:
     return any(e.at_bound and e.name.startswith(f"{trial.effect.name}.") for e in trial.state.fit.estimates)
 
 
-def material_fall(before: State, after: State) -> bool:
-    """Whether the squares of the fitted readings fall by a share that matters to the user."""
-    share = AT_NOISE if at_noise(before) else MATERIAL
-    return before.fitted.total - after.fitted.total > share * before.fitted.total
+def material(before: State) -> float:
+    """Return the share of the cost that an effect must take to matter."""
+    return AT_NOISE if at_noise(before) else MATERIAL
 
 
 def at_noise(state: State) -> bool:
     """Whether sensors' noise alone would leave about as much."""
-    return state.every.total < NOISE * state.every.samples
+    return state.cost < NOISE * state.samples
 
 
 def _too_short(bench: Bench, trial: Trial) -> bool:

@@ -20,7 +20,7 @@ from pneucli.identify.fit import block_numbers
 from pneucli.identify.views import View
 
 Array = NDArray[np.float64]
-Kind = tuple[type[View], str, int]  # view, channel, octave: what has one variance
+Kind = tuple[type[View], str, int, int]  # view, channel, rate, octave: what has one variance
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,16 @@ def _details(views: Sequence[View], residual: Array) -> Iterator[Detail]:
         for channel in view.channels:
             part = slice(first, first + view.experiment.time.size)
             first = part.stop
-            seen = np.flatnonzero(residual[part])
+            seen, rate = np.flatnonzero(residual[part]), _rate(view)
             for octave, values in enumerate(octaves(residual[part][seen])):
                 middle = np.minimum((2 * np.arange(values.size) + 1) << octave, seen.size - 1)
-                yield Detail((type(view), channel, octave), values**2, blocks[part][seen[middle]])
+                yield Detail((type(view), channel, rate, octave), values**2, blocks[part][seen[middle]])
+
+
+def _rate(view: View) -> int:
+    """Return the sampling rate in eighths of an octave: clocks that differ by less have the same."""
+    time = view.experiment.time
+    return round(-8.0 * float(np.log2(np.median(np.diff(time))))) if time.size > 1 else 0
 
 
 def octaves(values: Array) -> list[Array]:

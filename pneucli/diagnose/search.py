@@ -11,7 +11,7 @@ import numpy as np
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, replaces
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.judge import at_noise, judged, material_fall, supported
+from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Array, Bench, State, Trial
 from pneucli.identify.least_squares import inverse
@@ -22,9 +22,7 @@ REFITS = 6  # of the effects that the screen ranks highest
 PAIRS = 3
 WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
 HOPELESS = 0.01  # of what the best signature promises
-CLOSE = (
-    0.2  # of what the best trial gains: trials that fall short by less are fitted to the end before they are compared
-)
+CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
 
 
@@ -129,8 +127,7 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
     likely = [(e, s) for e, s in screened if s[0].gain > least][:REFITS]
     trials = [bench.added(state, effect, found) for effect, found in likely]
     least = min((t.state.cost for t in trials), default=0.0)
-    near = least + CLOSE * (state.cost - least)
-    promising = [t.state.cost <= near and material_fall(state, t.state) for t in trials]
+    promising = [t.state.cost < CLOSE * least and t.train.total > MATERIAL * float(state.train.sum()) for t in trials]
     ended = [bench.polished(state, t) if more else t for t, more in zip(trials, promising, strict=True)]
     settled = {*without, *(t.effect.name for t in ended)}
     others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in settled]
@@ -233,7 +230,7 @@ def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Ro
 
 def _missed(before: State, last: State) -> bool:
     missed = gain(before.costs, last.costs)
-    return missed.certain and material_fall(before, last)
+    return missed.certain and missed.total > material(before) * before.cost
 
 
 def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> tuple[list[State], Round]:

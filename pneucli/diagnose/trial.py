@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.diagnose.evidence import Gain, gain, wald
+from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
 from pneucli.diagnose.likelihood import deviance
+from pneucli.diagnose.remainder import drawn_rms
 from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
-from pneucli.identify.fit import Fit, Problem
+from pneucli.identify.fit import Fit, Problem, block_numbers
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 
 
 ROUNDS = 5  # of a first fit, which only ranks
+KNOWN = 0.8  # of the noise's power, at least
 RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts; a fall by as much is chance too
+LEAST = 0.02  # of the readings: a model that states less is charged no more
 READING = frozenset({"pressure sensor"})  # faults of it cannot show where no pressure is recorded
 Screened = tuple[Effect, list[Signature]]
 Errors = Mapping[str, float | None]
@@ -67,19 +69,24 @@ class Bench:
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        fitted = Squares.of(found.residual)
+        drawn, said = drawn_noise(found.model, self.train), statements(found.model, self.train)
+        train = costs(self.train, drawn, said * found.residual, found.errors)
+        seen = int(np.count_nonzero(found.residual))
         if self.turns or not self.held_out:
-            train = deviance(self.train, found.residual, found.errors)
+            likely = float(deviance(self.train, found.residual, found.errors).sum())
             if not self.turns:
-                return State(found, train, np.zeros(0), train, fitted, fitted)
-            turned = held_out_by_turns(found, self.train, self.turns)
-            out = deviance(self.train, turned, found.errors)
-            return State(found, train, out, out, fitted, Squares.of(turned))
+                return State(found, train, np.zeros(0), train, seen, likely)
+            residual = held_out_by_turns(found, self.train, self.turns)
+            turned = costs(self.train, drawn, said * residual, found.errors)
+            return State(found, train, turned, turned, seen, likely)
         problem = Problem(found.model, self.held_out, ())
-        residual = np.concatenate([found.residual, *problem.data(found.model)])
-        costs = deviance([*self.train, *self.held_out], residual, [*found.errors, *problem.errors])
-        train, test = np.split(costs, [int(found.blocks[-1]) + 1])
-        return State(found, train, test, costs, fitted, Squares.of(residual))
+        residual = np.concatenate(problem.data(found.model))
+        said = statements(found.model, self.held_out)
+        test = costs(self.held_out, drawn_noise(found.model, self.held_out), said * residual, problem.errors)
+        views, errors = [*self.train, *self.held_out], [*found.errors, *problem.errors]
+        likely = float(deviance(views, np.concatenate([found.residual, residual]), errors).sum())
+        samples = seen + int(np.count_nonzero(residual))
+        return State(found, train, test, np.concatenate([train, test]), samples, likely)
 
     def lacking(self, state: State) -> list[Effect]:
         """Return the effects that a state lacks and that can show."""
@@ -150,37 +157,71 @@ class Bench:
         )
 
 
-class Squares(NamedTuple):
-    """The sum of squared residuals in units of the sensors' noise, and how many there are; zeros say nothing."""
+def drawn_noise(model: Model, views: Sequence[View]) -> list[dict[str, float]]:
+    """Return for each view the rms by channel that a correct model of this kind would show of noise."""
+    return [drawn_rms(model, view, view.carried(model)) for view in views]
 
-    total: float
-    samples: int
 
-    @classmethod
-    def of(cls, residual: Array) -> Squares:
-        """Return those of residuals (N,)."""
-        return cls(float(residual @ residual), int(np.count_nonzero(residual)))
+def costs(
+    views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array, errors: Sequence[Mapping[str, Array]]
+) -> Array:
+    """Return the cost by block of residuals (N,): their squares, and the volume of what the starts may err by."""
+    blocks = block_numbers(views)
+    volume = np.concatenate([view.volume(mine) for view, mine in zip(views, errors, strict=True)])
+    return block_costs(allowed(views, drawn, residual), blocks) + np.bincount(blocks, weights=volume)
 
-    @property
-    def beyond_noise(self) -> float:
-        """What of the sum the noise of the sensors does not leave."""
-        return max(self.total - self.samples, 0.0)
+
+def allowed(views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array) -> Array:
+    """Return residuals (N,) scaled, channel by channel, for what a correct model of this kind would show of noise.
+
+    A model that undoes a lag amplifies noise, one that smooths over it (a lag in the balance of forces, a delay by half
+    a sample) shows less; without the allowance a wrong one could leave less. The noise is no more than what is left; a
+    channel is made smaller than the sensors' noise only so far as that is not known better.
+    """
+    parts, first = [], 0
+    for view, noises in zip(views, drawn, strict=True):
+        for channel in view.channels:
+            part = residual[first : first + view.experiment.time.size]
+            first += part.size
+            cost, noise = float(part @ part), float(np.count_nonzero(part))
+            more = max(noises[channel] ** 2, KNOWN)
+            fair = max(cost - (more - 1.0) * min(noise, cost / more), KNOWN * min(cost, noise))
+            parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
+    return np.concatenate(parts)
+
+
+def statements(model: Model, views: Sequence[View]) -> Array:
+    """Return by how much each residual (N,) counts: those at which the model states no force but bounds, not at all,
+    and the others of the channel so much more.
+
+    Where a model states only bounds it explains nothing: such a reading costs what the others cost on average.
+    """
+    parts = []
+    for view in views:
+        n, bounded = view.experiment.time.size, any(effect.bounds for effect in model.effects)
+        residual = view.residual(model) if bounded and view.states_force else {}
+        for channel in view.channels:
+            stated = 1.0 - residual["gap"] if channel == "force" and "gap" in residual else np.ones(n)
+            seen = residual[channel] != 0.0 if "gap" in residual else np.ones(n, dtype=bool)
+            share = max(float(np.mean(stated[seen])), LEAST) if seen.any() else 1.0
+            parts.append(np.sqrt(stated / share))
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True)
 class State:
-    """A fitted model and what it leaves over, as deviance by block: ``train`` as fitted, ``test`` held out.
+    """A fitted model and what it leaves over, as costs by block: ``train`` as fitted, ``test`` held out.
 
-    ``costs`` counts each reading once, held out where it is. The squares, which the user sees, are those of the
-    ``fitted`` readings and of ``every`` one.
+    ``costs`` counts each reading once, held out where it is; ``samples`` are the residuals behind them, zeros of what
+    does not count left out. ``deviance`` is -2 log L of all readings with a discrepancy.
     """
 
     fit: Fit
     train: Array
     test: Array
     costs: Array
-    fitted: Squares
-    every: Squares
+    samples: int
+    deviance: float = 0.0
 
     @property
     def model(self) -> Model:

@@ -168,8 +168,8 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, decision: Decision)
         "indistinguishable_from": _alike(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
-        "confidence": round(found.confidence[name].of_set, 4),
-        "confidence_alone": round(found.confidence[name].alone, 4),
+        "confidence": round(found.confidence[name].of_set, 4) if name in found.confidence else None,
+        "confidence_alone": round(found.confidence[name].alone, 4) if name in found.confidence else None,
         "share": None if trial is None else _share(before, after),
         "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }

@@ -27,27 +27,8 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
             "eta": {"value": friction.domain.eta, "unit": "s/m"},
         },
         "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
-        "kinetic": [
-            {
-                "recording": k.recording,
-                "pressures": k.pressures,
-                "speed": k.speed,
-                "friction": k.friction.value,
-                "ci95": [k.friction.ci_low, k.friction.ci_high],
-                "unit": "N",
-            }
-            for k in friction.kinetic
-        ],
-        "breakaway": [
-            {
-                "recording": b.recording,
-                **_value(b.force),
-                "least": b.least,
-                "most": b.most,
-                "count": int(b.count),
-            }
-            for b in friction.break_aways
-        ],
+        "kinetic": _kinetic(friction),
+        "breakaway": _break_aways(friction),
         "over_pressure": None if line is None else {n: _value(getattr(line, n)) for n in ("at_ambient", "slope")},
         "repeats": [
             {"recordings": list(r.recordings), "friction": r.friction, "unit": "N", "spread": r.spread}
@@ -67,6 +48,27 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
             for d in friction.deviations
         ],
     }
+
+
+def _kinetic(friction: FrictionIdentification) -> list[dict[str, Any]]:
+    return [
+        {
+            "recording": k.recording,
+            "pressures": k.pressures,
+            "speed": k.speed,
+            "friction": k.friction.value,
+            "ci95": [k.friction.ci_low, k.friction.ci_high],
+            "unit": "N",
+        }
+        for k in friction.kinetic
+    ]
+
+
+def _break_aways(friction: FrictionIdentification) -> list[dict[str, Any]]:
+    return [
+        {"recording": b.recording, **_value(b.force), "least": b.least, "most": b.most, "count": int(b.count)}
+        for b in friction.break_aways
+    ]
 
 
 def _value(value: Value) -> dict[str, Any]:

@@ -41,10 +41,10 @@ def test_a_sensor_that_is_surely_better_is_no_equal():
     assert foremost([offset, CONSTANT]) is offset
 
 
-def test_less_than_matters_is_a_part_of_what_the_effect_takes():
-    """5 hundredths: of a large effect that takes 300 000 as of a small one that takes 1000."""
-    assert simpler(CONSTANT, rival("spring-force", 14_900.0))
-    assert not simpler(CONSTANT, rival("spring-force", 15_100.0))
+def test_less_than_matters_is_a_part_of_the_cost_and_of_what_the_effect_takes():
+    """4 thousandths of 99 700 beyond noise; of a small effect 5 hundredths."""
+    assert simpler(CONSTANT, rival("spring-force", 390.0))
+    assert not simpler(CONSTANT, rival("spring-force", 410.0))
     faint = trial("constant-force", 399_000.0, before=BEFORE)
     assert simpler(faint, rival("spring-force", 49.0, than=faint))
     assert not simpler(faint, rival("spring-force", 51.0, than=faint))
@@ -72,9 +72,8 @@ def test_a_simpler_equal_replaces_what_was_named():
 
 
 def test_equals_are_told_where_noise_alone_decides():
-    """Of the 300 000 that the force takes 5 hundredths are 15 000; the rival's own gain is less by what it costs."""
-    worse = rival("friction-asymmetry", -14_900.0)
+    worse = rival("friction-asymmetry", -4000.0)
     assert not equal(worse, CONSTANT.state, noise_alone=False)
     assert equal(worse, CONSTANT.state, noise_alone=True)
-    assert not equal(rival("friction-asymmetry", -15_100.0), CONSTANT.state, noise_alone=True)
+    assert not equal(rival("friction-asymmetry", -6000.0), CONSTANT.state, noise_alone=True)
     assert equal(rival("friction-asymmetry", -100.0, 200.0), CONSTANT.state, noise_alone=False)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from pneucli.diagnose.judge import at_noise, judged, material_fall, supported
-from pneucli.diagnose.trial import Squares
+from pneucli.diagnose.judge import judged, supported
 from tests.diagnose.trials import UNSURE, bench, state, trial
 
 INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
@@ -69,19 +66,6 @@ def test_four_thousandths_of_a_cost_beyond_noise_matter(fall: float, said: str):
 def test_where_noise_is_left_two_hundredths_matter_for_the_first_effect_too(fall: float, said: str):
     """A cost of 4000 from 4000 samples: what is left is noise, and a hundredth of it no finding."""
     assert reason("friction-asymmetry", 4000.0 - fall, before=state(cost=4000.0), ends=INSIDE) == said
-
-
-def test_what_matters_is_told_by_squares_of_fitted_readings_whatever_the_likelihood_falls_by():
-    """A hundredth of the squares of the fitted readings; whether noise is left is told by all readings."""
-    before = replace(state(cost=8000.0), fitted=Squares(8000.0, 4000), every=Squares(16_000.0, 8000))
-    after = replace(before, fitted=Squares(7920.0, 4000), every=Squares(16_000.0, 8000))
-    assert material_fall(before, after)
-    assert not material_fall(before, replace(after, fitted=before.fitted, every=Squares(9000.0, 8000)))
-    assert not at_noise(before)
-    at_rest = replace(before, every=Squares(8300.0, 8000))
-    assert at_noise(at_rest)
-    assert not material_fall(at_rest, after)
-    assert material_fall(at_rest, replace(after, fitted=Squares(7830.0, 4000)))
 
 
 def test_what_does_not_hold_on_data_not_seen_says_so():

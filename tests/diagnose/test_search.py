@@ -10,13 +10,13 @@ import pytest
 
 from pneucli.diagnose.evidence import Gain, gain
 from pneucli.diagnose.judge import supported
-from pneucli.diagnose.trial import Squares, State, Trial
+from pneucli.diagnose.trial import State, Trial
 from pneucli.physics.effects import catalogue
 from tests.simulate.benches import model
 
 VIEW = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
 BENCH: Any = SimpleNamespace(hypotheses=50, checked=True, train=[VIEW], given=())
-BEFORE: Any = SimpleNamespace(fitted=Squares(4000.0, 2000), every=Squares(8000.0, 4000), names=[])
+BEFORE: Any = SimpleNamespace(train=np.full(40, 100.0), cost=8000.0, samples=4000, names=[])
 SURELY = Gain(400.0, 300.0, 1e-9, 30.0)
 RARELY = Gain(90.0, 0.0, 0.16, 1.0)  # one block of many
 OFTEN = Gain(90.0, -10.0, 0.16, 30.0)
@@ -25,8 +25,7 @@ WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
 
 def trial(test: Gain, p_value: float) -> Trial:
     fitted: Any = SimpleNamespace(estimates=(), free=(), model=model(["dwell-breakaway"]))
-    costs, squares = np.full(40, 90.0), Squares(3600.0, 2000)
-    state = State(fitted, costs, np.zeros(0), costs, squares, squares)
+    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), 4000)
     return Trial(catalogue()["dwell-breakaway"], BEFORE, state, SURELY, test, p_value)
 
 

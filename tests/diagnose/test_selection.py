@@ -13,17 +13,17 @@ from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.search import Search, search, tried
-from pneucli.diagnose.trial import Squares, State, Trial
+from pneucli.diagnose.trial import State, Trial
 from pneucli.identify.views import Forces
 from tests.diagnose.toys import Toys, adding, effect
 
 
 @pytest.fixture(autouse=True)
 def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is left of a state is its squares over its samples."""
+    """What is left of a state is its cost over its samples."""
 
     def left(bench: Any, state: State) -> tuple[list[Remainder], list[Remainder]]:
-        ratio = float(np.sqrt(state.every.total / state.every.samples))
+        ratio = float(np.sqrt(state.cost / state.samples))
         return [Remainder(Forces, "force", ratio, ratio, ())], []
 
     monkeypatch.setattr(selection, "remains", left)
@@ -158,8 +158,7 @@ CERTAIN = Gain(400.0, 300.0, 1e-9, 30.0)
 
 def costing(cost: float) -> State:
     fit: Any = SimpleNamespace(estimates=[], free=(), model=SimpleNamespace(values={}, effects=()))
-    costs, squares = np.full(40, cost / 40.0), Squares(cost, 10000)
-    return State(fit, costs, np.zeros(0), costs, squares, squares)
+    return State(fit, np.full(40, cost / 40.0), np.zeros(0), np.full(40, cost / 40.0), 10000)
 
 
 BEFORE = costing(10000.0)

@@ -16,7 +16,7 @@ from pneucli.diagnose import trial as trials
 from pneucli.diagnose.diagnosis import Moved, _moved, how_to_tell
 from pneucli.diagnose.equals import equal
 from pneucli.diagnose.evidence import Gain, disagreement, effective_number, gain, holm, wald
-from pneucli.diagnose.trial import Bench, Squares, State, Trial
+from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.identify.parameters import Free, effect_parameters
 from pneucli.physics.effects import catalogue
@@ -156,19 +156,17 @@ def test_recordings_of_which_one_knows_nothing_agree() -> None:
 
 
 def state(train: list[float], test: list[float] | None = None, **more: Any) -> State:
-    fit: Any = SimpleNamespace(model=SimpleNamespace(effects=()), **more)
-    none = Squares(0.0, 0)
-    return State(fit, np.array(train), np.array(test or []), np.array([*train, *(test or [])]), none, none)
+    fit: Any = SimpleNamespace(residual=np.array([1.0, 0.0, 2.0]), model=SimpleNamespace(effects=()), **more)
+    return State(fit, np.array(train), np.array(test or []), np.array([*train, *(test or [])]), 3)
 
 
 def bench(**given: Any) -> Bench:
     return Bench(**{"train": [], "held_out": [], "effects": {}, **given})
 
 
-GAS = frozenset({"gas"})
-ONE: Any = SimpleNamespace(name="one", part="valve", parameters=(1, 2), sides=GAS)
-TWO: Any = SimpleNamespace(name="two", part="cylinder", parameters=(1,), sides=GAS)
-THREE: Any = SimpleNamespace(name="three", part="gas", parameters=(1, 2, 3), sides=GAS)
+ONE: Any = SimpleNamespace(name="one", part="valve", parameters=(1, 2))
+TWO: Any = SimpleNamespace(name="two", part="cylinder", parameters=(1,))
+THREE: Any = SimpleNamespace(name="three", part="gas", parameters=(1, 2, 3))
 
 
 def seen(*names: str) -> Any:
@@ -256,6 +254,47 @@ def test_the_ladder_falls_where_the_mean_of_both_errors_does(train: float, test:
     assert bench().falls(OLD, NEW)
 
 
+def view_of(n: int = 500) -> Any:
+    e = SimpleNamespace(time=1e-3 * np.arange(n))
+    return SimpleNamespace(
+        experiment=e, channels=("p1", "p2"), carried=lambda _: {}, volume=lambda _: np.full(2 * n, 0.1)
+    )
+
+
+def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
+    monkeypatch.setattr(trials, "drawn_rms", lambda model, view, errors: dict.fromkeys(view.channels, 1.0))
+    residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
+    drawn = trials.drawn_noise(model(), [view_of()])
+    found = trials.costs([view_of()], drawn, residual, [{"each": 0.1}])  # type: ignore[dict-item]
+    assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "level", "left"),
+    [
+        (1.0, 3.0, 3.0),  # as much noise as the sensors': nothing is allowed
+        (2.0, 3.0, np.sqrt(9.0 - 3.0)),  # four times the power: the sensors' and three more
+        (2.0, 1.0, np.sqrt(1.0 - 0.75)),  # no more noise than what is left
+        (0.95, 3.0, np.sqrt(9.0 + 0.0975)),  # less than the sensors' is shown: the difference is added
+        (0.5, 3.0, np.sqrt(9.0 + 0.2)),  # but no more than a fifth of the power
+    ],
+)
+def test_residuals_are_allowed_what_the_model_makes_of_the_noise(
+    monkeypatch: pytest.MonkeyPatch, drawn: float, level: float, left: float
+) -> None:
+    monkeypatch.setattr(trials, "drawn_rms", lambda model, view, errors: {"p1": drawn, "p2": 1.0})
+    residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
+    found = trials.allowed([view_of()], trials.drawn_noise(model(), [view_of()]), residual)
+    assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
+    assert np.ptp(found[:500]) == pytest.approx(0.0)
+    assert found[500:] == pytest.approx(np.full(500, 7.0))
+
+
+def test_what_is_zero_stays_zero() -> None:
+    assert not trials.allowed([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
+
+
 # --- the verdict
 
 
@@ -268,10 +307,10 @@ def rival(cost: float, gained: float) -> Trial:
     ("more", "gained", "noise", "equals"),
     [
         (0.0, 500.0, False, True),
-        (40.0, 800.0, True, True),  # under 5 % of what the best takes, which is 840
-        (40.0, 800.0, False, False),  # the same where more than noise is left
-        (40.0, 720.0, True, False),  # over 5 % of 760
-        (400.0, 8000.0, True, True),  # however little is left
+        (40.0, 5000.0, True, True),  # 4 % of the cost, nearly nothing of what it takes
+        (40.0, 5000.0, False, False),  # the same where more than noise is left
+        (60.0, 5000.0, True, False),  # 6 % of the cost
+        (40.0, 500.0, True, False),  # 8 % of what it takes
     ],
 )
 def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
@@ -334,13 +373,6 @@ def test_a_size_counts_from_the_null() -> None:
     assert "from a difference of 0.1" in found.would_show
 
 
-@pytest.mark.parametrize(("error", "typical"), [(0.24, True), (0.26, False)])
-def test_a_typical_size_shows_where_it_is_four_standard_errors(error: float, typical: bool) -> None:
-    """By a smaller error than that at which a plausible size of three times as much does."""
-    found = size_of("constant-force", ({"force": 10.0}, error))
-    assert (found.typical, found.plausible) == (typical, True)
-
-
 @pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
 def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: float, plausible: bool) -> None:
     found = size_of("constant-force", ({"force": 10.0}, error))
@@ -351,13 +383,13 @@ def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: flo
 @pytest.mark.parametrize("signature", [None, ({"force": 10.0}, np.inf), ({"force": 10.0}, 0.0)])
 def test_what_leaves_no_signature_would_not_have_shown(signature: Any) -> None:
     found = size_of("constant-force", *([signature] if signature else []))
-    assert (found.size, found.plausible, found.typical) == (np.inf, False, False)
+    assert (found.size, found.plausible) == (np.inf, False)
 
 
 @pytest.mark.parametrize(("error", "plausible"), [(0.24, True), (0.26, False)])
 def test_an_effect_without_a_null_shows_at_its_typical_size_or_not(error: float, plausible: bool) -> None:
     found = size_of("presliding", ({"stiffness": 2e4, "damping": 50.0}, error))
-    assert (found.size, found.plausible, found.typical) == (2e4, plausible, plausible)
+    assert (found.size, found.plausible) == (2e4, plausible)
     if plausible:
         assert "at 2e+04 N/m" in found.would_show
 

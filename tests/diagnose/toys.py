@@ -1,4 +1,4 @@
-"""A bench of made-up effects: what each set of them leaves over is stated, block by block, cost and squares alike."""
+"""A bench of made-up effects: what each set of them leaves over is stated, block by block."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.trial import Squares, State, Trial
+from pneucli.diagnose.trial import State, Trial
 
 TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
 Takes = Callable[[frozenset[str]], float]
@@ -61,11 +61,9 @@ class Toys:
             unexplained=np.ones(4),
             beyond=lambda change: change,
         )
-        fitted = Squares(float(train.sum()), TRAIN * SAMPLES)
         if not self.held_out:
-            return State(fit, train, np.zeros(0), train, fitted, fitted)
-        costs = np.concatenate([train, test])
-        return State(fit, train, test, costs, fitted, Squares(float(costs.sum()), (TRAIN + TEST) * SAMPLES))
+            return State(fit, train, np.zeros(0), train, TRAIN * SAMPLES)
+        return State(fit, train, test, np.concatenate([train, test]), (TRAIN + TEST) * SAMPLES)
 
     def screen(self, state: State) -> list[Any]:
         promised = [

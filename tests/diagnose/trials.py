@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.trial import Array, Bench, Squares, State, Trial
+from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.physics.effects import catalogue
 from tests.simulate.benches import model
 
@@ -24,22 +23,18 @@ VIEW: Any = SimpleNamespace(
 )
 
 
-def costing(fitted: Any, costs: Array) -> State:
-    """A state whose squares are its costs, as those of noise alone are."""
-    squares = Squares(float(costs.sum()), SAMPLES)
-    return State(fitted, costs, np.zeros(0), costs, squares, squares)
-
-
 def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
     """A fit with effects that costs the same in every block."""
     fitted: Any = SimpleNamespace(model=model(names), estimates=())
-    return costing(fitted, np.full(BLOCKS, cost / BLOCKS))
+    costs = np.full(BLOCKS, cost / BLOCKS)
+    return State(fitted, costs, np.zeros(0), costs, SAMPLES)
 
 
 def shaky(before: State, fall: float, scatter: float, names: Sequence[str] = ()) -> State:
     """A state that costs less in all, by some blocks' falls and other blocks' rises."""
     turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
-    return costing(state(names).fit, before.costs - fall / BLOCKS - turns)
+    costs = before.costs - fall / BLOCKS - turns
+    return State(state(names).fit, costs, np.zeros(0), costs, SAMPLES)
 
 
 def trial(
@@ -68,7 +63,7 @@ def trial(
             for name, (value, at_bound) in ended.items()
         ),
     )
-    after = replace(after, fit=fitted)
+    after = State(fitted, after.train, after.test, after.costs, after.samples)
     fall = before.cost - cost
     return Trial(catalogue()[effect], before, after, train or Gain(fall, 0.9 * fall, p_value, 30.0), test, p_value)
 

@@ -13,6 +13,7 @@ from pneucli.identify.friction import identification
 from pneucli.identify.friction.fit import UNITS, FittedLaw
 from pneucli.identify.friction.values import Value
 from pneucli.recording import Recording
+from pneucli.words.numbers import number
 from tests.identify_friction.test_pieces import samples
 
 NAMES = ("coulomb", "viscous", "static", "velocity", "offset")
@@ -40,7 +41,7 @@ def test_of_a_law_that_describes_its_samples_nothing_is_said() -> None:
 @pytest.mark.parametrize(("offset", "said"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (30.0, True)])
 def test_a_constant_force_is_one_whose_interval_leaves_zero_out(offset: float, said: bool) -> None:
     told = (
-        f"a constant force of {offset:.3g} N acts beside friction "
+        f"a constant force of {number(offset, 3)} N acts beside friction "
         "(or friction differs by direction, or a sensor or an area errs)"
     )
     assert doubts(fitted(offset=offset)) == [told] * said
@@ -91,7 +92,7 @@ def test_levels_of_recordings_differ_where_their_intervals_are_apart() -> None:
     assert identification._differing([]) == []
     assert identification._differing([level(10.0, 11.0, 12.0), level(12.0, 13.0, 14.0)]) == []
     assert identification._differing([level(10.0, 11.0, 12.0), level(12.1, 13.0, 14.0)]) == [
-        "kinetic friction differs between recordings (11 to 13 N): model A pools them; see each one's own level"
+        "kinetic friction differs between recordings (11.0 to 13.0 N): model A pools them; see each one's own level"
     ]
 
 

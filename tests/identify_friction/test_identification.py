@@ -22,7 +22,7 @@ def test_everything_for_tables_and_figures_is_there() -> None:
     assert [c.branch for c in found.curves] == ["accelerating", "slowing", "both"]
     assert found.cuts
     assert found.averages
-    assert found.kinetic == ()
+    assert [k.recording for k in found.kinetic] == ["driven_1", "driven_2"]  # those that stroke both ways
     assert found.model("D").title.startswith("Stribeck")
 
 

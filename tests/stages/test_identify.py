@@ -120,7 +120,14 @@ def test_a_map_beyond_all_measure_is_named() -> None:
     """A gradient far above what the curves themselves show, and curves that no map follows, are not passed over."""
     calm = SimpleNamespace(noticeable=False)
     valve = SimpleNamespace(
-        described=False, steepest=1e13, shown=2e6, lack=calm, iso=(), measured=True, over_noise=lambda use: 7.0
+        described=False,
+        steepest=1e13,
+        shown=2e6,
+        lack=calm,
+        iso=(),
+        uneven=(),
+        measured=True,
+        over_noise=lambda use: 7.0,
     )
     names = [text.partition(":")[0] for text in valve_warnings(valve)]  # type: ignore[arg-type]
     assert names == ["valve-not-described", "valve-curves-not-followed"]
