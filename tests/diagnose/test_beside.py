@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import beside
-from pneucli.diagnose.beside import agreement, evidence_of, explained, weighed
+from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, told, weighed
 from pneucli.diagnose.confidence import Evidence, probability
+from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.smooth import Left, Smooth
-from pneucli.diagnose.trial import Squares
+from pneucli.identify.views import Forces, Imposed
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import bench, trial
+from tests.simulate.benches import bench as recorded
+from tests.simulate.benches import clock
 
 STRONG = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=1.0, clear=False)
 WEAK = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=0.002, clear=False)
@@ -29,7 +32,9 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(beside, "evidence_of", lambda *_, clear: evidence._replace(clear=clear))
         monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: contradicted)
         errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
-        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, unknown=unknown)
+        left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
+        monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
+        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left)
         assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(clear=not unknown)
         return decision.reason
@@ -58,11 +63,43 @@ def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unk
     assert judged(STRONG, unknown=unknown, contradicted=True) == "contradicted-by-reading"
 
 
+# --- where no exam tells
+
+
+@pytest.mark.parametrize(
+    ("share", "disagreement", "ratio", "held_out", "named"),
+    [
+        (0.70, 0.3, 5.0, True, True),  # 70 % taken, and much left: two things act
+        (0.70, 0.3, 2.0, True, False),  # 70 % taken, little left: what resembles one unknown does the same
+        (0.98, 0.3, 2.0, True, True),
+        (0.10, 0.3, 9.0, True, False),
+        (0.98, 0.6, 9.0, True, False),  # recordings want it changed by more than half
+        (0.80, 0.0, 9.0, False, False),  # nothing was held out to contradict it
+        (0.95, 0.6, 9.0, False, True),
+    ],
+)
+def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
+    share: float, disagreement: float, ratio: float, held_out: bool, named: bool
+) -> None:
+    evidence = Evidence(share, disagreement, 0.0, 0.1, clear=False)
+    left = [Remainder(Forces, "force", ratio, ratio, ())]
+    assert told(bench(held_out=held_out), evidence, left) == named
+
+
+@pytest.mark.parametrize(
+    ("kind", "held_out", "known"), [(Forces, True, True), (Imposed, True, False), (Forces, False, False)]
+)
+def test_exams_have_free_motion_and_hold_recordings_out(kind: Any, held_out: bool, known: bool) -> None:
+    seen = kind(recorded("friction", clock(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    where: Any = SimpleNamespace(train=[seen], checked=held_out)
+    assert examined(where, catalogue()["stribeck"]) == known
+
+
 # --- what it rests on
 
 
-def state(squares: float, samples: int = 100, cost: float = 0.0, **more: Any) -> Any:
-    return SimpleNamespace(every=Squares(squares, samples), cost=cost, **more)
+def state(squares: float, samples: int = 100, deviance: float = 0.0, **more: Any) -> Any:
+    return SimpleNamespace(cost=squares, samples=samples, deviance=deviance, **more)
 
 
 def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
@@ -74,7 +111,7 @@ def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
 def test_evidence_holds_a_smooth_function_of_the_state_before_against_the_effect(
     monkeypatch: pytest.MonkeyPatch, rival: float | None, unknown: float
 ) -> None:
-    before, after, last = state(300.0, cost=500.0), state(150.0, cost=380.0), state(140.0)
+    before, after, last = state(300.0, deviance=500.0), state(150.0, deviance=380.0), state(140.0)
     tried: Any = SimpleNamespace(before=before, state=after, effect=catalogue()["extra-mass"])
     where: Any = SimpleNamespace(train=["fitted"], held_out=["apart"])
     asked = []

@@ -42,7 +42,8 @@ class Diagnosed:
         found = Search(self.rungs, rivals, tuple(given.get("refused", ())), tuple(left), ())
         standing = given.get("standing", {"a", "b"})
 
-        def weighed(bench: Any, last: Any, step: Trial, *, unknown: bool) -> tuple[Decision, Evidence]:
+        def weighed(bench: Any, last: Any, step: Trial, left: Any) -> tuple[Decision, Evidence]:
+            unknown = bool(left)
             self.steps.append((step.effect.name, step.before.names, step.state.names, unknown))
             stands = step.effect.name in standing or not unknown
             reason: Reason = "supported" if stands else "explained-by-unknown"
@@ -56,6 +57,7 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
         monkeypatch.setattr(diagnosis, "remains", lambda bench, state: ([MUCH], []))
         monkeypatch.setattr(diagnosis, "weighed", weighed)
+        monkeypatch.setattr(diagnosis, "examined", lambda bench, effect: given.get("examined", True))
         monkeypatch.setattr(diagnosis, "describe", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
         monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: self.sizes if state is found.last else [])

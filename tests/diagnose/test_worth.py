@@ -164,9 +164,9 @@ def bench(**given: Any) -> Bench:
     return Bench(**{"train": [], "held_out": [], "effects": {}, **given})
 
 
-ONE: Any = SimpleNamespace(name="one", part="valve", parameters=(1, 2))
-TWO: Any = SimpleNamespace(name="two", part="cylinder", parameters=(1,))
-THREE: Any = SimpleNamespace(name="three", part="gas", parameters=(1, 2, 3))
+ONE: Any = SimpleNamespace(name="one", part="valve", sides=frozenset({"gas"}), parameters=(1, 2))
+TWO: Any = SimpleNamespace(name="two", part="cylinder", sides=frozenset({"gas"}), parameters=(1,))
+THREE: Any = SimpleNamespace(name="three", part="gas", sides=frozenset({"gas"}), parameters=(1, 2, 3))
 
 
 def seen(*names: str) -> Any:

@@ -23,6 +23,11 @@ VIEW: Any = SimpleNamespace(
 )
 
 
+def costing(fitted: Any, costs: np.ndarray) -> State:
+    """A state with these costs by block."""
+    return State(fitted, costs, np.zeros(0), costs, SAMPLES)
+
+
 def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
     """A fit with effects that costs the same in every block."""
     fitted: Any = SimpleNamespace(model=model(names), estimates=())
