@@ -33,11 +33,16 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) 
     known = probability(evidence) >= NAMED if examined(bench, trial.effect) else told(bench, evidence, left)
     failed: list[tuple[bool, Reason]] = [
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
-        (bool(left) and not known, "explained-by-unknown"),
+        (bool(left) and not (known and lawful(trial.effect, left)), "explained-by-unknown"),
         (bool(left) and not bench.falls(trial.before, trial.state), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
     return Decision(trial.effect, reason, trial), evidence
+
+
+def lawful(effect: Effect, left: Sequence[Remainder]) -> bool:
+    """Whether an effect states a force wherever one is left over; bounds alone would keep any force within them."""
+    return not (effect.bounds and any(r.kind.states_force for r in left))
 
 
 def examined(bench: Bench, effect: Effect) -> bool:

@@ -142,11 +142,19 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
     """
     while able := passed(decisions):
         first = foremost(able)
+        if hides(bench, first):
+            decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
+            continue
         refused = unseen(bench, first)
         if refused is None:
             return first, decisions
         decisions = [_beside(d, first, refused) for d in decisions]
     return None, decisions
+
+
+def hides(bench: Bench, trial: Trial) -> bool:
+    """Whether an effect that states bounds leaves a force over: any force within them would stay hidden."""
+    return trial.effect.bounds and any(r.kind.states_force for r in too_much(*remains(bench, trial.state)))
 
 
 def _beside(decision: Decision, first: Trial, refused: Reason) -> Decision:

@@ -8,7 +8,9 @@ import pytest
 
 from pneucli.diagnose import search
 from pneucli.diagnose.decision import Decision
+from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.identify.views import Chambers, Forces
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import bench, state, trial
 
@@ -47,9 +49,9 @@ def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[flo
     ],
 )
 def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(cost: float, after, reason: str):
-    """A healthy model: less friction while slowing by 0.5 %, for sure, and nothing that a user would see."""
+    """A healthy model: a mass of 5 g more, for sure, and nothing that a user would see."""
     start = state(cost=cost)
-    tried = trial("friction-hysteresis", 0.9 * cost, before=start, ends={"drop": (0.005, False)})
+    tried = trial("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
     where = bench([(start, 1.1, 1.1), (tried.state, *after)])
     assert search.leading(where, [decision(tried)])[1][0].reason == reason
 
@@ -67,6 +69,18 @@ def test_only_an_equal_leads_where_the_best_raises_the_error(cost: float, leads:
     leader, decisions = search.leading(where, [decision(best), decision(second)])
     assert leader is (second if leads else None)
     assert [d.reason for d in decisions] == ["raises-error", reason]
+
+
+@pytest.mark.parametrize(("kind", "leads"), [(Forces, False), (Chambers, True), (None, True)])
+def test_what_states_bounds_does_not_lead_where_a_force_is_left(monkeypatch, kind, leads: bool):
+    """Between two branches of friction any force stays hidden; another effect, however small, may lead then."""
+    bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
+    where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
+    left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
+    monkeypatch.setattr(search, "remains", lambda bench, state: (left, []))
+    leader, decisions = search.leading(where, [decision(bounds), decision(other)])
+    assert leader is (bounds if leads else other)
+    assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
 def test_without_a_supported_trial_nobody_leads():
