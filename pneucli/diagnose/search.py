@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pneucli.diagnose.beside import lawful
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, replaces
 from pneucli.diagnose.evidence import gain
@@ -24,8 +25,6 @@ WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square
 HOPELESS = 0.01  # of what the best signature promises
 CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
-
-
 Round = list[Decision]  # about the effects that a rung lacks
 
 
@@ -154,7 +153,7 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
 
 def hides(bench: Bench, trial: Trial) -> bool:
     """Whether an effect that states bounds leaves a force over: any force within them would stay hidden."""
-    return trial.effect.bounds and any(r.kind.states_force for r in too_much(*remains(bench, trial.state)))
+    return trial.effect.bounds and not lawful(trial.effect, too_much(*remains(bench, trial.state)))
 
 
 def _beside(decision: Decision, first: Trial, refused: Reason) -> Decision:
