@@ -228,6 +228,15 @@ def pressure_wanted(p_ref, s, c):
     s[S_P2_REF] = c[C_P_MEAN] if c[C_TWO_VALVES] > 0.5 else s[S_P2]
 
 
+def follow_reference(x_ref, s, c):
+    """Take the reference in; whether it is a position, else it is the pressure of chamber 1."""
+    if c[C_PRESSURE] > 0.5:
+        pressure_wanted(x_ref, s, c)
+        return False
+    shape_reference(x_ref, s, c)
+    return True
+
+
 def quiet(error, s, c):
     """Whether a valve stays shut: the piston is held, and its pressure is near enough."""
     return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_P_BAND]
@@ -285,11 +294,7 @@ def step(x_ref, x, p1, p2, s, c):
     x_ref = begin(x_ref, x, p1, p2, s, c)
     observe_pressures(p1, p2, s, c)
     observe_motion(x, s, c)
-    if c[C_PRESSURE] > 0.5:
-        pressure_wanted(x_ref, s, c)
-    else:
-        shape_reference(x_ref, s, c)
-        force = position_law(x_ref, s, c)
-        pressure_references(force, s, c)
+    if follow_reference(x_ref, s, c):
+        pressure_references(position_law(x_ref, s, c), s, c)
     chamber_1(s, c)
     chamber_2(s, c)

@@ -65,7 +65,7 @@ def told(bench: Bench, evidence: Evidence, left: Sequence[Remainder]) -> bool:
 def evidence_of(bench: Bench, last: State, trial: Trial, *, clear: bool) -> Evidence:
     """Return what tells the effect of a trial from a stand-in; ``clear`` where nothing is left."""
     gain = trial.before.deviance - trial.state.deviance
-    smooth = strongest(Left.by(trial.before, bench.train, bench.held_out), trial.effect, trial.before)
+    smooth = strongest(Left.by(trial.before, bench.train, bench.held_out), trial.effect)
     return Evidence(
         explained(trial.before, trial.state),
         agreement(bench, last, trial.effect.name),

@@ -23,6 +23,7 @@ from pneucli.identify.parameters import value_of
 from pneucli.identify.views import Chambers, Forces, View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ class Smooth:
 
 @dataclass(frozen=True)
 class Left:
-    """What a model leaves over in all views, with its parameters' derivatives, and the deviance of that.
+    """What a ``model`` leaves over in all views, with its parameters' derivatives, and the deviance of that.
 
     ``residual`` (N,), ``jacobian`` (N, k); the first ``fitted`` of them are of the views that were fitted.
     """
@@ -55,6 +56,7 @@ class Left:
     jacobian: Array
     fitted: int
     cost: float
+    model: Model
 
     @classmethod
     def by(cls, state: State, train: Sequence[View], held_out: Sequence[View]) -> Left:
@@ -66,8 +68,8 @@ class Left:
         residual = np.concatenate([found.residual, *test])
         slopes = problem.jacobian(z)[: residual.size - n] if held_out else np.zeros((0, z.size))
         views, errors = [*train, *held_out], [*found.errors, *problem.errors]
-        cost = float(deviance(views, residual, errors).sum())
-        return cls(views, errors, residual, np.vstack([found.jacobian[:n], slopes]), n, cost)
+        jacobian = np.vstack([found.jacobian[:n], slopes])
+        return cls(views, errors, residual, jacobian, n, state.deviance, found.model)
 
     def gain(self, columns: Array) -> float:
         """Return the fall of the deviance that columns (N, m) bring, fitted with all parameters beside them."""
@@ -79,18 +81,18 @@ class Left:
         return self.cost - float(deviance(self.views, rest, self.errors).sum())
 
 
-def strongest(left: Left, effect: Effect, state: State) -> Smooth | None:
+def strongest(left: Left, effect: Effect) -> Smooth | None:
     """Return the function that explains most in the views that feel the effect, None where no signal varies there."""
     kinds = {type(view) for view in left.views if view.feels(effect)} & {Chambers, Forces}
     found = [
         Smooth(acts, variable, left.gain(columns))
         for kind in kinds
-        for acts, variable, columns in _functions(left.views, kind, state)
+        for acts, variable, columns in _functions(left.views, kind, left.model)
     ]
     return max(found, key=lambda s: s.gain, default=None)
 
 
-def _functions(views: Sequence[View], kind: type[View], state: State) -> Iterator[tuple[Acts, str, Array]]:
+def _functions(views: Sequence[View], kind: type[View], model: Model) -> Iterator[tuple[Acts, str, Array]]:
     """Yield how a function acts, over what, and what each of its parts changes in the residuals (N, m)."""
     actions: tuple[Acts, ...] = ("flow",) if kind is Chambers else ("force", "friction")
     for variable in OVER:
@@ -101,7 +103,7 @@ def _functions(views: Sequence[View], kind: type[View], state: State) -> Iterato
         low, high = np.quantile(known, (0.005, 0.995))
         nodes = np.linspace(low, high, NODES)
         for acts in actions:
-            yield acts, variable, np.vstack([_columns(view, kind, variable, nodes, acts, state) for view in views])
+            yield acts, variable, np.vstack([_columns(view, kind, variable, nodes, acts, model) for view in views])
 
 
 def _values(view: View, variable: str) -> Array | None:
@@ -110,7 +112,7 @@ def _values(view: View, variable: str) -> Array | None:
     return values - values[0] if values is not None and variable == "time" else values
 
 
-def _columns(view: View, kind: type[View], variable: str, nodes: Array, acts: Acts, state: State) -> Array:
+def _columns(view: View, kind: type[View], variable: str, nodes: Array, acts: Acts, model: Model) -> Array:
     """Return what the function's parts change in one view's residuals (N, m), zeros where it does not act."""
     values, n, m = _values(view, variable), view.experiment.time.size, nodes.size
     out = np.zeros((n * len(view.channels), m * (len(PRESSURES) if acts == "flow" else 1)))
@@ -121,20 +123,20 @@ def _columns(view: View, kind: type[View], variable: str, nodes: Array, acts: Ac
         rows = slice(i * n, (i + 1) * n)
         if acts == "flow" and channel in PRESSURES:
             first = m * PRESSURES.index(channel)
-            out[rows, first : first + m] = _filled(view, hats, channel, state) / view.noise[channel]
+            out[rows, first : first + m] = _filled(view, hats, channel, model) / view.noise[channel]
         elif channel == "force":
             against = np.sign(view.experiment.inputs[:, at.IN_V]) if acts == "friction" else np.ones(n)
             out[rows] = hats * against[:, None] / view.noise[channel]
     return out
 
 
-def _filled(view: View, flow: Array, channel: str, state: State) -> Array:
+def _filled(view: View, flow: Array, channel: str, model: Model) -> Array:
     """Return the pressure (n, m) that flows (n, m) build up from each restart on, gas that leaves by itself neglected.
 
     In units of kappa R T for 1 m^3, so that parts have sizes that can be solved for.
     """
     e = view.experiment
-    base = dict(zip(at.BASE, base_vector(state.model, e), strict=True))
+    base = dict(zip(at.BASE, base_vector(model, e), strict=True))
     x, stroke = e.inputs[:, at.IN_X], base["rig.stroke"]
     if channel == "p1":
         volume = base["rig.dead_volume_1"] + base["rig.piston_area_1"] * x

@@ -133,8 +133,7 @@ class Graded:
     @property
     def sure_ones(self) -> list[bool]:
         """Of each effect that was named with a confidence of 0.9 or more: whether it, or a twin, is true."""
-        sure = [c for c in self.candidates.values() if (c.get("confidence") or 0.0) >= SURE]
-        return [bool(self.hidden & {c["effect"], *c.get("indistinguishable_from", [])}) for c in sure]
+        return [bool(self.hidden & said) for said in self._sure]
 
     @property
     def stated(self) -> list[tuple[float, bool]]:
@@ -151,10 +150,13 @@ class Graded:
     @property
     def surely_found(self) -> list[bool]:
         """For each true effect: whether it, or a twin, was named with a confidence of 0.9 or more."""
+        return [any(effect in said for said in self._sure) for effect in sorted(self.hidden)]
+
+    @property
+    def _sure(self) -> list[set[str]]:
+        """Each effect that was named with a confidence of 0.9 or more, with what it is not told from."""
         sure = [c for c in self.candidates.values() if (c.get("confidence") or 0.0) >= SURE]
-        return [
-            any(e in {c["effect"], *c.get("indistinguishable_from", [])} for c in sure) for e in sorted(self.hidden)
-        ]
+        return [{c["effect"], *c.get("indistinguishable_from", [])} for c in sure]
 
     @property
     def error_after(self) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.draws import kept
 from pneucli.simulate.flags import flags_of
 from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 
@@ -30,7 +31,6 @@ SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
 STILL = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
-KEPT = 16 << 20  # bytes, of drawn readings
 SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
 STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
 FILLING = 200.0  # while a vessel would be filled at the highest rate seen
@@ -190,13 +190,13 @@ class Experiment:
 
         They do not depend on a model: those of a short recording are kept, since smoothing takes longest.
         """
-        if (draws, seed) in self._readings:
-            return self._readings[draws, seed]
+        drawn = ((noise, self.read_again(noise)) for noise in self.noises(draws, seed))
+        return kept(self._readings, (draws, seed), drawn, draws * (len(self.raw) + len(at.INPUTS)) * self.time.size)
+
+    def noises(self, draws: int, seed: int) -> Iterator[dict[str, Array]]:
+        """Yield as many realisations of every sensor's noise."""
         rng = np.random.default_rng(seed)
-        drawn = ((noise, self.read_again(noise)) for noise in (self.draw_noise(rng) for _ in range(draws)))
-        if draws * (len(self.raw) + len(at.INPUTS)) * self.inputs.itemsize * self.time.size > KEPT:
-            return drawn
-        return self._readings.setdefault((draws, seed), list(drawn))
+        return (self.draw_noise(rng) for _ in range(draws))
 
     @cached_property
     def _readings(self) -> dict[tuple[int, int], list[tuple[dict[str, Array], Array]]]:

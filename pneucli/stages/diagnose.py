@@ -8,7 +8,7 @@ from typing import Any
 
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
-from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
+from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.discrepancy import Discrepancy
 from pneucli.diagnose.errors import ShownErrors
 from pneucli.diagnose.manoeuvres import separation
@@ -242,7 +242,7 @@ def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
     if found.verdict == "inconclusive":
         blind = sum(not d.typical for d in found.detectable)
         of = f"{blind} of {len(found.detectable)} effects would not have shown at a typical size"
-        why = "what the recordings say does not fit together" if blind <= len(found.detectable) / 2 else of
+        why = "what the recordings say does not fit together" if blind <= BLIND * len(found.detectable) else of
         return f"Nothing can be said: {why} (error {after} times the noise)."
     if found.verdict == "missing-effect":
         what = "it" if len(found.missing) == 1 else "them"

@@ -116,15 +116,15 @@ def test_evidence_holds_a_smooth_function_of_the_state_before_against_the_effect
     where: Any = SimpleNamespace(train=["fitted"], held_out=["apart"])
     asked = []
 
-    def strongest(left: Any, effect: Any, of: Any) -> Smooth | None:
-        asked.append((left, effect.name, of))
+    def strongest(left: Any, effect: Any) -> Smooth | None:
+        asked.append((left, effect.name))
         return Smooth("force", "x", rival) if rival is not None else None
 
     monkeypatch.setattr(Left, "by", lambda *given: given)
     monkeypatch.setattr(beside, "strongest", strongest)
     monkeypatch.setattr(beside, "agreement", lambda bench, state, name: {"extra-mass": 0.3}[name] * (state is last))
     found = evidence_of(where, last, tried, clear=True)
-    assert asked == [((before, ["fitted"], ["apart"]), "extra-mass", before)]
+    assert asked == [((before, ["fitted"], ["apart"]), "extra-mass")]
     assert found == pytest.approx(Evidence(0.75, 0.3, unknown, 1.2, clear=True))
 
 

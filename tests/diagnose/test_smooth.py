@@ -23,7 +23,7 @@ from tests.simulate.benches import RIG, bench, model
 N = 8000
 TIME = 1e-3 * np.arange(N)
 NOISE_OF_TWO = 2.04 * N  # what noise costs in two recordings
-STATE: Any = SimpleNamespace(model=model())
+MODEL = model()
 FORCE, LEAK = catalogue()["constant-force"], catalogue()["chamber-leak"]
 RNG = np.random.default_rng
 
@@ -52,7 +52,7 @@ def left_over(views: list[Any], hidden: list[np.ndarray], jacobian: np.ndarray |
     errors: list[dict[str, Any]] = [{} for _ in views]
     slopes = np.zeros((residual.size, 0)) if jacobian is None else jacobian
     cost = float(deviance(views, residual, errors).sum())
-    return Left(views, errors, residual, slopes, fitted or residual.size, cost)
+    return Left(views, errors, residual, slopes, fitted or residual.size, cost, MODEL)
 
 
 def of(view: Any, variable: str) -> np.ndarray:
@@ -60,7 +60,7 @@ def of(view: Any, variable: str) -> np.ndarray:
 
 
 def best(left: Left, effect: Any = FORCE) -> Smooth:
-    found = strongest(left, effect, STATE)
+    found = strongest(left, effect)
     assert found is not None
     return found
 
@@ -119,7 +119,7 @@ def test_a_signal_that_was_not_recorded_or_never_varies_is_none_to_depend_on() -
     views = [axis(1, p1=still)]
     del views[0].experiment.raw["p2"]
     q = of(views[0], "p2") / 3e4
-    over = {variable for _, variable, _ in smooth._functions(views, Forces, STATE)}
+    over = {variable for _, variable, _ in smooth._functions(views, Forces, MODEL)}
     assert over == {"time", "x", "v", "u"}
     assert best(left_over(views, [10.0 * q])).variable not in ("p1", "p2")
 
@@ -129,7 +129,7 @@ def test_parts_of_a_function_are_in_units_of_the_channels_noise() -> None:
     view = axis(1)
     view.__dict__["noise"] = {"force": 4.0}
     nodes = np.linspace(0.05, 0.15, 6)
-    force, friction = (smooth._columns(view, Forces, "x", nodes, acts, STATE) for acts in ("force", "friction"))  # type: ignore[arg-type]
+    force, friction = (smooth._columns(view, Forces, "x", nodes, acts, MODEL) for acts in ("force", "friction"))  # type: ignore[arg-type]
     assert force.shape == (N, 6)
     assert force.sum(axis=1) == pytest.approx(np.full(N, 0.25))
     assert friction == pytest.approx(force * np.sign(of(view, "v"))[:, None])
@@ -138,12 +138,12 @@ def test_parts_of_a_function_are_in_units_of_the_channels_noise() -> None:
 
 def test_each_chamber_has_a_flow_of_its_own() -> None:
     gas, nodes = axis(1, Chambers), np.linspace(0.05, 0.15, 6)
-    found = smooth._columns(gas, Chambers, "x", nodes, "flow", STATE)
+    found = smooth._columns(gas, Chambers, "x", nodes, "flow", MODEL)
     assert found.shape == (2 * N, 12)
     assert not found[:N, 6:].any()
     assert not found[N:, :6].any()
     for rows, channel in ((found[:N, :6], "p1"), (found[N:, 6:], "p2")):
-        whole = smooth._filled(gas, np.ones((N, 1)), channel, STATE)[:, 0]
+        whole = smooth._filled(gas, np.ones((N, 1)), channel, MODEL)[:, 0]
         assert rows.sum(axis=1) == pytest.approx(whole / 1000.0)
 
 
@@ -180,8 +180,11 @@ def test_what_is_left_is_of_fitted_readings_and_of_those_held_out_with_all_slope
     residual, slopes = (seen.left - 14.0) / 2.0, np.full((300, 1), -3.5)
     fit = Fit(model(), (free,), (), residual, slopes, np.zeros(300, int), np.zeros((1, 1)), 0.0, [seen.carried(None)])
     held_out: list[Any] = [unseen] if apart else []
-    left = Left.by(SimpleNamespace(fit=fit), [seen], held_out)  # type: ignore[arg-type, list-item]
     wanted = np.concatenate([residual, (unseen.left - 14.0) / 2.0]) if apart else residual
+    errors = [view.carried(None) for view in (seen, *held_out)]
+    told = float(deviance([seen, *held_out], wanted, errors).sum())  # type: ignore[list-item]
+    state: Any = SimpleNamespace(fit=fit, deviance=told)
+    left = Left.by(state, [seen], held_out)  # type: ignore[list-item]
     assert (left.views, left.fitted) == ([seen, *held_out], 300)
     assert left.residual == pytest.approx(wanted)
     assert left.jacobian == pytest.approx(np.full((wanted.size, 1), -3.5), rel=1e-6)
@@ -218,7 +221,7 @@ def test_samples_that_do_not_count_are_no_evidence() -> None:
     unread = np.arange(N) < N // 2
     residual = np.where(unread, 0.0, left.residual)
     cost = float(deviance([view], residual, [{}]).sum())
-    half = Left([view], [{}], residual, np.where(unread, 0.0, wandering(7))[:, None], N, cost)
+    half = Left([view], [{}], residual, np.where(unread, 0.0, wandering(7))[:, None], N, cost, MODEL)
     wild = np.where(unread, 1e6, q)[:, None]
     assert half.gain(wild) == pytest.approx(half.gain(q[:, None]))
 
@@ -228,14 +231,14 @@ def test_what_the_models_parameters_do_where_nothing_was_read_costs_nothing() ->
     view, column = axis(1), wandering(7)[:, None]
     residual = np.where(np.arange(N) < N // 2, 10.0 * column[:, 0] + RNG(1).standard_normal(N), 0.0)
     cost = float(deviance([view], residual, [{}]).sum())
-    left = Left([view], [{}], residual, column, N // 2, cost)
+    left = Left([view], [{}], residual, column, N // 2, cost, MODEL)
     assert left.gain(np.zeros((N, 1))) > 0.95 * (cost - NOISE_OF_TWO / 2)
 
 
 def test_only_views_that_feel_the_effect_are_explained() -> None:
     """A leak shows in the chambers: a force over x is no rival of it, and a flow none of a load."""
     mechanics, gas = axis(1), axis(2, Chambers)
-    flow = smooth._filled(gas, np.interp(of(gas, "x"), [0.05, 0.15], [-1.0, 1.0])[:, None], "p1", STATE)[:, 0]
+    flow = smooth._filled(gas, np.interp(of(gas, "x"), [0.05, 0.15], [-1.0, 1.0])[:, None], "p1", MODEL)[:, 0]
     left = left_over([mechanics, gas], [10.0 * wandering(5), np.append(20.0 * flow / flow.std(), np.zeros(N))])
     assert best(left, FORCE).acts in ("force", "friction")
     assert (best(left, LEAK).acts, best(left, LEAK).variable) == ("flow", "x")
@@ -261,7 +264,7 @@ def test_a_flow_builds_up_the_pressure_that_simulated_gas_has(place: float) -> N
     without, _ = closed(x)
     view = Chambers(e)
     flow = 0.484 * area * 5e5 * np.sqrt(2 / (287.0 * 293.15))
-    found = smooth._filled(view, np.full((1000, 1), flow), "p1", STATE)[:, 0] * 1.4 * 287.0 * 293.15
+    found = smooth._filled(view, np.full((1000, 1), flow), "p1", MODEL)[:, 0] * 1.4 * 287.0 * 293.15
     wanted = (without - with_leak)[:, 0]
     assert wanted[499] > 50.0
     assert found[[499, 999]] == pytest.approx(wanted[[499, 999]], rel=0.03)
@@ -276,7 +279,7 @@ def test_a_flow_out_of_a_vessel_builds_up_over_its_volume() -> None:
         e = bench("valve", 1e-3 * np.arange(1000), {"u": 0.0, "p1": 5e5}, rig=rig, valve_shut=True)
         pressures.append(run(vessel, e)[:, at.P1])
     flow = np.full((1000, 1), 0.484 * area * 5e5 * np.sqrt(2 / (287.0 * 293.15)))
-    found = smooth._filled(Chambers(e), flow, "p1", SimpleNamespace(model=vessel))[:, 0]  # type: ignore[arg-type]
+    found = smooth._filled(Chambers(e), flow, "p1", vessel)[:, 0]
     lost = pressures[0] - pressures[1]
     assert lost[-1] > 50.0
     assert found[[300, 999]] * 1.4 * 287.0 * 293.15 == pytest.approx(lost[[300, 999]], rel=0.02)
@@ -286,7 +289,7 @@ def test_both_chambers_of_an_axis_are_filled_over_their_own_volumes() -> None:
     """The same flow: 1 / (dead volume + area times way) of each, the ways being from either end."""
     view = axis(1, Chambers, x=np.full(N, 0.05))
     flow = np.ones((N, 1))
-    one, two = (smooth._filled(view, flow, c, STATE)[-1, 0] for c in ("p1", "p2"))
+    one, two = (smooth._filled(view, flow, c, MODEL)[-1, 0] for c in ("p1", "p2"))
     volume_1 = RIG.dead_volume_1 + RIG.piston_area_1 * 0.05
     volume_2 = RIG.dead_volume_2 + RIG.piston_area_2 * (RIG.stroke - 0.05)
     assert (one, two) == (pytest.approx(TIME[-1] / volume_1), pytest.approx(TIME[-1] / volume_2))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate import experiment as made
+from pneucli.simulate import draws as made
 from pneucli.simulate.deviations import deviations
 from tests.simulate.benches import bench, clock, model
 

@@ -20,7 +20,7 @@ from pneucli.design.laws.law import Law, Numbers, Plan
 from pneucli.design.laws.parts import FREE_NUMBER, FREE_STATE, S_RATE, drive_1, drive_2, readings, shared
 from pneucli.design.layout import *
 from pneucli.design.plant import clamp
-from pneucli.design.step import pressure_force, pressure_references, pressure_wanted, shape_reference
+from pneucli.design.step import follow_reference, pressure_force, pressure_references
 
 (
     S_SEEN_V,  # m/s: observed speed
@@ -76,10 +76,7 @@ def compensated_step(x_ref, x, p1, p2, s, c):
         s[S_SEEN_P2] = s[S_P2]
     compensate_load(s, c)
     compensate_flow(load_pressure(s, c), s[S_FORCE_RATE], S_SEEN_P1, S_FLOW1, s, c)
-    if c[C_PRESSURE] > 0.5:
-        pressure_wanted(x_ref, s, c)
-    else:
-        shape_reference(x_ref, s, c)
+    if follow_reference(x_ref, s, c):
         pressure_references(ideal_force(s, c) - s[S_LOAD], s, c)
     s[S_FORCE_RATE] = drive_1(c[C_P_KP] * (s[S_P1_REF] - s[S_P1]) - s[S_FLOW1], s, c)
     if c[C_TWO_VALVES] > 0.5:

@@ -14,7 +14,7 @@ from functools import partial
 from pneucli.design.laws.law import Law
 from pneucli.design.laws.parts import known_force, press, readings, shared
 from pneucli.design.layout import *
-from pneucli.design.step import pressure_references, pressure_wanted, shape_reference
+from pneucli.design.step import follow_reference, pressure_references
 
 
 def pid_force(s, c):
@@ -28,10 +28,7 @@ def pid_force(s, c):
 def pid_step(x_ref, x, p1, p2, s, c):
     """Advance the PIDs by one sample; readings and commands as in step."""
     x_ref = readings(x_ref, x, p1, p2, s, c)
-    if c[C_PRESSURE] > 0.5:
-        pressure_wanted(x_ref, s, c)
-    else:
-        shape_reference(x_ref, s, c)
+    if follow_reference(x_ref, s, c):
         pressure_references(pid_force(s, c), s, c)
     press(s, c)
 

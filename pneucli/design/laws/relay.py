@@ -21,7 +21,7 @@ from pneucli.design.laws.law import Law, Numbers, Plan
 from pneucli.design.laws.parts import FREE_NUMBER, press, readings, shared
 from pneucli.design.layout import *
 from pneucli.design.plant import clamp, dry_friction
-from pneucli.design.step import pressure_references, pressure_wanted, shape_reference
+from pneucli.design.step import follow_reference, pressure_references
 
 (
     C_RELAY_MOST,  # N: M
@@ -43,10 +43,7 @@ def relay_force(s, c):
 def relay_step(x_ref, x, p1, p2, s, c):
     """Advance the relay by one sample; readings and commands as in step."""
     x_ref = readings(x_ref, x, p1, p2, s, c)
-    if c[C_PRESSURE] > 0.5:
-        pressure_wanted(x_ref, s, c)
-    else:
-        shape_reference(x_ref, s, c)
+    if follow_reference(x_ref, s, c):
         pressure_references(relay_force(s, c), s, c)
     press(s, c)
 

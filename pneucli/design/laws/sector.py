@@ -23,7 +23,7 @@ from pneucli.design.laws.parts import FREE_NUMBER, known_force, press, readings,
 from pneucli.design.layout import *
 from pneucli.design.plant import dry_friction, sign
 from pneucli.design.sector import sector_from_vertices
-from pneucli.design.step import dry_ahead, pressure_references, pressure_wanted, shape_reference
+from pneucli.design.step import dry_ahead, follow_reference, pressure_references
 from pneucli.errors import InputError
 
 (
@@ -73,10 +73,7 @@ def slide_force(s, c):
 def slide_step(x_ref, x, p1, p2, s, c):
     """Advance the sliding sector by one sample; readings and commands as in step."""
     x_ref = readings(x_ref, x, p1, p2, s, c)
-    if c[C_PRESSURE] > 0.5:
-        pressure_wanted(x_ref, s, c)
-    else:
-        shape_reference(x_ref, s, c)
+    if follow_reference(x_ref, s, c):
         pressure_references(slide_force(s, c), s, c)
     press(s, c)
 

@@ -14,6 +14,7 @@ from pneucli.identify.rests import RESTED, STARTED, breakaways, unsure
 from pneucli.identify.views.view import Array, View
 from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
+from pneucli.simulate.draws import kept
 from pneucli.simulate.ends import contact
 from pneucli.simulate.experiment import Experiment, smooth, smooth_motion
 from pneucli.simulate.model import Model
@@ -66,17 +67,16 @@ class Forces(View):
 
     def _drawn(self, draws: int, seed: int) -> Iterable[tuple[Array, tuple[Array, Array]]]:
         """Return inputs (n, 8) and loads of other readings of the same run; what is taken for a rest stays one."""
-        e, known = self.experiment, self._known_draws
-        if (draws, seed) not in known:
-            rng, own = np.random.default_rng(seed), self._loads
-            found = []
-            for noise in (e.draw_noise(rng) for _ in range(draws)):
-                shift = smooth(noise, e.smoothers, e.fusion, e.time)
-                shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
-                a, rough = self.loads(noise, shift)
-                found.append((e.inputs + shift, (own[0] + a, own[1] + rough)))
-            known[draws, seed] = found
-        return known[draws, seed]
+        drawn = (self._read_again(noise) for noise in self.experiment.noises(draws, seed))
+        numbers = draws * self.experiment.time.size * (len(at.INPUTS) + 2)
+        return kept(self._known_draws, (draws, seed), drawn, numbers)
+
+    def _read_again(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
+        e, (a, rough) = self.experiment, self._loads
+        shift = smooth(noise, e.smoothers, e.fusion, e.time)
+        shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
+        more = self.loads(noise, shift)
+        return e.inputs + shift, (a + more[0], rough + more[1])
 
     @cached_property
     def _known_draws(self) -> dict[tuple[int, int], list[tuple[Array, tuple[Array, Array]]]]:
