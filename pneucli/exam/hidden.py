@@ -93,6 +93,21 @@ CATALOGUE = (
     # not nested: at small conductances the gas is adiabatic, so size says nothing about how visible it is
     _plain("heat-transfer", GAS, _about(heat_conductance=0.6), {}, conductance="heat_conductance"),
     _plain("chamber-leak", GAS, _about(leak_area=3e-8), {"leak_area": 0.0}, area="leak_area"),
+    _plain(
+        "laminar-leak",
+        GAS,
+        _about(laminar_conductance=1.5e-11),
+        {"laminar_conductance": 0.0},
+        conductance="laminar_conductance",
+    ),
+    _plain(
+        "opening-leak",
+        GAS,
+        _about(relief_growth=7e-13, relief_pressure=2.2e5),
+        {"relief_growth": 0.0},
+        growth="relief_growth",
+        opening="relief_pressure",
+    ),
     _plain("piston-leak", AXIS, _about(piston_leak_area=8e-8), {"piston_leak_area": 0.0}, area="piston_leak_area"),
     _plain(
         "dead-volume",
@@ -198,7 +213,7 @@ CATALOGUE = (
     ),
     _plain("time-skew", EVERYWHERE, _about(pressure_skew=0.012), {"pressure_skew": 0.0}, delay="pressure_skew"),
 )
-"""The effects of the catalogue (interface, section 5)."""
+"""The effects of the catalogue."""
 
 
 def _outside(name: str, kinds: tuple[Kind, ...], part: str, over: str, scaled: str, draw: Draw) -> Hidden:
@@ -246,14 +261,6 @@ OUTSIDE = (
         "spool opens slowly and shuts at once", GAS, "flow", "u", "sluggish_opening", _about(sluggish_opening=0.04)
     ),
     _outside("clogged silencer", GAS, "flow", "p1", "silencer", _about(silencer=300.0)),
-    _outside(
-        "leak that opens with the pressure",
-        GAS,
-        "flow",
-        "p1",
-        "relief_area",
-        _about(relief_area=4e-7, relief_pressure=2.2e5),
-    ),
     _outside(
         "curved characteristic of the sensor of p1",
         GAS,

@@ -70,7 +70,8 @@ class Laboratory:
             edges = {"effective_area": par.effective_area_2, "overlap": par.overlap_2, "exponent": par.exponent_2}
             is_one_spool = self.parameters.arrangement == FIVE_THREE
             par = par._replace(command_sign=-1.0 if is_one_spool else 1.0, **edges)
-        return par._replace(leak_area=0.0, relief_area=0.0) if self.has_cylinder else par
+        tight = par._replace(leak_area=0.0, laminar_conductance=0.0, relief_growth=0.0)
+        return tight if self.has_cylinder else par
 
     def signals(self, experiment: Experiment) -> tuple[str, ...]:
         """The recorded signals of an experiment."""

@@ -18,7 +18,7 @@ LENGTH, AREA, PRESSURE, VOLTAGE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0,
 VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same time
 FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
 MASS = DAMPING = STIFFNESS  # times are kept
-PER_LENGTH = (-1, 0, 0, 0, 0)
+PER_LENGTH, OPENING_PER_PRESSURE = (-1, 0, 0, 0, 0), (1, 1, -1, 0, 0)
 PER_PRESSURE, HEAT, FLOW_PER_PRESSURE, PER_FLOW = (
     (0, 0, -1, 0, 0),
     (1, 1, 0, 1, 0),
@@ -38,6 +38,9 @@ DIMENSIONS = {
     "effective_area": OPENING,
     "heat_conductance": HEAT,
     "leak_area": OPENING,
+    "laminar_conductance": FLOW_PER_PRESSURE,
+    "relief_growth": OPENING_PER_PRESSURE,
+    "relief_pressure": PRESSURE,
     "piston_leak_area": OPENING,
     "dead_volume_added": VOLUME,
     "supply_volume": VOLUME,
@@ -69,8 +72,6 @@ DIMENSIONS = {
     "ripple": PRESSURE,
     "silencer": PER_FLOW,
     "pressure_curvature": PER_PRESSURE,
-    "relief_area": OPENING,
-    "relief_pressure": PRESSURE,
     "position_curvature": PER_LENGTH,
     "effective_area_2": OPENING,
     "stop_stiffness": STIFFNESS,

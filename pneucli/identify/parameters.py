@@ -104,6 +104,7 @@ def _of_rig(rig: Rig, experiments: Sequence[Experiment]) -> list[str]:
         **dict.fromkeys(("rig.moving_mass", "rig.piston_area_1", "rig.piston_area_2"), moving),
         **dict.fromkeys(("rig.dead_volume_1", "rig.dead_volume_2"), gas),
         "rig.vessel_volume": any(r.kind.vessel for r in recordings),
+        "rig.supply_pressure": any(r.kind.valve and not r.valve_shut and "p_supply" not in r for r in recordings),
     }
     return names + [name for name in rig.known if shown.get(name, False) and name not in names]
 

@@ -22,6 +22,9 @@ BASE: dict[str, Parameter] = {
     "rig.vessel_volume": Parameter(
         "vessel_volume", "m^3", None, "1e-3 dead volumes", "1e3 dead volumes", ("1 dead volumes",)
     ),
+    "rig.supply_pressure": Parameter(
+        "supply_pressure", "Pa", None, "0.01 supply pressures", "10 supply pressures", ("1 supply pressures",)
+    ),
     "rig.polytropic_exponent": Parameter("polytropic_exponent", "1", None, 1.0, 5.0 / 3.0, (1.2,)),
     "valve.effective_area": Parameter(
         "effective_area", "m^2", None, "1e-9 bore areas", "10 bore areas", ("1e-3 bore areas",)

@@ -97,6 +97,8 @@ SCALES = {
         Scale("dead volumes", "m^3", "chamber 1 at x = 0, or the vessel", lambda f: f.dead),
         Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume", lambda f: f.area),
         Scale("valve areas", "m^2", "the effective area at the largest command", lambda f: f.valve),
+        Scale("valve areas per supply pressure", "m^2/Pa", "that over the supply pressure above ambient",
+              lambda f: f.valve / (f.supply - f.ambient)),
         Scale("valve conductances", "kg/(s Pa)", "flow at the largest command over the pressure before the valve",
               lambda f: f.conductance),
         Scale("full commands", "V", "the largest command", lambda f: f.command),

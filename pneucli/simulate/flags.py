@@ -15,11 +15,12 @@ Array = NDArray[np.float64]
 
 
 def flags_of(recording: Recording, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
-    """Return the switches of a recording (8,), from its filled signals and their noise."""
+    """Return the switches of a recording (9,), from its filled signals and their noise."""
     flags = np.zeros(at.FLAGS)
     flags[at.MECHANICS] = recording.kind.cylinder
     flags[at.PNEUMATICS] = recording.kind.valve
     flags[at.CHAMBER_2] = _chamber_2(recording, rig)
+    flags[at.STATED_SUPPLY] = "p_supply" not in recording and rig.supply_pressure is not None
     flags[at.VALVE_SHUT] = recording.valve_shut
     flags[at.U_MAX] = _largest_opening(rig, raw)
     flags[at.INITIAL_U] = _initial_opening("u", "p1", rig, raw, noise)

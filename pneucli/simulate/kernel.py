@@ -412,7 +412,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
 
     time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
-    they say of the truth, base (19,) and th parameters, on (effects + 1,) switches, flags (8,), areas and areas_2
+    they say of the truth, base (19,) and th parameters, on (effects + 1,) switches, flags (9,), areas and areas_2
     (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 10) is filled. States without a sensor
     go on over a restart.
     """
@@ -513,6 +513,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             if hot:
                 k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
             p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
+            if flags[STATED_SUPPLY] > 0.0:
+                p_line = base[SUPPLY]
             p_line = supply(p_line, base[SUPPLY], q_supply, gamma_rt, h, s_supply, th, on)
             q_in = q_out = 0.0
             if not shut:

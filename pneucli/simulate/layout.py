@@ -30,9 +30,9 @@ IN_U, IN_U2, IN_SUPPLY, IN_P1, IN_P2, IN_FORCE, IN_X, IN_V = range(8)
 INPUTS = ("u", "u2", "p_supply", "p1", "p2", "force", "x", "v")
 
 # switches of a recording
-MECHANICS, PNEUMATICS, CHAMBER_2, VALVE_SHUT, LOOP, U_MAX, INITIAL_U, INITIAL_U2 = range(8)
+MECHANICS, PNEUMATICS, CHAMBER_2, VALVE_SHUT, LOOP, U_MAX, INITIAL_U, INITIAL_U2, STATED_SUPPLY = range(9)
 CLOSED, OPEN, VALVE_2, MIRRORED = 0, 1, 2, 3  # of chamber 2; mirrored: by the other way of one spool (5/3)
-FLAGS = 8
+FLAGS = 9
 
 # columns of the output; R1 and R2 are what the sensors of p1 and p2 read, A what the accelerometer does, FLOW what goes
 # through the valve of chamber 1

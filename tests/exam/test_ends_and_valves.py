@@ -200,11 +200,11 @@ def test_a_weight_pulls_to_either_side_but_never_outward_where_an_open_chamber_w
 
 
 def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
-    leaking = Parameters(leak_area=1e-8, relief_area=1e-7, piston_leak_area=1e-8)
+    leaking = Parameters(leak_area=1e-8, laminar_conductance=1e-12, relief_growth=1e-13, piston_leak_area=1e-8)
     bench = Laboratory("rig", leaking, Sensors(), vessel=1e-4).bench
-    assert (bench.leak_area, bench.relief_area, bench.piston_leak_area) == (0.0, 0.0, 0.0)
+    assert bench.leak_area == bench.laminar_conductance == bench.relief_growth == bench.piston_leak_area == 0.0
     alone = Laboratory("rig", leaking, Sensors(), vessel=1e-4, has_cylinder=False).bench
-    assert (alone.leak_area, alone.relief_area) == (1e-8, 1e-7)
+    assert (alone.leak_area, alone.laminar_conductance, alone.relief_growth) == (1e-8, 1e-12, 1e-13)
 
 
 @pytest.mark.parametrize(("name", "least"), [("ends", 0.2), ("5/3+ends", 0.2), ("return-spring+ends", 0.4)])

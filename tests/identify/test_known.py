@@ -64,6 +64,14 @@ def test_a_rig_value_that_is_stated_becomes_free_where_the_file_is_not_sure_of_i
     assert {f.name for f in base_parameters(model(rig=doubted), [axis])} - sure == {"rig.piston_area_1"}
 
 
+def test_a_supply_pressure_that_the_file_is_not_sure_of_is_free_where_nobody_recorded_it() -> None:
+    rig = knowing(rig__supply_pressure=Known("Pa", start=6e5))
+    bare, told = ({"u": 1.0, **BALANCED}, {"u": 1.0, **BALANCED, "p_supply": 7e5})
+    for signals, free in ((bare, True), (told, False)):
+        names = {f.name for f in base_parameters(model(rig=rig), [bench("axis", clock(0.5), signals, rig=rig)])}
+        assert ("rig.supply_pressure" in names) is free
+
+
 def test_a_dead_volume_that_is_not_stated_is_free() -> None:
     axis = bench("axis", clock(0.5), {"u": 1.0, **BALANCED}, rig=replace(RIG, dead_volume_1=None))
     bare = model(values={"rig.dead_volume_1": 2e-5}, rig=replace(RIG, dead_volume_1=None))

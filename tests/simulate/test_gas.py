@@ -27,7 +27,7 @@ CHOKED = KAPPA * R * T / VOLUME * 0.484 * np.sqrt(2 / (R * T)) * AREA * 7e5  # P
 def charged(values=None, u=STEP, time=TIME, volume=VOLUME, p1=101_300.0, **changes) -> np.ndarray:
     """Reading of p1 of a vessel behind the valve."""
     values = values or {}
-    names = sorted({key.partition(".")[0] for key in values})
+    names = sorted({key.partition(".")[0] for key in values} - {"rig"})
     vessel = model(names, values | {"rig.vessel_volume": volume}, rig=VESSEL)
     return run(vessel, bench("valve", time, {"u": u, "p1": p1}, rig=VESSEL, **changes))[:, at.R1]
 
@@ -222,3 +222,30 @@ def test_a_valve_that_vents_has_a_flow_below_zero() -> None:
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
     out = run(vessel, bench("valve", TIME, {"u": -STEP, "p1": 6e5}, rig=VESSEL))
     assert out[TIME > 0.15, at.FLOW].max() < 0.0
+
+
+SHUT = np.zeros_like(TIME)
+
+
+def test_a_laminar_leak_empties_a_vessel_as_its_closed_form_says() -> None:
+    """dp/dt = -kappa R T / V G (p^2 - p_amb^2) / (2 p_amb) is a coth: (p - p_amb) / (p + p_amb) falls exponentially."""
+    p, g = charged({"laminar-leak.conductance": 2e-9}, u=SHUT, p1=7e5), 2e-9
+    left = (p - 101_300.0) / (p + 101_300.0)
+    assert np.log(left[-1] / left[0]) / (TIME[-1] - TIME[0]) == pytest.approx(-KAPPA * R * T / VOLUME * g, rel=1e-4)
+
+
+def test_a_leak_that_opens_under_pressure_leaves_what_is_below_alone() -> None:
+    values = {"opening-leak.growth": 2e-12, "opening-leak.opening": 2e5}
+    held = charged(values, u=SHUT, p1=3.0e5)
+    assert np.ptp(held) == 0.0
+    slope = np.gradient(charged(values, u=SHUT, p1=7e5), TIME)[1]
+    area = 2e-12 * (7e5 - 101_300.0 - 2e5)
+    assert slope == pytest.approx(-KAPPA * R * T / VOLUME * 0.484 * np.sqrt(2 / (R * T)) * area * 7e5, rel=1e-2)
+
+
+def test_a_supply_that_was_not_recorded_is_that_of_the_model_and_one_that_was_is_the_recordings() -> None:
+    stated, half = charged(), charged({"rig.supply_pressure": 3.5e5})
+    assert half[-1] - half[0] == pytest.approx(0.5 * (stated[-1] - stated[0]), rel=1e-3)  # choked: in proportion
+    recorded = {"u": STEP, "p1": 101_300.0, "p_supply": 7e5}
+    vessel = model((), {"rig.vessel_volume": VOLUME, "rig.supply_pressure": 3.5e5}, rig=VESSEL)
+    assert run(vessel, bench("valve", TIME, recorded, rig=VESSEL))[-1, at.R1] == pytest.approx(stated[-1], rel=1e-6)

@@ -89,8 +89,13 @@ def chamber(
 @compiled()
 def relief(par: Parameters, p: float) -> float:
     """Area in m^2 of a leak that opens with the pressure."""
-    above = p - par.ambient - par.relief_pressure
-    return par.relief_area * max(above, 0.0) / (par.supply - par.ambient)
+    return par.relief_growth * max(p - par.ambient - par.relief_pressure, 0.0)
+
+
+@compiled()
+def seeping(par: Parameters, p: float) -> float:
+    """Mass flow in kg/s through a long narrow gap: laminar, at the mean of the densities of both ends."""
+    return par.laminar_conductance * (p - par.ambient) * 0.5 * (p / par.ambient + 1.0)
 
 
 @compiled()
@@ -103,7 +108,7 @@ def gas(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
     drawn = flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
     over = flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
     back = flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
-    gained, given = q[0] + drawn, q[1] + lost
+    gained, given = q[0] + drawn, q[1] + lost + seeping(par, s[P1])
     volume_1 = par.dead_volume_1 + par.dead_volume_added + par.piston_area_1 * s[X]
     heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
     mass_1 = gained - given + back - over

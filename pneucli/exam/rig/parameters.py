@@ -34,6 +34,9 @@ class Parameters(NamedTuple):
     # the catalogue: gas and valve
     heat_conductance: float = -1.0  # W/K; below zero: constant temperature
     leak_area: float = 0.0
+    laminar_conductance: float = 0.0  # kg/(s Pa)
+    relief_growth: float = 0.0  # m^2/Pa, by which a leak opens where chamber 1 is above relief_pressure
+    relief_pressure: float = 0.0  # Pa, gauge
     piston_leak_area: float = 0.0
     dead_volume_added: float = 0.0
     supply_volume: float = 0.0  # zero: a stiff supply
@@ -87,8 +90,6 @@ class Parameters(NamedTuple):
     spool_stiction: float = 0.0  # V that the command must move before the spool jumps after it
     silencer: float = 0.0  # s/kg, by which a clogged one throttles the exhaust more, the larger the flow
     pressure_curvature: float = 0.0  # 1/Pa, of the sensor of p1
-    relief_area: float = 0.0  # m^2 at the full supply, of a leak that opens where chamber 1 is above relief_pressure
-    relief_pressure: float = 0.0  # Pa, gauge
     bent_guide: float = 0.0  # share by which dry friction grows over the stroke
     sluggish_opening: float = 0.0  # s, of a spool that is slow away from its middle and quick back
     position_curvature: float = 0.0  # 1/m, of the sensor of x, which is right at both ends
