@@ -1,4 +1,4 @@
-"""One recording of 1,000,000 samples through ingest, identify and compare: ``python -m benchmarks.million [KIND] [N]``.
+"""A recording of 1,000,000 samples through all stages of identification: ``python -m benchmarks.million [KIND] [N]``.
 
 KIND is axis, friction or valve. Prints processor seconds and peak memory of each stage, in a process of its own.
 """
@@ -54,7 +54,7 @@ def main(kind: str, samples: int) -> None:
         maker.join()
         size = (folder / "raw" / "long.csv").stat().st_size / 1e6
         print(f"{kind}: {samples} samples, {size:.0f} MB of CSV")
-        for stage in ("ingest", "identify", "compare"):
+        for stage in ("ingest", "identify", "compare", "diagnose"):
             print(f"{stage:9} {measured(stage, folder / 'pipeline.toml')}", flush=True)
 
 

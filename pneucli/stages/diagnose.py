@@ -12,6 +12,7 @@ from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.discrepancy import Discrepancy
 from pneucli.diagnose.errors import ShownErrors
 from pneucli.diagnose.manoeuvres import separation
+from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench, Errors, State
 from pneucli.diagnose.turns import turns_of
 from pneucli.errors import InputError, did_you_mean
@@ -25,6 +26,7 @@ from pneucli.stages.study import Study
 from pneucli.words.diagnose import why
 
 BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
+THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
 NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted recordings alone"
 
 
@@ -33,8 +35,10 @@ def run(context: Context) -> dict[str, Any]:
 
     Raises InputError where no recording can be fitted, or ``--exclude`` names what is no effect.
     """
-    study = Study(context)
+    study = Study(context, most=MOST)
     bench, warnings = _bench(study)
+    if thinned := _thinned(study):
+        warnings.append(THINNED.format(**thinned))
     if not bench.train:
         raise InputError(
             f"{context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
@@ -48,10 +52,17 @@ def run(context: Context) -> dict[str, Any]:
     found = diagnose(bench, base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
-    answer["warnings"] = warnings
+    answer["warnings"], answer["thinned"] = warnings, thinned
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
     write_diagnosis(study, bench, found, answer)
     return answer | history.keep(context, answer, SHAPE)
+
+
+def _thinned(study: Study) -> dict[str, int] | None:
+    """Return how many samples there are and how many are diagnosed; None where these are all."""
+    samples = sum(int(r["samples"]) for r in study.context.answers["ingest"]["recordings"])
+    used = sum(one.time.size for one in study.recordings)
+    return {"samples": samples, "used": used} if used < samples else None
 
 
 def _bench(study: Study) -> tuple[Bench, list[str]]:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pneucli.config import join_faults, plugin_files
+from pneucli.diagnose.stretches import stretches
 from pneucli.errors import InputError
 from pneucli.identify.commands import with_commands
 from pneucli.identify.null import with_null
@@ -39,9 +40,10 @@ LONG = 1.0  # h of recordings in all: one run of the model through them takes a 
 
 @dataclass(frozen=True)
 class Study:
-    """The pipeline as the domain packages see it."""
+    """The pipeline as the domain packages see it; ``most`` samples in all, of long recordings stretches."""
 
     context: Context
+    most: int | None = None
 
     @cached_property
     def rig(self) -> Rig:
@@ -63,7 +65,8 @@ class Study:
     @cached_property
     def recordings(self) -> list[Recording]:
         """All recordings, in the pipeline file's order."""
-        return load_recordings(self.context.artifacts / "ingest")
+        whole = load_recordings(self.context.artifacts / "ingest")
+        return whole if self.most is None else stretches(whole, self.most, self.context.config.compare.horizon)
 
     @cached_property
     def known_effects(self) -> dict[str, Effect]:

@@ -1,0 +1,47 @@
+"""Long recordings, thinned to stretches: minutes tell how a rig behaves as well as hours do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneucli.recording import Recording
+
+MOST = 200_000  # samples in all: a diagnosis takes about a minute of each of two cores then, and half a gigabyte
+PIECES = 10  # of one recording, so that what drifts over it is seen
+HORIZONS = 4.0  # of the comparison, at least, in one stretch
+
+
+def stretches(recordings: Sequence[Recording], most: int, horizon: float) -> list[Recording]:
+    """Return recordings of at most ``most`` samples in all: the longest are cut to stretches, spread evenly over them.
+
+    What is short, such as the steps of a valve test, stays whole. Stretches keep their recording's name and are at
+    least some horizons (s) long; no sample is moved or averaged, so that nothing fast is lost.
+    """
+    level = _level([one.time.size for one in recordings], most)
+    return [piece for one in recordings for piece in _pieces(one, level, horizon)]
+
+
+def _level(sizes: Sequence[int], most: int) -> int:
+    """Return the size to which the larger ones are cut so that all together are no more than ``most``."""
+    if sum(sizes) <= most:
+        return max(sizes, default=0)
+    left, waiting = most, sorted(sizes)
+    while waiting and waiting[0] * len(waiting) <= left:
+        left -= waiting.pop(0)
+    return left // len(waiting)
+
+
+def _pieces(one: Recording, level: int, horizon: float) -> Iterator[Recording]:
+    n = one.time.size
+    if n <= level:
+        yield one
+        return
+    shortest = max(int(HORIZONS * horizon / one.period), 1)
+    number = int(np.clip(level // shortest, 1, PIECES))
+    size = level // number
+    for start in np.linspace(0, n - size, number).astype(int):
+        part = slice(start, start + size)
+        yield replace(one, time=one.time[part], signals={name: s[part] for name, s in one.signals.items()})
