@@ -228,19 +228,10 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread
     model = problem.model_at(z)
-    lower, upper = problem.bounds()
-    estimates = []
-    for j, f in enumerate(problem.free):
-        value = f.outward(z[j])
-        error = float(np.sqrt(max(covariance[j, j], 0.0)))
-        edge = norm.ppf(0.975) * error
-        low, high = f.outward(z[j] - edge), f.outward(z[j] + edge)
-        at_bound = bool(z[j] - lower[j] < 1e-6 or upper[j] - z[j] < 1e-6)
-        estimates.append(Estimate(f.name, f.unit, value, error * f.slope(value), (low, high), at_bound))
     return Fit(
         model,
         tuple(problem.free),
-        tuple(estimates),
+        estimates_of(problem.free, model, covariance),
         residual[:n],
         jacobian[:n],
         blocks,
@@ -248,6 +239,19 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
         float(residual @ residual),
         problem.errors,
     )
+
+
+def estimates_of(free: Sequence[Free], model: Model, covariance: Array) -> tuple[Estimate, ...]:
+    """Return a fitted model's free parameters with their intervals, by the coordinates' covariance (k, k)."""
+    estimates = []
+    for j, f in enumerate(free):
+        value = value_of(model, f.name)
+        z, error = f.inward(value), float(np.sqrt(max(covariance[j, j], 0.0)))
+        edge = norm.ppf(0.975) * error
+        low, high = f.outward(z - edge), f.outward(z + edge)
+        at_bound = bool(z - f.inward(f.lower) < 1e-6 or f.inward(f.upper) - z < 1e-6)
+        estimates.append(Estimate(f.name, f.unit, value, error * f.slope(value), (low, high), at_bound))
+    return tuple(estimates)
 
 
 def without_data(found: Fit) -> Fit:

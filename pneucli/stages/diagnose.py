@@ -17,6 +17,8 @@ from pneucli.diagnose.trial import Bench, Errors, State
 from pneucli.diagnose.turns import turns_of
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.effects import fit_model
+from pneucli.identify.fit import Fit
+from pneucli.identify.intervals import with_intervals
 from pneucli.identify.start import first_guess
 from pneucli.pipeline.context import Context
 from pneucli.stages import history
@@ -92,7 +94,8 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
         for add, e in zip([None, *found.found.added], rungs, strict=True)
     ]
-    candidates = [_candidate(study, bench, found, decision) for decision in found.decisions]
+    settled = with_intervals(_settled(found).fit, bench.train)
+    candidates = [_candidate(study, bench, found, settled, decision) for decision in found.decisions]
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
     following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
@@ -153,8 +156,8 @@ def _error(errors: Errors) -> float | None:
     return errors["train"] if errors["test"] is None else errors["test"]
 
 
-def _parameters(study: Study, state: State, effect: str) -> dict[str, Any]:
-    mine = [as_ratio(e, study) for e in state.fit.estimates if e.name.startswith(f"{effect}.")]
+def _parameters(study: Study, found: Fit, effect: str) -> dict[str, Any]:
+    mine = [as_ratio(e, study) for e in found.estimates if e.name.startswith(f"{effect}.")]
     return {name.partition(".")[2]: value for name, value in parameter_answer(mine).items()}
 
 
@@ -164,7 +167,7 @@ def _settled(found: Diagnosis) -> State:
     return found.found.rungs[max(places, default=0)]
 
 
-def _candidate(study: Study, bench: Bench, found: Diagnosis, decision: Decision) -> dict[str, Any]:
+def _candidate(study: Study, bench: Bench, found: Diagnosis, settled: Fit, decision: Decision) -> dict[str, Any]:
     assert bench.shown is not None
     name, trial = decision.effect.name, decision.trial
     state = trial.state if trial else found.found.rungs[0]
@@ -175,7 +178,7 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, decision: Decision)
         "title": decision.effect.title,
         "error_before": _error(before),
         "error_after": _error(after) if trial or unchanged else None,
-        "parameters": _parameters(study, _settled(found) if name in found.missing else state, name),
+        "parameters": _parameters(study, settled if name in found.missing else state.fit, name),
         "indistinguishable_from": _alike(found, name),
         "supported": decision.supported,
         "reason": decision.reason,

@@ -10,6 +10,7 @@ from pneucli.errors import InputError
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.intervals import with_intervals
 from pneucli.identify.leaks import TRADE, leak_flows, losses
 from pneucli.identify.null import drifted
 from pneucli.identify.parameters import Free, has, value_of
@@ -110,7 +111,8 @@ def _fitted(study: Study) -> Fit:
         )
     study.context.progress("fitting the model", 0.3)
     guess = first_guess(train, study.rig, study.valve)
-    return without_data(fit_model(guess, study.views("train"), study.effects))
+    views = study.views("train")
+    return without_data(with_intervals(fit_model(guess, views, study.effects), views))
 
 
 def _valves(study: Study, found: Fit, warnings: list[str]) -> list[ValveIdentification]:

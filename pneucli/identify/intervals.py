@@ -1,0 +1,99 @@
+"""Intervals of a fit's parameters where the model is not the whole truth.
+
+What a model misses is a function of something: of position, speed, pressure, command or time. Blocks of time are not
+independent of each other then: each time the piston comes by, the same is missing. So the samples are grouped by each
+of these signals as well, and what leaving out one group after the other (a jackknife over groups) moves a parameter by,
+beyond what leaving out blocks of time does, is added to its variance. Sources: Cameron, Gelbach and Miller, J. Bus.
+Econ. Stat. 29 (2011) 238, for groups of several kinds; Bell and McCaffrey, Survey Methodology 28 (2002) 169, for the
+jackknife.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.fit import Fit, estimates_of
+from pneucli.identify.views import View
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+
+Array = NDArray[np.float64]
+Labels = NDArray[np.int64]
+
+BINS = 10  # of a signal, each with as many samples
+ALONE = 0.9  # of what is known of a direction: a group that knows more is not left out of it, the others cannot tell
+
+
+def with_intervals(found: Fit, views: Sequence[View]) -> Fit:
+    """Return a fit whose covariance and intervals allow for what the model misses, from the views it was fitted to."""
+    if not found.free or not found.residual.size:
+        return found
+    wider = np.sqrt(widening(found, groupings(views)))
+    covariance = found.covariance * np.outer(wider, wider)
+    return replace(found, covariance=covariance, estimates=estimates_of(found.free, found.model, covariance))
+
+
+def widening(found: Fit, groups: Iterator[Labels]) -> Array:
+    """Return by how much each parameter's variance grows (k,), at least 1; ``groups`` number the residuals (N,)."""
+    blocks, usual = _sandwich(found, found.blocks), _jackknife(found, found.blocks)
+    more = np.zeros(len(found.free))
+    for labels in groups:
+        beyond = _sandwich(found, labels) > blocks
+        if beyond.any():
+            more += np.where(beyond, np.maximum(_jackknife(found, labels) - usual, 0.0), 0.0)
+    variance = np.diag(found.covariance)
+    return np.asarray(1.0 + np.divide(more, variance, out=np.zeros_like(more), where=variance > 0.0))
+
+
+def groupings(views: Sequence[View]) -> Iterator[Labels]:
+    """Yield the number of the group of each residual (N,): by recording, then by bins of each signal in turn."""
+    names = {name: i for i, name in enumerate(dict.fromkeys(v.experiment.recording.name for v in views))}
+    yield _spread(views, [np.full(v.experiment.time.size, names[v.experiment.recording.name]) for v in views])
+    kinds = {kind: i for i, kind in enumerate(dict.fromkeys(type(v) for v in views))}
+    for name in ("time", "x", "v", "p1", "p2", "u"):
+        signals = [_signal(v.experiment, name) for v in views]
+        edges = np.unique(np.quantile(np.concatenate(signals), np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
+        bins = [np.searchsorted(edges, signal) for signal in signals]
+        yield _spread(views, [b + (BINS + 1) * kinds[type(v)] for b, v in zip(bins, views, strict=True)])
+
+
+def _signal(e: Experiment, name: str) -> Array:
+    """Return a signal of an experiment as the kernel takes it, shape (n,); time counts from the recording's start."""
+    return e.time - e.time[0] if name == "time" else np.asarray(e.inputs[:, at.INPUTS.index(name)])
+
+
+def _spread(views: Sequence[View], labels: Sequence[Labels]) -> Labels:
+    """Return labels of samples as those of residuals: channel after channel of each view."""
+    return np.concatenate([np.tile(mine, len(view.channels)) for view, mine in zip(views, labels, strict=True)])
+
+
+def _sandwich(found: Fit, labels: Labels) -> Array:
+    """Return the variance of each parameter (k,) by the sums of the scores in groups."""
+    sums = np.array([np.bincount(labels, weights=column * found.residual) for column in found.jacobian.T])
+    return np.asarray(((found.bread @ sums) ** 2).sum(axis=1))
+
+
+def _jackknife(found: Fit, labels: Labels) -> Array:
+    """Return the variance of each parameter (k,): what leaving out each group moves it by, in one step, squared."""
+    root = _root(found.bread)
+    order = np.argsort(labels, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
+    moved = np.zeros(len(found.free))
+    for group in groups:
+        part = found.jacobian[group] @ root
+        share, own = np.linalg.eigh(part.T @ part)  # of what all data together know of a direction
+        left = own.T @ (part.T @ found.residual[group]) / (1.0 - np.minimum(share, ALONE))
+        moved += (root @ (own @ left)) ** 2
+    return np.asarray(moved * (len(groups) - 1) / len(groups))
+
+
+def _root(matrix: Array) -> Array:
+    """Return R (k, k) with R R^T the matrix, whose scales may differ much."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    level = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
+    values, vectors = np.linalg.eigh(matrix * np.outer(level, level))
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,83 @@
+"""Intervals where the model misses something that is a function of a signal."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.identify import intervals
+from pneucli.identify.fit import Fit, estimates_of
+from pneucli.identify.intervals import groupings, widening, with_intervals
+from pneucli.identify.parameters import Free
+from tests.simulate.benches import bench, clock, model
+
+LEVEL = Free("friction.coulomb", "N", 10.0, 0.0, 1e3, 1.0)
+N = 4000
+
+
+def mean_of(residual: np.ndarray, blocks: np.ndarray) -> Fit:
+    """The fit of one level to readings: what is left is their distance from it."""
+    n, left = residual.size, residual - residual.mean()
+    sums = np.bincount(blocks, left)
+    covariance = np.array([[float(sums @ sums) / n**2]])
+    fitted = model(values={"friction.coulomb": 10.0 + float(residual.mean())})
+    estimates = estimates_of([LEVEL], fitted, covariance)
+    return Fit(fitted, (LEVEL,), estimates, left, np.ones((n, 1)), blocks, covariance, float(left @ left), ())
+
+
+def test_leaving_out_groups_of_equal_size_gives_the_variance_of_their_means() -> None:
+    rng = np.random.default_rng(3)
+    labels = np.repeat(np.arange(8), N // 8)
+    found = mean_of(rng.standard_normal(N) + rng.standard_normal(8)[labels], np.arange(N) // 20)
+    means = np.bincount(labels, found.residual) / (N / 8)
+    assert intervals._jackknife(found, labels) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
+
+
+def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it() -> None:
+    """60 rigs whose level is 10: of the 95 % intervals about 95 % hold it, where something over x is missed too."""
+    position = np.arange(N) // 10 % 10  # the piston comes by each place 40 times
+    blocks, held, usual, wider = np.arange(N) // 20, 0, 0, []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        noise = rng.standard_normal(N)
+        missed = mean_of(noise + rng.standard_normal(10)[position], blocks)
+        growth = float(widening(missed, iter([position]))[0])
+        error = abs(missed.estimates[0].value - 10.0)
+        usual += error < 1.96 * missed.covariance[0, 0] ** 0.5
+        held += error < 1.96 * (missed.covariance[0, 0] * growth) ** 0.5
+        wider.append(float(widening(mean_of(noise, blocks), iter([position]))[0]))
+    assert usual < 30
+    assert held >= 52
+    assert np.median(wider) < 1.5
+
+
+def test_what_one_group_alone_tells_is_not_left_out_of_it() -> None:
+    found = mean_of(np.random.default_rng(1).standard_normal(N), np.arange(N) // 20)
+    assert np.isfinite(intervals._jackknife(found, np.zeros(N, dtype=int))).all()
+    assert widening(found, iter([np.zeros(N, dtype=int)])) == pytest.approx(1.0)
+
+
+def test_groups_are_recordings_and_bins_of_each_signal_with_as_many_samples() -> None:
+    time = clock(1.0)
+    pair: list[Any] = [
+        SimpleNamespace(experiment=bench("axis", time, {"x": 0.1 * time, "u": 1.0}), channels=("p1", "p2"))
+        for _ in range(2)
+    ]
+    n = time.size
+    recordings, clocks, x, *_, u = groupings(pair)
+    assert recordings.size == x.size == 4 * n
+    assert np.array_equal(x[:n], x[n : 2 * n])  # the channels of one view
+    counts = np.bincount(x)[np.unique(x)]
+    assert len(counts) == intervals.BINS
+    assert counts == pytest.approx(4 * n / intervals.BINS, rel=0.02)
+    assert np.array_equal(clocks, x)  # here x grows with time
+    assert np.unique(u).size == 1
+
+
+def test_a_fit_with_nothing_free_is_left_alone() -> None:
+    found = mean_of(np.zeros(N), np.arange(N) // 20)
+    bare = Fit(found.model, (), (), found.residual, np.zeros((N, 0)), found.blocks, np.zeros((0, 0)), 0.0, ())
+    assert with_intervals(bare, []) is bare
