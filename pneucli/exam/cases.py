@@ -146,6 +146,8 @@ def _is_linear(base: Parameters, kind: str) -> bool:
 
 def _sensors(conditions: Conditions, similar: Similar, rng: np.random.Generator) -> Sensors:
     usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
+    if conditions.imposed:
+        usual = replace(usual, force=float(rng.uniform(0.1, 0.4)))
     sensors = replace(usual, bits=conditions.bits, drift=conditions.drift, outliers=conditions.outliers)
     return replace(similar.sensors(sensors), rate=conditions.rate)
 

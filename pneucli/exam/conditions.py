@@ -43,6 +43,14 @@ MAPPED = frozenset({"valve-deadband"})
 SWITCHED = MAPPED | {"valve-lag", "valve-hysteresis", "spool sticks and jumps"}
 # a spring's rest takes up any other constant force
 LOADED = frozenset({"constant-force", "spring-force"})
+# slow strokes at held pressures show nothing of these
+UNSEEN_IMPOSED = frozenset(
+    {
+        *("presliding", "dwell-breakaway", "friction-hysteresis", "extra-mass", "end-cushion", "acceleration-bias"),
+        *("pressure-lag", "time-skew", "quadratic drag", "curved characteristic of the sensor of x"),
+        *("resonance of a flexibly coupled load", "backlash between piston and load"),
+    }
+)
 PIPED = frozenset({"supply-droop", "line-delay", "critical-ratio"})
 
 
@@ -63,6 +71,7 @@ class Conditions:
     load: str | None = None  # "spring" or "weight"
     differential: bool = False
     tank: bool = False
+    imposed: bool = False  # a machine imposes the motion and its force is measured
     messy: bool = False  # several small unknown effects act besides
     bits: int = 0  # of the converters; 0: finer than the noise
     drift: float = 0.0  # of the sensors' zeros over a recording, over their noise
@@ -157,6 +166,13 @@ CONDITIONS = (
         _always(tank=True),
         kinds=("valve",),
         excluded=PIPED,
+    ),
+    Condition(
+        "imposed",
+        "a machine drives the piston slowly at held pressures, and its force is measured",
+        _always(imposed=True, rate=100.0),
+        kinds=("friction",),
+        excluded=UNSEEN_IMPOSED,
     ),
     Condition("messy", "several small unknown effects in every case", _always(messy=True)),
     Condition("bits-#", "converters of so many bits", lambda bits: {"bits": int(bits)}, 8, 16),

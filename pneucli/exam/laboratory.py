@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pneucli.exam.rig.files import LAYOUT, write_csv
+from pneucli.exam.rig.machine import Machine, driven
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors, measure
@@ -22,6 +23,7 @@ SIGNALS: dict[Experiment, tuple[str, ...]] = {
     "friction": ("p1", "p2", "x", "a"),
     "axis": ("u", "u2", "p_supply", "p1", "p2", "x", "a"),
 }
+IMPOSED = ("p1", "x", "force")
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,13 @@ class Take:
     name: str
     experiment: Experiment
     use: Literal["train", "test"]
-    manoeuvre: Manoeuvre
+    manoeuvre: Manoeuvre | Machine
     chamber: Literal[1, 2] = 1  # on the bench: whose valve, or whose port, is tested
+
+    @property
+    def is_imposed(self) -> bool:
+        """Whether a machine imposes the motion."""
+        return isinstance(self.manoeuvre, Machine)
 
 
 @dataclass(frozen=True)
@@ -73,21 +80,23 @@ class Laboratory:
         tight = par._replace(leak_area=0.0, laminar_conductance=0.0, relief_growth=0.0)
         return tight if self.has_cylinder else par
 
-    def signals(self, experiment: Experiment) -> tuple[str, ...]:
-        """The recorded signals of an experiment."""
+    def signals(self, take: Take) -> tuple[str, ...]:
+        """The signals that a take records."""
         absent = set(self.absent) if self.supply_recorded else {"p_supply", *self.absent}
         if self.parameters.arrangement != TWO_VALVES:
             absent.add("u2")
-        return tuple(signal for signal in SIGNALS[experiment] if signal not in absent)
+        recorded = IMPOSED if take.is_imposed else SIGNALS[take.experiment]
+        return tuple(signal for signal in recorded if signal not in absent)
 
     def record(self, folder: Path, takes: Sequence[Take], rng: np.random.Generator) -> dict[str, float]:
         """Simulate every take and write ``folder/NAME.csv``; returns the share of its time at an end of the stroke."""
         at_ends = {}
         for take in takes:
             par = self.bench_of(take.chamber) if take.experiment == "valve" else self.parameters
-            truth = run(par, take.manoeuvre, self.sensors.fine_rate)
+            made = driven if isinstance(take.manoeuvre, Machine) else run
+            truth = made(par, take.manoeuvre, self.sensors.fine_rate)  # type: ignore[arg-type]
             seen = measure(par, self.sensors, truth, rng)
-            names = self.signals(take.experiment)
+            names = self.signals(take)
             write_csv(folder / f"{take.name}.csv", self.name, seen, names, self.sensors.position_step)
             if take.experiment != "valve":
                 at_ends[take.name] = float(np.mean((truth["x"] <= 0.0) | (truth["x"] >= par.stroke)))
@@ -140,8 +149,8 @@ class Laboratory:
         return "\n".join(["\n[rig.valve]", *said]) + "\n" if said else ""
 
     def _columns(self, takes: Sequence[Take]) -> str:
-        recorded = {signal for take in takes for signal in self.signals(take.experiment)}
-        units = {"u": "V", "u2": "V", "x": "mm", "a": "m/s^2"}
+        recorded = {signal for take in takes for signal in self.signals(take)}
+        units = {"u": "V", "u2": "V", "x": "mm", "a": "m/s^2", "force": "N"}
         lines = ["[signals]", 'time = { column = "t [ms]", unit = "ms" }']
         for name, (column, _, _) in LAYOUT.items():
             if name in recorded:
@@ -153,10 +162,12 @@ class Laboratory:
         text = f'[[recordings]]\nname = "{take.name}"\nfile = "{folder}/{take.name}.csv"\n'
         text += f'experiment = "{take.experiment}"\nuse = "{take.use}"\n'
         if take.experiment != "valve":
+            if take.is_imposed:
+                return text + 'imposed = "motion"\nchamber_2 = "open"\n'
             follows = self.parameters.arrangement != ONE_CHAMBER
-            state = "open" if take.manoeuvre.chamber_2_open else "valve" if follows else "closed"
+            state = "open" if _is_open(take.manoeuvre) else "valve" if follows else "closed"
             return text + f'chamber_2 = "{state}"\n'
-        names = ", ".join(f'"{signal}"' for signal in ("time", *self.signals("valve")))
+        names = ", ".join(f'"{signal}"' for signal in ("time", *self.signals(take)))
         return text + ("chamber = 2\n" if take.chamber == 2 else "") + f"take = [{names}]\n"
 
     def _model(self, takes: Sequence[Take]) -> str:
@@ -164,6 +175,10 @@ class Laboratory:
         effects = ", ".join(f'"{effect}"' for effect in self.effects)
         valve = 'valve = "linear"\n' if self.linear_valve else ""
         return f'[model]\neffects = [{effects}]\n{valve}\n[compare]\nhorizon = "{horizon}"\n'
+
+
+def _is_open(manoeuvre: Manoeuvre | Machine) -> bool:
+    return isinstance(manoeuvre, Machine) or manoeuvre.chamber_2_open
 
 
 def _number(value: float, decimals: int) -> str:

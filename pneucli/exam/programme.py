@@ -10,6 +10,7 @@ import numpy as np
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.laboratory import Laboratory, Take
 from pneucli.exam.rig.kernel import Array
+from pneucli.exam.rig.machine import Machine
 from pneucli.exam.rig.manoeuvres import (
     closed_loop,
     single_acting,
@@ -49,6 +50,8 @@ class Programme:
             takes += self._bench(1, tested=kind == "valve")
             if self.known.arrangement != ONE_CHAMBER:
                 takes += self._bench(2, tested=False)
+        if self.conditions.imposed:
+            return _numbered("strokes", "friction", self._strokes())
         if kind == "friction":
             takes += self._stick_slip()
             takes += _numbered("driven", "friction", [self._driven(6000) for _ in range(3)])
@@ -81,6 +84,18 @@ class Programme:
         rates = (self.rng.uniform(5e3, 8e3), self.rng.uniform(9e3, 14e3))
         moves = [stick_slip(par, rate * self.similar.pressure, position, load=self._load(position)) for rate in rates]
         return _numbered("stickslip", "friction", moves)
+
+    def _strokes(self) -> list[Machine]:
+        """Strokes at four pressures, the last of them between the others."""
+        stroke, gauge = self.known.stroke, self.known.supply - self.known.ambient
+        start = float(self.rng.uniform(0.1, 0.4)) * stroke
+        way, speed = float(self.rng.uniform(0.15, 0.25)) * stroke, float(self.rng.uniform(0.03, 0.06)) * stroke
+        levels = np.array([0.15, 0.45, 1.0, 0.7]) * self.rng.uniform(0.85, 1.0)
+        swing = float(self.rng.uniform(0.002, 0.01))
+        return [
+            Machine((start, start + way), (speed, 2.5 * speed), 10, self.known.ambient + level * gauge, swing)
+            for level in levels
+        ]
 
     def _driven(self, samples: int) -> Manoeuvre:
         par, rng = self.laboratory.parameters, self.rng
@@ -123,7 +138,7 @@ class Programme:
 def _numbered(
     name: str,
     experiment: Literal["valve", "friction", "axis"],
-    moves: Sequence[Manoeuvre],
+    moves: Sequence[Manoeuvre | Machine],
     chamber: Literal[1, 2] = 1,
 ) -> list[Take]:
     last = len(moves)

@@ -125,5 +125,6 @@ class Similar:
             pressure=sensors.pressure * self.pressure,
             hum=sensors.hum * self.pressure,
             acceleration=sensors.acceleration * self.length,
+            force=sensors.force * self.area * self.pressure,
             position_step=10.0 ** np.floor(np.log10(sensors.position_step * self.length) + 1e-9),
         )

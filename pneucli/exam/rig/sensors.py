@@ -22,7 +22,8 @@ class Sensors:
     Positions (m) are rounded to ``position_step``; accelerations have white noise (m/s^2). ``rate`` (Hz) is that of
     the logger: of what the sensors show it keeps every n-th value, unfiltered. ``bits``: of the converter, over the
     range that a laboratory would choose; 0 for one that is finer than the noise. ``drift``: how far a zero wanders over
-    a recording, over the noise. ``outliers``: the share of samples that are wrong.
+    a recording, over the noise. ``outliers``: the share of samples that are wrong. ``force`` (N): white noise of the
+    machine's sensor.
     """
 
     pressure: float = 400.0
@@ -34,6 +35,7 @@ class Sensors:
     bits: int = 0
     drift: float = 0.0
     outliers: float = 0.0
+    force: float = 0.0  # N
 
     @property
     def kept(self) -> int:
@@ -59,6 +61,8 @@ def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.
         shown = _pressure(par, truth[name], 1.0 / sensors.fine_rate, name == "p1")[kept]
         seen[name] = shown + _pressure_noise(sensors, u.size, rng)
     seen["a"] = a + par.acceleration_bias + sensors.acceleration * rng.standard_normal(u.size)
+    if "force" in truth:
+        seen["force"] = truth["force"][kept] + sensors.force * rng.standard_normal(u.size)
     seen["x"] = seen["x"] + par.position_curvature * x * (par.stroke - x)
     return _converted(par, sensors, _disturbed(sensors, seen, rng))
 
