@@ -11,11 +11,12 @@ from pneucli.diagnose.confidence import NAMED, Evidence, probability
 from pneucli.diagnose.decision import Decision, Reason
 from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.known import contradicted
+from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.smooth import Left, strongest
 from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.identify.views import Chambers, Forces, View
+from pneucli.identify.views import Chambers, Forces, Imposed, View
 from pneucli.physics.declaration import Effect
+from pneucli.simulate.facts import facts_of
 
 MUCH = 3.5  # times the expected rms: where so much is left, more than one thing acts
 EXPLAINS = 0.25  # of what exceeds noise, where much is left
@@ -27,13 +28,17 @@ DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more d
 def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) -> tuple[Decision, Evidence]:
     """Return the decision about an effect that was added, and what it rests on.
 
-    Where something unknown is ``left``, what is more likely a stand-in for that is not named.
+    What is more likely a stand-in for something unknown is not named; where no exam tells how likely that is, only
+    beside something that is ``left``.
     """
-    evidence = evidence_of(bench, last, trial, clear=not left)
-    known = probability(evidence) >= NAMED if examined(bench, trial.effect) else told(bench, evidence, left)
+    evidence = evidence_of(bench, last, trial)
+    if examined(bench, trial.effect):
+        known = probability(evidence) >= NAMED
+    else:
+        known = not left or told(bench, evidence.share, agreement(bench, last, trial.effect.name), left)
     failed: list[tuple[bool, Reason]] = [
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
-        (bool(left) and not (known and lawful(trial.effect, left)), "explained-by-unknown"),
+        (not (known and lawful(trial.effect, left)), "explained-by-unknown"),
         (bool(left) and not bench.falls(trial.before, trial.state), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
@@ -48,31 +53,27 @@ def lawful(effect: Effect, left: Sequence[Remainder]) -> bool:
 def examined(bench: Bench, effect: Effect) -> bool:
     """Whether exams have recordings of this kind: only there is the law of the probability known.
 
-    They have no motion that is imposed, no force alone, and always a recording that was held out.
+    They have no force alone, and always a recording that was held out.
     """
-    return bench.checked and all(type(view) in (Chambers, Forces) for view in bench.train if view.feels(effect))
+    return bench.checked and all(
+        type(view) in (Chambers, Forces, Imposed) for view in bench.train if view.feels(effect)
+    )
 
 
-def told(bench: Bench, evidence: Evidence, left: Sequence[Remainder]) -> bool:
+def told(bench: Bench, share: float, disagreement: float, left: Sequence[Remainder]) -> bool:
     """Whether an effect is more than a stand-in where no exam tells: it takes most, or much is left beside it."""
-    if evidence.disagreement > DISAGREE and bench.checked:
+    if disagreement > DISAGREE and bench.checked:
         return False
     if not bench.checked:
-        return evidence.share > EXPLAINS_ALONE
-    return evidence.share > EXPLAINS_MOST or (evidence.share > EXPLAINS and left[0].ratio > MUCH)
+        return share > EXPLAINS_ALONE
+    return share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
 
 
-def evidence_of(bench: Bench, last: State, trial: Trial, *, clear: bool) -> Evidence:
-    """Return what tells the effect of a trial from a stand-in; ``clear`` where nothing is left."""
-    gain = trial.before.deviance - trial.state.deviance
-    smooth = strongest(Left.by(trial.before, bench.train, bench.held_out), trial.effect)
-    return Evidence(
-        explained(trial.before, trial.state),
-        agreement(bench, last, trial.effect.name),
-        smooth.gain / max(gain, 1e-9) if smooth else 0.0,
-        gain / max(trial.state.samples, 1),
-        clear,
-    )
+def evidence_of(bench: Bench, last: State, trial: Trial) -> Evidence:
+    """Return what tells the effect of a trial, as it is in the ``last`` state, from a stand-in."""
+    facts = facts_of(last.model, [view.experiment for view in bench.train])
+    size = magnitude(last.fit, trial.effect, facts)
+    return Evidence(explained(trial.before, trial.state), size.over_error, size.over_typical)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

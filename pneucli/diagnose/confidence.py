@@ -1,7 +1,7 @@
 """How sure an effect is: the probability that it is there beside the other named ones.
 
-On clean data the likelihood alone is sure. On a real rig small unknown things act as well, some effect of the catalogue
-resembles each of them, and the likelihood is sure of those too: what it does not know is which worlds there are. So the
+On clean data the squares alone are sure. On a real rig small unknown things act as well, some effect of the catalogue
+resembles each of them, and the squares are sure of those too: what they do not know is which worlds there are. So the
 probability is learned where the truth is known: a logistic law over what tells an effect from a stand-in, estimated on
 exams whose rig shares no code with this program (``python -m benchmarks.confidence``).
 """
@@ -24,17 +24,13 @@ NAMED = 0.5  # an effect that is less sure is not named: it is more likely absen
 class Evidence(NamedTuple):
     """What tells an effect from a stand-in.
 
-    ``share``: part of the squares beyond noise that it explains on all readings. ``disagreement``: by which part of its
-    size single recordings want it changed. ``unknown``: what a smooth function of one signal would explain instead,
-    over what it explains. ``gain``: the fall of the deviance for each reading. ``clear``: whether nothing is left
-    beside all that was found.
+    ``share``: part of the squares beyond noise that it explains on all readings. ``significance``: its size over its
+    standard error. ``size``: that over the largest typical one.
     """
 
     share: float
-    disagreement: float
-    unknown: float
-    gain: float
-    clear: bool
+    significance: float
+    size: float
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -42,19 +38,20 @@ class Evidence(NamedTuple):
         share = min(max(self.share, 0.02), 0.98)
         return (
             1.0,
-            math.log10(min(max(self.disagreement, 0.01), 1.0)),
-            min(max(self.unknown, 0.0), 1.2),
             math.log(share / (1.0 - share)),
-            math.log10(min(max(self.gain, 0.002), 1.0)),
-            float(self.clear),
+            _decades(self.significance, 1.0, 100.0),
+            _decades(self.size, 0.03, 3.0),
         )
 
 
-# of each feature, in their order: benchmarks/confidence.py estimates them. These were found the same way on 148 cases
-# which an earlier search had answered (docs/diagnosis.md); with the search as it is they were not estimated anew
-WEIGHTS = (-0.69, -1.45, -0.42, 0.35, 1.28, 1.21)
+def _decades(value: float, low: float, high: float) -> float:
+    return math.log10(min(max(value, low), high))
+
+
+# of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
+WEIGHTS = (-2.89, 0.64, 1.92, 2.31)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
-REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.1, "immaterial": 0.1, "needless": 0.03}
+REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.07, "immaterial": 0.04, "at-bound": 0.04, "needless": 0.03}
 OTHERWISE = 0.002  # of all other reasons together
 
 

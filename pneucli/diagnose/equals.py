@@ -8,6 +8,7 @@ from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import ALPHA, material
 from pneucli.diagnose.trial import Bench, State, Trial
 
+ONE_PARAMETER = 3.84  # chi-square of one degree of freedom, exceeded by chance once in 20
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
 
 
@@ -51,9 +52,11 @@ def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
 def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
     """Whether the data cannot tell an effect's rival from it.
 
-    It costs no more for certain; or, where noise alone is left, so little more that what is known of the noise and of
-    the state at each restart does not decide.
+    It costs no more for certain; or, in units of the variance that is left, no more than one parameter takes up by
+    chance; or, where noise alone is left, so little more that what is known of the noise and of the state at each
+    restart does not decide.
     """
     more, gained = rival.state.cost - best.cost, rival.before.cost - rival.state.cost
     slight = more < SLIGHTLY * min(best.cost, gained + more)
-    return as_good(rival.state, best) or (noise_alone and slight)
+    within_chance = more < ONE_PARAMETER * max(best.cost / max(best.samples, 1), 1.0)
+    return within_chance or as_good(rival.state, best) or (noise_alone and slight)

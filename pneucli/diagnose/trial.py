@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
-from pneucli.diagnose.likelihood import deviance
 from pneucli.diagnose.remainder import drawn_rms
 from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
@@ -72,21 +71,17 @@ class Bench:
         drawn, said = drawn_noise(found.model, self.train), statements(found.model, self.train)
         train = costs(self.train, drawn, said * found.residual, found.errors)
         seen = int(np.count_nonzero(found.residual))
-        if self.turns or not self.held_out:
-            likely = float(deviance(self.train, found.residual, found.errors).sum())
-            if not self.turns:
-                return State(found, train, np.zeros(0), train, seen, likely)
-            residual = held_out_by_turns(found, self.train, self.turns)
-            turned = costs(self.train, drawn, said * residual, found.errors)
-            return State(found, train, turned, turned, seen, likely)
+        if self.turns:
+            turned = costs(self.train, drawn, said * held_out_by_turns(found, self.train, self.turns), found.errors)
+            return State(found, train, turned, turned, seen)
+        if not self.held_out:
+            return State(found, train, np.zeros(0), train, seen)
         problem = Problem(found.model, self.held_out, ())
         residual = np.concatenate(problem.data(found.model))
         said = statements(found.model, self.held_out)
         test = costs(self.held_out, drawn_noise(found.model, self.held_out), said * residual, problem.errors)
-        views, errors = [*self.train, *self.held_out], [*found.errors, *problem.errors]
-        likely = float(deviance(views, np.concatenate([found.residual, residual]), errors).sum())
         samples = seen + int(np.count_nonzero(residual))
-        return State(found, train, test, np.concatenate([train, test]), samples, likely)
+        return State(found, train, test, np.concatenate([train, test]), samples)
 
     def lacking(self, state: State) -> list[Effect]:
         """Return the effects that a state lacks and that can show."""
@@ -213,7 +208,7 @@ class State:
     """A fitted model and what it leaves over, as costs by block: ``train`` as fitted, ``test`` held out.
 
     ``costs`` counts each reading once, held out where it is; ``samples`` are the residuals behind them, zeros of what
-    does not count left out. ``deviance`` is -2 log L of all readings with a discrepancy.
+    does not count left out.
     """
 
     fit: Fit
@@ -221,7 +216,6 @@ class State:
     test: Array
     costs: Array
     samples: int
-    deviance: float = 0.0
 
     @property
     def model(self) -> Model:

@@ -162,7 +162,7 @@ def _vessel(similar: Similar, rng: np.random.Generator) -> float:
 
 
 def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
-    """Three or four small effects from outside the catalogue, and their sizes over the usual."""
+    """Three or four effects from outside the catalogue, and their sizes over the usual."""
     taken = set(BY_NAME[outside].scaled) if outside else set()
     mess: dict[str, float] = {}
     wanted = int(rng.integers(3, 5))
@@ -170,7 +170,7 @@ def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Genera
         effect = OUTSIDE[i]
         fits = kind in effect.kinds and conditions.allows(effect.name) and not taken & set(effect.scaled)
         if fits and len(mess) < wanted:
-            mess[effect.name] = float(rng.uniform(0.05, 0.25))
+            mess[effect.name] = float(rng.uniform(*conditions.mess))
             taken |= set(effect.scaled)
     return mess
 

@@ -72,7 +72,8 @@ class Conditions:
     differential: bool = False
     tank: bool = False
     imposed: bool = False  # a machine imposes the motion and its force is measured
-    messy: bool = False  # several small unknown effects act besides
+    messy: bool = False  # several unknown effects act besides
+    mess: tuple[float, float] = (0.05, 0.25)  # their sizes over the usual, from and to
     bits: int = 0  # of the converters; 0: finer than the noise
     drift: float = 0.0  # of the sensors' zeros over a recording, over their noise
     outliers: float = 0.0  # share of the samples
@@ -175,6 +176,9 @@ CONDITIONS = (
         excluded=UNSEEN_IMPOSED,
     ),
     Condition("messy", "several small unknown effects in every case", _always(messy=True)),
+    Condition(
+        "rough", "several unknown effects of nearly full size in every case", _always(messy=True, mess=(0.3, 1.0))
+    ),
     Condition("bits-#", "converters of so many bits", lambda bits: {"bits": int(bits)}, 8, 16),
     Condition(
         "no-acceleration",

@@ -126,8 +126,8 @@ WHY_NOT = {
     "needless": "It helps alone, but beside what was taken nothing is left for it.",
     "contradicted-by-reading": "Samples at ambient pressure in these recordings refute it.",
     "explained-by-unknown": (
-        "It more likely stands in for something unknown that remains: it takes too little, recordings disagree on its "
-        "size, or a smooth function of one signal explains as much."
+        "It more likely stands in for something unknown: it takes too little, is too small or not sure enough beside "
+        "what remains."
     ),
 }
 """What is said of an effect that is not named, by its ``reason``: the only place."""

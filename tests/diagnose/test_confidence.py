@@ -12,19 +12,16 @@ from pneucli.diagnose.decision import Reason
 from pneucli.diagnose.trial import State
 from tests.diagnose.trials import costing
 
-MIDDLING = Evidence(share=0.5, disagreement=0.2, unknown=0.5, gain=0.04, clear=False)
+MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3)
 WITHIN: dict[str, list[float]] = {
     "share": [0.05, 0.3, 0.6, 0.9],
-    "disagreement": [0.02, 0.1, 0.5, 0.9],
-    "unknown": [0.1, 0.5, 0.9, 1.1],
-    "gain": [0.003, 0.02, 0.2, 0.6],
-    "clear": [False, True],
+    "significance": [2.0, 5.0, 20.0, 80.0],
+    "size": [0.05, 0.2, 1.0, 2.0],
 }
 BEYOND: dict[str, list[tuple[float, float]]] = {
     "share": [(0.02, -0.5), (0.98, 1.0)],
-    "disagreement": [(0.01, 0.0), (1.0, 30.0)],
-    "unknown": [(0.0, -2.0), (1.2, 50.0)],
-    "gain": [(0.002, -1.0), (1.0, 50.0)],
+    "significance": [(1.0, 0.0), (100.0, 1e9)],
+    "size": [(0.03, 0.0), (3.0, 100.0)],
 }
 
 
@@ -32,18 +29,11 @@ def sure(feature: str, value: float) -> float:
     return probability(MIDDLING._replace(**{feature: value}))
 
 
-@pytest.mark.parametrize("feature", ["share", "gain", "clear"])
-def test_an_effect_is_surer_the_more_it_explains_and_where_nothing_else_is_left(feature: str) -> None:
+@pytest.mark.parametrize("feature", ["share", "significance", "size"])
+def test_an_effect_is_surer_the_more_it_explains_and_the_larger_it_is(feature: str) -> None:
     found = [sure(feature, value) for value in WITHIN[feature]]
     assert found == sorted(found)
     assert found[0] < found[-1]
-
-
-@pytest.mark.parametrize("feature", ["disagreement", "unknown"])
-def test_an_effect_is_less_sure_where_recordings_disagree_or_something_unknown_explains_as_much(feature: str) -> None:
-    found = [sure(feature, value) for value in WITHIN[feature]]
-    assert found == sorted(found, reverse=True)
-    assert found[0] > found[-1]
 
 
 @pytest.mark.parametrize(("feature", "end", "beyond"), [(f, *ends) for f, pairs in BEYOND.items() for ends in pairs])
@@ -56,8 +46,8 @@ def test_each_feature_has_its_weight() -> None:
 
 
 def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
-    best = Evidence(share=0.98, disagreement=0.01, unknown=0.0, gain=1.0, clear=True)
-    worst = Evidence(share=0.02, disagreement=1.0, unknown=1.2, gain=0.002, clear=False)
+    best = Evidence(share=0.98, significance=100.0, size=1.0)
+    worst = Evidence(share=0.02, significance=2.0, size=0.1)
     assert 1.0 > probability(best) > 0.9
     assert NAMED > 0.1 > probability(worst) > 0.0
 

@@ -19,7 +19,7 @@ from pneucli.identify.views import Forces, Whole
 from tests.diagnose.toys import Toys, adding, effect
 
 A, B, C, D = (effect(name) for name in "abcd")
-RESTS_ON = {"a": Evidence(0.8, 0.05, 0.3, 900.0, False), "b": Evidence(0.2, 0.5, 0.9, 90.0, False)}
+RESTS_ON = {"a": Evidence(0.8, 50.0, 1.0), "b": Evidence(0.2, 9.0, 0.3)}
 SURE = {name: probability(evidence) for name, evidence in RESTS_ON.items()}
 MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
 ASTRAY = Remainder(Whole, "x", 3.0, 3.0, ())

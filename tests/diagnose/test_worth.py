@@ -303,6 +303,13 @@ def rival(cost: float, gained: float) -> Trial:
     return Trial(ONE, before, after, Gain(gained, 1.0, 0.0, 9.0), Gain(gained, 1.0, 0.0, 9.0), 0.0)
 
 
+def test_chance_is_counted_in_units_of_what_is_left() -> None:
+    """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
+    best = replace(state([5e4, 5e4]), samples=1000)
+    assert equal(rival(1e5 + 300.0, 5e5), best, noise_alone=False)
+    assert not equal(rival(1e5 + 500.0, 5e5), best, noise_alone=False)
+
+
 @pytest.mark.parametrize(
     ("more", "gained", "noise", "equals"),
     [
@@ -311,12 +318,14 @@ def rival(cost: float, gained: float) -> Trial:
         (40.0, 5000.0, False, False),  # the same where more than noise is left
         (60.0, 5000.0, True, False),  # 6 % of the cost
         (40.0, 500.0, True, False),  # 8 % of what it takes
+        (3.0, 500.0, False, True),  # chance gives one parameter as much
+        (5.0, 500.0, False, False),
     ],
 )
 def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
     more: float, gained: float, noise: bool, equals: bool
 ) -> None:
-    best = state([500.0, 500.0])
+    best = replace(state([500.0, 500.0]), samples=1000)
     assert equal(rival(1000.0 + more, gained), best, noise_alone=noise) == equals
 
 
