@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
@@ -75,6 +78,23 @@ def links(page: Path) -> Iterator[str]:
 def test_links_lead_to_files(page: Path) -> None:
     broken = [link for link in links(page) if not (page.parent / link.partition("#")[0]).exists()]
     assert broken == []
+
+
+def test_the_site_is_built_and_every_link_of_it_leads_somewhere(tmp_path: Path) -> None:
+    """Links between pages, to headings and pictures; every page has its place in the navigation."""
+    pytest.importorskip("mkdocs", reason="no mkdocs (extra docs)")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
+    run = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    )
+    assert run.returncode == 0, run.stderr
+    page = (tmp_path / "diagnosis.html").read_text(encoding="utf-8")
+    assert "<math" in page
+    assert "$$" not in page
+    assert (
+        re.findall(r'(?:src|href)="(https?:)?//(?!github|keepachangelog|semver|squidfunk|toml|doi|zensical)[^"]*', page)
+        == []
+    )
 
 
 def test_every_page_is_reached_from_the_index() -> None:
