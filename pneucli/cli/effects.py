@@ -65,6 +65,10 @@ First the three walks through recordings of real rigs.
 """
 PICTURED = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
+THESIS = (
+    "; the thesis is K. Széll, Direct Modeling and Robust Control of a Servo-pneumatic System, PhD thesis, Budapest "
+    "University of Technology and Economics, 2015"
+)
 COLUMNS = ("parameter", "unit", "what", "absent at", "bounds", "typical")
 
 
@@ -180,7 +184,7 @@ def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
         ("Easily taken for", ", ".join(twins) or "nothing else in the catalogue"),
         ("What tells them apart" if effect.twins else "How to make sure", effect.separate),
         ("Where it enters the model", f"{ports}."),
-        ("Source", effect.source),
+        ("Source", effect.source + (THESIS if "thesis" in effect.source else "")),
     ]
     if not effect.nested:
         story.insert(0, ("Not nested", "No value of its parameters gives the model without it; it is there or not."))

@@ -182,10 +182,7 @@ class Problem:
 
 
 def scaled(view: View, model: Model, errors: Mapping[str, Array]) -> Array:
-    """Return a view's residuals in units of their noise, channel after channel, whitened for ``errors`` of starts.
-
-    Each channel counts by its weight.
-    """
+    """Return a view's residuals in units of noise, times their weights, whitened for ``errors`` of starts."""
     residual = view.residual(model, errors)
     return np.concatenate([view.weights.get(c, 1.0) * (residual[c] / view.noise[c]) for c in view.channels])
 
