@@ -54,7 +54,8 @@ def sensitivities(found: Fit, views: Sequence[View]) -> list[Sensitivity]:
                 counts.append(0)
                 power = np.pad(power, ((0, 0), (0, 1)))
             place = channels.index(channel)
-            power[:, place] += np.sum(found.jacobian[first : first + size] ** 2, axis=0)
+            part = found.jacobian[first : first + size]
+            power[:, place] += np.einsum("ij,ij->j", part, part)  # without a copy: it is large
             counts[place] += size
             first += size
     size_of = [PERCENT * abs(e.value) / f.slope(e.value) for f, e in zip(found.free, found.estimates, strict=True)]

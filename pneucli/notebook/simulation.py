@@ -13,9 +13,10 @@ from pneucli.config import checked
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import KINDS
 from pneucli.io.artifacts import read_metadata
+from pneucli.io.recordings import SIGNALS_FILE
 from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
-from pneucli.quantities import SIGNALS, moving
+from pneucli.quantities import ROTARY, SIGNALS, moving, of_motion
 from pneucli.recording import Recording
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
@@ -86,7 +87,7 @@ def simulate(
     )
     ready = prepare(imagined, model.rig, None)
     inputs: dict[str, Any] = {name: signals[name] for name in DRIVING if name in signals}
-    return _frame({"time": stamps} | inputs | outputs(model, ready))
+    return _frame({"time": stamps} | inputs | outputs(model, ready), rotary=_turns(run))
 
 
 def _with(model: Model, values: Mapping[str, float]) -> Model:
@@ -141,13 +142,21 @@ def _free(run: Run, model: Model, name: str) -> pd.DataFrame:
         raise InputError("simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name))
     found = free_run(model, prepare(by_name[name], study.rig, None), name)
     measured = {f"measured_{channel}": values for channel, values in found.measured.items()}
-    return _frame({"time": found.time, **found.commands, **found.modelled, **measured})
+    return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=_turns(run))
 
 
-def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
+def _frame(columns: Mapping[str, Any], *, rotary: bool) -> pd.DataFrame:
     found = pd.DataFrame(columns)
-    found.attrs["units"] = {name: SIGNALS[name.removeprefix("measured_")].unit for name in columns}
+    with moving(rotary=rotary):
+        units = {name: of_motion(SIGNALS[name.removeprefix("measured_")].unit) for name in columns}
+    found.attrs["units"] = units
     return found
+
+
+def _turns(run: Run) -> bool:
+    """Whether the axis turns: its position was recorded as an angle."""
+    units = read_metadata(run.artifacts / "ingest" / SIGNALS_FILE)["units"]
+    return bool(units.get("x") == ROTARY["m"])
 
 
 def model_of(run: Run) -> Model:
@@ -167,6 +176,8 @@ def study_of(run: Run) -> Study:
     document = {key: table for key, table in read_metadata(path)["parameters"].items() if table}
     keys = ("name", "file", "experiment", "use", "chamber_2")
     document["recordings"] = [{k: r[k] for k in keys if r[k]} for r in answers["ingest"]["recordings"]]
+    if _turns(run):
+        document["signals"] = {"x": {"column": "x", "unit": ROTARY["m"]}}
     config = checked(path, document)
     with moving(rotary=config.rotary):
         return Study(Context(path, config, run.artifacts, run.artifacts, answers=answers))

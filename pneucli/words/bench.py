@@ -53,8 +53,9 @@ def side_by_side(answer: Mapping[str, Any]) -> str:
     off = {name: worst_of(figures, "steady_um") for name, figures in cases.items()}
     hold = [name for name, figures in cases.items() if verdict(figures, tolerance) == "holds"]
     others = sorted((um, name) for name, um in off.items() if name not in hold and um is not None)
-    told = f"of {len(cases)} laws {joined(hold) or 'none'} {'holds' if len(hold) < 2 else 'hold'} it"
-    near = f"; next is {others[0][1]}, {_length(others[0][0])} off" if others else ""
+    named = joined([f"“{name}”" for name in hold]) or "none"
+    told = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
+    near = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
     return f"{told[:1].upper()}{told[1:]}{near}."
 
 

@@ -146,4 +146,4 @@ def test_the_first_screen_says_how_sure_what_remains_and_which_law_holds(after: 
     model, missing, controller = front(replace(after, answers=answers, diagnoses=earlier)).tiles
     assert "mm²; there with a probability of 97 %" in model.words
     assert missing.words.endswith("What remains: p1 by 1.40 × noise (chambers, over x, lasting 0.30 s).")
-    assert "Of 3 laws best holds it; next is pid, 90 µm off." in controller.words
+    assert "Of 3 laws “best” holds it; next is “pid”, 90 µm off." in controller.words

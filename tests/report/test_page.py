@@ -209,6 +209,11 @@ def test_what_stands_in_relation_is_said(material: Material) -> None:
     assert [cell.text for cell in felt.rows[0]] == ["friction.coulomb", "0.40", "–"]
     captions = [part.caption for part in section.parts if hasattr(part, "svg")]
     assert "beyond chance with u at 0.1 s" in captions[-1]
+    table = material.tables["compare/correlation"]
+    weak = Table({**table.columns, "correlation": 0.3 * table["correlation"]})  # 0.15 at most: 1.5 bounds, of 101 lags
+    faint = relations(replace(material, tables={**material.tables, "compare/correlation": weak}))
+    assert faint is not None
+    assert "nothing to do with the inputs beyond chance" in faint.parts[-1].caption  # type: ignore[union-attr]
     assert relations(Material("bench")) is None
 
 

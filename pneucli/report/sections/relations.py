@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from scipy.stats import norm
 
 from pneucli.quantities import CHANNELS, SIGNALS
 from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat
@@ -48,10 +50,12 @@ def _together(table: Table) -> Iterator[Part]:
     if told:
         yield Note(f"These recordings know only together: {joined(told)}. One that moves but one of them helps.")
     caption = "Correlation of the fitted parameters: near 1 or −1 one of two stands for the other."
-    with drawing(caption, "", "", height=1.2 + 0.13 * len(names)) as one:
+    with drawing(caption, "", "", height=1.1 + 0.1 * len(names)) as one:
         heat(one, np.arange(len(names)), np.arange(len(names)), matrix, "correlation", cmap="RdBu_r", vmin=-1, vmax=1)
-        one.axes.set_xticks(range(len(names)), names, rotation=90, fontsize=5.5)
-        one.axes.set_yticks(range(len(names)), names, fontsize=5.5)
+        places = range(1, len(names) + 1)
+        one.axes.set_xticks(range(len(names)), [str(i) for i in places], rotation=90, fontsize=5.5)
+        labels = [f"{name}  {i}" for i, name in zip(places, names, strict=True)]
+        one.axes.set_yticks(range(len(names)), labels, fontsize=5.5)
         one.axes.invert_yaxis()
     yield from figures([one])
 
@@ -91,6 +95,8 @@ def _iterations(table: Table) -> Iterator[Drawing]:
             one.axes.plot(place, rows["residual"], ".-", color=colours[effects], markersize=3, label=label)
             colours[f"done {effects}"] = GREY
         one.axes.set_yscale("log")
+        one.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+        one.axes.yaxis.set_minor_formatter(NullFormatter())
         one.axes.legend()
     yield one
 
@@ -108,6 +114,11 @@ def _residuals(material: Material) -> Iterator[Drawing]:
             yield _correlation(rows, channel)
 
 
+def _of_many(lags: int) -> float:
+    """Return by how much the bound grows where the largest of many lags is looked at (Bonferroni)."""
+    return float(norm.ppf(1.0 - 0.025 / max(lags, 1)) / norm.ppf(0.975))
+
+
 def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
     name = channel["channel"]
     beyond = []
@@ -121,13 +132,13 @@ def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
                 edge = float(part["bound"][0])
                 one.axes.plot(part["lag"][[0, -1]], [edge, edge], ":", color=PALETTE[(i - 1) % 6], linewidth=0.8)
                 one.axes.plot(part["lag"][[0, -1]], [-edge, -edge], ":", color=PALETTE[(i - 1) % 6], linewidth=0.8)
-                if np.abs(part["correlation"]).max() > edge:
+                if np.abs(part["correlation"]).max() > edge * _of_many(len(part)):
                     most = int(np.argmax(np.abs(part["correlation"])))
                     beyond.append(f"{against} at {short(float(part['lag'][most]))} s")
         one.axes.axhline(0.0, color=BLUE, linewidth=0.4)
         one.axes.legend()
     told = f"beyond chance with {joined(beyond)}" if beyond else "nothing to do with the inputs beyond chance"
-    one.caption = f"{caption}: {told} (dotted: 95 % by Bartlett's formula)."
+    one.caption = f"{caption}: {told} (dotted: 95 % at one lag, by Bartlett's formula)."
     if one.figure is not None:
         one.figure = type(one.figure)(one.figure.svg, one.caption)
     return one
