@@ -1,4 +1,4 @@
-"""A wiper on the rod: it scrapes harder the longer the rod has been wet, here: the further out the rod stands."""
+"""A wiper on the rod: while the rod comes back it scrapes, the harder the further out the rod stands."""
 
 from pneucli.physics.declaration import Effect, Parameter
 
