@@ -51,6 +51,8 @@ def correlations(comparison: Comparison, longest: float) -> Iterator[Correlation
     lags = _lags(longest, r.period, r.time.size)
     if not lags.size:
         return
+    driving = {name: one for name in inputs if (one := _centred(experiment.raw[name])) is not None}
+    theirs = {name: _over_lags(one, one) for name, one in driving.items()}
     for channel in experiment.channels:
         residual = _centred(comparison.residual(channel))
         if residual is None:
@@ -59,22 +61,20 @@ def correlations(comparison: Comparison, longest: float) -> Iterator[Correlation
         mine = lags[lags >= 0]
         white = Z95 / float(np.sqrt(residual.size))
         yield Correlation(r.name, r.use, channel, channel, np.asarray(mine * r.period), _at(own, mine), white)
-        for name in inputs:
-            other = _centred(experiment.raw[name])
-            if other is not None:
-                cross = _at(_over_lags(residual, other), lags)
-                yield Correlation(r.name, r.use, channel, name, np.asarray(lags * r.period), cross, bound(own, other))
+        for name, other in driving.items():
+            cross, edge = _at(_over_lags(residual, other), lags), bound(own, theirs[name])
+            yield Correlation(r.name, r.use, channel, name, np.asarray(lags * r.period), cross, edge)
 
 
 def bound(own: Array, other: Array) -> float:
     """Return the 95 % bound of the correlation of two series that are independent (Bartlett's formula).
 
-    ``own`` is the one's correlation with itself (2 n - 1,), ``other`` the second series (n,). Where both change
-    slowly there are few independent samples, and the bound is wide. Distant lags, which say little, count less.
+    ``own`` and ``other`` are the correlations of each with itself (2 n - 1,). Where both change slowly there are
+    few independent samples, and the bound is wide. Distant lags, which say little, count less.
     """
-    n = other.size
+    n = (other.size + 1) // 2
     taper = 1.0 - np.abs(np.arange(1 - n, n)) / n
-    return float(Z95 * np.sqrt(max(float(np.sum(taper * own * _over_lags(other, other))), 1.0) / n))
+    return float(Z95 * np.sqrt(max(float(np.sum(taper * own * other)), 1.0) / n))
 
 
 def _lags(longest: float, period: float, samples: int) -> NDArray[np.int64]:

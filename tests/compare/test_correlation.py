@@ -59,7 +59,7 @@ def test_the_bound_holds_for_series_that_change_slowly() -> None:
     inside = white = 0
     for _ in range(400):
         a, b = slow(rng, 0.98), slow(rng, 0.98)
-        inside += abs(a @ b) < bound(full(a, a), b)
+        inside += abs(a @ b) < bound(full(a, a), full(b, b))
         white += abs(a @ b) < 1.96 / np.sqrt(N)
     assert 0.90 <= inside / 400 <= 0.99
     assert white / 400 < 0.5
