@@ -9,7 +9,7 @@ DEMO := demo
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test mutants check format lint types layers docs chromium clean
+.PHONY: demo test mutants check format lint types layers docs site chromium clean
 
 # On a copy of the pipeline: the model fails, what it lacks is named and added, the error falls; then all the rest.
 demo: $(VENV)/.installed-all
@@ -43,8 +43,13 @@ types:
 layers:
 	@$(BIN)/lint-imports --no-logo
 
+# Pages that are made from the program, then the site, every link of it checked: build/site/index.html
 docs: $(VENV)/.installed-dev
 	@$(BIN)/python -m pneucli.cli.docs docs
+	@$(MAKE) --no-print-directory site
+
+site: $(VENV)/.installed-dev
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 # A stamp per set of dependencies; a changed pyproject.toml installs anew.
 $(VENV)/.installed-%: pyproject.toml

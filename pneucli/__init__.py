@@ -1,3 +1,67 @@
-"""pneucli: from recordings of a servo-pneumatic axis to models, the missing effect, and a validated controller."""
+"""pneucli: from recordings of a servo-pneumatic axis to models, the missing effect, and a validated controller.
+
+>>> import pneucli                                             # doctest: +SKIP
+>>> run = pneucli.open("artifacts/axis-7")                     # doctest: +SKIP
+>>> run.ladder, run.valve.dp_dt(u=2.0, p=4e5)                  # doctest: +SKIP
+>>> pneucli.simulate(run, u=command, p_supply=7e5)             # doctest: +SKIP
+>>> pneucli.diagnose(run).missing                              # doctest: +SKIP
+
+``simulate`` and ``diagnose`` are also the packages of that name: what is imported from them is found as ever.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+__all__ = ["InputError", "Run", "__version__", "diagnose", "from_arrays", "open", "simulate"]
+
+if TYPE_CHECKING:
+    from pneucli.errors import InputError
+    from pneucli.notebook.arrays import diagnose, from_arrays
+    from pneucli.notebook.run import Run
+    from pneucli.notebook.run import open_run as open
+    from pneucli.notebook.simulation import simulate
+
+_FOUND = {
+    "InputError": ("pneucli.errors", "InputError"),
+    "Run": ("pneucli.notebook.run", "Run"),
+    "open": ("pneucli.notebook.run", "open_run"),
+    "from_arrays": ("pneucli.notebook.arrays", "from_arrays"),
+}
+_CALLED = {"simulate": "pneucli.notebook.simulation", "diagnose": "pneucli.notebook.arrays"}
+
+
+class _Called(ModuleType):
+    """A package of which one function bears the name, too: calling the package calls the function."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        name = self.__name__.rpartition(".")[2]
+        return getattr(import_module(_CALLED[name]), name)(*arguments, **named)
+
+
+class _Front(ModuleType):
+    """The package itself: names are found when they are first used, so that importing it takes no time."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name in _CALLED:
+            return import_module(f"pneucli.{name}")
+        if name not in _FOUND:
+            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+        module, inner = _FOUND[name]
+        return getattr(import_module(module), inner)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _CALLED and isinstance(value, ModuleType):  # the import system binds the package here
+            value.__class__ = _Called
+            value.__doc__ = f"{value.__doc__}\n\nCalled, it is the function {_CALLED[name]}.{name}."
+        super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *__all__})
+
+
+sys.modules[__name__].__class__ = _Front

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
+import sys
+import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,6 +19,7 @@ import typer
 
 from pneucli.cli import docs
 from pneucli.cli.commands import build
+from pneucli.config.reference import keys
 from pneucli.physics.effects import catalogue
 from pneucli.report.effects import picture
 
@@ -77,6 +82,23 @@ def test_links_lead_to_files(page: Path) -> None:
     assert broken == []
 
 
+def test_the_site_is_built_and_every_link_of_it_leads_somewhere(tmp_path: Path) -> None:
+    """Links between pages, to headings and pictures; every page has its place in the navigation."""
+    pytest.importorskip("mkdocs", reason="no mkdocs (extra docs)")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
+    run = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    )
+    assert run.returncode == 0, run.stderr
+    page = (tmp_path / "diagnosis.html").read_text(encoding="utf-8")
+    assert "<math" in page
+    assert "$$" not in page
+    assert (
+        re.findall(r'(?:src|href)="(https?:)?//(?!github|keepachangelog|semver|squidfunk|toml|doi|zensical)[^"]*', page)
+        == []
+    )
+
+
 def test_every_page_is_reached_from_the_index() -> None:
     reached = {(DOCS / link.partition("#")[0]).resolve() for link in links(DOCS / "index.md")}
     assert [page.name for page in DOCS.glob("*.md") if page.name != "index.md" and page.resolve() not in reached] == []
@@ -88,6 +110,21 @@ def test_the_constants_of_the_diagnosis_are_those_of_the_code() -> None:
     found = {f"{module}.{name}": getattr(import_module(f"pneucli.{module}"), name) for module, name, _ in rows}
     assert len(rows) >= 20
     assert {f"{module}.{name}": float(value) for module, name, value in rows} == found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_piece_of_a_pipeline_file_is_one(page: Path) -> None:
+    """It is TOML, and each key of a table that the program knows is a key of it."""
+    known: dict[str, set[str]] = {}
+    for key in keys():
+        known.setdefault(key.table.partition(",")[0], set()).add(key.name)
+    for block in re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        document = tomllib.loads(block)
+        for table, entries in document.items():
+            inner = {name.split(".")[1] for name in known if name.startswith(f"{table}.")}
+            for one in entries if isinstance(entries, list) else [entries]:
+                if table in known and isinstance(one, dict):
+                    assert set(one) <= known[table] | inner, (table, block)
 
 
 def test_commands_in_the_readme_exist_with_their_options() -> None:

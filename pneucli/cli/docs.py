@@ -8,9 +8,10 @@ from typing import Any
 
 import typer
 
-from pneucli.cli import effects
+from pneucli.cli import effects, schema
 from pneucli.cli.commands import EXIT_CODES, build
 
+DOCS = Path(__file__).parents[2] / "docs"
 HEAD = """# The command line
 
 Made by `make docs` from the commands themselves; a test holds it to them. `pneucli COMMAND --help` says the same.
@@ -27,10 +28,30 @@ def render() -> str:
 def pages() -> dict[str, str]:
     """Return every page that is made, by its path below ``docs``."""
     from pneucli.physics.effects import catalogue
+    from pneucli.stages.schema import schema_text
 
     known = [effect for _, effect in sorted(catalogue().items())]
-    made = {"cli.md": render(), "effects.md": effects.index(known)}
+    made = {"cli.md": render(), "effects.md": effects.index(known), "pipeline-file.md": schema.page()}
+    made |= {
+        "pipeline.schema.json": schema_text(),
+        "gallery.md": effects.gallery(known),
+        "own-effect.md": _own_effect(),
+    }
     return made | {f"effects/{effect.name}.md": effects.page(effect) for effect in known}
+
+
+def _own_effect() -> str:
+    """Return the page on effects of one's own, its example and its table of ports as they are now."""
+    text = (DOCS / "own-effect.md").read_text(encoding="utf-8")
+    example = (DOCS / "examples" / "rod_wiper.py").read_text(encoding="utf-8")
+    return _between(_between(text, "example", f"```python\n{example}```"), "ports", effects.ports())
+
+
+def _between(text: str, name: str, made: str) -> str:
+    """Return a page with what stands between two marks replaced."""
+    begin, end = f"<!-- made: {name} -->\n\n", f"\n\n<!-- end of {name} -->"
+    before, _, rest = text.partition(begin)
+    return f"{before}{begin}{made}{end}{rest.partition(end)[2]}"
 
 
 def pictures() -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,7 +26,8 @@ experiment tells them apart. Made by `make docs` from the declarations in `pneuc
 | --- | --- | --- | --- | --- | --- |
 """
 TAIL = """
-An effect of your own is the same declaration in a Python file that the pipeline file names (`[model] plugins`).
+[An effect of your own](own-effect.md) is the same declaration in a Python file that the pipeline file names
+(`[model] plugins`); `pneucli effects PIPELINE` knows it too. [A gallery](gallery.md) has a picture of each.
 
 ## Sizes
 
@@ -43,25 +45,57 @@ The base model's parameters are sized in the same way (`pneucli/physics/base.py`
 | scale | unit | what it is |
 | --- | --- | --- |
 """
+GALLERY = """# A gallery
+
+What each effect looks like, made by `make docs` from the declarations. Left of each picture: a rig with the effect, at
+a typical size, and the model without it; right: the difference. No parameter is refitted, a fit would take up a part.
+First the three walks through recordings of real rigs.
+
+## [Seals that press harder under pressure](walks/seal-friction.md)
+
+![Friction over pressure](img/walk-seal-friction.svg)
+
+## [A carriage whose friction differs by direction](walks/emps.md)
+
+![The error of the carriage](img/walk-emps.svg)
+
+## [Does this chamber leak?](walks/pressure-decay.md)
+
+![A pressure that decays](img/walk-pressure-decay.svg)
+"""
 PICTURED = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
+THESIS = (
+    "; the thesis is K. Széll, Direct Modeling and Robust Control of a Servo-pneumatic System, PhD thesis, Budapest "
+    "University of Technology and Economics, 2015"
+)
 COLUMNS = ("parameter", "unit", "what", "absent at", "bounds", "typical")
+
+
+HELP = "The catalogue of physical effects, or one of them at length; with a pipeline file its plugins too."
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
-        "effects", help="The catalogue of physical effects, or one of them at length.", epilog=examples.of("effects")
+        "effects",
+        help=HELP,
+        epilog=examples.of("effects"),
     )(_effects)
 
 
 def _effects(
-    effect: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.", show_default=False)] = None,
+    first: Annotated[
+        str | None,
+        typer.Argument(metavar="PIPELINE", help="A pipeline file, for effects of its plugins.", show_default=False),
+    ] = None,
+    second: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.", show_default=False)] = None,
     json: Json = False,
 ) -> None:
     from pneucli.physics.effects import all_effects, select
 
-    known = all_effects()
+    pipeline, effect = (first, second) if second is not None or (first or "").endswith(".toml") else (None, first)
+    known = all_effects(_plugins(Path(pipeline)) if pipeline else ())
     chosen = list(known.values()) if effect is None else list(select([effect], known, "effects"))
     if json:
         console.answer({"schema": "pneucli/effects/1", "effects": [_content(one) for one in chosen]})
@@ -71,6 +105,13 @@ def _effects(
             print(f"{one.name:20} {one.part:13} {parameters}")
     else:
         print(_text(chosen[0]))
+
+
+def _plugins(pipeline: Path) -> list[Path]:
+    """Return the Python files that a pipeline file names."""
+    from pneucli.config import load, plugin_files
+
+    return plugin_files(load(pipeline))
 
 
 def page(effect: Effect) -> str:
@@ -95,6 +136,25 @@ def index(effects: Iterable[Effect]) -> str:
     ]
     scales = [f"| {s.name} | {s.unit} | {s.meaning} |" for s in SCALES.values()]
     return HEAD + "\n".join(rows) + "\n" + TAIL + "\n".join(scales) + "\n"
+
+
+def gallery(effects: Sequence[Effect]) -> str:
+    """Return the page with a picture of every effect, and of the walks, in Markdown."""
+    shown = [
+        f"## [{e.title}](effects/{e.name}.md)\n\n{e.looks_like}\n\n![{e.title}](effects/{e.name}.svg)\n"
+        for e in effects
+    ]
+    return "\n".join([GALLERY, *shown])
+
+
+def ports() -> str:
+    """Return the table of all ports in Markdown."""
+    from pneucli.physics.declaration import PORTS
+
+    rows = [
+        f"| `{n}` | {', '.join(f'`{a}`' for a in p.arguments)} | {p.combine} | {p.meaning} |" for n, p in PORTS.items()
+    ]
+    return "\n".join(["| port | arguments | combined as | what it is |", "| --- | --- | --- | --- |", *rows])
 
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
@@ -124,7 +184,7 @@ def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
         ("Easily taken for", ", ".join(twins) or "nothing else in the catalogue"),
         ("What tells them apart" if effect.twins else "How to make sure", effect.separate),
         ("Where it enters the model", f"{ports}."),
-        ("Source", effect.source),
+        ("Source", effect.source + (THESIS if "thesis" in effect.source else "")),
     ]
     if not effect.nested:
         story.insert(0, ("Not nested", "No value of its parameters gives the model without it; it is there or not."))

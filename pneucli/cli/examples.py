@@ -19,6 +19,7 @@ _EXAMPLES = {
     "open": "pneucli open axis-7/pipeline.toml",
     "status": "pneucli status axis-7/pipeline.toml",
     "effects": "pneucli effects friction-hysteresis",
+    "schema": "pneucli schema > axis-7/pipeline.schema.json",
     "exam": "pneucli exam my-exam --cases 12 --nulls 4 --answer --grade",
 }
 

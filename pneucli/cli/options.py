@@ -26,14 +26,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no mess
 
 def opened(file: Path, out: Path | None) -> Pipeline:
     """Open the pipeline; the file itself is validated only when it has changed (units cost half a second to import)."""
-    from pneucli.pipeline.runner import open_pipeline
+    from pneucli.notebook.run import open_pipeline_of
 
-    def load(path: Path) -> object:
-        from pneucli.stages.load import load
-
-        return load(path)
-
-    return open_pipeline(file, load, out)
+    return open_pipeline_of(file, out)
 
 
 def shortest(path: Path) -> str:

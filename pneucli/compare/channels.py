@@ -75,7 +75,6 @@ def _channel(experiment: Experiment, channel: str, y: Array, model: Array, noise
     seen = ~np.isnan(y) & ~np.isnan(model)
     y, error = y[seen], (y - model)[seen]
     rmsd = float(np.sqrt(np.mean(error**2)))
-    spread = float(np.linalg.norm(y - y.mean())) or np.nan
     return ChannelResult(
         recording=experiment.recording.name,
         use=experiment.recording.use,
@@ -84,10 +83,18 @@ def _channel(experiment: Experiment, channel: str, y: Array, model: Array, noise
         rmsd=rmsd,
         percent=100 * rmsd / (float(np.ptp(y)) or np.nan),
         relative_error_percent=100 * float(np.linalg.norm(error) / (np.linalg.norm(y) or np.nan)),
-        fit_percent=100 * (1 - float(np.linalg.norm(error)) / spread),
+        fit_percent=fit_percent(y, y - error),
         noise=noise,
         ratio_to_noise=rmsd / noise if noise > 0 else np.nan,
     )
+
+
+def fit_percent(measured: Array, modelled: Array) -> float:
+    """Return 100 (1 - |y - model| / |y - mean y|), NaN where nothing changes; samples with NaN are left out."""
+    seen = ~np.isnan(measured) & ~np.isnan(modelled)
+    y, error = measured[seen], (measured - modelled)[seen]
+    spread = float(np.linalg.norm(y - y.mean())) if y.size else 0.0
+    return 100 * (1 - float(np.linalg.norm(error)) / (spread or np.nan))
 
 
 def overall_error(results: Sequence[ChannelResult], use: str) -> float | None:

@@ -1,6 +1,6 @@
 """The pipeline file: read, checked as a whole, and edited without losing comments."""
 
-from pneucli.config.load import join_faults, load
+from pneucli.config.load import checked, join_faults, load
 from pneucli.config.model import ParameterTable
 from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable, WhereTable
 from pneucli.config.sources import Source, plugin_files, raw_files, sources
@@ -16,6 +16,7 @@ __all__ = [
     "Source",
     "TextTable",
     "WhereTable",
+    "checked",
     "join_faults",
     "load",
     "plugin_files",

@@ -30,6 +30,14 @@ def load(path: str | Path) -> PipelineConfig:
     """
     path = Path(path)
     text, document = read(path)
+    return checked(path, document, text)
+
+
+def checked(path: Path, document: dict[str, Any], text: str = "") -> PipelineConfig:
+    """Return the tables of a pipeline file, checked; ``text`` is the file's, by which faults name their line.
+
+    Raises InputError as :func:`load` does.
+    """
     unfit = islice(_unfit(document), MOST)
     if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
         raise join_faults(path, faults)

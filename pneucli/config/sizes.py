@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
@@ -11,7 +12,14 @@ from pneucli.quantities import PISTON_AREA, ROTARY
 from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity
 
 
-def _in(unit: str, rotary: str | None = None) -> BeforeValidator:
+@dataclass(frozen=True, slots=True)
+class InUnit(BeforeValidator):
+    """The reader of a quantity, with the SI unit that it reads into."""
+
+    unit: str = ""
+
+
+def _in(unit: str, rotary: str | None = None) -> InUnit:
     """Read text with a unit; gauge values stand on the file's own ambient pressure, ``rotary`` is the unit there."""
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
@@ -22,7 +30,7 @@ def _in(unit: str, rotary: str | None = None) -> BeforeValidator:
         ambient = context.get("ambient_pressure", STANDARD_ATMOSPHERE)
         return size(parse_quantity(value, wanted, ambient_pressure=ambient))
 
-    return BeforeValidator(parse)
+    return InUnit(parse, json_schema_input_type=float | str, unit=unit)
 
 
 Pressure: TypeAlias = Annotated[float, _in("Pa"), Field(gt=0)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from pneucli.config.sizes import Duration, Frequency, Steepness, Table, Velocity
+
+Channel = Literal["p1", "p2", "x", "v", "a", "force", "temperature", "flow"]
 
 
 class FrictionTable(Table):
@@ -21,6 +23,7 @@ class IdentifyTable(Table):
     """``[identify]``."""
 
     friction: FrictionTable = FrictionTable()
+    weights: dict[Channel, Annotated[float, Field(ge=0, le=1e6)]] = Field(default_factory=dict)
 
 
 class CompareTable(Table):

@@ -20,6 +20,7 @@ from pneucli.executors import workers
 from pneucli.identify.least_squares import inverse, minimise
 from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
 from pneucli.identify.views import View
+from pneucli.identify.watch import watched
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -181,9 +182,9 @@ class Problem:
 
 
 def scaled(view: View, model: Model, errors: Mapping[str, Array]) -> Array:
-    """Return a view's residuals in units of their noise, channel after channel, whitened for ``errors`` of starts."""
+    """Return a view's residuals in units of noise, times their weights, whitened for ``errors`` of starts."""
     residual = view.residual(model, errors)
-    return np.concatenate([residual[c] / view.noise[c] for c in view.channels])
+    return np.concatenate([view.weights.get(c, 1.0) * (residual[c] / view.noise[c]) for c in view.channels])
 
 
 def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
@@ -211,7 +212,10 @@ def fit(
         residual = np.concatenate([*problem.data(model), problem.prior(np.zeros(0))])
         return _summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
     found = minimise(
-        problem.residuals, problem.jacobian, problem.start, problem.bounds(), rounds=rounds, tolerance=TOLERANCE
+        *(problem.residuals, problem.jacobian, problem.start, problem.bounds()),
+        rounds=rounds,
+        tolerance=TOLERANCE,
+        each_round=watched([e.name for e in model.effects], problem.blocks().size),
     )
     return _summary(problem, found.z, found.residual, found.jacobian)
 

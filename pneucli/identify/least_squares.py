@@ -51,20 +51,23 @@ def minimise(
     *,
     rounds: int,
     tolerance: float,
+    each_round: Callable[[float], None] = lambda cost: None,
 ) -> Solution[J]:
     """Minimise the sum of squares from ``start`` (k,) within ``bounds``.
 
     ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations. Ends when a round lowers the
-    sum by less than ``tolerance`` of it, or after ``rounds``.
+    sum by less than ``tolerance`` of it, or after ``rounds``; ``each_round`` is told the sum, at the start and then.
     """
     z, damping = np.clip(start, *bounds), FIRST_DAMPING
     r, j = residuals(z), jacobian(z)
+    each_round(_cost(r))
     for done in range(1, rounds + 1):
         step = _step(residuals, z, r, j, bounds, damping)
         if step is None:
             return Solution(z, r, j, done)
         before = _cost(r)
         z, r, damping = step
+        each_round(_cost(r))
         del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
         if before - _cost(r) < tolerance * before:

@@ -10,7 +10,7 @@ from typing import Any
 
 from pneucli.report.failing import failing, picture
 from pneucli.report.material import Material
-from pneucli.words import compare, diagnose, history, run, simulate
+from pneucli.words import bench, compare, diagnose, history, run, simulate
 from pneucli.words.numbers import joined, number, parameters, percent, times
 from pneucli.words.plausibility import doubts
 
@@ -101,12 +101,27 @@ def _model(material: Material) -> Tile | None:
     large = f"{times(first)} → {times(error)} × noise" if first is not None else f"{times(error)} × noise"
     added = [name for name in here[-1]["effects"] if name not in here[0]["effects"]] if here else []
     sizes = parameters(run.added(here[-1], added)) if added else ""
-    words = f"with {joined(added)}: {sizes}." if added else f"{compare.verdict(answer).partition(': ')[2]}."
+    words = (
+        f"with {joined(added)}: {sizes}{_believed(material, added)}."
+        if added
+        else f"{compare.verdict(answer).partition(': ')[2]}."
+    )
     if use == "train":
         words += " No recording was held out: the error is of those that were fitted."
     elif worst := compare.worst_channel(answer):
         words += f" Worst: {worst}."
     return Tile("The model", large, _capital(words), compare.tone(error))
+
+
+def _believed(material: Material, added: Sequence[str]) -> str:
+    """Return how probable the diagnosis held what was added, where it said so."""
+    candidates = [c for one in material.diagnoses for c in one.answer.get("candidates", [])]
+    held = {c["effect"]: c["confidence"] for c in candidates if c["effect"] in added and c.get("confidence")}
+    if not held:
+        return ""
+    alone = len(held) == 1
+    each = [percent(p) if alone else f"{name} {percent(p)}" for name, p in held.items()]
+    return f"; there with a probability of {joined(each)}"
 
 
 def _missing(material: Material) -> Tile | None:
@@ -116,14 +131,17 @@ def _missing(material: Material) -> Tile | None:
         return None
     title = "Still missing"
     if answer["verdict"] == "adequate":
-        return Tile(title, "nothing that shows", f"{_capital(diagnose.limits(answer))}; all under Evidence.", "good")
+        words = f"{_capital(diagnose.limits(answer))}; all under Evidence. {diagnose.remains(answer)}".rstrip()
+        return Tile(title, "nothing that shows", words, "good")
     if answer["verdict"] == "inconclusive":
         return Tile(title, "cannot be told", answer["sentence"], "bad")
-    words = f"{_capital(diagnose.sure(answer))}."
+    words = f"{_capital(diagnose.sure(answer))}. {diagnose.remains(answer)}".rstrip()
     if answer["missing"]:
         return Tile(title, joined(answer["missing"]), words, "bad")
     share = percent(answer.get("unexplained_share") or 0.0)
-    return Tile(title, f"{share} unexplained", f"{_capital(answer['sentence'])}", "bad")
+    return Tile(
+        title, f"{share} unexplained", f"{_capital(answer['sentence'])} {diagnose.remains(answer)}".rstrip(), "bad"
+    )
 
 
 def _controller(material: Material) -> Tile | None:
@@ -135,6 +153,8 @@ def _controller(material: Material) -> Tile | None:
     missed = simulate.missed(answer)
     large, _, tolerance = rest.partition(" (")
     words = f"Simulated, {joined([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
+    if laws := bench.side_by_side(material.answer("design")):
+        words += f" {laws}"
     if missed:
         words += f" Fails: {joined(missed)}."
     if weak := simulate.weak(answer):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from pneucli.report.front import front
 from pneucli.report.material import Material
@@ -32,6 +32,7 @@ def to_html(material: Material) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["named"] = _named
     sections = [section for make in SECTIONS if (section := make(material)) is not None]
     scripts = [_asset(name) for name in SCRIPTS] if any(_zooms(sections)) else []
     return environment.get_template("page.html.j2").render(
@@ -44,6 +45,11 @@ def to_html(material: Material) -> str:
         policy=_policy(scripts),
         plots=Markup(_plots(sections)),
     )
+
+
+def _named(svg: str, caption: str) -> str:
+    """Return a picture with a name, for who cannot see it."""
+    return svg.replace('role="img"', f'role="img" aria-label="{escape(caption)}"', 1)
 
 
 def _asset(name: str) -> Markup:

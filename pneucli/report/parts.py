@@ -95,13 +95,17 @@ Part = Grid | Figure | Note | Zoom
 
 @dataclass(frozen=True)
 class Section:
-    """A chapter of the page: its anchor, title, one leading sentence, and parts; a folded one opens on demand."""
+    """A chapter of the page: its anchor, title, one leading sentence, and parts.
+
+    A folded one opens on demand; on paper it stands where it was opened, or is to be ``printed`` in any case.
+    """
 
     anchor: str
     title: str
     lead: str
     parts: Sequence[Part] = field(default_factory=tuple)
     folded: bool = False
+    printed: bool = False
 
 
 def warnings(material: Material, stage: str) -> list[Part]:

@@ -12,7 +12,6 @@ import inspect
 import os
 import re
 import sys
-import textwrap
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from pneucli import caches
 from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
+from pneucli.physics.equations import text_of
 from pneucli.simulate import driven, kernel, layout
 
 _LOCK = Lock()  # threads ask for kernels
@@ -122,9 +122,8 @@ def _prefix(effect: Effect) -> str:
 
 
 def _equations(effect: Effect) -> str:
-    """Return the effect's port functions under names of their own."""
-    functions = {f.__name__: textwrap.dedent(inspect.getsource(f)) for f in effect.ports.values()}
-    return "\n".join(text.replace(f"def {n}(", f"def {_prefix(effect)}__{n}(", 1) for n, text in functions.items())
+    """Return the effect's port functions, and what they call of their own file, under names of their own."""
+    return text_of(effect, _prefix(effect)) + "\n"
 
 
 def _port(name: str, effects: Sequence[Effect]) -> str:

@@ -11,8 +11,9 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_regions, overall_error
+from pneucli.compare.correlation import Correlation, correlations
 from pneucli.compare.expected import expected_of_all
-from pneucli.io.artifacts import TableWriter, schema_of
+from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.stages import history
@@ -33,6 +34,7 @@ def run(context: Context) -> dict[str, Any]:
     noise = expected_of_all(model, experiments, progress)
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
     _write_residuals(study, comparisons)
+    _write_correlations(study, [c for one in comparisons for c in correlations(one, context.config.compare.horizon)])
     results = [r for c in comparisons for r in c.results]
     answer = _answer(study, results, find_regions(comparisons))
     return answer | history.keep(context, answer, RESIDUALS)
@@ -84,3 +86,21 @@ def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
                     "segment": c.segment.astype(np.float64),
                 }
                 writer.write(columns)
+
+
+def _write_correlations(study: Study, found: Sequence[Correlation]) -> None:
+    texts = {name: [getattr(one, name) for one in found for _ in one.lag] for name in ("recording", "use", "channel")}
+    numbers = {name: [np.zeros(0), *(getattr(one, name) for one in found)] for name in ("lag", "correlation")}
+    bounds = [np.zeros(0), *(np.full(one.lag.size, one.bound) for one in found)]
+    write_table(
+        study.context.out / "correlation.parquet",
+        {
+            **texts,
+            "against": [one.against for one in found for _ in one.lag],
+            **{name: np.concatenate(parts) for name, parts in numbers.items()},
+            "bound": np.concatenate(bounds),
+        },
+        units={"lag": "s", "correlation": "1", "bound": "1"},
+        schema="pneucli/compare/correlation/1",
+        provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -17,6 +17,8 @@ from pneucli.identify.parameters import Free, has, value_of
 from pneucli.identify.paths import Chamber, driven, opening_of
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_moving, identify_valve
+from pneucli.identify.views import View, weighted
+from pneucli.identify.watch import Round, watching
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.plausibility.needs import Assumed, assumptions, to_identify
@@ -24,8 +26,10 @@ from pneucli.quantities import named
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.stages.friction_tables import friction_answer, write_friction
+from pneucli.stages.relation_tables import write_relations
 from pneucli.stages.study import Study, save_model
 from pneucli.stages.valve_tables import iso_parameters, valve_answer, valve_warnings, write_valves
+from pneucli.words.numbers import number
 
 STATED = {
     "rig.moving_mass": "rig.cylinder.moving_mass",
@@ -44,7 +48,13 @@ def run(context: Context) -> dict[str, Any]:
     """
     study = Study(context)
     warnings = _null_warnings(study.rig)
-    found = _fitted(study)
+    rounds: list[Round] = []
+    views = weighted(study.views("train"), study.context.config.identify.weights)
+    with watching(_shown(study, rounds)):
+        whole = _fitted(study, views)
+    write_relations(whole, views, rounds, context.out, study.provenance("ingest/signals.parquet"))
+    found = without_data(whole)
+    del whole, views  # their derivatives fill the memory with a long recording
     context.progress("identifying the valve", 0.5)
     valves = _valves(study, found, warnings)
     leaks = _leaks(study, found.model, [as_ratio(e, study) for e in found.estimates])
@@ -54,7 +64,6 @@ def run(context: Context) -> dict[str, Any]:
     estimates += _fixed(found.model)
     warnings += _unused(study, found.free)
     warnings += [_at_bound(e.name, study.rig) for e in found.estimates if e.at_bound]
-    del found  # its derivatives fill the memory with a long recording
     friction = _friction(study, model, warnings)
     _write(study, model, estimates, valves, friction)
     return _answer(study, estimates, valves, friction, warnings) | leaks
@@ -102,7 +111,19 @@ def _null_warnings(rig: Rig) -> list[str]:
     ]
 
 
-def _fitted(study: Study) -> Fit:
+def _shown(study: Study, rounds: list[Round]) -> Callable[[Round], None]:
+    """Return what keeps each round of the fit, and tells people how far it is."""
+
+    def see(one: Round) -> None:
+        rounds.append(one)
+        what = f"with {one.effects[-1]}" if one.effects else "the base model"
+        text = f"fitting {what}, round {one.round}: {number(one.residual, 3)} × noise"
+        study.context.progress(text, 0.3 + 0.2 * len(rounds) / (len(rounds) + 30.0))  # how many there are, data decide
+
+    return see
+
+
+def _fitted(study: Study, views: Sequence[View]) -> Fit:
     """Return the model with its parameters."""
     train = [e for e in study.experiments if e.recording.use == "train"]
     if not train:
@@ -111,8 +132,7 @@ def _fitted(study: Study) -> Fit:
         )
     study.context.progress("fitting the model", 0.3)
     guess = first_guess(train, study.rig, study.valve)
-    views = study.views("train")
-    return without_data(with_intervals(fit_model(guess, views, study.effects), views))
+    return with_intervals(fit_model(guess, views, study.effects), views)
 
 
 def _valves(study: Study, found: Fit, warnings: list[str]) -> list[ValveIdentification]:

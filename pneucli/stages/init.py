@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from pneucli.config.schema import DIRECTIVE
+from pneucli.config.schema import FILE as SCHEMA
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path
 from pneucli.io.raw import RawFile
@@ -19,12 +21,14 @@ from pneucli.stages.init_kinds import Kind, kinds, natural, references, values_o
 from pneucli.stages.init_survey import Guess, Survey, survey
 from pneucli.stages.init_text import References, quoted, text, waiting
 from pneucli.stages.init_trials import trial
+from pneucli.stages.schema import schema_text
 
 NAME = "pipeline.toml"
+HEAD = 2  # lines: where the schema is, and what CHECK means
 
 
 def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str, Any]:
-    """Write ``directory / "pipeline.toml"`` and return what was written, with what was seen and guessed.
+    """Write ``directory / "pipeline.toml"`` and its schema; return what was written, with what was seen and guessed.
 
     ``raw`` holds files, folders and globs; ``stated`` says how texts are written, as :class:`RawFile` has it. Raises
     InputError where there is a pipeline already, where a raw file cannot be read, or where nothing in it is known.
@@ -40,9 +44,12 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
         found_there = f"no recording among {len(left)} files: {left[0]}"
         raise InputError(str(raw[0]), found_there, "files of recorded numbers", "name them")
     content = _from_raw(directory, found) if raw else _example(directory)
+    content = f"{DIRECTIVE}\n{content}"
     told = references(found)
     with atomic_path(target) as temporary:
         temporary.write_text(content, encoding="utf-8")
+    with atomic_path(directory / SCHEMA) as temporary:
+        temporary.write_text(schema_text(), encoding="utf-8")
     return {
         "schema": "pneucli/init/1",
         "pipeline": str(target),
@@ -50,7 +57,7 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
         "left_out": left,
         "recordings": [_entry(kind) for kind in found],
         "fill_in": [{"line": line, "key": key} for line, key in waiting(content)],
-        "check": [number for number, line in enumerate(content.splitlines(), 1) if "CHECK " in line and number > 1],
+        "check": [number for number, line in enumerate(content.splitlines(), 1) if "CHECK " in line and number > HEAD],
     }
 
 

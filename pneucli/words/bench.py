@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
-from pneucli.words.numbers import number
+from pneucli.words.numbers import joined, number
 
 Figures = Mapping[str, Mapping[str, float | None]]  # by scenario
 Cases = Mapping[str, Figures]  # by controller
@@ -42,6 +43,20 @@ def verdict(figures: Figures, tolerance_um: float) -> str:
     said = [f"stays up to {_length(off)} off"] if off > tolerance_um else []
     said += [f"moves by {_length(moved)} at rest"] if moved > tolerance_um else []
     return ", ".join(said) or "holds"
+
+
+def side_by_side(answer: Mapping[str, Any]) -> str:
+    """Return in one sentence which laws hold the tolerance at rest, and how far off the others stay."""
+    tolerance, cases = answer.get("tolerance_um"), answer.get("compare") or {}
+    if not tolerance or len(cases) < 2:
+        return ""
+    off = {name: worst_of(figures, "steady_um") for name, figures in cases.items()}
+    hold = [name for name, figures in cases.items() if verdict(figures, tolerance) == "holds"]
+    others = sorted((um, name) for name, um in off.items() if name not in hold and um is not None)
+    named = joined([f"“{name}”" for name in hold]) or "none"
+    told = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
+    near = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
+    return f"{told[:1].upper()}{told[1:]}{near}."
 
 
 def _length(um: float) -> str:

@@ -97,6 +97,17 @@ def following(answer: Answer, file: str) -> str:
     return "; or: ".join(parts) or f"pneucli run {file}"
 
 
+def remains(answer: Answer) -> str:
+    """Return what stays beyond noise, and where: the largest discrepancy; nothing where none is known."""
+    found = answer.get("discrepancy") or []
+    if not found:
+        return ""
+    worst = max(found, key=lambda one: one["size"])
+    over = f", over {worst['over']}" if worst.get("over") else ""
+    lasts = f", lasting {quantity(worst['time_constant_s'], 's', 2)}" if worst.get("time_constant_s") else ""
+    return f"What remains: {worst['channel']} by {times(worst['size'])} × noise ({worst['subsystem']}{over}{lasts})."
+
+
 def limits(answer: Answer) -> str:
     """Return how much of the catalogue would have shown, with an example: absent is not the same as invisible."""
     known = answer.get("detectable", [])

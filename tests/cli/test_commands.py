@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.cli import console
+from pneucli.notebook import progress
 from pneucli.pipeline.context import Context
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
@@ -53,10 +53,10 @@ def test_without_a_terminal_what_is_soon_done_is_said_in_one_line(pneucli: Comma
 def test_without_a_terminal_a_long_work_says_now_and_then_how_far_it_is(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(console, "SILENCE", 0.05)
-    with console.progress(quiet=False) as progress:
+    monkeypatch.setattr(progress, "SILENCE", 0.05)
+    with progress.progress(quiet=False) as show:
         for percent in range(20):
-            progress("fitting", percent / 100)
+            show("fitting", percent / 100)
         time.sleep(0.18)
     lines = capsys.readouterr().err.splitlines()
     assert 2 <= len(lines) <= 4

@@ -239,6 +239,7 @@ class View:
         recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False))
         self.experiment = SimpleNamespace(time=np.arange(wave.size), raw={}, extent=EXTENT, recording=recording)
         self.noise = {"x": 2.0}
+        self.weights: dict[str, float] = {}
 
     def feels(self, effect: Any) -> bool:
         return self.felt

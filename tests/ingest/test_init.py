@@ -187,7 +187,7 @@ def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path
     for one in answer["fill_in"]:
         assert one["key"].endswith(lines_of(answer)[one["line"] - 1].split(" =")[0])
     said = " ".join(words.of("init", answer, "rig/pipeline.toml").split())
-    assert "fill in these 5: rig.supply_pressure (line 8)" in said
+    assert "fill in these 5: rig.supply_pressure (line 9)" in said
     assert said.endswith("then pneucli run rig/pipeline.toml")
     with pytest.raises(InputError, match=r'"\? bar" is to be filled in\n  wanted: a quantity such as'):
         load(answer["pipeline"])

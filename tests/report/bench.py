@@ -171,6 +171,24 @@ def _friction() -> dict[str, Table]:
     }  # fmt: skip
 
 
+def _relations() -> dict[str, Table]:
+    names, lag = ["friction.coulomb", "friction.viscous"], np.linspace(-0.5, 0.5, 101)
+    texts = {"recording": "axis_1", "use": "train", "channel": "x", "against": "u"}
+    return {
+        "identify/correlation": Table(
+            {"name": np.repeat(names, 2), "other": names * 2, "correlation": np.array([1.0, -0.95, -0.95, 1.0])}
+        ),
+        "identify/sensitivity": Table({"name": names, "channel": ["x", "v"], "times_noise": np.array([0.4, 0.02])}),
+        "identify/iterations": Table(
+            {"effects": ["", "", "stribeck"], "search": [1, 1, 2], "round": [0, 1, 0], "residual": [9.0, 3.0, 2.0]}
+        ),
+        "compare/correlation": Table(
+            {**{n: [t] * 101 for n, t in texts.items()}, "lag": lag, "bound": np.full(101, 0.1),
+             "correlation": 0.5 * np.exp(-((lag - 0.1) ** 2) / 0.01)}
+        ),
+    }  # fmt: skip
+
+
 def _diagnosis() -> dict[str, Any]:
     area = {"area": LEAK}
     return {
@@ -258,6 +276,7 @@ def whole() -> Material:
             **controlled.tables(),
             **_valve(),
             **_friction(),
+            **_relations(),
         },
         checks=[
             Check("compare.error.test", "max 1.5", 1.94, "compare.error.test = 1.94 (max 1.5): FAILED"),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.report import Material, to_html
+from pneucli.report import Former, Material, to_html
 from pneucli.report.decimate import broken
 from pneucli.report.failing import failing
 from pneucli.report.front import front, ladder
@@ -104,7 +104,7 @@ def test_the_first_screen_says_where_it_failed_and_what_to_do_next(material: Mat
 
 def test_the_verdict_stands_in_the_page_without_any_script(after: Material) -> None:
     plain = re.sub(r"<script.*?</script>", "", to_html(after), flags=re.DOTALL)
-    top = plain[: plain.index("<nav>")]
+    top = plain[: plain.index("<nav")]
     for words in ("29.3 → 1.93 × noise", "nothing that shows", "5.0 µm at rest", "It failed most in", "pneucli export"):
         assert words in top
     assert "cylinder · compared on 2026-11-22 · base model with stribeck and piston-leak · 2 recordings" in top
@@ -136,3 +136,14 @@ def test_the_evidence_of_the_diagnosis_that_named_the_effect_stays(after: Materi
 
 def test_a_restart_is_a_gap() -> None:
     assert np.isnan(broken(np.arange(6.0), np.array([0, 0, 0, 1, 1, 1]))).tolist() == [False] * 2 + [True] + [False] * 3
+
+
+def test_the_first_screen_says_how_sure_what_remains_and_which_law_holds(after: Material) -> None:
+    candidate = {"effect": "piston-leak", "confidence": 0.97}
+    earlier = [Former({"candidates": [candidate], "missing": ["piston-leak"]})]
+    left = {"subsystem": "chambers", "channel": "p1", "size": 1.4, "time_constant_s": 0.3, "over": "x", "share": 0.5}
+    answers = {**after.answers, "diagnose": {**after.answers["diagnose"], "discrepancy": [left]}}
+    model, missing, controller = front(replace(after, answers=answers, diagnoses=earlier)).tiles
+    assert "mm²; there with a probability of 97 %" in model.words
+    assert missing.words.endswith("What remains: p1 by 1.40 × noise (chambers, over x, lasting 0.30 s).")
+    assert "Of 3 laws “best” holds it; next is “pid”, 90 µm off." in controller.words

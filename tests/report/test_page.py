@@ -17,6 +17,7 @@ from pneucli.report.parts import Cell, Grid, Note
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.comparison import section as comparison
 from pneucli.report.sections.diagnosis import section as diagnosis
+from pneucli.report.sections.relations import section as relations
 from pneucli.report.sections.valve import section as valve
 from pneucli.report.sections.where import Cloud, _grid, _maps
 from tests.report.bench import without
@@ -26,6 +27,7 @@ ANCHORS = {
     "diagnosis": "diagnose",
     "comparison": "compare",
     "parameters": "identify",
+    "relations": None,  # of identify and of compare
     "valve": "identify",
     "friction": "identify",
     "closed-loop": "design",
@@ -57,7 +59,7 @@ def test_a_section_is_absent_where_its_stage_never_ran(material: Material, stage
 
 def test_a_report_comes_out_of_ingest_and_identify_alone(material: Material) -> None:
     page = to_html(replace(without(material, "compare", "diagnose", "design", "simulate"), checks=[]))
-    assert anchors(page) == ["parameters", "valve", "friction", "tensor", "thesis", "measured"]
+    assert anchors(page) == ["parameters", "relations", "valve", "friction", "tensor", "thesis", "measured"]
 
 
 def test_a_report_comes_out_of_nothing() -> None:
@@ -195,3 +197,29 @@ def test_only_what_is_missing_is_marked_among_the_candidates(material: Material)
         ("yes", "good"),
         ("yes", ""),
     ]
+
+
+def test_what_stands_in_relation_is_said(material: Material) -> None:
+    section = relations(material)
+    assert section is not None
+    (together,) = [part.text for part in section.parts if isinstance(part, Note)]
+    assert "friction.coulomb and friction.viscous (−0.95)" in together
+    (felt,) = [part for part in section.parts if isinstance(part, Grid)]
+    assert felt.head == ("parameter", "x", "v")
+    assert [cell.text for cell in felt.rows[0]] == ["friction.coulomb", "0.40", "–"]
+    captions = [part.caption for part in section.parts if hasattr(part, "svg")]
+    assert "beyond chance with u at 0.1 s" in captions[-1]
+    table = material.tables["compare/correlation"]
+    weak = Table({**table.columns, "correlation": 0.3 * table["correlation"]})  # 0.15 at most: 1.5 bounds, of 101 lags
+    faint = relations(replace(material, tables={**material.tables, "compare/correlation": weak}))
+    assert faint is not None
+    assert "nothing to do with the inputs beyond chance" in faint.parts[-1].caption  # type: ignore[union-attr]
+    assert relations(Material("bench")) is None
+
+
+def test_the_legend_says_how_well_each_model_fits(material: Material) -> None:
+    section = comparison(material)
+    assert section is not None
+    zoom = next(part for part in section.parts if part.kind == "zoom")
+    labels = [series.label for run in zoom.runs for panel in run.panels for series in panel.series]
+    assert any(re.fullmatch(r"model, fit [\d.]+ %", label) for label in labels)

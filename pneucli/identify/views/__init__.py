@@ -9,8 +9,9 @@ slip is not. One module each; a new subsystem is one more, and a line in :func:`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from pneucli.identify.views.chambers import Chambers
 from pneucli.identify.views.forces import Forces
@@ -19,7 +20,7 @@ from pneucli.identify.views.whole import Imposed, Whole
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
-__all__ = ["Chambers", "Forces", "Imposed", "View", "Whole", "views_of"]
+__all__ = ["Chambers", "Forces", "Imposed", "View", "Whole", "views_of", "weighted"]
 
 
 def views_of(experiments: Sequence[Experiment], *, whitened: bool = False) -> list[View]:
@@ -39,3 +40,8 @@ def _of(e: Experiment, *, whitened: bool) -> list[View]:
     given = e.flags.copy()
     given[at.MECHANICS] = 0.0
     return [Forces(e), Chambers(replace(e, flags=given), whitened)]
+
+
+def weighted(views: Sequence[View], weights: Mapping[Any, float]) -> list[View]:
+    """Return the views with weights by channel, by which a fit multiplies their residuals; 1 where none is given."""
+    return [replace(view, weights=weights) for view in views] if weights else list(views)

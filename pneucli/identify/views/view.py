@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -28,10 +28,12 @@ class View(ABC):
 
     ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show, ``base`` the
     groups of base parameters that matter. ``states_force``: an error of it is one of a force. ``replayed``: it is
-    simulated from each restart on, so that errors grow until the next.
+    simulated from each restart on, so that errors grow until the next. ``weights`` by channel (1 where there is none)
+    say how much a fit counts a residual.
     """
 
     experiment: Experiment
+    weights: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     title: ClassVar[str]
     sides: ClassVar[frozenset[Side]]
     base: ClassVar[frozenset[str]]

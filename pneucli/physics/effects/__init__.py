@@ -7,13 +7,19 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import keyword
+import linecache
 import pkgutil
+import traceback
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 from pneucli.errors import InputError, did_you_mean
+from pneucli.experiments import Part
 from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.equations import EquationError, check
 
 
 @cache
@@ -24,22 +30,48 @@ def catalogue() -> dict[str, Effect]:
 
 
 def load_plugin(path: Path) -> Effect:
-    """Return the effect that a user's Python file declares as ``EFFECT``; raises InputError where it does not."""
+    """Return the effect that a user's Python file declares as ``EFFECT``.
+
+    Raises InputError, with the file and what is wrong, where it does not, or where the simulator could not take it.
+    """
     spec = importlib.util.spec_from_file_location(f"pneucli_plugin_{path.stem}", path)
     if spec is None or spec.loader is None or not path.exists():
         raise InputError(f"{path}", "no such Python file", "a file that declares EFFECT = Effect(...)")
     module = importlib.util.module_from_spec(spec)
+    linecache.checkcache(str(path))  # the text of its functions is that of the file as it is now
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise InputError(f"{path}", f"it does not run: {error!r}", "a module that declares EFFECT") from error
+        line = next(
+            (f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), 0
+        )
+        where = f"{path}, line {line}" if line else f"{path}"
+        raise InputError(where, f"it does not run: {error!r}", "a module that declares EFFECT") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise InputError(f"{path}", "it declares no EFFECT", "EFFECT = pneucli.physics.declaration.Effect(...)")
-    unknown = [port for port in effect.ports if port not in PORTS]
-    if unknown:
-        raise InputError(f"{path}", f'unknown port "{unknown[0]}"', mend=did_you_mean(unknown[0], PORTS))
+    _check(effect, path)
     return effect
+
+
+def _check(effect: Effect, path: Path) -> None:
+    """Raise InputError for a name that is taken, an unknown part or port, or an equation that cannot be compiled."""
+    if effect.name in catalogue():
+        raise InputError(f"{path}", f'"{effect.name}" is an effect of the catalogue', "a name of its own")
+    parts = get_args(Part)
+    if effect.part not in parts:
+        raise InputError(f"{path}", f'unknown part "{effect.part}"', mend=did_you_mean(effect.part, parts))
+    unknown = [port for port in effect.ports if port not in PORTS]
+    if unknown or not effect.ports:
+        found = f'unknown port "{unknown[0]}"' if unknown else "it enters at no port"
+        raise InputError(f"{path}", found, mend=did_you_mean(unknown[0] if unknown else "", PORTS))
+    for p in effect.parameters:
+        if not p.name.isidentifier() or keyword.iskeyword(p.name):
+            raise InputError(f"{path}", f'"{p.name}" is no name of a parameter', "letters, digits and _")
+    try:
+        check(effect)
+    except EquationError as fault:
+        raise InputError(f"{path}", fault.found, fault.wanted, "see docs/own-effect.md") from fault
 
 
 def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:

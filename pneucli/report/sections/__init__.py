@@ -12,6 +12,7 @@ from pneucli.report.sections.friction import section as friction
 from pneucli.report.sections.measured import section as measured
 from pneucli.report.sections.open_loop import section as open_loop
 from pneucli.report.sections.parameters import section as parameters
+from pneucli.report.sections.relations import section as relations
 from pneucli.report.sections.robustness import section as robustness
 from pneucli.report.sections.tensor import section as tensor
 from pneucli.report.sections.thesis import section as thesis
@@ -23,6 +24,7 @@ SECTIONS: tuple[SectionMaker, ...] = (
     diagnosis,
     comparison,
     parameters,
+    relations,
     valve,
     friction,
     closed_loop,

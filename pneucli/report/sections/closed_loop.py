@@ -45,7 +45,7 @@ def section(material: Material) -> Section | None:
         "The designed controller moves the identified model, whose sensors add the noise and the counts that were "
         "found. Against it stand its PIDs alone, without the estimates and the known friction ahead."
     )
-    return Section("closed-loop", "Controller", lead, parts, folded=True)
+    return Section("closed-loop", "Controller", lead, parts, folded=True, printed=True)
 
 
 def _tolerance(gains: Table) -> float:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from pneucli.compare.channels import fit_percent
 from pneucli.quantities import CHANNELS
 from pneucli.report.decimate import broken, envelope
 from pneucli.report.material import Material, Table
@@ -35,14 +37,10 @@ def section(material: Material) -> Section | None:
     residuals = material.table("compare/residuals")
     if len(residuals):
         before = material.before.table if material.before else Table({})
-        parts.append(_zoom(residuals, before, material.table("ingest/signals"), _noise(answer)))
+        parts.append(_zoom(residuals, before, material.table("ingest/signals"), answer["channels"]))
     earlier = material.before.answer["channels"] if material.before else []
     parts += [_overview(answer["channels"], earlier), _errors(answer)]
     return Section("comparison", "Recordings", lead, parts)
-
-
-def _noise(answer: Mapping[str, Any]) -> dict[tuple[str, str], float]:
-    return {(c["recording"], c["channel"]): c["noise"] for c in answer["channels"] if c["noise"]}
 
 
 def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[str, Any]]) -> Grid:
@@ -90,7 +88,8 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
     return Grid(caption, head, rows, folded=True)
 
 
-def _zoom(residuals: Table, before: Table, signals: Table, noise: Mapping[tuple[str, str], float]) -> Zoom:
+def _zoom(residuals: Table, before: Table, signals: Table, judged: Sequence[Mapping[str, Any]]) -> Zoom:
+    noise = {(c["recording"], c["channel"]): c["noise"] for c in judged if c["noise"]}
     channels = dict(residuals.groups("recording", "channel"))
     earlier = dict(before.groups("recording", "channel"))
     most = int(np.clip(SAMPLES / (4 * len(channels)), FEWEST, MOST))
@@ -105,7 +104,8 @@ def _zoom(residuals: Table, before: Table, signals: Table, noise: Mapping[tuple[
         panels.extend(_deviation(recording, channels, noise, most))
     named = [Run(f"{name} ({'train' if train else 'test'})", panels) for (train, name), panels in sorted(runs.items())]
     caption = (
-        "Drag over a stretch to zoom in, double-click to see all again. Where a recording has more samples than the "
+        "Drag over a stretch to zoom in, double-click or press the button to see all again; keys: + and −, arrows, 0. "
+        "On paper each recording is a small picture. Where a recording has more samples than the "
         "plot, the least and the largest of each stretch are shown, so that no peak is lost. Ticks at the top: the "
         "model is restarted from the measurement."
     )
@@ -130,7 +130,9 @@ def _panel(channel: str, rows: Table, before: Table | None, most: int) -> Panel:
     curves = [Series("measured", "measured", shown(rows["measured"][kept], unit))]
     for label, values in models.items():
         role = "model" if label == "model" else "before"
-        curves.append(Series(label, role, shown(broken(values[kept], rows["segment"][kept]), unit)))
+        fit = fit_percent(rows["measured"], values)
+        told = label if math.isnan(fit) else f"{label}, fit {number(fit, 3)} %"
+        curves.append(Series(told, role, shown(broken(values[kept], rows["segment"][kept]), unit)))
     starts = rows["time"][np.flatnonzero(np.diff(rows["segment"])) + 1]
     return Panel(channel, shown_unit(unit), rows["time"][kept], curves, starts.tolist())
 

@@ -24,7 +24,7 @@ def section(material: Material) -> Section | None:
     grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
     told = [note for note in warnings(material, "identify") if note not in friction_warnings(material)]
     parts: list[Part] = [*told, grid, *_looked_up(material.answer("identify"))]
-    return Section("parameters", "Parameters", lead, parts, folded=True)
+    return Section("parameters", "Parameters", lead, parts, folded=True, printed=True)
 
 
 def _looked_up(answer: Mapping[str, Any]) -> Iterator[Part]:

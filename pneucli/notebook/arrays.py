@@ -1,0 +1,144 @@
+"""``pneucli.diagnose``: recordings that are arrays already, through the same pipeline as files."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import tomlkit
+
+from pneucli.errors import InputError
+from pneucli.notebook.run import Run, open_run
+from pneucli.quantities import SIGNALS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAME = "arrays"  # of the pipeline that is made
+OF_RECORDING = ("name", "experiment", "use")  # what every recording must say
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What ``pneucli diagnose --json`` says, at hand: the verdict, what is missing, and the ladder of errors."""
+
+    run: Run
+    answer: Mapping[str, Any]
+
+    @property
+    def verdict(self) -> str:
+        """``adequate``, ``missing-effect``, ``unexplained`` or ``inconclusive``."""
+        return str(self.answer["verdict"])
+
+    @property
+    def missing(self) -> list[str]:
+        """The effects that the model lacks, in the order to add them."""
+        return list(self.answer["missing"])
+
+    @property
+    def sentence(self) -> str:
+        """The verdict as an engineer would say it."""
+        return str(self.answer["sentence"])
+
+    @property
+    def confidence(self) -> dict[str, float]:
+        """How sure each named effect is (0 to 1)."""
+        return {c["effect"]: c["confidence"] for c in self.answer["candidates"] if c["effect"] in self.missing}
+
+    @property
+    def ladder(self) -> pd.DataFrame:
+        """The errors as effects are added."""
+        return self.run.ladder
+
+    @property
+    def candidates(self) -> pd.DataFrame:
+        """Every effect that was tried, and why it is named or not."""
+        return self.run.candidates
+
+
+def diagnose(
+    recordings: Run | str | Path | Sequence[Mapping[str, Any]],
+    rig: Mapping[str, Any] | None = None,
+    *,
+    effects: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    tables: Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+    quiet: bool = False,
+) -> Diagnosis:
+    """Say which physical effect the model lacks.
+
+    ``recordings`` are arrays (:func:`from_arrays`, with ``rig``, ``effects``, ``tables`` and ``folder``), or a run or
+    the path of a pipeline file, which then says all that. ``exclude`` names effects that are known not to be there.
+    Raises InputError as ``pneucli diagnose`` does.
+    """
+    if isinstance(recordings, Run | str | Path):
+        run = recordings if isinstance(recordings, Run) else open_run(recordings, quiet=quiet)
+    else:
+        run = from_arrays(recordings, rig or {}, effects=effects, tables=tables, folder=folder, quiet=quiet)
+    run.bring_up("diagnose", options={"diagnose": {"exclude": sorted(set(exclude))} if exclude else {}})
+    return Diagnosis(run, run.answer("diagnose"))
+
+
+def from_arrays(
+    recordings: Sequence[Mapping[str, Any]],
+    rig: Mapping[str, Any],
+    *,
+    effects: Sequence[str] = (),
+    tables: Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+    quiet: bool = False,
+) -> Run:
+    """Return the run of recordings that are arrays: a pipeline file and Parquet files are written, and opened.
+
+    Each recording is a dictionary with the keys of ``[[recordings]]`` (``name``, ``experiment``, ``use``,
+    ``chamber_2``, ...), whose signals are arrays of shape (n,) instead of columns of a file: ``time`` in s, ``u`` in V,
+    ``p1`` in Pa absolute, all SI; a DataFrame with such columns may stand under ``data``. ``rig`` is the table
+    ``[rig]``, ``effects`` the model's, ``tables`` any further tables of a pipeline file. ``folder`` keeps the files;
+    by default they go when the run does. Raises InputError for what is not there or does not fit.
+    """
+    place = Path(tempfile.mkdtemp(prefix="pneucli-") if folder is None else folder)
+    place.mkdir(parents=True, exist_ok=True)
+    entries = [_written(one, number, place) for number, one in enumerate(recordings, 1)]
+    document: dict[str, Any] = {
+        "pipeline": {"name": NAME},
+        "rig": rig,
+        "signals": {name: {"column": name} for name in SIGNALS},
+        "recordings": entries,
+        "model": {"effects": list(effects)},
+    }
+    for name, table in (tables or {}).items():
+        document[name] = {**document.get(name, {}), **table} if isinstance(table, Mapping) else table
+    file = place / "pipeline.toml"
+    file.write_text(tomlkit.dumps(document), encoding="utf-8")
+    opened = open_run(file, quiet=quiet)
+    if folder is None:
+        weakref.finalize(opened, shutil.rmtree, place, ignore_errors=True)
+    return opened
+
+
+def _written(one: Mapping[str, Any], number: int, place: Path) -> dict[str, Any]:
+    """Write the signals of one recording; return its entry of ``[[recordings]]``."""
+    where = f"recordings, number {number}"
+    if missing := [key for key in OF_RECORDING if key not in one]:
+        raise InputError(where, f"{missing[0]} is missing", ", ".join(OF_RECORDING), f'add "{missing[0]}"')
+    given = {**dict(one.get("data", {})), **one}
+    signals = {name: np.asarray(given[name], dtype=np.float64) for name in SIGNALS if np.ndim(given.get(name, 0)) > 0}
+    if "time" not in signals:
+        raise InputError(f"{where}, {one['name']}", "no time", "an array of stamps in s")
+    for name, values in signals.items():
+        if values.shape != signals["time"].shape:
+            wanted = f"shape {signals['time'].shape}, as time has it"
+            raise InputError(f"{where}, {one['name']}, {name}", f"shape {values.shape}", wanted)
+    file = f"recording_{number}.parquet"
+    pq.write_table(pa.table(dict[str, Any](signals)), place / file)
+    rest = {key: value for key, value in one.items() if key not in signals and key != "data"}
+    return {**rest, "file": file, "take": list(signals)}

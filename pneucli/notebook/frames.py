@@ -1,0 +1,32 @@
+"""Artifacts as pandas DataFrames: the columns of the file, and what it says of them in ``attrs``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from pneucli.io.artifacts import read_metadata, read_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+def frame(path: Path) -> pd.DataFrame:
+    """Return an artifact; ``attrs`` holds ``units`` by column, ``schema``, ``version``, ``inputs``, ``parameters``.
+
+    A column whose unit is ``"see column unit"`` has it row by row in the column ``unit``. Numbers are SI, pressures
+    absolute, NaN is what was not measured. Raises InputError where there is no such artifact.
+    """
+    found = pd.DataFrame(read_table(path))
+    found.attrs.update(read_metadata(path))
+    return found
+
+
+def chosen(found: pd.DataFrame, equals: Mapping[str, object]) -> pd.DataFrame:
+    """Return the rows in which columns have these values, numbered from 0; ``attrs`` are kept."""
+    mask = pd.Series(True, index=found.index)
+    for column, value in equals.items():
+        mask &= found[column] == value
+    return found[mask].reset_index(drop=True)

@@ -1,0 +1,87 @@
+"""Standard error: what people are told while something runs, on a terminal, in a log or beside a notebook."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TextIO
+
+from pneucli.errors import printable
+from pneucli.pipeline.context import Progress, silent
+
+SILENCE = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
+
+
+def say(message: str) -> None:
+    """Tell people something, on standard error; where nobody listens, the work goes on."""
+    try:
+        print(printable(message, keep="\n"), file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        silence(sys.stderr)
+
+
+def silence(stream: TextIO) -> None:
+    """Send what is still to be written into a closed pipe nowhere."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def hush(message: str) -> None:
+    """Say nothing."""
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Progress]:
+    """Yield the function that stages report to: a bar on a terminal, now and then a plain line elsewhere."""
+    if quiet:
+        yield silent
+    elif sys.stderr.isatty():
+        with _bar() as show:
+            yield show
+    else:
+        with _lines() as show:
+            yield show
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
+    from rich.progress import (  # noqa: PLC0415 - likewise
+        BarColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda message, fraction: bar.update(task, description=message, completed=fraction)
+
+
+@contextmanager
+def _lines() -> Iterator[Progress]:
+    """Yield a function that keeps what was reported last; a thread says it every few seconds, come what may."""
+    last = ["starting"]
+    start = time.monotonic()
+    done = threading.Event()
+
+    def show(message: str, fraction: float) -> None:
+        last[0] = f"{message}, {100 * fraction:.0f} %"
+
+    def tell() -> None:
+        while not done.wait(SILENCE):
+            say(f"  {last[0]} ({time.monotonic() - start:.0f} s)")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield show
+    finally:
+        done.set()
+        teller.join()

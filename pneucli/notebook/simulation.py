@@ -1,0 +1,183 @@
+"""``pneucli.simulate``: the identified model under a command of one's own, or under that of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from pneucli.config import checked
+from pneucli.errors import InputError, did_you_mean
+from pneucli.experiments import KINDS
+from pneucli.io.artifacts import read_metadata
+from pneucli.io.recordings import SIGNALS_FILE
+from pneucli.noise import NoiseModel
+from pneucli.pipeline.context import Context
+from pneucli.quantities import ROTARY, SIGNALS, moving, of_motion
+from pneucli.recording import Recording
+from pneucli.simulate.experiment import prepare
+from pneucli.simulate.model import Model
+from pneucli.simulate.open_loop import PERIOD, free_run
+from pneucli.simulate.outputs import outputs
+from pneucli.stages.study import MODEL_FILE, Study, load_model
+
+if TYPE_CHECKING:
+    from pneucli.notebook.run import Run
+
+Array = NDArray[np.float64]
+Chamber2 = Literal["closed", "open", "valve"]
+DRIVING = ("u", "u2", "p_supply")
+START = ("x", "v", "p1", "p2")  # the state from which a run starts
+
+
+def simulate(
+    run: Run,
+    *,
+    u: ArrayLike | None = None,
+    u2: ArrayLike | None = None,
+    p_supply: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    start: Mapping[str, float] | None = None,
+    chamber_2: Chamber2 | None = None,
+    experiment: str | None = None,
+    recording: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    """Return what the identified model does, a row a sample: time, the inputs, then its channels, all SI.
+
+    ``u`` (V, shape (n,), as it goes to the valve) is the command, ``u2`` that of a second valve, ``p_supply`` (Pa,
+    absolute; (n,) or one value; default: as the rig states it) the supply. ``time`` (s, (n,)) has its stamps, by
+    default 1 ms apart. The piston starts at rest in mid-stroke, at ambient pressure, unless ``start`` says otherwise
+    (``x`` in m, ``v`` in m/s, ``p1`` and ``p2`` in Pa absolute). ``chamber_2`` is ``"closed"``, ``"open"`` or
+    ``"valve"`` (default: as the valve is arranged), ``experiment`` ``"axis"`` or ``"valve"`` (the vessel of a valve
+    test; default: what the rig is).
+
+    With ``recording`` the model runs freely under the inputs of that recording, from its measured start; what was
+    measured stands in further columns ``measured_p1`` and so on. ``parameters`` replaces values of the model by name,
+    in SI or the catalogue's unit: what would another parameter do? Raises InputError for what does not fit together.
+    """
+    model = _with(run.model, parameters or {})
+    if recording is not None:
+        given = {"u": u, "u2": u2, "p_supply": p_supply, "time": time, "start": start}
+        if any(value is not None for value in given.values()):
+            raise InputError("simulate", "a recording has its own inputs and start", "recording, or u and p_supply")
+        return _free(run, model, recording)
+    if u is None:
+        raise InputError("simulate", "no command", "u=..., in V, or recording=...")
+    kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
+    if kind not in KINDS or not KINDS[kind].valve:
+        known = [name for name, one in KINDS.items() if one.valve]
+        raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, known))
+    signals = _inputs({"u": u, "u2": u2, "p_supply": p_supply})
+    stamps = _stamps(time, signals["u"].size)
+    signals |= _start(start or {}, model, kind, stamps.size)
+    if chamber_2 is None:
+        chamber_2 = "valve" if model.rig.arrangement.drives_both else "closed"
+    imagined = Recording(
+        "command",
+        kind,  # type: ignore[arg-type]
+        "test",
+        stamps,
+        signals,
+        dict.fromkeys(signals, NoiseModel(0.0)),
+        None if KINDS[kind].vessel else chamber_2,
+    )
+    ready = prepare(imagined, model.rig, None)
+    inputs: dict[str, Any] = {name: signals[name] for name in DRIVING if name in signals}
+    return _frame({"time": stamps} | inputs | outputs(model, ready), rotary=_turns(run))
+
+
+def _with(model: Model, values: Mapping[str, float]) -> Model:
+    """Return the model with values replaced, those of its valves too; raises InputError for a name that it has not."""
+    known = {**model.base(), **model.values, **{name: value for name, (value, _) in model.named().items()}}
+    for name in values:
+        if name not in known:
+            raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, known))
+    from pneucli.identify.parameters import with_parameters  # noqa: PLC0415 - it brings statistics
+
+    return with_parameters(model, dict(values)) if values else model
+
+
+def _inputs(given: Mapping[str, ArrayLike | None]) -> dict[str, Array]:
+    signals: dict[str, Array] = {}
+    size = np.size(given["u"])  # type: ignore[arg-type]
+    for name, values in given.items():
+        if values is None:
+            continue
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim > 1 or array.size not in (1, size) or not np.isfinite(array).all():
+            wanted = f"numbers, shape ({size},) or one value"
+            raise InputError(f"simulate, {name}", f"shape {array.shape}, or what is no number", wanted)
+        signals[name] = np.array(np.broadcast_to(array.reshape(-1), (size,)))
+    return signals
+
+
+def _stamps(time: ArrayLike | None, size: int) -> Array:
+    stamps = np.asarray(np.arange(size) * PERIOD if time is None else time, dtype=np.float64)
+    if stamps.shape != (size,) or size < 2 or not (np.diff(stamps) > 0.0).all():
+        raise InputError("simulate, time", f"shape {stamps.shape} or stamps that do not rise", f"({size},), at least 2")
+    return stamps
+
+
+def _start(given: Mapping[str, float], model: Model, kind: str, size: int) -> dict[str, Array]:
+    for name in given:
+        if name not in START:
+            raise InputError("simulate, start", f'"{name}" is no part of the state', mend=did_you_mean(name, START))
+    rig = model.rig
+    state = {"p1": rig.ambient_pressure}
+    if KINDS[kind].cylinder:
+        state |= {"p2": rig.ambient_pressure, "x": 0.5 * (rig.stroke or 0.0), "v": 0.0}
+    state |= {name: float(value) for name, value in given.items()}
+    return {name: np.full(size, value) for name, value in state.items()}
+
+
+def _free(run: Run, model: Model, name: str) -> pd.DataFrame:
+    run.bring_up("identify")
+    study = study_of(run)
+    by_name = {r.name: r for r in study.recordings}
+    if name not in by_name:
+        raise InputError("simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name))
+    found = free_run(model, prepare(by_name[name], study.rig, None), name)
+    measured = {f"measured_{channel}": values for channel, values in found.measured.items()}
+    return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=_turns(run))
+
+
+def _frame(columns: Mapping[str, Any], *, rotary: bool) -> pd.DataFrame:
+    found = pd.DataFrame(columns)
+    with moving(rotary=rotary):
+        units = {name: of_motion(SIGNALS[name.removeprefix("measured_")].unit) for name in columns}
+    found.attrs["units"] = units
+    return found
+
+
+def _turns(run: Run) -> bool:
+    """Whether the axis turns: its position was recorded as an angle."""
+    units = read_metadata(run.artifacts / "ingest" / SIGNALS_FILE)["units"]
+    return bool(units.get("x") == ROTARY["m"])
+
+
+def model_of(run: Run) -> Model:
+    """Return the model that ``identify`` wrote into the run's folder."""
+    run.bring_up("identify")
+    study = study_of(run)
+    return load_model(run.artifacts / "identify", study.rig, study.effects)
+
+
+def study_of(run: Run) -> Study:
+    """Return the pipeline as the domain packages see it, from its file or from what its artifacts say of it."""
+    answers = {"ingest": run.answer("ingest"), "identify": run.answer("identify")}
+    if run.pipeline is not None:
+        config = run.pipeline.load(run.pipeline.path)
+        return Study(Context(run.pipeline.path, config, run.artifacts, run.artifacts, answers=answers))
+    path = run.artifacts / "identify" / MODEL_FILE
+    document = {key: table for key, table in read_metadata(path)["parameters"].items() if table}
+    keys = ("name", "file", "experiment", "use", "chamber_2")
+    document["recordings"] = [{k: r[k] for k in keys if r[k]} for r in answers["ingest"]["recordings"]]
+    if _turns(run):
+        document["signals"] = {"x": {"column": "x", "unit": ROTARY["m"]}}
+    config = checked(path, document)
+    with moving(rotary=config.rotary):
+        return Study(Context(path, config, run.artifacts, run.artifacts, answers=answers))

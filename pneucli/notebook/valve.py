@@ -1,0 +1,71 @@
+"""The valve's identified map and its inverse, to be asked at any point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ValveView:
+    """The paths of one chamber: ``map`` and ``inverse`` are the artifacts, each a full grid.
+
+    Gradients are those of the fixed vessel of the valve test, at the stated supply pressure: for a chamber of volume V
+    multiply by (vessel's volume) / V. Between the points of the grid values are interpolated linearly.
+    """
+
+    map: pd.DataFrame
+    inverse: pd.DataFrame
+
+    def dp_dt(self, u: ArrayLike, p: ArrayLike) -> Array:
+        """Return dp/dt in Pa/s at commands ``u`` (V, as they go to the valve) and pressures ``p`` (Pa, absolute).
+
+        Both may be arrays of shapes that fit each other. Outside the map the answer is NaN: nothing was identified.
+        """
+        return _at(self._gradient, u, p)
+
+    def command(self, dp_dt: ArrayLike, p: ArrayLike) -> Array:
+        """Return the command in V that makes ``dp_dt`` (Pa/s) at pressures ``p`` (Pa, absolute).
+
+        What the valve cannot make is answered by the nearest command that it can be given, as a controller does it.
+        Outside the pressures of the map the answer is NaN.
+        """
+        low, high = (float(self._command.grid[0][end]) for end in (0, -1))
+        return _at(self._command, np.clip(np.asarray(dp_dt, dtype=np.float64), low, high), p)
+
+    def reachable(self, dp_dt: ArrayLike, p: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether some command that was recorded makes ``dp_dt`` (Pa/s) at ``p`` (Pa, absolute)."""
+        return np.nan_to_num(_at(self._reached, dp_dt, p)) > 0.5
+
+    @cached_property
+    def _gradient(self) -> RegularGridInterpolator:
+        return _grid(self.map, ("u", "p"), "p_gradient")
+
+    @cached_property
+    def _command(self) -> RegularGridInterpolator:
+        return _grid(self.inverse, ("p_gradient", "p"), "u")
+
+    @cached_property
+    def _reached(self) -> RegularGridInterpolator:
+        return _grid(self.inverse, ("p_gradient", "p"), "reachable")
+
+
+def _grid(table: pd.DataFrame, over: tuple[str, str], name: str) -> RegularGridInterpolator:
+    wide = table.pivot_table(index=over[0], columns=over[1], values=name)
+    axes = (wide.index.to_numpy(dtype=np.float64), wide.columns.to_numpy(dtype=np.float64))
+    return RegularGridInterpolator(axes, wide.to_numpy(dtype=np.float64), bounds_error=False)
+
+
+def _at(grid: RegularGridInterpolator, first: ArrayLike, second: ArrayLike) -> Array:
+    places = np.broadcast_arrays(np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64))
+    return np.asarray(grid(np.stack(places, axis=-1)), dtype=np.float64).reshape(places[0].shape)

@@ -1,0 +1,13 @@
+"""The JSON schema of the pipeline file as text, with the effects of the catalogue on offer."""
+
+from __future__ import annotations
+
+import json
+
+from pneucli.config.schema import schema
+from pneucli.physics.effects import catalogue
+
+
+def schema_text() -> str:
+    """Return the schema as JSON."""
+    return json.dumps(schema(catalogue()), indent=1, ensure_ascii=False) + "\n"

@@ -1,0 +1,138 @@
+"""Every key of the pipeline file is said, with an example that the program itself reads."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pneucli.config import checked, load
+from pneucli.config.models import PipelineConfig
+from pneucli.config.reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, keys, said
+from pneucli.config.schema import schema, value_of
+from pneucli.design.requirements import requirements_from
+from pneucli.design.robust import settings_from
+from pneucli.design.scenarios import read_table as closed_loop
+from pneucli.errors import InputError
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.open_loop import read_table as open_loop
+from pneucli.units import same_dimension
+
+KEYS = keys()
+ROOT = Path(__file__).parents[2]
+LEAST: dict[str, Any] = {
+    "pipeline": {"name": "p"},
+    "recordings": [{"file": "a.csv", "experiment": "valve", "use": "train"}],
+}
+
+
+def placed(key: Key) -> dict[str, Any]:
+    """Return a pipeline file with the key at its example, and what it cannot be without."""
+    document = json.loads(json.dumps(LEAST))
+    value = value_of(key.example)
+    first = document["recordings"][0]
+    axis = {"experiment": "friction", "chamber_2": "open"} if key.name in ("imposed",) else {}
+    if key.table == "recordings":
+        first |= {"chamber_2": "closed"} if (key.name, value) == ("experiment", "axis") else axis
+        first[key.name] = value
+    elif key.table == "recordings.more":
+        further = {"file": "b.csv", key.name: value}
+        first["more"] = [further | ({"offset": "find"} if key.name == "match" else {})]
+    elif key.table.startswith("signals.NAME"):
+        column = {} if key.name == "expression" else {"column": "c"}
+        signal = {"where": {"column": "c", "equals": 1, key.name: value}} if "where" in key.table else {key.name: value}
+        document["signals"] = {"p1": column | signal}
+    elif key.table == "model.parameters.NAME":
+        document["model"] = {"parameters": {"friction.viscous": {key.name: value}}}
+    elif key.table == "checks.PATH":
+        document["checks"] = {"compare.error.test": {key.name: value}}
+    else:
+        table = document
+        for part in key.table.split("."):
+            table = table.setdefault(part, {})
+        table[key.name] = value
+    return document
+
+
+STAGES = {
+    "design": lambda table: requirements_from(table, "design"),
+    OPEN_LOOP: lambda table: open_loop({"recording": "r", **table}, "scenarios"),
+    CLOSED_LOOP: lambda table: closed_loop({k: v for k, v in table.items() if k != "kind"}, "scenarios"),
+    MONTE_CARLO: lambda table: settings_from(table, "scenarios"),
+}
+
+
+def read(key: Key) -> None:
+    if key.table in STAGES:
+        STAGES[key.table]({key.name: value_of(key.example)})
+    else:
+        checked(Path("pipeline.toml"), placed(key))
+
+
+@pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.table}.{key.name}")
+def test_the_example_of_a_key_is_read(key: Key) -> None:
+    read(key)
+
+
+def test_an_example_that_is_wrong_would_be_found() -> None:
+    for table, name in (("rig", "supply_pressure"), ("design", "period"), (OPEN_LOOP, "dwell"), (CLOSED_LOOP, "load")):
+        key = next(key for key in KEYS if (key.table, key.name) == (table, name))
+        with pytest.raises(InputError):
+            read(key._replace(example='"7 apples"'))
+
+
+def test_every_key_is_said() -> None:
+    silent = [f"{key.table}: {key.name}" for key in KEYS if not key.says]
+    assert silent == [], "add them to pneucli/config/keys.toml, each with an example"
+
+
+def test_every_table_of_the_file_is_listed() -> None:
+    names = set(PipelineConfig.model_json_schema()["$defs"])
+    assert names - {model.__name__ for model in MODELS.values()} == {"SignalsTable"}  # whose keys are the signals
+
+
+def test_nothing_is_said_of_keys_that_are_gone() -> None:
+    known = {(key.table, key.name) for key in KEYS}
+    assert {(table, name) for table, own in said().items() for name in own} == known
+
+
+def test_units_are_those_that_the_example_is_read_in() -> None:
+    by_name = {(key.table, key.name): key for key in KEYS}
+    assert by_name["rig", "supply_pressure"].unit == "Pa"
+    assert by_name["rig.cylinder", "piston_area_1"].unit == "m^2"
+    assert by_name["recordings", "x"].unit == "m"
+    for key in KEYS:
+        found = re.match(r'"[-+.\d e]+ ?([^"\d]\S*( \S+)*)"$', key.example)
+        if key.unit and key.unit != "1" and found:
+            assert same_dimension(found[1], key.unit), key
+
+
+def test_defaults_are_those_of_the_file_that_says_nothing() -> None:
+    empty = checked(Path("pipeline.toml"), LEAST)
+    by_name = {(key.table, key.name): key.default for key in KEYS}
+    assert float(by_name["rig", "gas_temperature"]) == empty.rig.gas_temperature
+    assert float(by_name["compare", "horizon"]) == empty.compare.horizon
+    assert by_name["rig", "gas"] == f'"{empty.rig.gas}"'
+
+
+def test_the_schema_accepts_what_the_program_accepts_and_marks_what_it_does_not() -> None:
+    jsonschema = pytest.importorskip("jsonschema", reason="no jsonschema (extra dev)")
+    check = jsonschema.Draft202012Validator(schema(catalogue()))
+    for path in (*ROOT.glob("pipelines/*.toml"), *ROOT.glob("fixtures/*/*.toml")):
+        load(path)
+        assert list(check.iter_errors(json.loads(json.dumps(load(path).document, default=str)))) == [], path
+    misspelt = LEAST | {"rig": {"suply_pressure": "7 bar"}}
+    assert "suply_pressure" in next(check.iter_errors(misspelt)).message
+    assert list(check.iter_errors(LEAST | {"recordings": [{**LEAST["recordings"][0], "use": "exam"}]}))
+
+
+def test_the_schema_offers_effects_and_says_what_keys_are() -> None:
+    made = schema(["stribeck"])
+    assert made["$defs"]["ModelTable"]["properties"]["effects"]["items"]["anyOf"][0] == {"enum": ["stribeck"]}
+    pressure = made["$defs"]["RigTable"]["properties"]["supply_pressure"]
+    assert pressure["description"].startswith("absolute supply pressure")
+    assert pressure["description"].endswith("(SI unit: Pa)")
+    assert {"number", "string"} <= set(re.findall(r'"type": "(\w+)"', json.dumps(pressure["anyOf"])))

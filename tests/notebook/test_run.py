@@ -1,0 +1,122 @@
+"""What a notebook sees of a run: the artifacts, as they are, with units; the valve; the model to be asked."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneucli
+from pneucli.io.artifacts import read_table
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("signals", "ingest/signals"),
+        ("residuals", "compare/residuals"),
+        ("parameters", "identify/parameters"),
+        ("ladder", "diagnose/ladder"),
+        ("candidates", "diagnose/candidates"),
+    ],
+)
+def test_a_table_is_the_artifact_with_its_units(axis: pneucli.Run, name: str, file: str) -> None:
+    table = getattr(axis, name)
+    written = read_table(axis.artifacts / f"{file}.parquet")
+    assert list(table.columns) == list(written)
+    assert table.attrs["units"].keys() == written.keys()
+    numeric = [c for c in table if table[c].dtype.kind == "f"]
+    assert numeric
+    for column in numeric:
+        np.testing.assert_array_equal(table[column], written[column])
+
+
+def test_units_of_signals_are_si(axis: pneucli.Run) -> None:
+    units = axis.signals.attrs["units"]
+    assert {c: units[c] for c in ("time", "p1", "x", "a")} == {"time": "s", "p1": "Pa", "x": "m", "a": "m/s^2"}
+    assert axis.signals.attrs["schema"] == "pneucli/ingest/signals/1"
+
+
+def test_a_pipeline_file_is_brought_up_to_date_by_what_is_asked(axis: pneucli.Run) -> None:
+    axis.residuals  # noqa: B018 - asking is what brings it up
+    before = (axis.artifacts / "compare" / "stage.json").stat().st_mtime_ns
+    assert axis.answer("compare")["error"]["test"] < 1.5
+    assert (axis.artifacts / "compare" / "stage.json").stat().st_mtime_ns == before
+
+
+def test_a_folder_is_taken_as_it_stands_without_its_pipeline(valve: pneucli.Run, tmp_path: Path) -> None:
+    valve.residuals  # noqa: B018
+    sent = shutil.copytree(valve.artifacts, tmp_path / "sent")
+    here = pneucli.open(sent)
+    assert here.recordings == valve.recordings
+    assert here.answer("compare") == valve.answer("compare")
+    free = [pneucli.simulate(run, recording="stairs_2")["p1"] for run in (here, valve)]
+    np.testing.assert_array_equal(*free)
+    with pytest.raises(pneucli.InputError, match="this stage has left nothing"):
+        here.answer("design")
+
+
+def test_what_is_no_run_is_said(tmp_path: Path) -> None:
+    with pytest.raises(pneucli.InputError, match="no stage's artifacts are here"):
+        pneucli.open(tmp_path)
+    with pytest.raises(pneucli.InputError, match="no such file"):
+        pneucli.open(tmp_path / "nowhere.toml")
+
+
+def test_the_map_is_that_of_the_artifact_at_its_points_and_lies_between_them_elsewhere(valve: pneucli.Run) -> None:
+    table = valve.valve.map
+    some = table.iloc[:: max(1, len(table) // 50)]
+    np.testing.assert_allclose(valve.valve.dp_dt(some["u"], some["p"]), some["p_gradient"], rtol=1e-9, atol=1e-6)
+    u = np.unique(table["u"])[-3:-1]
+    low, middle, high = valve.valve.dp_dt([u[0], u.mean(), u[1]], 4e5)
+    assert min(low, high) <= middle <= max(low, high)
+
+
+def test_a_command_gives_back_the_gradient_that_was_asked_for(valve: pneucli.Run) -> None:
+    wanted = valve.valve.dp_dt([1.5, 4.0, 8.0], 4e5)
+    command = valve.valve.command(wanted, 4e5)
+    np.testing.assert_allclose(command, [1.5, 4.0, 8.0], atol=0.05)
+    np.testing.assert_allclose(valve.valve.dp_dt(command, 4e5), wanted, rtol=0.02)
+    assert valve.valve.reachable(wanted, 4e5).all()
+
+
+def test_what_the_valve_cannot_do_is_its_limit_and_what_was_not_identified_is_nan(valve: pneucli.Run) -> None:
+    most = valve.valve.inverse["u"].max()
+    assert valve.valve.command(1e12, 4e5) == pytest.approx(most, rel=1e-6)
+    assert not valve.valve.reachable(1e12, 4e5)
+    assert np.isnan(valve.valve.dp_dt(5.0, 1e8))
+    assert np.isnan(valve.valve.command(0.0, 1e8))
+    with pytest.raises(pneucli.InputError, match="there is no map of chamber 2"):
+        valve.valve_2  # noqa: B018
+
+
+def test_correlation_is_square_with_ones(valve: pneucli.Run) -> None:
+    table = valve.correlation
+    assert list(table.index) == list(table.columns) == list(valve.parameters["name"][: len(table)])
+    np.testing.assert_array_equal(np.diag(table), 1.0)
+    np.testing.assert_allclose(table, table.T)
+
+
+def test_it_loads_nothing_heavy_until_it_is_used() -> None:
+    heavy = "{'numpy', 'pandas', 'numba', 'matplotlib', 'pyarrow', 'pydantic', 'scipy'}"
+    code = f"import sys, pneucli, json; print(json.dumps(sorted({heavy} & set(sys.modules))))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(run.stdout) == []
+
+
+def test_the_packages_of_the_same_name_are_found_and_called() -> None:
+    from pneucli import simulate
+    from pneucli.diagnose.decision import Reason
+    from pneucli.simulate import layout
+
+    assert simulate.layout is layout
+    assert callable(simulate)
+    assert Reason
+    assert {"open", "simulate", "diagnose", "from_arrays"} <= set(dir(pneucli))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        pneucli.nothing  # noqa: B018
