@@ -86,7 +86,7 @@ _ALL = (
         answer=(
             *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
-            *("model.effects", "data", "held_out", "excluded", "number", "when"),
+            *("model.effects", "data", "held_out", "excluded", "number", "when", "thinned"),
         ),
     ),
     Stage(
