@@ -24,13 +24,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bench:
-    """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples."""
+    """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples.
+
+    ``supply``: whether the controller is told the supply pressure.
+    """
 
     noise_x: float = 0.0
     noise_p: float = 0.0
     quantum_x: float = 0.0
     quantum_p: float = 0.0
     delay: int = 0
+    supply: bool = False
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,8 @@ class Scenario:
 
     ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
     ``pressed``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
-    ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s.
+    ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s. ``duty``: what is
+    asked of the controller's operation, places of ``layout.DUTIES`` (None: to run).
     """
 
     name: str
@@ -49,6 +54,7 @@ class Scenario:
     start: tuple[float, float, float]
     lost: tuple[tuple[str, float, float], ...] = field(default=())
     pressed: bool = False
+    duty: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -101,12 +107,16 @@ def _settings(controller: Controller, bench: Bench) -> list[float]:
 
 
 def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Array:
-    """Return the log, shape ``(n, 15)``, with the sensors' noise in it; NaN where a reading is missing."""
+    """Return the log, shape ``(n, 17)``, with the sensors' noise in it; NaN where a reading is missing."""
     rows = np.zeros((time.size, layout.L_ROW))
     sigma = np.array([bench.noise_x, bench.noise_p, bench.noise_p])
     rows[:, :3] = sigma * np.random.default_rng(seed).standard_normal((time.size, 3))
     for signal, begin, end in scenario.lost:
         rows[(time >= begin) & (time < end), ("x", "p1", "p2").index(signal)] = np.nan
+    if bench.supply:
+        rows[:, layout.L_SUPPLY] = scenario.supply
+    if scenario.duty is not None:
+        rows[:, layout.L_DUTY] = scenario.duty
     return rows
 
 
