@@ -130,15 +130,22 @@ def reset(x, p1, p2, u1, u2, s, c):
     s[S_INTEGRAL] = -s[S_LOAD]
     valve_1_stands(u1, s, c)
     valve_2_stands(u1, u2, s, c)
+    s[S_REST] = 1.0
     s[S_RESET] = 1.0
     s[S_CARRY1] = u1
     s[S_CARRY2] = u2
 
 
 def asked(x_ref, x, p1, p2, s, c):
-    """Return what the law is asked for: the reference, or where the axis shall hold. An axis that was off starts."""
+    """Return what the law is asked for: the reference, or where the axis shall hold.
+
+    An axis that was off starts; one that starts within reach of its reference has no way to go.
+    """
     if s[S_RESET] > 1.5:
         reset(x, p1, p2, null_1(c), null_2(c), s, c)
+    if s[S_RESET] > 0.5 and math.fabs(x_ref - s[S_X]) < c[C_REACH]:
+        s[S_X_SHAPED] = x_ref
+        s[S_X_REF] = x_ref
     if s[S_PAUSED] > 0.5 and s[S_PAUSED] < 1.5:
         s[S_PAUSE_AT] = stop_at(x, s, c)
         if math.isfinite(s[S_PAUSE_AT]):
