@@ -25,6 +25,14 @@ class Target(StrEnum):
     c = "c"
     mat = "mat"
     csv = "csv"
+    st = "st"
+
+
+class Precision(StrEnum):
+    """In what arithmetic the C calculates."""
+
+    float64 = "float64"
+    float32 = "float32"
 
 
 def register(app: typer.Typer, stage: Stage) -> None:
@@ -145,11 +153,16 @@ def _simulate(
 
 def _export(
     pipeline: File,
-    to: Annotated[list[Target], typer.Option("--to", help="c (PLC, cRIO), mat (MATLAB) or csv; repeatable.")],
+    to: Annotated[
+        list[Target], typer.Option("--to", help="c (PLC, cRIO), st (IEC 61131-3), mat (MATLAB) or csv; repeatable.")
+    ],
     controller: Annotated[
         str | None,
         typer.Option("--controller", metavar="NAME", help="Another law than that of [design].", show_default=False),
     ] = None,
+    precision: Annotated[
+        Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")
+    ] = Precision.float64,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -163,7 +176,8 @@ def _export(
         quiet,
         verbose,
         {"to": _with_former(opened(pipeline, out).artifacts, to)}
-        | ({"controller": _laws([controller], "--controller")[0]} if controller else {}),
+        | ({"controller": _laws([controller], "--controller")[0]} if controller else {})
+        | ({"precision": precision.value} if precision != Precision.float64 else {}),
     )
 
 

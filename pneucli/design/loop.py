@@ -28,8 +28,8 @@ def any_law(which: int, x_ref, x, p1, p2, s, c):
 def operate(which: int, x_ref, x, p1, p2, supply, duty, s, c):
     """Run one sample of a law as a machine does: ``supply`` is measured (Pa, 0: not), ``duty`` one of DUTIES."""
     set_supply(supply, s, c)
-    enable(0.0 if duty == 2.0 else 1.0, s, c)
-    pause(1.0 if duty == 1.0 else 0.0, s, c)
+    enable(0.0 if duty == 2.0 else 1.0, s)
+    pause(1.0 if duty == 1.0 else 0.0, s)
     if duty == 3.0:
         reset(x, p1, p2, s[S_U1], s[S_U2], s, c)
     if s[S_OFF] > 0.5:

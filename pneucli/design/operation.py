@@ -20,14 +20,14 @@ def set_supply(p, s, c):
         s[S_SUPPLY] = p
 
 
-def enable(on, s, c):
+def enable(on, s):
     """Begin to control, or shut the valves. What begins anew starts from the state of its next readings."""
     if on > 0.5 and s[S_OFF] > 0.5:
         s[S_RESET] = 2.0
     s[S_OFF] = 0.0 if on > 0.5 else 1.0
 
 
-def pause(on, s, c):
+def pause(on, s):
     """Stop as fast as the reference may and stay there, or go on to the reference."""
     if on < 0.5:
         s[S_PAUSED] = 0.0
@@ -68,7 +68,7 @@ def flow_at(u, null, p, volume, fill, vent, table: int, s, c):
 
 
 def standing(x, s, c):
-    """Return the force in N that holds a resting piston against its pressures; an end stop carries what pushes to it."""
+    """Return the force in N that holds a resting piston against its pressures, beside what an end stop carries."""
     force = pressure_force(s, c)
     if x <= 0.005 * c[C_STROKE]:
         return -max(force, 0.0)
@@ -106,7 +106,7 @@ def valve_2_stands(u1, u2, s, c):
     s[S_INTEGRAL2] = s[S_RATE2]
 
 
-def forget(s, c):
+def forget(s):
     """Forget all but the supply, whether it is enabled, and whether it shall hold."""
     off = s[S_OFF]
     paused = s[S_PAUSED]
@@ -124,7 +124,7 @@ def reset(x, p1, p2, u1, u2, s, c):
     Forces and flows are in balance then: what is left over is the load's and the foreign flow's estimate, or the
     integrals'. What the law's first command still differs by from u1, u2 is carried over and fades.
     """
-    forget(s, c)
+    forget(s)
     start(x, x, p1, p2, s, c)
     s[S_LOAD] = standing(s[S_X], s, c)
     s[S_INTEGRAL] = -s[S_LOAD]

@@ -289,8 +289,7 @@ def chamber_2(s, c):
 def step(x_ref, x, p1, p2, s, c):
     """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2].
 
-    Positions in m, pressures absolute in Pa. A reading that cannot be one (not finite, out of range) is bridged by what
-    the observers expect, a missing reference by the last one.
+    Positions in m, pressures absolute in Pa. A reading that cannot be one is bridged by what the observers expect.
     """
     x_ref = begin(x_ref, x, p1, p2, s, c)
     observe_pressures(p1, p2, s, c)
