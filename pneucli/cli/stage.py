@@ -13,7 +13,7 @@ from pneucli import words
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, opened
 from pneucli.pipeline.graph import Stage
-from pneucli.words import plausibility
+from pneucli.words import gate, plausibility
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import Done
@@ -68,6 +68,14 @@ def bring_up(
     else:
         console.tell(words.of(name, answer, str(file), verbose=verbose))
         doubt(done)
+    if refused(done):
+        raise typer.Exit(1)
+
+
+def refused(done: Mapping[str, Done]) -> bool:
+    """Whether the design misses what a strict ``[design]`` asks."""
+    designed = done["design"].manifest.answer if "design" in done else None
+    return gate.refused((designed or {}).get("gate"))
 
 
 def doubt(done: Mapping[str, Done]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -99,6 +100,47 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
         out,
     )
     return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
+
+
+def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Array], began: str) -> Array:
+    """Return the log (n, L_ROW) of a controller that reads what was logged: the kernel with the axis standing still.
+
+    ``signals``: x_ref, x (m), p1, p2 where it is measured, p_supply likewise (Pa), u and u2 (V); NaN where a reading is
+    missing. ``began``: ``with`` the first sample, or ``before``: then it starts from the first readings and commands,
+    and its observers follow the logged commands: what they had learned is not in the log, and is learned again.
+    """
+    n = signals["x_ref"].size
+    kernel, inputs = loop_kernel(()), np.zeros((n, len(at.INPUTS)))
+    rows = np.zeros((n, layout.L_ROW))
+    for place, name in ((at.IN_U, "x_ref"), (at.IN_X, "x"), (at.IN_P1, "p1"), (at.IN_P2, "p2")):
+        inputs[:, place] = signals.get(name, np.full(n, np.nan))
+    rows[:, layout.L_SUPPLY] = np.nan_to_num(signals.get("p_supply", np.zeros(n)))
+    states = np.zeros(layout.L_STATES)
+    if began == "before":
+        rows[:, layout.L_DUTY] = layout.DUTIES.index("follow")
+        rows[0, layout.L_DUTY] = layout.DUTIES.index("reset")
+        for place, name in ((layout.L_U1, "u"), (layout.L_U2, "u2")):
+            rows[1:, place] = np.nan_to_num(signals[name][:-1]) if name in signals else 0.0
+        for place, name in ((layout.S_U1, "u"), (layout.S_U2, "u2")):
+            states[place] = np.nan_to_num(signals[name][0]) if name in signals else 0.0
+    state, flags = np.concatenate([states, rows.ravel()]), _flags(controller)
+    flags[[at.MECHANICS, at.PNEUMATICS]] = 0.0
+    bare = replace(model, effects=())
+    kernel.run(
+        controller.period * np.arange(n, dtype=np.float64),
+        inputs,
+        np.zeros(1, dtype=np.int64),
+        np.array([bare.base()[name] for name in at.BASE]),
+        kernel.vector({}),
+        kernel.switches([]),
+        flags,
+        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
+        longest_step(model.rig, controller.period),
+        state,
+        np.concatenate([controller.vector(), _settings(controller, Bench())]),
+        np.zeros((n, at.OUTPUTS)),
+    )
+    return state[layout.L_STATES :].reshape(n, layout.L_ROW)
 
 
 def _settings(controller: Controller, bench: Bench) -> list[float]:

@@ -124,7 +124,8 @@ OWN_NUMBER = C_TABLE + 4 * NODES
 (L_LOAD, L_FLOW1, L_P1_REF, L_P2_REF, L_SHAPED, L_V, L_FORCE) = range(8, 15)
 (L_SUPPLY, L_DUTY) = range(15, 17)  # measured supply pressure in Pa, 0 where it is not; what is asked of the operation
 L_STATES, L_ROW = len(STATE) + MOST_OWN, 17
-DUTIES = ("run", "hold", "off", "reset")  # L_DUTY counts them
+# L_DUTY counts them; "follow": the last commands were those that stand where this sample's will
+DUTIES = ("run", "hold", "off", "reset", "follow")
 
 UNITS = {
     **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE"), "s"),

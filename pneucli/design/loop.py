@@ -12,7 +12,7 @@ import math
 
 from pneucli.design.laws import LAWS
 from pneucli.design.layout import *
-from pneucli.design.operation import asked, enable, finish, pause, reset, set_supply, shut
+from pneucli.design.operation import asked, enable, finish, follow, pause, reset, set_supply, shut
 
 
 def rounded(value, quantum):
@@ -50,6 +50,8 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     read_p1 = rounded(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
     read_p2 = rounded(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
     supply, duty = cs[row + L_SUPPLY], cs[row + L_DUTY]
+    if duty == 4.0:
+        follow(cs[row + L_U1], cs[row + L_U2], cs, cp)
     operate(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, supply, duty, cs, cp)
     cs[row + L_READ_X], cs[row + L_READ_P1], cs[row + L_READ_P2] = read_x, read_p1, read_p2
     cs[row + L_U1], cs[row + L_U2], cs[row + L_LOAD] = cs[S_U1], cs[S_U2], cs[S_LOAD]

@@ -77,15 +77,6 @@ def standing(x, s, c):
     return -force
 
 
-def valve_1_stands(u, s, c):
-    """Take chamber 1 as in balance with its valve at u (V): what the valve makes, something else takes away."""
-    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
-    s[S_U1] = u
-    s[S_RATE1] = flow_at(u, null_1(c), s[S_P1], volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
-    s[S_FLOW1] = -s[S_RATE1]
-    s[S_INTEGRAL1] = s[S_RATE1]
-
-
 def opposite_flow(u, volume, s, c):
     """Return dp/dt in Pa/s of chamber 2 where the other way of the one spool drives it, at a command in V."""
     if u >= null_1(c):
@@ -93,15 +84,24 @@ def opposite_flow(u, volume, s, c):
     return c[C_AREA_FILL_2] * area_at(u, C_TABLE + int(c[C_NODES]), c) * per_area(True, s[S_P2], volume, s, c)
 
 
-def valve_2_stands(u1, u2, s, c):
-    """Take chamber 2 as in balance likewise, where a valve drives it."""
+def follow(u1, u2, s, c):
+    """Take u1, u2 (V) as the last commands: what the valves then make of the pressures, as the observers need it."""
+    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
+    s[S_RATE1] = flow_at(u1, null_1(c), s[S_P1], volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
     volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
     begin: int = C_TABLE + 2 * int(c[C_NODES])
     if c[C_MIRRORED] > 0.5:
         s[S_RATE2] = opposite_flow(u1, volume, s, c)
     if c[C_TWO_VALVES] > 0.5:
-        s[S_U2] = u2
         s[S_RATE2] = flow_at(u2, null_2(c), s[S_P2], volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, s, c)
+
+
+def balance(s, c):
+    """Take pressures and piston as at rest: something else takes away what the valves make and the pressures push."""
+    s[S_LOAD] = standing(s[S_X], s, c)
+    s[S_INTEGRAL] = -s[S_LOAD]
+    s[S_FLOW1] = -s[S_RATE1]
+    s[S_INTEGRAL1] = s[S_RATE1]
     s[S_FLOW2] = -s[S_RATE2]
     s[S_INTEGRAL2] = s[S_RATE2]
 
@@ -126,10 +126,10 @@ def reset(x, p1, p2, u1, u2, s, c):
     """
     forget(s)
     start(x, x, p1, p2, s, c)
-    s[S_LOAD] = standing(s[S_X], s, c)
-    s[S_INTEGRAL] = -s[S_LOAD]
-    valve_1_stands(u1, s, c)
-    valve_2_stands(u1, u2, s, c)
+    s[S_U1] = u1
+    s[S_U2] = u2 if c[C_TWO_VALVES] > 0.5 else 0.0
+    follow(u1, u2, s, c)
+    balance(s, c)
     s[S_REST] = 1.0
     s[S_RESET] = 1.0
     s[S_CARRY1] = u1

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design import layout, loop
+from pneucli.design import layout, loop, operation
 from pneucli.design.callees import callees_first
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS
@@ -71,10 +71,34 @@ def in_single(controller: Controller, vectors: Mapping[str, Array]) -> Single:
     return Single(out, float(np.sqrt(np.mean(far[far <= p99] ** 2))), p99, float(far.max()))
 
 
+def rows_in_single(controller: Controller, signals: Mapping[str, Array], began: str) -> Array:
+    """Return :func:`pneucli.design.closed_loop.replay_rows` in single precision; commands and estimates alone."""
+    world, numbers = _bound(controller.law), controller.vector().astype(np.float32)
+    state, n = np.zeros(layout.L_STATES, dtype=np.float32), signals["x_ref"].size
+    rows, missing = np.zeros((n, layout.L_ROW)), np.full(n, np.nan)
+    read = [signals.get(name, missing).astype(np.float32) for name in ("x_ref", "x", "p1", "p2")]
+    supply, duty = np.nan_to_num(signals.get("p_supply", np.zeros(n))).astype(np.float32), np.zeros(n, dtype=np.float32)
+    if began == "before":
+        duty[0] = layout.DUTIES.index("reset")
+        for place, name in ((layout.S_U1, "u"), (layout.S_U2, "u2")):
+            state[place] = np.nan_to_num(signals[name][0]) if name in signals else 0.0
+    zeros = np.zeros(n)
+    logged = np.nan_to_num(np.column_stack([signals.get(u, zeros) for u in ("u", "u2")])).astype(np.float32)
+    kept = {layout.L_U1: layout.S_U1, layout.L_U2: layout.S_U2, layout.L_LOAD: layout.S_LOAD}
+    kept[layout.L_FLOW1] = layout.S_FLOW1
+    with np.errstate(all="ignore"):
+        for k, readings in enumerate(zip(*read, strict=True)):
+            if began == "before" and k > 0:
+                world["follow"](*logged[k - 1], state, numbers)
+            world["operate"](0, *readings, supply[k], duty[k], state, numbers)
+            rows[k, list(kept)] = state[list(kept.values())]
+    return rows
+
+
 def _bound(law: str) -> dict[str, Any]:
     """Return the law's functions by name, bound to each other and to the mathematics of single precision."""
     world: dict[str, Any] = {"__builtins__": __builtins__, "math": MATH, **_constants(law)}
-    for function in [*functions_of(law), *callees_first(loop.operate)]:
+    for function in [*functions_of(law), *callees_first(loop.operate), *callees_first(operation.follow)]:
         world[function.__name__] = FunctionType(function.__code__, world, function.__name__, function.__defaults__)
     step = world[LAWS[law].step.__name__]
     world["any_law"] = lambda _which, *arguments: step(*arguments)

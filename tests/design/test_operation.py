@@ -62,6 +62,15 @@ def test_a_supply_that_sags_costs_less_where_it_is_measured() -> None:
     assert errors[0] < 0.9 * errors[1]
 
 
+def test_a_position_that_is_read_every_fourth_sample_is_enough() -> None:
+    """The pressures go on at every sample; between its readings the position is missing."""
+    c = axis.bench_of_laws()[1]["best"]
+    gaps = tuple(("x", 1e-3 * k + 5e-4, 1e-3 * k + 3.5e-3) for k in range(0, TIME.size, 4))
+    found = run(axis.model(), c, axis.scenario(c, np.where(TIME < 0.5, 0.1, 0.13), lost=gaps), axis.BENCH)
+    assert np.isfinite(found.log[:, at.L_READ_X]).sum() == TIME.size // 4
+    assert np.abs(found.model[-400:, sim.X] - 0.13).max() < 10e-6
+
+
 # --- enable and hold
 
 
