@@ -89,6 +89,21 @@ def rounding(engine: Engine, log: Log, replay: Replayed, steps: Mapping[str, flo
     return float(np.sqrt(np.mean(off[off <= np.percentile(off, 99.0)] ** 2))) / SMALL
 
 
+def resolution(values: Array) -> float:
+    """Return the decimal step to which a log rounds a signal, in its unit; 0 where it shows none."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    steps = steps[steps > 0.0]
+    if not steps.size:
+        return 0.0
+    digits = int(np.floor(np.log10(steps.max())))
+    least = np.log10(max(1e3 * np.spacing(np.nanmax(np.abs(values))), 1e-300))
+    for power in range(digits, int(np.ceil(least)) - 1, -1):
+        counts = steps / 10.0**power
+        if np.all(np.abs(counts - np.rint(counts)) < 1e-2):
+            return float(10.0**power)
+    return 0.0
+
+
 def foretold(model: Model, controller: Controller, log: Log, bench: Bench) -> Run:
     """Return the loop as the model has it, under the log's references, from where the log begins."""
     return run(model, controller, _scenario(model, controller, log), bench, SEED)

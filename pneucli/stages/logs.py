@@ -16,7 +16,18 @@ from pneucli.config import sources
 from pneucli.design import layout
 from pneucli.design.closed_loop import Bench, Run, replay_rows
 from pneucli.design.metrics import measure
-from pneucli.design.replay import Engine, Log, Replayed, bench_from, foretold, log_of, measured, replayed, rounding
+from pneucli.design.replay import (
+    Engine,
+    Log,
+    Replayed,
+    bench_from,
+    foretold,
+    log_of,
+    measured,
+    replayed,
+    resolution,
+    rounding,
+)
 from pneucli.export.replay import Exported, load
 from pneucli.export.single import rows_in_single
 from pneucli.pipeline.context import Context
@@ -66,8 +77,8 @@ def with_commands(found: Comparison, logs: Mapping[str, Looked], model: Model) -
         return found
     looked = logs[recording.name]
     replay, places = looked.replay, looked.log.places
-    sensed = {n: recording.noise[n] for n in ("x", "p1", "p2", "p_supply") if n in recording and n in recording.noise}
-    steps = {n: one.step for n, one in sensed.items() if one.rms > one.step > 0.0}  # counts are logged as they are
+    rounded = {n: resolution(recording[n]) for n in ("x", "p1", "p2", "p_supply") if n in recording}
+    steps = {n: step for n, step in rounded.items() if _rms(recording, n) > step > 0.0}  # counts are logged as they are
     off = rounding(looked.engine, looked.log, replay, steps) if steps else 0.0
     names = ["u", *(["u2"] if "u2" in recording else [])]
     read = {name: recording[name] for name in names}
@@ -81,10 +92,13 @@ def with_commands(found: Comparison, logs: Mapping[str, Looked], model: Model) -
     )
 
 
+def _rms(recording: Recording, name: str) -> float:
+    return recording.noise[name].rms if name in recording.noise else 0.0
+
+
 def _floor(recording: Recording, name: str, off: float) -> float:
     """Return what a right replay differs by in V: the rounding of readings, and that of the command."""
-    step = recording.noise[name].step if name in recording.noise else 0.0
-    return max(float(np.hypot(off, step / np.sqrt(12.0))), LEAST)
+    return max(float(np.hypot(off, resolution(recording[name]) / np.sqrt(12.0))), LEAST)
 
 
 def answer_of(looked: Looked, model: Model) -> dict[str, Any]:

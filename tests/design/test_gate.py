@@ -60,7 +60,7 @@ def test_an_end_of_an_interval_counts_and_few_draws_do_not(monkeypatch: pytest.M
     ("stated", "why"),
     [
         ({"settling_time": 0.01}, "the valve is too small: 60 mm take at least"),
-        ({"stiffness": 1e7}, "the air spring is too soft"),
+        ({"stiffness": 1e9}, "the valve is too small and the air spring too soft"),
         ({"tracking_error": 1e-6}, ""),
         ({"overshoot": 1e-9}, ""),
     ],
@@ -70,6 +70,21 @@ def test_what_cannot_be_reached_is_said_with_its_cause(stated: dict[str, float],
     assert missed.demand == next(iter(stated))
     assert missed.cause.startswith(why)
     assert bool(missed.cause) == bool(why)
+
+
+def test_no_loop_is_stiffer_than_what_valve_and_spring_give_together() -> None:
+    """By the deflection of a mass that a ramp of force stops, stepped here in time."""
+    c = CONTROLLER.values
+    push, rate = gating.usual_load(c), gating.force_rate(c)
+    left, x, v, dt = push - c["C_STATIC"], 0.0, 0.0, 1e-6
+    for k in range(10_000_000):
+        v += dt * (left - rate * k * dt) / c["C_MASS"]
+        x += dt * v
+        if v <= 0.0:
+            break
+    assert gating.stiffest(c) - gating.air_spring(c) == pytest.approx(push / x, rel=1e-2)
+    shown = gate(CONTROLLER, replace(WANTED, stiffness=1e-3), SCENARIOS, axis.BENCH, [(NOMINAL, MODEL)])
+    assert shown.missed == ()
 
 
 def test_a_sensor_that_is_too_coarse_is_a_cause_too() -> None:

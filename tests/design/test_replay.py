@@ -74,6 +74,17 @@ def test_the_rounding_of_readings_is_carried_to_the_command(loop: Run) -> None:
     assert 0.2 * fine < np.sqrt(np.mean(off[off <= np.percentile(off, 99.0)] ** 2)) < 5.0 * fine
 
 
+@pytest.mark.parametrize(("digits", "offset", "step"), [(1, 101_325.37, 0.1), (5, 0.0, 1e-5), (-2, 0.0, 100.0)])
+def test_the_digits_of_a_log_are_seen_whatever_was_added(digits: int, offset: float, step: float) -> None:
+    values = np.round(3e5 + 400.0 * np.random.default_rng(0).standard_normal(500), digits) + offset
+    assert replay.resolution(values) == pytest.approx(step)
+
+
+def test_numbers_with_all_their_digits_and_constants_show_no_rounding() -> None:
+    assert replay.resolution(np.random.default_rng(0).standard_normal(500)) < 1e-9
+    assert replay.resolution(np.full(5, 3.0)) == 0.0
+
+
 def test_a_log_with_gaps_lies_on_the_controllers_grid(loop: Run) -> None:
     kept = np.delete(np.arange(TIME.size), slice(700, 705))
     gaps = {n: v[kept] for n, v in signals(loop).items()}
