@@ -84,9 +84,16 @@ def rounding(engine: Engine, log: Log, replay: Replayed, steps: Mapping[str, flo
     """
     rng, shaken = np.random.default_rng(SEED), dict(log.signals)
     for name, step in steps.items():
-        shaken[name] = log[name] + SMALL * step / np.sqrt(12.0) * rng.standard_normal(log[name].size)
+        moves = _moves(log[name]) if name == "x_ref" else 1.0  # a reference that rests is none that is rounded
+        shaken[name] = log[name] + moves * SMALL * step / np.sqrt(12.0) * rng.standard_normal(log[name].size)
     off = np.abs(engine(shaken, replay.began)[:, layout.L_U1] - replay.commands[:, 0])
     return float(np.sqrt(np.mean(off[off <= np.percentile(off, 99.0)] ** 2))) / SMALL
+
+
+def _moves(values: Array) -> Array:
+    """Return 1 where a signal changes from its neighbours before and after, else 0."""
+    changes = np.concatenate([[False], np.diff(values) != 0.0, [False]])
+    return np.asarray(changes[:-1] & changes[1:], dtype=np.float64)
 
 
 def resolution(values: Array) -> float:
@@ -99,7 +106,7 @@ def resolution(values: Array) -> float:
     least = np.log10(max(1e3 * np.spacing(np.nanmax(np.abs(values))), 1e-300))
     for power in range(digits, int(np.ceil(least)) - 1, -1):
         counts = steps / 10.0**power
-        if np.all(np.abs(counts - np.rint(counts)) < 1e-2):
+        if np.all((np.abs(counts - np.rint(counts)) < 1e-2) & (counts > 0.5)):
             return float(10.0**power)
     return 0.0
 

@@ -77,8 +77,9 @@ def with_commands(found: Comparison, logs: Mapping[str, Looked], model: Model) -
         return found
     looked = logs[recording.name]
     replay, places = looked.replay, looked.log.places
-    rounded = {n: resolution(recording[n]) for n in ("x", "p1", "p2", "p_supply") if n in recording}
-    steps = {n: step for n, step in rounded.items() if _rms(recording, n) > step > 0.0}  # counts are logged as they are
+    # a position that is counted is logged as it is
+    rounded = {n: resolution(recording[n]) for n in ("x", "x_ref", "p1", "p2", "p_supply") if n in recording}
+    steps = {n: step for n, step in rounded.items() if n == "x_ref" or _rms(recording, n) > step > 0.0}
     off = rounding(looked.engine, looked.log, replay, steps) if steps else 0.0
     names = ["u", *(["u2"] if "u2" in recording else [])]
     read = {name: recording[name] for name in names}

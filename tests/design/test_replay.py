@@ -80,6 +80,11 @@ def test_the_digits_of_a_log_are_seen_whatever_was_added(digits: int, offset: fl
     assert replay.resolution(values) == pytest.approx(step)
 
 
+def test_a_slow_reference_is_not_taken_for_a_coarse_one() -> None:
+    sine = np.round(0.1 + 0.03 * np.sin(0.003 * np.arange(2000)), 9)
+    assert replay.resolution(sine) == pytest.approx(1e-9)
+
+
 def test_numbers_with_all_their_digits_and_constants_show_no_rounding() -> None:
     assert replay.resolution(np.random.default_rng(0).standard_normal(500)) < 1e-9
     assert replay.resolution(np.full(5, 3.0)) == 0.0
