@@ -56,9 +56,10 @@ class Exported:
         self._library = ctypes.CDLL(str(library))
         self._state = ctypes.create_string_buffer(1 << 16)
         self._step = self._library.pneucli_controller_step
-        self._step.argtypes = [ctypes.c_void_p, *4 * [ctypes.c_double], ctypes.POINTER(ctypes.c_double)]
+        real = ctypes.c_float if "float state" in (folder / "pneucli_controller.h").read_text() else ctypes.c_double
+        self._step.argtypes = [ctypes.c_void_p, *4 * [real], ctypes.POINTER(real)]
         self._library.pneucli_controller_init(self._state)
-        self._u = (ctypes.c_double * 2)()
+        self._u = (real * 2)()
 
     def __call__(self, x_ref: float, x: float, p1: float, p2: float) -> tuple[float, float]:
         self._step(self._state, x_ref, x, p1, p2, self._u)

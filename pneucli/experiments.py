@@ -9,7 +9,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-Name = Literal["valve", "friction", "axis"]
+Name = Literal["valve", "friction", "axis", "closed-loop"]
 Part = Literal["gas", "chamber", "cylinder", "supply", "line", "valve", "linear valve", "sensor"]
 
 PNEUMATIC: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
@@ -20,7 +20,8 @@ class Kind:
     """One kind of experiment.
 
     ``valve``: gas flows through one. ``cylinder``: a piston moves. ``needs`` are the signals that nothing can do
-    without, ``compared`` the channels that a model of it is held against, where they are recorded.
+    without, ``compared`` the channels that a model of it is held against, where they are recorded. ``controlled``: a
+    controller follows ``x_ref``.
     """
 
     name: Name
@@ -29,6 +30,7 @@ class Kind:
     needs: tuple[str, ...]
     compared: tuple[str, ...]
     bench: str
+    controlled: bool = False
 
     @property
     def beside(self) -> tuple[str, ...]:
@@ -83,6 +85,15 @@ KINDS: dict[str, Kind] = {
             needs=("u", "p1", "x"),
             compared=("p1", "p2", "x", "v", "a"),
             bench="cylinder",
+        ),
+        Kind(
+            "closed-loop",
+            valve=True,
+            cylinder=True,
+            needs=("u", "p1", "x", "x_ref"),
+            compared=("p1", "p2", "x", "v", "a"),
+            bench="cylinder",
+            controlled=True,
         ),
     )
 }

@@ -46,6 +46,7 @@ SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}
 
 # the channels that `compare` reports, in the order in which people read them
 CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature", "flow")
+COMMANDS = ("u", "u2")  # compared too where the controller that gave them is known
 
 # where a residual may concentrate (interface, section 3)
 LOCATORS = ("time", "u", "p1", "p2", "x", "v", "a", "direction", "p_ratio")

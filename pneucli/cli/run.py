@@ -12,7 +12,7 @@ import typer
 from pneucli import words
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built, opened, shortest
-from pneucli.cli.stage import doubt
+from pneucli.cli.stage import doubt, refused
 from pneucli.stages.history import listed
 from pneucli.words.run import lines as summary
 
@@ -45,7 +45,7 @@ def _run(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose =
         console.answer(_answer(opened_pipeline, done, results))
     else:
         _print(opened_pipeline, done, results, pipeline, verbose)
-    raise typer.Exit(0 if all(result.passed for result in results) else 1)
+    raise typer.Exit(0 if all(result.passed for result in results) and not refused(done) else 1)
 
 
 def _answer(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from pneucli import words
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, opened
 from pneucli.pipeline.graph import Stage
-from pneucli.words import plausibility
+from pneucli.words import gate, plausibility
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import Done
@@ -25,6 +25,14 @@ class Target(StrEnum):
     c = "c"
     mat = "mat"
     csv = "csv"
+    st = "st"
+
+
+class Precision(StrEnum):
+    """In what arithmetic the C calculates."""
+
+    float64 = "float64"
+    float32 = "float32"
 
 
 def register(app: typer.Typer, stage: Stage) -> None:
@@ -60,6 +68,14 @@ def bring_up(
     else:
         console.tell(words.of(name, answer, str(file), verbose=verbose))
         doubt(done)
+    if refused(done):
+        raise typer.Exit(1)
+
+
+def refused(done: Mapping[str, Done]) -> bool:
+    """Whether the design misses what a strict ``[design]`` asks."""
+    designed = done["design"].manifest.answer if "design" in done else None
+    return gate.refused((designed or {}).get("gate"))
 
 
 def doubt(done: Mapping[str, Done]) -> None:
@@ -145,11 +161,16 @@ def _simulate(
 
 def _export(
     pipeline: File,
-    to: Annotated[list[Target], typer.Option("--to", help="c (PLC, cRIO), mat (MATLAB) or csv; repeatable.")],
+    to: Annotated[
+        list[Target], typer.Option("--to", help="c (PLC, cRIO), st (IEC 61131-3), mat (MATLAB) or csv; repeatable.")
+    ],
     controller: Annotated[
         str | None,
         typer.Option("--controller", metavar="NAME", help="Another law than that of [design].", show_default=False),
     ] = None,
+    precision: Annotated[
+        Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")
+    ] = Precision.float64,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -163,7 +184,8 @@ def _export(
         quiet,
         verbose,
         {"to": _with_former(opened(pipeline, out).artifacts, to)}
-        | ({"controller": _laws([controller], "--controller")[0]} if controller else {}),
+        | ({"controller": _laws([controller], "--controller")[0]} if controller else {})
+        | ({"precision": precision.value} if precision != Precision.float64 else {}),
     )
 
 

@@ -65,13 +65,14 @@ def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None
         given = {c: at_ends(experiment, modelled["x"], c) for c in MOTION if c in measured}
         measured |= {c: np.where(ends, np.nan, measured[c]) for c, ends in given.items()}
     results = tuple(
-        _channel(experiment, channel, measured[channel], modelled[channel], noise[channel])
+        channel_result(experiment, channel, measured[channel], modelled[channel], noise[channel])
         for channel in experiment.channels
     )
     return Comparison(experiment, results, measured, modelled)
 
 
-def _channel(experiment: Experiment, channel: str, y: Array, model: Array, noise: float) -> ChannelResult:
+def channel_result(experiment: Experiment, channel: str, y: Array, model: Array, noise: float) -> ChannelResult:
+    """Return the errors of one channel: measured and modelled of shape (n,), NaN where there is nothing."""
     seen = ~np.isnan(y) & ~np.isnan(model)
     y, error = y[seen], (y - model)[seen]
     rmsd = float(np.sqrt(np.mean(error**2)))

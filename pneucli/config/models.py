@@ -179,6 +179,7 @@ class RecordingTable(TextTable):
     chamber: Literal[1, 2] = 1
     imposed: Literal["motion"] | None = None
     valve: Literal["shut"] | None = None
+    controller: Name | None = None
     signals: SignalsTable = SignalsTable()
     more: list[MoreTable] = Field(default_factory=list)
     from_: Annotated[Instant | None, Field(alias="from")] = None
@@ -211,6 +212,10 @@ class RecordingTable(TextTable):
         kind = KINDS[self.experiment]
         if self.imposed and kind.valve:
             raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
+        if kind.controlled and self.controller is None:
+            raise ValueError('a closed-loop recording must say controller = "FILE", which export wrote, or "unknown"')
+        if self.controller is not None and not kind.controlled:
+            raise ValueError(f'controller belongs to experiment = "closed-loop", not to "{self.experiment}"')
         if kind.axis and self.chamber_2 is None:
             raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
         return self

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -24,13 +25,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bench:
-    """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples."""
+    """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples.
+
+    ``supply``: whether the controller is told the supply pressure.
+    """
 
     noise_x: float = 0.0
     noise_p: float = 0.0
     quantum_x: float = 0.0
     quantum_p: float = 0.0
     delay: int = 0
+    supply: bool = False
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,8 @@ class Scenario:
 
     ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
     ``pressed``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
-    ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s.
+    ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s. ``duty``: what is
+    asked of the controller's operation, places of ``layout.DUTIES`` (None: to run).
     """
 
     name: str
@@ -49,6 +55,7 @@ class Scenario:
     start: tuple[float, float, float]
     lost: tuple[tuple[str, float, float], ...] = field(default=())
     pressed: bool = False
+    duty: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -95,18 +102,63 @@ def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, 
     return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
 
 
+def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Array], began: str) -> Array:
+    """Return the log (n, L_ROW) of a controller that reads what was logged: the kernel with the axis standing still.
+
+    ``signals``: x_ref, x (m), p1, p2 where it is measured, p_supply likewise (Pa), u and u2 (V); NaN where a reading is
+    missing. ``began``: ``with`` the first sample, or ``before``: then it starts from the first readings and commands,
+    and its observers follow the logged commands: what they had learned is not in the log, and is learned again.
+    """
+    n = signals["x_ref"].size
+    kernel, inputs = loop_kernel(()), np.zeros((n, len(at.INPUTS)))
+    rows = np.zeros((n, layout.L_ROW))
+    for place, name in ((at.IN_U, "x_ref"), (at.IN_X, "x"), (at.IN_P1, "p1"), (at.IN_P2, "p2")):
+        inputs[:, place] = signals.get(name, np.full(n, np.nan))
+    rows[:, layout.L_SUPPLY] = np.nan_to_num(signals.get("p_supply", np.zeros(n)))
+    states = np.zeros(layout.L_STATES)
+    if began == "before":
+        rows[:, layout.L_DUTY] = layout.DUTIES.index("follow")
+        rows[0, layout.L_DUTY] = layout.DUTIES.index("reset")
+        for place, name in ((layout.L_U1, "u"), (layout.L_U2, "u2")):
+            rows[1:, place] = np.nan_to_num(signals[name][:-1]) if name in signals else 0.0
+        for place, name in ((layout.S_U1, "u"), (layout.S_U2, "u2")):
+            states[place] = np.nan_to_num(signals[name][0]) if name in signals else 0.0
+    state, flags = np.concatenate([states, rows.ravel()]), _flags(controller)
+    flags[[at.MECHANICS, at.PNEUMATICS]] = 0.0
+    bare = replace(model, effects=())
+    kernel.run(
+        controller.period * np.arange(n, dtype=np.float64),
+        inputs,
+        np.zeros(1, dtype=np.int64),
+        np.array([bare.base()[name] for name in at.BASE]),
+        kernel.vector({}),
+        kernel.switches([]),
+        flags,
+        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
+        longest_step(model.rig, controller.period),
+        state,
+        np.concatenate([controller.vector(), _settings(controller, Bench())]),
+        np.zeros((n, at.OUTPUTS)),
+    )
+    return state[layout.L_STATES :].reshape(n, layout.L_ROW)
+
+
 def _settings(controller: Controller, bench: Bench) -> list[float]:
     """Return what stands behind the controller's numbers: the sensors' quanta, the delay, and the law's place."""
     return [bench.quantum_x, bench.quantum_p, bench.delay, list(LAWS).index(controller.law)]
 
 
 def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Array:
-    """Return the log, shape ``(n, 15)``, with the sensors' noise in it; NaN where a reading is missing."""
+    """Return the log, shape ``(n, 17)``, with the sensors' noise in it; NaN where a reading is missing."""
     rows = np.zeros((time.size, layout.L_ROW))
     sigma = np.array([bench.noise_x, bench.noise_p, bench.noise_p])
     rows[:, :3] = sigma * np.random.default_rng(seed).standard_normal((time.size, 3))
     for signal, begin, end in scenario.lost:
         rows[(time >= begin) & (time < end), ("x", "p1", "p2").index(signal)] = np.nan
+    if bench.supply:
+        rows[:, layout.L_SUPPLY] = scenario.supply
+    if scenario.duty is not None:
+        rows[:, layout.L_DUTY] = scenario.duty
     return rows
 
 

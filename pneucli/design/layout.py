@@ -39,7 +39,14 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_P2_REF,
     S_INTEGRAL1,  # Pa/s
     S_INTEGRAL2,
-) = range(33)
+    S_SUPPLY,  # Pa: measured supply pressure, 0 where it is not
+    S_OFF,  # 1: not enabled
+    S_PAUSED,  # 1: to hold where it stands, 2: it does so; and where, m or Pa
+    S_PAUSE_AT,
+    S_RESET,  # 2: to start from its next readings, 1: its next command is the one it starts from
+    S_CARRY1,  # V by which its commands are off for that, fading
+    S_CARRY2,
+) = range(40)
 
 (
     C_PERIOD,  # s
@@ -115,7 +122,10 @@ OWN_NUMBER = C_TABLE + 4 * NODES
 # in the closed loop the state is followed by a row a sample: what the sensors add, what the controller read and made
 (L_NOISE_X, L_NOISE_P1, L_NOISE_P2, L_READ_X, L_READ_P1, L_READ_P2, L_U1, L_U2) = range(8)
 (L_LOAD, L_FLOW1, L_P1_REF, L_P2_REF, L_SHAPED, L_V, L_FORCE) = range(8, 15)
-L_STATES, L_ROW = len(STATE) + MOST_OWN, 15
+(L_SUPPLY, L_DUTY) = range(15, 17)  # measured supply pressure in Pa, 0 where it is not; what is asked of the operation
+L_STATES, L_ROW = len(STATE) + MOST_OWN, 17
+# L_DUTY counts them; "follow": the last commands were those that stand where this sample's will
+DUTIES = ("run", "hold", "off", "reset", "follow")
 
 UNITS = {
     **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE"), "s"),

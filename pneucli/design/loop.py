@@ -12,6 +12,7 @@ import math
 
 from pneucli.design.laws import LAWS
 from pneucli.design.layout import *
+from pneucli.design.operation import asked, enable, finish, follow, pause, reset, set_supply, shut
 
 
 def rounded(value, quantum):
@@ -24,6 +25,20 @@ def any_law(which: int, x_ref, x, p1, p2, s, c):
     tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
 
 
+def operate(which: int, x_ref, x, p1, p2, supply, duty, s, c):
+    """Run one sample of a law as a machine does: ``supply`` is measured (Pa, 0: not), ``duty`` one of DUTIES."""
+    set_supply(supply, s, c)
+    enable(0.0 if duty == 2.0 else 1.0, s)
+    pause(1.0 if duty == 1.0 else 0.0, s)
+    if duty == 3.0:
+        reset(x, p1, p2, s[S_U1], s[S_U2], s, c)
+    if s[S_OFF] > 0.5:
+        shut(s, c)
+        return
+    any_law(which, asked(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
+    finish(s, c)
+
+
 def control(k, x_ref, x, p1, p2, cs, cp):
     """Run one sample of the controller: cs holds its state and then a row of noise and log a sample.
 
@@ -34,7 +49,10 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     read_x = rounded(x + cs[row + L_NOISE_X], cp[settings])
     read_p1 = rounded(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
     read_p2 = rounded(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
-    any_law(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, cs, cp)
+    supply, duty = cs[row + L_SUPPLY], cs[row + L_DUTY]
+    if duty == 4.0:
+        follow(cs[row + L_U1], cs[row + L_U2], cs, cp)
+    operate(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, supply, duty, cs, cp)
     cs[row + L_READ_X], cs[row + L_READ_P1], cs[row + L_READ_P2] = read_x, read_p1, read_p2
     cs[row + L_U1], cs[row + L_U2], cs[row + L_LOAD] = cs[S_U1], cs[S_U2], cs[S_LOAD]
     cs[row + L_P1_REF], cs[row + L_P2_REF], cs[row + L_FLOW1] = cs[S_P1_REF], cs[S_P2_REF], cs[S_FLOW1]

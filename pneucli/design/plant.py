@@ -31,11 +31,22 @@ def dry_friction(speed, s, c):
     return c[C_COULOMB] + max(s[S_BREAK] - c[C_COULOMB], 0.0) / (1.0 + r * r)
 
 
-def per_area(filling, p, volume, c):
+def supply_now(s, c):
+    """Return the supply pressure in Pa: the one that is measured, else the one designed for."""
+    return s[S_SUPPLY] if s[S_SUPPLY] > 0.0 else c[C_SUPPLY]
+
+
+def highest(s, c):
+    """Return the highest pressure in Pa that may be asked for: as near to the supply as designed."""
+    return c[C_P_HIGH] / c[C_SUPPLY] * supply_now(s, c)
+
+
+def per_area(filling, p, volume, s, c):
     """Return dp/dt in Pa/s that 1 m^2 of open valve makes in a chamber (2.46): to be filled, or vented."""
     scale = c[C_GAMMA_R_T] * c[C_K_GAS] / volume
     if filling:
-        return scale * c[C_SUPPLY] * flow_function(p / c[C_SUPPLY], c[C_CRITICAL])
+        supply = supply_now(s, c)
+        return scale * supply * flow_function(p / supply, c[C_CRITICAL])
     return scale * p * flow_function(c[C_AMBIENT] / p, c[C_CRITICAL])
 
 
@@ -54,7 +65,7 @@ def in_proportion(wanted, slope, most, begin: int, c):
     return null + min(math.fabs(wanted) / (slope * most), 1.0) * (c[begin + nodes - 1] - null)
 
 
-def command_for(gradient, p, volume, fill, vent, table: int, c):
+def command_for(gradient, p, volume, fill, vent, table: int, s, c):
     """Return the command in V that makes dp/dt in Pa/s at p, by the inverse tables from ``table`` on."""
     nodes: int = int(c[C_NODES])
     if gradient == 0.0:
@@ -63,35 +74,35 @@ def command_for(gradient, p, volume, fill, vent, table: int, c):
     most = fill if filling else vent
     begin: int = table if filling else table + nodes
     if c[C_INVERSE] < 0.5:
-        return in_proportion(gradient, per_area(filling, c[C_P_MEAN], volume, c), most, begin, c)
-    slope = per_area(filling, p, volume, c)
+        return in_proportion(gradient, per_area(filling, c[C_P_MEAN], volume, s, c), most, begin, c)
+    slope = per_area(filling, p, volume, s, c)
     reachable = slope * most > math.fabs(gradient)
     return opening(math.fabs(gradient) / slope if reachable else most, most, begin, c)
 
 
-def valve_command(gradient, p, volume, c):
+def valve_command(gradient, p, volume, s, c):
     """Return the command in V that makes dp/dt in Pa/s in chamber 1: the inverse of its map, clipped at its ends."""
-    return command_for(gradient, p, volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, c)
+    return command_for(gradient, p, volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
 
 
-def valve_command_2(gradient, p, volume, c):
+def valve_command_2(gradient, p, volume, s, c):
     """Return the same for the valve of chamber 2."""
     begin: int = C_TABLE + 2 * int(c[C_NODES])
-    return command_for(gradient, p, volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, c)
+    return command_for(gradient, p, volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, s, c)
 
 
-def reached(gradient, p, volume, c):
+def reached(gradient, p, volume, s, c):
     """Return dp/dt in Pa/s that the valve makes in chamber 1 where ``gradient`` is asked for: cut where it must be."""
     if gradient > 0.0:
-        return min(gradient, c[C_AREA_FILL] * per_area(True, p, volume, c))
-    return max(gradient, -c[C_AREA_VENT] * per_area(False, p, volume, c))
+        return min(gradient, c[C_AREA_FILL] * per_area(True, p, volume, s, c))
+    return max(gradient, -c[C_AREA_VENT] * per_area(False, p, volume, s, c))
 
 
-def reached_2(gradient, p, volume, c):
+def reached_2(gradient, p, volume, s, c):
     """Return the same for chamber 2."""
     if gradient > 0.0:
-        return min(gradient, c[C_AREA_FILL_2] * per_area(True, p, volume, c))
-    return max(gradient, -c[C_AREA_VENT_2] * per_area(False, p, volume, c))
+        return min(gradient, c[C_AREA_FILL_2] * per_area(True, p, volume, s, c))
+    return max(gradient, -c[C_AREA_VENT_2] * per_area(False, p, volume, s, c))
 
 
 def both_ways(wanted, s, c):
@@ -110,20 +121,20 @@ def both_ways(wanted, s, c):
     way = 1.0 if filling else -1.0
     most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
     ratio = (c[C_AREA_VENT_2] if filling else c[C_AREA_FILL_2]) / most
-    slope_1 = per_area(filling, s[S_P1], c[C_DEAD_1] + c[C_AREA_1] * s[S_X], c)
+    slope_1 = per_area(filling, s[S_P1], c[C_DEAD_1] + c[C_AREA_1] * s[S_X], s, c)
     volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-    slope_2 = ratio * per_area(not filling, s[S_P2], volume_2, c)
-    area = math.fabs(wanted) / (slope_1 + share * slope_2)
-    enough = area < most
-    area = area if enough else most
+    slope_2 = ratio * per_area(not filling, s[S_P2], volume_2, s, c)
+    slope = slope_1 + share * slope_2
+    enough = slope * most > math.fabs(wanted)
+    area = math.fabs(wanted) / slope if enough else most
     s[S_RATE1] = way * area * slope_1
     s[S_RATE2] = -way * area * slope_2
     begin: int = C_TABLE if filling else C_TABLE + int(c[C_NODES])
     s[S_U1] = opening(area, most, begin, c)
     if c[C_INVERSE] < 0.5:
         volume_1 = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
-        usual = per_area(filling, c[C_P_MEAN], volume_1, c) + share * ratio * per_area(
-            not filling, c[C_P_MEAN], volume_2, c
+        usual = per_area(filling, c[C_P_MEAN], volume_1, s, c) + share * ratio * per_area(
+            not filling, c[C_P_MEAN], volume_2, s, c
         )
         s[S_U1] = in_proportion(wanted, usual, most, begin, c)
-    return wanted if enough else way * area * (slope_1 + share * slope_2)
+    return wanted if enough else way * area * slope

@@ -14,6 +14,10 @@ from pneucli.units import parse_quantity
 UNITS = {
     "period": "s",
     "tolerance": "m",
+    "settling_time": "s",
+    "overshoot": "m",
+    "tracking_error": "m",
+    "stiffness": "N/m",
     "pressure_bandwidth": "1/s",
     "position_bandwidth": "1/s",
     "damping": "1",
@@ -38,6 +42,10 @@ class Requirements:
     ``noise_x``, ``quantum_x``, ``noise_p``: what the sensors add (1 sigma) and how they round; ``delay``: from reading
     to valve. ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (driven).
 
+    Asked of the loop, and held by :mod:`pneucli.design.gate`: ``settling_time`` of a step to 50 um, ``overshoot``,
+    ``tracking_error`` (rms, on a sine), ``stiffness``: a load over the largest deviation that it makes. ``strict``:
+    what is missed fails like a check.
+
     ``controller`` names the law that is exported and simulated. Of the sliding mode laws: how the line of the relay is
     found (``surface``), the weights of the squared error (1/m^2) and rate (s^2/m^2) that the LQ one stands for, whether
     the relay has the equivalent control beside it, and its force over the breakaway force (``switching_gain``).
@@ -61,6 +69,11 @@ class Requirements:
     surface_weights: tuple[float, float] | None = None
     equivalent_control: bool = True
     switching_gain: float = 1.5
+    settling_time: float | None = None
+    overshoot: float | None = None
+    tracking_error: float | None = None
+    stiffness: float | None = None
+    strict: bool = False
 
 
 def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
@@ -125,6 +138,7 @@ READERS: dict[str, Callable[[Any, str], Any]] = {
     "chamber_2": _one_of("closed", "open", "valve"),
     "surface": _one_of("poles", "lq"),
     "equivalent_control": _one_of(True, False),
+    "strict": _one_of(True, False),
     "surface_weights": _weights,
     "controller": _law,
 }

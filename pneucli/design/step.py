@@ -15,6 +15,7 @@ from pneucli.design.plant import (
     both_ways,
     clamp,
     dry_friction,
+    highest,
     reached,
     reached_2,
     sign,
@@ -208,12 +209,12 @@ def pressure_references(force, s, c):
     bias = (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]
     if c[C_TWO_VALVES] > 0.5:
         both = (force + bias - (c[C_AREA_1] - c[C_AREA_2]) * c[C_P_MEAN]) / (c[C_AREA_1] + c[C_AREA_2])
-        s[S_P2_REF] = clamp(c[C_P_MEAN] - both, c[C_P_LOW], c[C_P_HIGH])
+        s[S_P2_REF] = clamp(c[C_P_MEAN] - both, c[C_P_LOW], highest(s, c))
         wanted = (force + bias + c[C_AREA_2] * s[S_P2_REF]) / c[C_AREA_1]
     else:
         s[S_P2_REF] = s[S_P2]
         wanted = (force + bias + c[C_AREA_2] * s[S_P2]) / c[C_AREA_1]
-    s[S_P1_REF] = clamp(wanted, c[C_P_LOW], c[C_P_HIGH])
+    s[S_P1_REF] = clamp(wanted, c[C_P_LOW], highest(s, c))
     lost = c[C_AREA_1] * (s[S_P1_REF] - wanted)
     s[S_FORCE] = force + lost
     # anti-windup: what was not reachable is taken back from the integral
@@ -224,7 +225,7 @@ def pressure_references(force, s, c):
 def pressure_wanted(p_ref, s, c):
     """Set the pressure of chamber 1 in Pa that is asked for itself; a second valve keeps the mean pressure."""
     s[S_X_REF] = p_ref
-    s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], c[C_P_HIGH])
+    s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], highest(s, c))
     s[S_P2_REF] = c[C_P_MEAN] if c[C_TWO_VALVES] > 0.5 else s[S_P2]
 
 
@@ -260,9 +261,9 @@ def chamber_1(s, c):
     if c[C_MIRRORED] > 0.5:
         made = both_ways(wanted, s, c)
     else:
-        made = reached(wanted, s[S_P1], volume, c)
+        made = reached(wanted, s[S_P1], volume, s, c)
         s[S_RATE1] = made
-        s[S_U1] = valve_command(wanted, s[S_P1], volume, c)
+        s[S_U1] = valve_command(wanted, s[S_P1], volume, s, c)
     if made == wanted:
         s[S_INTEGRAL1] += c[C_PERIOD] * c[C_P_KI] * error
 
@@ -279,17 +280,16 @@ def chamber_2(s, c):
         wanted += s[S_INTEGRAL2]
     if quiet(error, s, c):
         wanted = 0.0
-    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, c)
+    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, s, c)
     if s[S_RATE2] == wanted:
         s[S_INTEGRAL2] += c[C_PERIOD] * c[C_P_KI] * error
-    s[S_U2] = valve_command_2(wanted, s[S_P2], volume, c)
+    s[S_U2] = valve_command_2(wanted, s[S_P2], volume, s, c)
 
 
 def step(x_ref, x, p1, p2, s, c):
     """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2].
 
-    Positions in m, pressures absolute in Pa. A reading that cannot be one (not finite, out of range) is bridged by what
-    the observers expect, a missing reference by the last one.
+    Positions in m, pressures absolute in Pa. A reading that cannot be one is bridged by what the observers expect.
     """
     x_ref = begin(x_ref, x, p1, p2, s, c)
     observe_pressures(p1, p2, s, c)

@@ -16,12 +16,12 @@ DISPATCH = "any_law"  # of :mod:`pneucli.design.loop`
 
 def controller_text() -> str:
     """Return all laws as text for the kernel: constants, functions, and the choice between them."""
-    roots = [law.step for law in LAWS.values()]
+    roots = [*(law.step for law in LAWS.values()), loop.control]
     needed = {f.__name__: f for root in roots for f in callees_first(root) if f.__module__ != gas.__name__}
-    sources = [_source(f) for f in needed.values()]
-    at_loop = [_source(f) for f in callees_first(loop.control) if f.__name__ in vars(loop) and f.__name__ != DISPATCH]
-    kept = [text for text in at_loop if text not in sources]
-    return "\n\n\n".join([_constants(), *sources, _dispatch(), *kept])
+    needed.pop(DISPATCH)
+    around = [_source(f) for f in needed.values() if f.__module__ == loop.__name__]
+    within = [_source(f) for f in needed.values() if f.__module__ != loop.__name__]
+    return "\n\n\n".join([_constants(), *within, _dispatch(), *around])
 
 
 def _source(function: FunctionType) -> str:

@@ -2,69 +2,69 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-
 from pneucli import __version__
 from pneucli.design import layout
-from pneucli.design.callees import callees_first
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS
-from pneucli.export.translate import c_functions
-from pneucli.physics import gas
+from pneucli.export.program import constants, controller_hash, filled, functions_of, states_of
+from pneucli.export.translate import DOUBLE, FLOAT, Real, c_functions
 
 NAME = "pneucli_controller"
 REPLAY = "pneucli_replay.c"
+PRECISIONS = {"float64": DOUBLE, "float32": FLOAT}
 
 
-def header(controller: Controller, pipeline: str) -> str:
+def header(controller: Controller, pipeline: str, precision: str = "float64") -> str:
     """Return ``pneucli_controller.h``."""
-    return _template("controller.h").format(
-        version=__version__,
-        pipeline=_comment(pipeline),
-        period=repr(controller.period),
-        law=LAWS[controller.law].title,
-        states=len(layout.STATE) + len(LAWS[controller.law].states),
-        valves=2 if controller.values["C_TWO_VALVES"] > 0.5 else 1,
+    return filled(
+        "controller.h",
+        VERSION=__version__,
+        PIPELINE=_comment(pipeline),
+        PERIOD=repr(controller.period),
+        LAW=LAWS[controller.law].title,
+        STATES=str(layout.L_STATES),
+        VALVES="2" if controller.values["C_TWO_VALVES"] > 0.5 else "1",
+        REAL=PRECISIONS[precision].type,
+        HASH=controller_hash(controller, precision),
     )
 
 
-def source(controller: Controller, pipeline: str) -> str:
+def source(controller: Controller, pipeline: str, precision: str = "float64") -> str:
     """Return ``pneucli_controller.c``; every equation in it is translated from the law's own sample."""
-    law = LAWS[controller.law]
-    constants = [f"#define {name} {value!r}" for name, value in vars(gas).items() if isinstance(value, float)]
-    numbers = [f"    {controller.values[n]!r}, /* {n} */" for n in layout.PARAMETERS if n != "C_TABLE"]
-    for title, table in controller.tables().items():
-        numbers += [f"    /* {title}: V at (i / {len(table) - 1})^2 of the largest area */"]
-        numbers += [f"    {', '.join(map(repr, map(float, table[i : i + 6])))}," for i in range(0, len(table), 6)]
-    numbers += _own(controller)
-    return (
-        _template("controller.c")
-        .replace("@VERSION@", __version__)
-        .replace("@PIPELINE@", _comment(pipeline))
-        .replace("@STATE@", ", ".join([*layout.STATE, *law.states]))
-        .replace("@PARAMETERS@", ", ".join(layout.PARAMETERS))
-        .replace("@OWN@", "".join(f"enum {{ {name} = {law.constants[name]} }};\n" for name in law.parameters))
-        .replace("@STEP@", law.step.__name__)
-        .replace("@NUMBERS@", "\n".join(numbers))
-        .replace("@FUNCTIONS@", "\n".join([*constants, "", c_functions(callees_first(law.step))]))
+    law, real = LAWS[controller.law], PRECISIONS[precision]
+    defined = [f"#define {name} {real.number(value)}" for name, value in constants().items()]
+    return filled(
+        "controller.c",
+        VERSION=__version__,
+        PIPELINE=_comment(pipeline),
+        STATE=", ".join(states_of(controller.law)),
+        STATES=str(layout.L_STATES),
+        PARAMETERS=", ".join(layout.PARAMETERS),
+        OWN="".join(f"enum {{ {name} = {law.constants[name]} }};\n" for name in law.parameters),
+        STEP=law.step.__name__,
+        REAL=real.type,
+        NUMBERS="\n".join(_numbers(controller, real)),
+        FUNCTIONS="\n".join([*defined, "", c_functions(functions_of(controller.law), real)]),
     )
 
 
-def _own(controller: Controller) -> list[str]:
-    """Return the lines of the numbers and tables that the law has beside the common ones."""
-    names, own = LAWS[controller.law].parameters, list(map(repr, controller.own))
-    lines = [f"    {value}, /* {name} */" for name, value in zip(names, own, strict=False)]
-    rest = own[len(names) :]
-    return lines + [f"    {', '.join(rest[i : i + 6])}," for i in range(0, len(rest), 6)]
-
-
-def replay_program() -> str:
+def replay_program(precision: str = "float64") -> str:
     """Return ``pneucli_replay.c``, which runs a replay file through the controller and says how far it is off."""
-    return _template("replay.c")
+    return filled("replay.c", REAL=PRECISIONS[precision].type)
 
 
-def _template(name: str) -> str:
-    return files("pneucli.export").joinpath("templates", name).read_text(encoding="utf-8")
+def _numbers(controller: Controller, real: Real) -> list[str]:
+    """Return the lines of all numbers and tables, those that the law has of its own last."""
+    lines = [f"    {real.number(controller.values[n])}, /* {n} */" for n in layout.PARAMETERS if n != "C_TABLE"]
+    for title, table in controller.tables().items():
+        lines += [f"    /* {title}: V at (i / {len(table) - 1})^2 of the largest area */", *_rows(table, real)]
+    names = LAWS[controller.law].parameters
+    lines += [f"    {real.number(v)}, /* {n} */" for n, v in zip(names, controller.own, strict=False)]
+    return lines + _rows(controller.own[len(names) :], real)
+
+
+def _rows(table: tuple[float, ...], real: Real) -> list[str]:
+    return [f"    {', '.join(map(real.number, table[i : i + 6]))}," for i in range(0, len(table), 6)]
 
 
 def _comment(text: str) -> str:

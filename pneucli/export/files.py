@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +16,23 @@ from pneucli.design import layout
 from pneucli.design.closed_loop import Bench, Run, Scenario, run
 from pneucli.design.controller import Controller
 from pneucli.design.scenarios import start_at
-from pneucli.export import c
+from pneucli.export import c, replay, st
+from pneucli.export.single import in_single
 from pneucli.io.artifacts import atomic_path
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 Table = Mapping[str, NDArray[Any] | list[str]]
-REPLAY = "pneucli_replay.csv"
-COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2")
+REPLAY, REPLAY_ST = "pneucli_replay.csv", "pneucli_replay_st.csv"
+COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty")
 REPLAY_S = 60.0
 
 
 def replay_scenario(controller: Controller) -> Scenario:
-    """Return a minute that passes through every branch: rest, steps, a sine, loads, drop-outs, what is out of reach."""
+    """Return a minute that passes through every branch.
+
+    Rest, steps, a sine, loads, drop-outs, what is out of reach; a supply that sags; hold, off, and a start from there.
+    """
     v = controller.values
     time = np.arange(0.0, REPLAY_S, controller.period)
     centre, amplitude = 0.5 * v["C_STROKE"], 0.15 * v["C_STROKE"]
@@ -38,23 +43,57 @@ def replay_scenario(controller: Controller) -> Scenario:
     push = 0.1 * v["C_AREA_1"] * (v["C_SUPPLY"] - v["C_AMBIENT"])
     force = push * (np.sign(np.sin(2 * np.pi * time / 11.0)) * ((time > 41.0) & (time < 49.0)) - (time > 55.0))
     lost = (("p1", 9.0, 9.05), ("x", 16.0, 16.02), ("p2", 25.0, 30.0), ("x", 58.0, 58.3))
-    supply = np.full(time.size, v["C_SUPPLY"])
-    return Scenario("replay", centre + offset, force, supply, start_at(v, centre), lost)
+    supply = v["C_SUPPLY"] - 0.15 * (v["C_SUPPLY"] - v["C_AMBIENT"]) * ((time > 12.0) & (time < 20.0))
+    duty = np.zeros(time.size)
+    duty[(time > 28.3) & (time < 29.2)] = layout.DUTIES.index("hold")
+    duty[(time > 45.0) & (time < 46.0)] = layout.DUTIES.index("off")
+    duty[np.argmax(time >= 34.0)] = layout.DUTIES.index("reset")
+    start = start_at(v, centre)
+    return Scenario("replay", centre + offset, force, np.asarray(supply, dtype=np.float64), start, lost, duty=duty)
 
 
 def test_vectors(result: Run) -> dict[str, Array]:
     """Return what the controller read and answered, by the columns of the replay file, each of shape ``(n,)``."""
-    places = (layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2, layout.L_U1, layout.L_U2)
+    readings = (layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2)
+    places = (*readings, layout.L_U1, layout.L_U2, layout.L_SUPPLY, layout.L_DUTY)
     logged = dict(zip(COLUMNS[1:], result.log[:, places].T, strict=True))
     return {"x_ref": result.scenario.reference, **logged}
 
 
-def write_c(folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str) -> None:
-    """Write header, source, test vectors and the program that replays them."""
-    _write(folder / f"{c.NAME}.h", c.header(controller, pipeline))
-    _write(folder / f"{c.NAME}.c", c.source(controller, pipeline))
-    _write(folder / c.REPLAY, c.replay_program())
-    write_csv(folder / REPLAY, test_vectors(run(model, controller, replay_scenario(controller), bench)))
+def replayed(controller: Controller, model: Model, bench: Bench) -> Run:
+    """Return the minute of the replay, in which the supply is measured."""
+    return run(model, controller, replay_scenario(controller), replace(bench, supply=True))
+
+
+def write_c(
+    folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str, precision: str = "float64"
+) -> dict[str, float]:
+    """Write header, source, test vectors and the program that replays them.
+
+    The vectors hold what this precision commands. Return by how much samples differ from those in double
+    precision; nothing where that is what it has.
+    """
+    _write(folder / f"{c.NAME}.h", c.header(controller, pipeline, precision))
+    _write(folder / f"{c.NAME}.c", c.source(controller, pipeline, precision))
+    _write(folder / c.REPLAY, c.replay_program(precision))
+    vectors, found = test_vectors(replayed(controller, model, bench)), {}
+    if precision == "float32":
+        single = in_single(controller, vectors)
+        found = single.difference()
+        vectors |= {"u1": single.commands[:, 0], "u2": single.commands[:, 1]}
+    write_csv(folder / REPLAY, vectors)
+    return found
+
+
+def write_st(folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str) -> None:
+    """Write the structured text and its test vectors."""
+    _write(folder / st.NAME, st.source(controller, pipeline))
+    write_csv(folder / REPLAY_ST, test_vectors(replayed(controller, model, bench)))
+
+
+def write_replay(folder: Path, controller: Controller, pipeline: str, precision: str) -> None:
+    """Write the controller as the file that a log of it names."""
+    _write(folder / replay.NAME, replay.document(controller, pipeline, precision))
 
 
 def write_csv(path: Path, table: Table) -> None:

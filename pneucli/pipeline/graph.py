@@ -72,9 +72,10 @@ _ALL = (
         "model against recordings: how much, and where",
         parents=("identify",),
         tables=("pipeline", "compare"),
+        files=("recordings", "controller"),
         answer=(
             *("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
-            *("data", "number", "when"),
+            *("data", "number", "when", "closed_loop"),
         ),
     ),
     Stage(
@@ -92,12 +93,12 @@ _ALL = (
     Stage(
         "design",
         "sliding sector, sliding mode observers, cascade",
-        parents=("identify",),
+        parents=("identify", "compare"),  # the gate asks how far the model is from its data
         tables=("pipeline", "design", "scenarios"),
         answer=(
             *("requirements", "corners", "sector", "matching", "surface", "warnings"),
             *("lmi.best", "lmi.types", "lmi.vertex_loops", "controllers"),
-            *("not_made", "tolerance_um", "compare", "without_map", "ablation"),
+            *("not_made", "tolerance_um", "compare", "without_map", "ablation", "gate"),
         ),
     ),
     Stage(

@@ -16,7 +16,7 @@ from pneucli.compare.expected import expected_of_all
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
-from pneucli.stages import history
+from pneucli.stages import history, logs
 from pneucli.stages.study import Study, load_model
 
 RESIDUALS = "residuals.parquet"
@@ -33,10 +33,14 @@ def run(context: Context) -> dict[str, Any]:
 
     noise = expected_of_all(model, experiments, progress)
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
+    known = logs.controllers_of(context)
+    looked = {r.name: logs.look(model, r, known[r.name]) for r in study.recordings if r.name in known}
+    comparisons = [logs.with_commands(c, looked, model) for c in comparisons]
     _write_residuals(study, comparisons)
     _write_correlations(study, [c for one in comparisons for c in correlations(one, context.config.compare.horizon)])
     results = [r for c in comparisons for r in c.results]
     answer = _answer(study, results, find_regions(comparisons))
+    answer["closed_loop"] = [logs.answer_of(one, model) for one in looked.values()]
     return answer | history.keep(context, answer, RESIDUALS)
 
 

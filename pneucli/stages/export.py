@@ -8,12 +8,13 @@ from typing import Any
 from pneucli.design.controller import Controller
 from pneucli.design.laws import law_named
 from pneucli.export import files
+from pneucli.export.program import controller_hash
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
 from pneucli.stages.design import bench_of, load_controller
 from pneucli.stages.study import Study, load_model
 
-TARGETS = ("c", "mat", "csv")
+TARGETS = ("c", "mat", "csv", "st")
 TABLES = (
     "identify/valve_map",
     "identify/valve_inverse",
@@ -34,21 +35,32 @@ def run(context: Context) -> dict[str, Any]:
     name = context.options.get("controller") or context.answers["design"]["requirements"]["controller"]
     controller = load_controller(context.artifacts / "design", law_named(name, "--controller").name)
     wanted = context.options.get("to") or TARGETS
+    precision = context.options.get("precision", "float64")
+    difference: dict[str, float] = {}
     for i, target in enumerate(wanted):
         context.progress(f"writing {target}", i / len(wanted))
-        if target == "c":
+        if target in ("c", "st"):
             study = Study(context)
             model = load_model(context.artifacts / "identify", study.rig, study.effects)
-            bench = bench_of(context.answers["design"])
-            files.write_c(context.out, controller, model, bench, context.config.name)
+            about = (context.out, controller, model, bench_of(context.answers["design"]), context.config.name)
+            if target == "c":
+                difference = files.write_c(*about, precision)
+            else:
+                files.write_st(*about)
         else:
             _write_tables(context.out, target, controller, _tables(context.artifacts))
+    precision = precision if "c" in wanted else "float64"
+    if {"c", "st"} & set(wanted):
+        files.write_replay(context.out, controller, context.config.name, precision)
     return {
         "schema": "pneucli/export/1",
         "pipeline": context.config.name,
         "controller": controller.law,
         "period_s": controller.period,
-        "files": sorted(path.name for path in context.out.iterdir()),
+        "hash": controller_hash(controller, precision),
+        "precision": precision,
+        "difference_from_float64": difference or None,
+        "files": sorted(path.name for path in context.out.iterdir() if not path.name.startswith(".")),
     }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.quantities import SIGNALS
-from pneucli.words import labelled, table
+from pneucli.words import labelled, logs, table
 from pneucli.words.numbers import joined, number, percent, quantity, shown, shown_unit, times
 
 Row = Mapping[str, Any]
@@ -24,6 +24,8 @@ def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
         yield from labelled("worst", worst)
     for i, event in enumerate(events(answer)[: None if verbose else SHOWN]):
         yield from labelled("" if i else "where", event_in_words(event))
+    for i, log in enumerate(logs.lines(answer)):
+        yield from labelled("" if i else "loop", log)
     yield from labelled("do", f"pneucli diagnose {file}")
     if verbose:
         yield ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.words import bench, labelled, table, warnings
+from pneucli.words import bench, gate, labelled, table, warnings
 from pneucli.words.numbers import number, quantity
 
 
@@ -31,6 +31,10 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield ""
         rows = list(bench.rows(answer["ablation"], answer["tolerance_um"]))
         yield from table(("cascade without", *bench.HEAD), rows, texts=1)
+    if held := answer.get("gate"):
+        yield from labelled("gate", gate.verdict(held))
+        for doubt in gate.doubts(held):
+            yield from labelled("misses" if held["strict"] else "warning", doubt)
     yield from warnings(answer)
     yield from labelled("do", f"pneucli simulate {file}")
 

@@ -330,3 +330,29 @@ def test_a_gas_by_name_sets_what_is_not_given(tmp_path: Path, gas: str, ratio: f
 def test_how_the_gas_changes_is_stated(tmp_path: Path, thermal: str, exponent: float | None, free: bool) -> None:
     rig = load(write(tmp_path, BASE.replace("[rig]", f"[rig]\nthermal = {thermal}"))).to_rig()
     assert (rig.polytropic_exponent, rig.exponent_free) == (exponent, free)
+
+
+AXIS = 'experiment = "closed-loop"\nchamber_2 = "closed"\n'
+
+
+@pytest.mark.parametrize(
+    ("table", "wanted"),
+    [
+        (AXIS, 'controller = "FILE"'),
+        (
+            'experiment = "axis"\nchamber_2 = "closed"\ncontroller = "unknown"\n',
+            'belongs to experiment = "closed-loop"',
+        ),
+        ('experiment = "closed-loop"\ncontroller = "unknown"\n', "chamber_2"),
+    ],
+)
+def test_a_log_names_its_controller_and_nothing_else_does(table: str, wanted: str, tmp_path: Path) -> None:
+    path = write(tmp_path, BASE.replace('experiment = "valve"\n', table).replace('valve = "shut"\n', ""))
+    with pytest.raises(InputError) as error:
+        load(path)
+    assert wanted in str(error.value)
+
+
+def test_the_controller_of_a_log_stands_in_its_table(tmp_path: Path) -> None:
+    path = write(tmp_path, BASE.replace('experiment = "valve"\n', AXIS + 'controller = "a.json"\n'))
+    assert [source.table.controller for source in sources(load(path))] == ["a.json", "a.json"]

@@ -35,6 +35,7 @@ def placed(key: Key) -> dict[str, Any]:
     value = value_of(key.example)
     first = document["recordings"][0]
     axis = {"experiment": "friction", "chamber_2": "open"} if key.name in ("imposed",) else {}
+    axis |= {"experiment": "closed-loop", "chamber_2": "closed"} if key.name == "controller" else {}
     if key.table == "recordings":
         first |= {"chamber_2": "closed"} if (key.name, value) == ("experiment", "axis") else axis
         first[key.name] = value

@@ -165,14 +165,14 @@ def test_the_inverse_gives_the_gradient_that_is_asked_for(p: float, share: float
     r = down / up
     psi = 0.484 * np.sqrt(1 - (max(r - 0.528, 0.0) / (1 - 0.528)) ** 2)
     full = np.sign(share) * c[layout.C_GAMMA_R_T] / volume * axis.area(10.0) * up * k * psi
-    u = valve_command(abs(share) * full, p, volume, c)
+    u = valve_command(abs(share) * full, p, volume, np.zeros(len(layout.STATE)), c)
     assert axis.area(u) / axis.area(10.0) == pytest.approx(abs(share), rel=0.015)
 
 
 def test_the_inverse_saturates_beyond_what_is_reachable() -> None:
     c = CONTROLLER.vector()
-    assert valve_command(1e9, 3e5, 1e-4, c) == pytest.approx(10.0)
-    assert valve_command(-1e9, 3e5, 1e-4, c) == pytest.approx(-10.0)
+    assert valve_command(1e9, 3e5, 1e-4, np.zeros(len(layout.STATE)), c) == pytest.approx(10.0)
+    assert valve_command(-1e9, 3e5, 1e-4, np.zeros(len(layout.STATE)), c) == pytest.approx(-10.0)
 
 
 def test_the_controller_survives_its_own_text() -> None:

@@ -85,7 +85,7 @@ def rate(filling: bool, p: float) -> float:
 @pytest.mark.parametrize("p", [1.5e5, 3e5, 5.6e5])
 @pytest.mark.parametrize("filling", [True, False])
 def test_an_open_valve_makes_a_gradient_by_the_flow_law(p: float, filling: bool) -> None:
-    assert plant.per_area(filling, p, 1e-4, C) == pytest.approx(rate(filling, p))
+    assert plant.per_area(filling, p, 1e-4, state(), C) == pytest.approx(rate(filling, p))
 
 
 @pytest.mark.parametrize(
@@ -101,19 +101,19 @@ def test_an_area_is_looked_up_between_nodes_that_are_even_over_its_root(share: f
 )
 def test_the_command_opens_the_valve_as_far_as_the_gradient_needs(share: float, volts: float) -> None:
     full = 2e-6 * rate(True, 3e5) if share > 0 else 1e-6 * rate(False, 3e5)
-    assert plant.valve_command(share * full, 3e5, 1e-4, C) == pytest.approx(volts)
+    assert plant.valve_command(share * full, 3e5, 1e-4, state(), C) == pytest.approx(volts)
 
 
 def test_no_gradient_is_the_middle_between_both_closing_edges() -> None:
-    assert plant.valve_command(0.0, 3e5, 1e-4, C) == pytest.approx(0.5 * (1.0 - 2.0))
+    assert plant.valve_command(0.0, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * (1.0 - 2.0))
 
 
 def test_what_the_valve_cannot_reach_is_cut_in_both_directions() -> None:
     fill, vent = 2e-6 * rate(True, 3e5), -1e-6 * rate(False, 3e5)
-    assert plant.reached(2.0 * fill, 3e5, 1e-4, C) == pytest.approx(fill)
-    assert plant.reached(0.5 * fill, 3e5, 1e-4, C) == pytest.approx(0.5 * fill)
-    assert plant.reached(2.0 * vent, 3e5, 1e-4, C) == pytest.approx(vent)
-    assert plant.reached(0.5 * vent, 3e5, 1e-4, C) == pytest.approx(0.5 * vent)
+    assert plant.reached(2.0 * fill, 3e5, 1e-4, state(), C) == pytest.approx(fill)
+    assert plant.reached(0.5 * fill, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * fill)
+    assert plant.reached(2.0 * vent, 3e5, 1e-4, state(), C) == pytest.approx(vent)
+    assert plant.reached(0.5 * vent, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * vent)
 
 
 MIRRORED = settings(MIRRORED=1.0, AREA_FILL_2=1.5e-6, AREA_VENT_2=3e-6)
@@ -622,14 +622,14 @@ def test_chamber_1_makes_up_for_motion_and_for_other_flows(two: float, motion: f
     s = driven(two=two, V=0.1, FLOW1=2e4, P1_REF=3.01e5)
     wanted = 100.0 * 1e3 + motion - 2e4
     assert of(s, "RATE1") == pytest.approx([wanted])
-    assert of(s, "U1") == pytest.approx([plant.valve_command(wanted, 3e5, VOLUME_1, C)])
+    assert of(s, "U1") == pytest.approx([plant.valve_command(wanted, 3e5, VOLUME_1, state(), C)])
 
 
 def test_chamber_2_makes_up_likewise_where_it_has_a_valve() -> None:
     s = driven(2, two=1.0, V=0.1, FLOW2=2e4, P2_REF=2.99e5)
     wanted = -100.0 * 1e3 - 1.4 * 3e5 * 6e-4 * 0.1 / VOLUME_2 - 2e4
     assert of(s, "RATE2") == pytest.approx([wanted])
-    assert of(s, "U2") == pytest.approx([plant.valve_command(wanted, 3e5, VOLUME_2, C)])
+    assert of(s, "U2") == pytest.approx([plant.valve_command(wanted, 3e5, VOLUME_2, state(), C)])
     assert of(driven(2, two=0.0, P2_REF=2e5), "U2", "RATE2") == [0.0, 0.0]
 
 
@@ -664,8 +664,8 @@ def test_the_motion_alone_or_the_other_flows_alone_are_made_up_for() -> None:
 @pytest.mark.parametrize(("share", "u"), [(0.25, 2.125), (-0.5, -4.75), (3.0, 10.0), (0.0, -0.5)])
 def test_without_the_inverse_map_the_command_is_in_proportion(share: float, u: float) -> None:
     """All of what the open valve makes at mean pressure takes all of the command, whose null is -0.5 V here."""
-    whole = plant.per_area(share > 0.0, 3e5, VOLUME_1, C) * (2e-6 if share > 0.0 else 1e-6)
-    assert plant.valve_command(share * whole, 5e5, VOLUME_1, settings(INVERSE=0.0)) == pytest.approx(u)
+    whole = plant.per_area(share > 0.0, 3e5, VOLUME_1, state(), C) * (2e-6 if share > 0.0 else 1e-6)
+    assert plant.valve_command(share * whole, 5e5, VOLUME_1, state(), settings(INVERSE=0.0)) == pytest.approx(u)
 
 
 # --- the whole step

@@ -147,3 +147,39 @@ def test_the_replay_depends_on_the_sensors(tmp_path: Path) -> None:
     files.write_c(tmp_path / "quiet", CONTROLLER, MODEL, Bench(), "demo")
     files.write_c(tmp_path / "noisy", CONTROLLER, MODEL, axis.BENCH, "demo")
     assert (tmp_path / "quiet" / files.REPLAY).read_text() != (tmp_path / "noisy" / files.REPLAY).read_text()
+
+
+@pytest.fixture(scope="module")
+def single(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, float]]:
+    path = tmp_path_factory.mktemp("single")
+    return path, files.write_c(path, CONTROLLER, MODEL, axis.BENCH, "demo", "float32")
+
+
+def test_in_single_precision_the_c_calculates_with_floats_alone(single: tuple[Path, dict[str, float]]) -> None:
+    folder, _ = single
+    source = (folder / "pneucli_controller.c").read_text() + (folder / "pneucli_controller.h").read_text()
+    assert "double" not in source
+    options = ["-std=c99", *STRICT, "-Wdouble-promotion", "-c", folder / "pneucli_controller.c", "-o", folder / "o.o"]
+    subprocess.run(["gcc", *options], check=True)
+
+
+def test_in_single_precision_it_gives_the_commands_that_were_foreseen(single: tuple[Path, dict[str, float]]) -> None:
+    samples, worst, _, _ = replay(build(single[0], "-O2"), single[0])
+    assert samples == 60_000
+    assert worst <= 1e-9
+
+
+def test_what_single_precision_costs_is_measured(single: tuple[Path, dict[str, float]]) -> None:
+    """Of a range of 20 V; a decision that falls one sample earlier may cost all of it, in that sample."""
+    _, off = single
+    assert 0.0 < off["rms_v"] < off["p99_v"] < 0.02
+    assert off["p99_v"] < off["largest_v"] <= 20.0
+
+
+def test_the_minute_passes_through_hold_off_reset_and_a_supply_that_sags(folder: Path) -> None:
+    table = np.genfromtxt(folder / files.REPLAY, delimiter=",", names=True)
+    assert set(table["duty"]) == {0.0, 1.0, 2.0, 3.0}
+    assert np.ptp(table["supply"]) > 5e4
+    assert np.all(table["u1"][table["duty"] == 2.0] == 0.0)
+    reset = int(np.argmax(table["duty"] == 3.0))
+    assert table["u1"][reset] == table["u1"][reset - 1]

@@ -69,9 +69,8 @@ def ideal_force(s, c):
 
 def compensated_step(x_ref, x, p1, p2, s, c):
     """Advance both loops by one sample; readings and commands as in step."""
-    fresh = s[S_STARTED] < 0.5
     x_ref = readings(x_ref, x, p1, p2, s, c)
-    if fresh:
+    if s[S_SEEN_P2] <= 0.0:
         s[S_SEEN_P1] = load_pressure(s, c)
         s[S_SEEN_P2] = s[S_P2]
     compensate_load(s, c)

@@ -64,16 +64,16 @@ def drive_1(wanted, s, c):
     if c[C_MIRRORED] > 0.5:
         return both_ways(wanted, s, c)
     volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
-    s[S_U1] = valve_command(wanted, s[S_P1], volume, c)
-    s[S_RATE1] = reached(wanted, s[S_P1], volume, c)
+    s[S_U1] = valve_command(wanted, s[S_P1], volume, s, c)
+    s[S_RATE1] = reached(wanted, s[S_P1], volume, s, c)
     return s[S_RATE1]
 
 
 def drive_2(wanted, s, c):
     """Set the command of the valve of chamber 2 likewise."""
     volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-    s[S_U2] = valve_command_2(wanted, s[S_P2], volume, c)
-    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, c)
+    s[S_U2] = valve_command_2(wanted, s[S_P2], volume, s, c)
+    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, s, c)
     return s[S_RATE2]
 
 

@@ -5,18 +5,20 @@
 
 enum { @STATE@ };
 
+enum { L_STATES = @STATES@ };
+
 enum { @PARAMETERS@ };
 @OWN@
-static const double PARAMETERS[] = {
+static const @REAL@ PARAMETERS[] = {
 @NUMBERS@
 };
 
-static double smaller(double a, double b)
+static @REAL@ smaller(@REAL@ a, @REAL@ b)
 {
     return b < a ? b : a;
 }
 
-static double larger(double a, double b)
+static @REAL@ larger(@REAL@ a, @REAL@ b)
 {
     return b > a ? b : a;
 }
@@ -26,14 +28,40 @@ static double larger(double a, double b)
 void pneucli_controller_init(pneucli_controller *c)
 {
     int i;
-    for (i = 0; i < (int)(sizeof c->state / sizeof c->state[0]); ++i) {
-        c->state[i] = 0.0;
+    for (i = 0; i < L_STATES; ++i) {
+        c->state[i] = 0;
     }
 }
 
-void pneucli_controller_step(pneucli_controller *c, double x_ref, double x, double p1, double p2, double u[2])
+void pneucli_controller_set_supply(pneucli_controller *c, @REAL@ p)
 {
-    @STEP@(x_ref, x, p1, p2, c->state, PARAMETERS);
-    u[0] = c->state[S_U1];
-    u[1] = c->state[S_U2];
+    set_supply(p, c->state, PARAMETERS);
+}
+
+void pneucli_controller_enable(pneucli_controller *c, int on)
+{
+    enable(on ? 1 : 0, c->state);
+}
+
+void pneucli_controller_hold(pneucli_controller *c, int on)
+{
+    pause(on ? 1 : 0, c->state);
+}
+
+void pneucli_controller_reset(pneucli_controller *c, @REAL@ x, @REAL@ p1, @REAL@ p2, const @REAL@ u[2])
+{
+    reset(x, p1, p2, u[0], u[1], c->state, PARAMETERS);
+}
+
+void pneucli_controller_step(pneucli_controller *c, @REAL@ x_ref, @REAL@ x, @REAL@ p1, @REAL@ p2, @REAL@ u[2])
+{
+    @REAL@ *s = c->state;
+    if (s[S_OFF] > 0) {
+        shut(s, PARAMETERS);
+    } else {
+        @STEP@(asked(x_ref, x, p1, p2, s, PARAMETERS), x, p1, p2, s, PARAMETERS);
+        finish(s, PARAMETERS);
+    }
+    u[0] = s[S_U1];
+    u[1] = s[S_U2];
 }

@@ -1,34 +1,48 @@
-/* Controller of the pipeline {pipeline}, written by pneucli {version}: {law}.
+/* Controller of the pipeline @PIPELINE@, written by pneucli @VERSION@: @LAW@.
  * C99, no allocation, no library but math.h.
  *
  *     static pneucli_controller controller;
- *     double u[2];
+ *     @REAL@ u[2];
  *     pneucli_controller_init(&controller);
  *     every PNEUCLI_CONTROLLER_PERIOD_S: pneucli_controller_step(&controller, x_ref, x, p1, p2, u);
  */
 #ifndef PNEUCLI_CONTROLLER_H
 #define PNEUCLI_CONTROLLER_H
 
-#define PNEUCLI_CONTROLLER_PERIOD_S {period}
-#define PNEUCLI_CONTROLLER_VALVES {valves}
+#define PNEUCLI_CONTROLLER_PERIOD_S @PERIOD@
+#define PNEUCLI_CONTROLLER_VALVES @VALVES@
+#define PNEUCLI_CONTROLLER_HASH "@HASH@"
 
 #ifdef __cplusplus
-extern "C" {{
+extern "C" {
 #endif
 
-typedef struct {{
-    double state[{states}];
-}} pneucli_controller;
+typedef struct {
+    @REAL@ state[@STATES@];
+} pneucli_controller;
 
-/* Forget everything; the next step starts from its readings, at rest. */
+/* Forget everything; the next step starts from its readings, at rest. Enabled, not held, supply as designed. */
 void pneucli_controller_init(pneucli_controller *c);
 
 /* One sample: reference and position in m, pressures absolute in Pa; commands in V. u[1] = 0 where there is one valve.
  * A reading that is not finite or out of range is bridged by what the controller expects. */
-void pneucli_controller_step(pneucli_controller *c, double x_ref, double x, double p1, double p2, double u[2]);
+void pneucli_controller_step(pneucli_controller *c, @REAL@ x_ref, @REAL@ x, @REAL@ p1, @REAL@ p2, @REAL@ u[2]);
+
+/* The measured supply pressure, absolute in Pa, before a step where there is a new one. Without it, that of the design. */
+void pneucli_controller_set_supply(pneucli_controller *c, @REAL@ p);
+
+/* off (0): steps shut the valves and control nothing. on: the next step starts from its readings, without a bump. */
+void pneucli_controller_enable(pneucli_controller *c, int on);
+
+/* on: stop as fast as the reference may and stay there, whatever x_ref is. off (0): go on to x_ref. */
+void pneucli_controller_hold(pneucli_controller *c, int on);
+
+/* Start from an axis that rests under the commands u, those of a hand or of another controller: the next step's commands
+ * are u, and what is then changed fades in. */
+void pneucli_controller_reset(pneucli_controller *c, @REAL@ x, @REAL@ p1, @REAL@ p2, const @REAL@ u[2]);
 
 #ifdef __cplusplus
-}}
+}
 #endif
 
 #endif

@@ -1,9 +1,10 @@
-/* Replay a file of test vectors (x_ref,x,p1,p2,u1,u2 a line, one header line) through the controller.
+/* Replay a file of test vectors through the controller: x_ref,x,p1,p2,u1,u2,supply,duty a line, one header line; the
+ * last two may be left out. duty: 0 run, 1 hold, 2 not enabled, 3 reset from these readings and the last commands.
  *
  *     cc -std=c11 -O2 pneucli_replay.c pneucli_controller.c -lm -o replay && ./replay pneucli_replay.csv
  *
  * Prints the number of samples, the largest difference of a command in V, and the longest and mean time of a step in s.
- * Exit code 1 where a command differs by more than 1e-9 V.
+ * Exit code 1 where a command differs by more than the limit, 1e-9 V unless a second argument says otherwise.
  */
 #include "pneucli_controller.h"
 
@@ -19,38 +20,54 @@ static double now(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+static void operate(pneucli_controller *c, const double value[8], const @REAL@ u[2])
+{
+    int duty = (int)value[7];
+    if (value[6] > 0.0) {
+        pneucli_controller_set_supply(c, (@REAL@)value[6]);
+    }
+    pneucli_controller_enable(c, duty != 2);
+    pneucli_controller_hold(c, duty == 1);
+    if (duty == 3) {
+        pneucli_controller_reset(c, (@REAL@)value[1], (@REAL@)value[2], (@REAL@)value[3], u);
+    }
+}
+
 int main(int argc, char **argv)
 {
     static pneucli_controller controller;
     char line[512];
     long samples = 0;
-    double worst = 0.0, longest = 0.0, total = 0.0;
-    FILE *file = argc == 2 ? fopen(argv[1], "r") : NULL;
+    double worst = 0.0, longest = 0.0, total = 0.0, limit = argc > 2 ? strtod(argv[2], NULL) : 1e-9;
+    @REAL@ u[2] = {0, 0};
+    FILE *file = argc >= 2 ? fopen(argv[1], "r") : NULL;
     if (file == NULL || fgets(line, sizeof line, file) == NULL) {
-        fprintf(stderr, "usage: %s pneucli_replay.csv\n", argv[0]);
+        fprintf(stderr, "usage: %s pneucli_replay.csv [limit in V]\n", argv[0]);
         return 2;
     }
     pneucli_controller_init(&controller);
     while (fgets(line, sizeof line, file) != NULL) {
-        double value[6], u[2], start, took;
+        double value[8] = {0.0}, start, took;
         char *rest = line;
         int i;
-        for (i = 0; i < 6; ++i) {
+        for (i = 0; i < 8; ++i) {
             value[i] = strtod(rest, &rest);
             rest += *rest == ',';
         }
+        operate(&controller, value, u);
         start = now();
-        pneucli_controller_step(&controller, value[0], value[1], value[2], value[3], u);
+        pneucli_controller_step(
+            &controller, (@REAL@)value[0], (@REAL@)value[1], (@REAL@)value[2], (@REAL@)value[3], u);
         took = now() - start;
         total += took;
         longest = took > longest ? took : longest;
         for (i = 0; i < 2; ++i) {
-            double off = fabs(u[i] - value[4 + i]);
+            double off = fabs((double)u[i] - value[4 + i]);
             worst = off <= worst ? worst : off;
         }
         ++samples;
     }
     fclose(file);
     printf("%ld %.17g %.3g %.3g\n", samples, worst, longest, samples > 0 ? total / (double)samples : 0.0);
-    return worst <= 1e-9 ? 0 : 1;
+    return worst <= limit ? 0 : 1;
 }

@@ -9,6 +9,7 @@ from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.comparison import section as comparison
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.friction import section as friction
+from pneucli.report.sections.logs import section as logs
 from pneucli.report.sections.measured import section as measured
 from pneucli.report.sections.open_loop import section as open_loop
 from pneucli.report.sections.parameters import section as parameters
@@ -28,6 +29,7 @@ SECTIONS: tuple[SectionMaker, ...] = (
     valve,
     friction,
     closed_loop,
+    logs,
     bench,
     robustness,
     open_loop,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.compare.channels import fit_percent
-from pneucli.quantities import CHANNELS
+from pneucli.quantities import CHANNELS, COMMANDS
 from pneucli.report.decimate import broken, envelope
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
@@ -48,7 +48,7 @@ def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[s
     before = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in earlier}
     for c in test_first(channels):
         ratios.setdefault((c["recording"], c["use"]), {})[c["channel"]] = c["ratio_to_noise"]
-    names = [name for name in CHANNELS if any(name in known for known in ratios.values())]
+    names = [name for name in (*CHANNELS, *COMMANDS) if any(name in known for known in ratios.values())]
     rows = [
         [
             Cell(recording, numeric=False),

@@ -1,0 +1,194 @@
+"""What is done around a law's sample on a machine: enable, hold, a start without a bump, the measured supply.
+
+In the scalar code of :mod:`pneucli.design.step`: the simulation runs it around every law, the exports write it.
+"""
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+# ruff: noqa: F403, F405, ANN
+
+from __future__ import annotations
+
+import math
+
+from pneucli.design.layout import *
+from pneucli.design.plant import clamp, per_area, sign, usable
+from pneucli.design.step import pressure_force, start
+
+
+def set_supply(p, s, c):
+    """Take a measured supply pressure in Pa; one that cannot be is passed over."""
+    if usable(p, 1.1 * c[C_AMBIENT], 3.0 * c[C_SUPPLY]):
+        s[S_SUPPLY] = p
+
+
+def enable(on, s):
+    """Begin to control, or shut the valves. What begins anew starts from the state of its next readings."""
+    if on > 0.5 and s[S_OFF] > 0.5:
+        s[S_RESET] = 2.0
+    s[S_OFF] = 0.0 if on > 0.5 else 1.0
+
+
+def pause(on, s):
+    """Stop as fast as the reference may and stay there, or go on to the reference."""
+    if on < 0.5:
+        s[S_PAUSED] = 0.0
+    elif s[S_PAUSED] < 0.5:
+        s[S_PAUSED] = 1.0
+
+
+def null_1(c):
+    """Return the command in V at which the valve of chamber 1 is shut."""
+    return 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_NODES])])
+
+
+def null_2(c):
+    """Return the same for the valve of chamber 2, 0 where there is none."""
+    begin: int = C_TABLE + 2 * int(c[C_NODES])
+    return 0.5 * (c[begin] + c[begin + int(c[C_NODES])]) if c[C_TWO_VALVES] > 0.5 else 0.0
+
+
+def area_at(u, begin: int, c):
+    """Return the share of the largest area that a command in V opens, by the inverse table that begins there."""
+    nodes: int = int(c[C_NODES])
+    way = sign(c[begin + nodes - 1] - c[begin])
+    last: int = 0
+    for i in range(nodes - 1):
+        if (u - c[begin + i]) * way >= 0.0:
+            last = i
+    width = (c[begin + last + 1] - c[begin + last]) * way
+    part = clamp((u - c[begin + last]) * way / width, 0.0, 1.0) if width > 0.0 else 0.0
+    place = (last + part) / (nodes - 1)
+    return place * place
+
+
+def flow_at(u, null, p, volume, fill, vent, table: int, s, c):
+    """Return dp/dt in Pa/s that a command in V makes of a chamber."""
+    if u >= null:
+        return fill * area_at(u, table, c) * per_area(True, p, volume, s, c)
+    return -vent * area_at(u, table + int(c[C_NODES]), c) * per_area(False, p, volume, s, c)
+
+
+def standing(x, s, c):
+    """Return the force in N that holds a resting piston against its pressures, beside what an end stop carries."""
+    force = pressure_force(s, c)
+    if x <= 0.005 * c[C_STROKE]:
+        return -max(force, 0.0)
+    if x >= 0.995 * c[C_STROKE]:
+        return -min(force, 0.0)
+    return -force
+
+
+def opposite_flow(u, volume, s, c):
+    """Return dp/dt in Pa/s of chamber 2 where the other way of the one spool drives it, at a command in V."""
+    if u >= null_1(c):
+        return -c[C_AREA_VENT_2] * area_at(u, C_TABLE, c) * per_area(False, s[S_P2], volume, s, c)
+    return c[C_AREA_FILL_2] * area_at(u, C_TABLE + int(c[C_NODES]), c) * per_area(True, s[S_P2], volume, s, c)
+
+
+def follow(u1, u2, s, c):
+    """Take u1, u2 (V) as the last commands: what the valves then make of the pressures, as the observers need it."""
+    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
+    s[S_RATE1] = flow_at(u1, null_1(c), s[S_P1], volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
+    volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+    begin: int = C_TABLE + 2 * int(c[C_NODES])
+    if c[C_MIRRORED] > 0.5:
+        s[S_RATE2] = opposite_flow(u1, volume, s, c)
+    if c[C_TWO_VALVES] > 0.5:
+        s[S_RATE2] = flow_at(u2, null_2(c), s[S_P2], volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, s, c)
+
+
+def balance(s, c):
+    """Take pressures and piston as at rest: something else takes away what the valves make and the pressures push."""
+    s[S_LOAD] = standing(s[S_X], s, c)
+    s[S_INTEGRAL] = -s[S_LOAD]
+    s[S_FLOW1] = -s[S_RATE1]
+    s[S_INTEGRAL1] = s[S_RATE1]
+    s[S_FLOW2] = -s[S_RATE2]
+    s[S_INTEGRAL2] = s[S_RATE2]
+
+
+def forget(s):
+    """Forget all but the supply, whether it is enabled, and whether it shall hold."""
+    off = s[S_OFF]
+    paused = s[S_PAUSED]
+    supply = s[S_SUPPLY]
+    for i in range(L_STATES):
+        s[i] = 0.0
+    s[S_OFF] = off
+    s[S_PAUSED] = min(paused, 1.0)
+    s[S_SUPPLY] = supply
+
+
+def reset(x, p1, p2, u1, u2, s, c):
+    """Start from an axis that rests at x (m), p1, p2 (Pa) under the commands u1, u2 (V), without a bump.
+
+    Forces and flows are in balance then: what is left over is the load's and the foreign flow's estimate, or the
+    integrals'. What the law's first command still differs by from u1, u2 is carried over and fades.
+    """
+    forget(s)
+    start(x, x, p1, p2, s, c)
+    s[S_U1] = u1
+    s[S_U2] = u2 if c[C_TWO_VALVES] > 0.5 else 0.0
+    follow(u1, u2, s, c)
+    balance(s, c)
+    s[S_REST] = 1.0
+    s[S_RESET] = 1.0
+    s[S_CARRY1] = u1
+    s[S_CARRY2] = u2
+
+
+def asked(x_ref, x, p1, p2, s, c):
+    """Return what the law is asked for: the reference, or where the axis shall hold.
+
+    An axis that was off starts; one that starts within reach of its reference has no way to go.
+    """
+    if s[S_RESET] > 1.5:
+        reset(x, p1, p2, null_1(c), null_2(c), s, c)
+    if s[S_RESET] > 0.5 and math.fabs(x_ref - s[S_X]) < c[C_REACH]:
+        s[S_X_SHAPED] = x_ref
+        s[S_X_REF] = x_ref
+    if s[S_PAUSED] > 0.5 and s[S_PAUSED] < 1.5:
+        s[S_PAUSE_AT] = stop_at(x, s, c)
+        if math.isfinite(s[S_PAUSE_AT]):
+            s[S_PAUSED] = 2.0
+    return s[S_PAUSE_AT] if s[S_PAUSED] > 0.5 else x_ref
+
+
+def stop_at(x, s, c):
+    """Return where the shaped reference comes to rest if it stops now, in m; the pressure asked for where it is one."""
+    if c[C_PRESSURE] > 0.5:
+        return s[S_P1_REF]
+    if s[S_STARTED] < 0.5:
+        return x
+    way = 0.5 * s[S_V_SHAPED] * math.fabs(s[S_V_SHAPED]) / c[C_A_MAX]
+    return clamp(s[S_X_SHAPED] + way, 0.0, c[C_STROKE])
+
+
+def carried(u, carry: int, table: int, s, c):
+    """Return a command in V with what it is off by for the sake of a smooth start, within the valve's range."""
+    if s[S_RESET] > 0.5:
+        s[carry] -= u
+    nodes: int = int(c[C_NODES])
+    return clamp(u + s[carry], c[table + 2 * nodes - 1], c[table + nodes - 1])
+
+
+def fade(s, c):
+    """Let what is carried over from the start fade, four times slower than the pressure loop answers."""
+    s[S_RESET] = 0.0
+    s[S_CARRY1] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_CARRY1]
+    s[S_CARRY2] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_CARRY2]
+
+
+def shut(s, c):
+    """Set the commands of an axis that is not enabled: its valves are shut."""
+    s[S_STARTED] = 0.0
+    s[S_U1] = null_1(c)
+    s[S_U2] = null_2(c)
+
+
+def finish(s, c):
+    """Set the commands that go out: those of the law and what is carried over."""
+    if s[S_RESET] > 0.5 or s[S_CARRY1] != 0.0 or s[S_CARRY2] != 0.0:
+        s[S_U1] = carried(s[S_U1], S_CARRY1, C_TABLE, s, c)
+        if c[C_TWO_VALVES] > 0.5:
+            s[S_U2] = carried(s[S_U2], S_CARRY2, C_TABLE + 2 * int(c[C_NODES]), s, c)
+        fade(s, c)
