@@ -11,7 +11,7 @@ import typer
 
 from pneucli import words
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, opened
+from pneucli.cli.options import EXECUTORS, File, Json, Out, Quiet, Verbose, opened
 from pneucli.pipeline.graph import Stage
 from pneucli.words import plausibility
 
@@ -128,7 +128,7 @@ def _simulate(
     pipeline: File,
     executor: Annotated[
         str | None,
-        typer.Option("--executor", metavar="ADDRESS", help="Cluster for the Monte Carlo study: dask://host:port."),
+        typer.Option("--executor", metavar="WHERE", help=f"Where the Monte Carlo study runs: {EXECUTORS}."),
     ] = None,
     out: Out = None,
     json: Json = False,
