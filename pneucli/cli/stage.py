@@ -84,6 +84,14 @@ def _diagnose(
         list[str] | None,
         typer.Option("--exclude", metavar="EFFECT", help="Known not to be there (repeatable)."),
     ] = None,
+    since: Annotated[
+        Path | None,
+        typer.Option("--since", metavar="OLD", help="Which effect or parameter changed since this older pipeline."),
+    ] = None,
+    alarm_rate: Annotated[
+        float | None,
+        typer.Option("--alarm-rate", min=0.0, max=0.5, help="False alarms for each comparison (0.001), with --since."),
+    ] = None,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -96,8 +104,22 @@ def _diagnose(
         json,
         quiet,
         verbose,
-        {"exclude": sorted(set(exclude))} if exclude else {},
+        ({"exclude": sorted(set(exclude))} if exclude else {}) | _since(since, alarm_rate, quiet),
     )
+
+
+def _since(old: Path | None, alarm_rate: float | None, quiet: bool) -> dict[str, Any]:
+    """Return the options that ask what changed since ``old``, a pipeline (diagnosed first) or its artifacts."""
+    if old is None:
+        return {}
+    from pneucli.stages.since import option
+
+    if old.is_dir():
+        return option(old / "diagnose", alarm_rate)
+    pipeline = opened(old, None)
+    with console.progress(quiet) as progress:
+        pipeline.bring_up(["diagnose"], None, progress, console.hush if quiet else console.say)
+    return option(pipeline.artifacts / "diagnose", alarm_rate)
 
 
 def _design(

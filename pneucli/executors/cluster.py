@@ -109,8 +109,8 @@ def connected(address: str, identity: Identity | None = None) -> Iterator[Cluste
 def from_file(path: Path, identity: Identity | None = None) -> Iterator[Cluster]:
     """Start the cluster that a TOML file describes, yield it, and end it.
 
-    ``class`` is a dotted name such as ``dask_jobqueue.SLURMCluster``, ``options`` its arguments; so many
-    ``workers`` are asked for, or from ``minimum`` to ``maximum`` as there is work. Raises InputError where that cannot be done.
+    ``class`` is a dotted name such as ``dask_jobqueue.SLURMCluster``, ``options`` its arguments; so many ``workers``
+    are asked for, or from ``minimum`` to ``maximum`` as there is work. Raises InputError where that cannot be done.
     """
     _, tables = read(path)
     table = tables.get("cluster", {})
