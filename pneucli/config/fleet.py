@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr
 
-from pneucli.config.load import checked
+from pneucli.config.load import checked_as
 from pneucli.config.sizes import Table
 from pneucli.config.stages import CheckTable
 from pneucli.config.values import Name
+from pneucli.document import read
 
 
 class FleetTable(Table):
@@ -41,6 +42,7 @@ class FleetConfig(Table):
 
 def load_fleet(path: Path) -> FleetConfig:
     """Return the checked fleet file; raises InputError that names line and key of every fault."""
-    config = checked(path, FleetConfig)
+    text, document = read(path)
+    config = checked_as(FleetConfig, path, document, text)
     config._path = path.absolute()
     return config

@@ -30,15 +30,6 @@ def load(path: str | Path) -> PipelineConfig:
     Raises :class:`InputError` that names file, line and key of every fault, what was found, what is wanted, the mend.
     """
     path = Path(path)
-    _, document = read(path)
-    context = {"ambient_pressure": _ambient(document), "rotary": rotary(document)}
-    config = checked(path, PipelineConfig, context)
-    config._path, config._document, config._rotary = path, document, rotary(document)
-    return config
-
-
-def checked(path: Path, model: type[Model], context: Mapping[str, Any] | None = None) -> Model:
-    """Return the content of a TOML file as ``model``; raises InputError as :func:`load` does."""
     text, document = read(path)
     return checked(path, document, text)
 
@@ -48,6 +39,16 @@ def checked(path: Path, document: dict[str, Any], text: str = "") -> PipelineCon
 
     Raises InputError as :func:`load` does.
     """
+    context = {"ambient_pressure": _ambient(document), "rotary": rotary(document)}
+    config = checked_as(PipelineConfig, path, document, text, context)
+    config._path, config._document, config._rotary = path, document, rotary(document)
+    return config
+
+
+def checked_as(
+    model: type[Model], path: Path, document: dict[str, Any], text: str, context: Mapping[str, Any] | None = None
+) -> Model:
+    """Return the tables of a TOML file as ``model``; raises InputError as :func:`load` does."""
     unfit = islice(_unfit(document), MOST)
     if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
         raise join_faults(path, faults)
