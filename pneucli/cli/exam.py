@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json, Quiet
+from pneucli.cli.options import EXECUTORS, Json, Quiet
 from pneucli.exam import conditions
 
 
@@ -49,6 +49,10 @@ def _exam(
         ),
     ] = None,
     answer: Annotated[bool, typer.Option("--answer", help="Diagnose every case that has no answer yet.")] = False,
+    executor: Annotated[
+        str | None,
+        typer.Option("--executor", metavar="WHERE", help=f"Where cases are answered: {EXECUTORS}.", show_default=False),
+    ] = None,
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -57,7 +61,7 @@ def _exam(
 
     if answer:
         with console.progress(quiet) as progress:
-            result = exam.answer(directory, progress)
+            result = exam.answer(directory, progress, executor)
         words = _answered(result)
     if grade:
         result = exam.grade(directory)
