@@ -164,3 +164,19 @@ def test_a_file_of_a_cluster_that_cannot_be_is_refused(tmp_path: Path, text: str
     file.write_text(text)
     with pytest.raises(InputError, match=says), engine_from(str(file)):
         pass
+
+
+DYING = """\
+[cluster]
+class = "distributed.LocalCluster"
+options = { n_workers = 1, threads_per_worker = 1, dashboard_address = ":0", host = "127.0.0.1" }
+"""
+
+
+def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "cluster.toml"
+    file.write_text(DYING)
+    marks = [str(tmp_path / name) for name in "ab"]
+    with engine_from(str(file)) as engine:
+        assert sorted(o.result for o in stream(engine, die_once, deque(marks))) == marks

@@ -48,6 +48,16 @@ def _exam(
             show_default=False,
         ),
     ] = None,
+    like: Annotated[
+        Path | None,
+        typer.Option(
+            "--like",
+            metavar="PIPELINE",
+            help="Cases like this rig, its recordings and its noise: each effect at several sizes, and none.",
+            show_default=False,
+        ),
+    ] = None,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="Of each effect at each size, with --like (3).")] = 3,
     answer: Annotated[bool, typer.Option("--answer", help="Diagnose every case that has no answer yet.")] = False,
     executor: Annotated[
         str | None,
@@ -57,7 +67,7 @@ def _exam(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    from pneucli.stages import exam
+    from pneucli.stages import exam, exam_like
 
     if answer:
         with console.progress(quiet) as progress:
@@ -66,7 +76,14 @@ def _exam(
     if grade:
         result = exam.grade(directory)
         words = exam.to_markdown(result).rstrip()
-    if not (answer or grade):
+        if (told := exam_like.tell(directory, directory / exam.ANSWERS)) is not None:
+            result = result | {"like": told}
+            words = f"{words}\n\n{exam_like.read_page(directory / exam.ANSWERS)}"
+    if like is not None and not (answer or grade):
+        with console.progress(quiet) as progress:
+            result = exam_like.write(directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress)
+        words = f"wrote {len(result['cases'])} cases like {result['like']} into {directory}"
+    elif not (answer or grade):
         result = exam.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
         words = (
             f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
