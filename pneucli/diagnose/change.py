@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 ALARM_RATE = 1e-3  # false alarms for each rig and comparison
 UNEXPLAINED = "unexplained"  # the name of what changed where nothing of the model or the catalogue accounts for it
+CARRIED = 0.5  # of a change, at least, by the side on which a one-sided effect is larger
 LEAST = 1e-12  # of what a block alone says of an effect, that others say as well
 NOISE_KNOWN = 0.1  # the standard error of the logarithm of the noise's power, as two recordings' noise is estimated
 _AREA = re.compile(r"(valve(?:_2)?\.effective_area)\(.+\)")
@@ -118,9 +119,17 @@ class Comparison:
         difference = _places(self.new, starts) - _places(self.old, starts)
         parts = np.concatenate([_parts(one, starts, contrast) for one in (self.old, self.new)])
         error = float(np.sqrt(np.sum(parts**2)))
+        size = float(contrast @ difference)
         if not np.isfinite(error) or error <= 0.0:
             return None
-        return Tested(hypothesis, float(contrast @ difference), error, effective_number(parts))
+        if hypothesis.start is not None and not self._can_be(hypothesis.start, size):
+            size = 0.0
+        return Tested(hypothesis, size, error, effective_number(parts))
+
+    def _can_be(self, start: int, size: float) -> bool:
+        """Whether the effect is there on the side on which it would be larger: a leak does not fall below none."""
+        side = self.new if size > 0.0 else self.old
+        return not side.starts[start].one_sided or float(side.steps[start]) > CARRIED * abs(size)
 
     def level(self) -> Tested:
         """Return how the logarithm of the mean square residual differs, block by block where both have as many."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pneucli.identify.effects import changes, free_parameters, starts
 from pneucli.identify.fit import Fit, Problem, fit
 from pneucli.identify.least_squares import inverse
+from pneucli.identify.parameters import null_value
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.physics.scales import Facts
@@ -44,10 +45,14 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Start:
-    """An effect at typical values (by EFFECT.PARAMETER), which one step turns on by degrees."""
+    """An effect at typical values (by EFFECT.PARAMETER), which one step turns on by degrees.
+
+    ``one_sided``: its null is a bound, so that a step below none means nothing.
+    """
 
     effect: str
     values: Mapping[str, float]
+    one_sided: bool = False
 
 
 @dataclass(frozen=True)
@@ -158,7 +163,9 @@ def _coordinate(found: Fit, name: str, unit: str, logarithmic: bool) -> Coordina
 def _starts(effects: Mapping[str, Effect], found: Fit, views: Sequence[View]) -> Iterable[Start]:
     facts: Facts = facts_of(found.model, [v.experiment for v in views])
     for name, effect in effects.items():
-        yield from (Start(name, values) for values in starts(effect, facts, found.model.rig.known))
+        alone = [p for p in effect.parameters if p.null is not None]
+        only = len(alone) == 1 and null_value(alone[0], found.model) == alone[0].on(facts).lower
+        yield from (Start(name, values, only) for values in starts(effect, facts, found.model.rig.known))
 
 
 def _changes(

@@ -20,6 +20,7 @@ from pneucli.exam.conditions import Conditions
 from pneucli.exam.hidden import BY_NAME, MOTION
 from pneucli.exam.laboratory import Take
 from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.run import Manoeuvre
 
 FIRST = date(2026, 1, 1)
 SAMPLES = {"stickslip": 3000, "driven": 2500}  # ms of a take
@@ -94,8 +95,9 @@ def _record(directory: Path, axis: Axis, dates: int) -> list[dict[str, str]]:
 
 
 def _short(take: Take) -> Take:
-    samples = SAMPLES[take.name.split("_")[0]]
-    return replace(take, manoeuvre=replace(take.manoeuvre, command=take.manoeuvre.command[:samples]))
+    samples, manoeuvre = SAMPLES[take.name.split("_")[0]], take.manoeuvre
+    assert isinstance(manoeuvre, Manoeuvre)
+    return replace(take, manoeuvre=replace(manoeuvre, command=manoeuvre.command[:samples]))
 
 
 def changed_by(axis: Axis, par: Parameters) -> Parameters:

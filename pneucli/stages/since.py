@@ -119,6 +119,7 @@ def write_reference(study: Study, made: Reference) -> None:
             "value": np.array([*(c.value for c in made.coordinates), *nothing, np.nan], dtype=np.float64),
             "logarithmic": np.array([*(c.logarithmic for c in made.coordinates), *[False] * (m + 1)]),
             "at_bound": np.array([*(c.at_bound for c in made.coordinates), *[False] * (m + 1)]),
+            "one_sided": np.array([*[False] * k, *(s.one_sided for s in made.starts), False]),
             "values": [*["{}"] * k, *(json.dumps(dict(s.values)) for s in made.starts), "{}"],
             "step": np.array([*[np.nan] * k, *made.steps, np.nan], dtype=np.float64),
             "power": np.array([*[np.nan] * k, *made.power, np.nan], dtype=np.float64),
@@ -145,7 +146,7 @@ def read_reference(path: Path) -> Reference:
     k = mine.size
     return Reference(
         coordinates=tuple(_coordinate(table, int(i)) for i in mine),
-        starts=tuple(Start(str(table["name"][i]), json.loads(str(table["values"][i]))) for i in theirs),
+        starts=tuple(_start(table, int(i)) for i in theirs),
         influence=stacked("blocks", mine, level.size).T,
         working=stacked("vector", mine, k),
         steps=np.asarray(table["step"], dtype=np.float64)[theirs],
@@ -154,6 +155,10 @@ def read_reference(path: Path) -> Reference:
         bias=stacked("vector", theirs, k).T,
         levels=level,
     )
+
+
+def _start(table: Mapping[str, Any], i: int) -> Start:
+    return Start(str(table["name"][i]), json.loads(str(table["values"][i])), bool(table["one_sided"][i]))
 
 
 def _coordinate(table: Mapping[str, Any], i: int) -> Coordinate:

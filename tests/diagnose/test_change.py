@@ -122,3 +122,16 @@ def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_togeth
     assert [h.name for h in Comparison(*valves).hypotheses] == [*names, "valve.effective_area", "bend"]
     bound = replace(sides[0], coordinates=(replace(sides[0].coordinates[0], at_bound=True), sides[0].coordinates[1]))
     assert [h.name for h in Comparison(bound, sides[1]).hypotheses] == ["b", "bend"]
+
+
+def test_an_effect_that_cannot_fall_below_none_is_not_named_for_doing_so() -> None:
+    rng = np.random.default_rng(9)
+    sides = [linear(rng, (1.0, 2.0), effect) for effect in (0.0, -1.0, 1.0)]
+    none, below, there = (replace(s, starts=(replace(s.starts[0], one_sided=True),)) for s in sides)
+
+    def chance(old: Reference, new: Reference) -> float:
+        return next(t.p_value for t in Comparison(old, new).tested() if t.hypothesis.name == "bend")
+
+    assert chance(none, below) == 1.0
+    assert chance(none, there) < 1e-6
+    assert chance(there, none) < 1e-6  # it was there, and has gone
