@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -180,3 +182,30 @@ def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
     marks = [str(tmp_path / name) for name in "ab"]
     with engine_from(str(file)) as engine:
         assert sorted(o.result for o in stream(engine, die_once, deque(marks))) == marks
+
+
+ORPHANS = """
+import os, sys, time
+from collections import deque
+from pneucli.executors import Processes, stream
+if __name__ == "__main__":
+    engine = Processes(1)
+    print(engine.submit(os.getpid).result(), flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks at processes as Linux shows them")
+def test_workers_end_when_their_client_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "client.py"
+    script.write_text(ORPHANS)
+    with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True) as client:
+        assert client.stdout is not None
+        worker = Path("/proc") / client.stdout.readline().strip()
+        assert worker.exists()
+        client.kill()
+    for _ in range(100):
+        if not worker.exists() or " Z " in (worker / "stat").read_text(encoding="utf-8"):
+            return
+        time.sleep(0.1)
+    pytest.fail("the worker lives on")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import Any, Protocol
 
 from pneucli.executors.cluster import Identity, connected, from_file
@@ -96,8 +97,15 @@ class Processes(Local):
 
 
 def _alone() -> None:
-    """Let a worker use one core: as many of them run as there are."""
+    """Let a worker use one core, as many of them run as there are, and end when its client does, however that ends."""
     os.environ[THREADS] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+    Thread(target=_leave_with_client, daemon=True).start()
+
+
+def _leave_with_client() -> None:
+    if (client := multiprocessing.parent_process()) is not None:
+        client.join()
+        os._exit(1)
 
 
 @contextmanager
