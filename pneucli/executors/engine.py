@@ -89,11 +89,21 @@ class Threads(Local):
 
 
 class Processes(Local):
-    """Processes of this machine, each with one thread: whole pipelines hold the interpreter's lock most of the time."""
+    """Processes of this machine, each with one thread: whole pipelines hold the interpreter's lock most of the time.
+
+    Where they can be forked, a server loads the module ``preload`` once for all, so that a new worker is there at once.
+    """
+
+    def __init__(self, slots: int, preload: str | None = None) -> None:
+        self._preload = preload
+        super().__init__(slots)
 
     def _made(self) -> Executor:
-        way = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-        return ProcessPoolExecutor(self.slots, multiprocessing.get_context(way), initializer=_alone)
+        forks = "forkserver" in multiprocessing.get_all_start_methods()
+        context = multiprocessing.get_context("forkserver" if forks else "spawn")
+        if forks and self._preload:
+            context.set_forkserver_preload([self._preload])
+        return ProcessPoolExecutor(self.slots, context, initializer=_alone)
 
 
 def _alone() -> None:
@@ -109,15 +119,17 @@ def _leave_with_client() -> None:
 
 
 @contextmanager
-def engine_from(name: str | None, identity: Identity | None = None, *, brief: bool = False) -> Iterator[Engine]:
+def engine_from(
+    name: str | None, identity: Identity | None = None, *, brief: bool = False, preload: str | None = None
+) -> Iterator[Engine]:
     """Yield what ``--executor`` names: ``local`` (or None), ``dask://host:port``, or a TOML file of a cluster.
 
-    Locally jobs run in processes, in threads where all is so ``brief`` that starting processes takes longer. On a
+    Locally jobs run in processes that have loaded the module ``preload``, in threads where all is ``brief``. On a
     cluster, ``identity`` is run here and on every worker and must say the same. Raises InputError for a name that is
     none of these, where the extra ``cluster`` is missing, where no cluster answers, and where a worker differs.
     """
     if name is None or name == LOCAL:
-        engine = (Threads if brief else Processes)(workers())
+        engine = Threads(workers()) if brief else Processes(workers(), preload)
         try:
             yield engine
         finally:

@@ -106,7 +106,7 @@ def answer(directory: Path, progress: Progress = silent, executor: str | None = 
 
 def _answer_all(lacking: deque[Job], executor: str | None, progress: Progress) -> None:
     total = len(lacking)
-    with engine_from(executor, identity) as engine:
+    with engine_from(executor, identity, preload=__name__) as engine:
         for done, outcome in enumerate(stream(engine, answer_case, lacking), 1):
             if isinstance(outcome.error, ChildProcessError):
                 _, answers, case = outcome.job

@@ -19,6 +19,7 @@ from pneucli.exam.rig.sensors import Sensors
 from pneucli.io.artifacts import atomic_path
 from pneucli.pipeline.context import Context, Progress, silent
 from pneucli.pipeline.runner import open_pipeline
+from pneucli.pipeline.staleness import program_digest
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
@@ -48,7 +49,12 @@ def write(
     config = load(pipeline)
     study = Study(Context(pipeline, config, opened.artifacts, opened.artifacts, answers=answers))
     bench = bench_of(study, load_model(opened.artifacts / "identify", study.rig, study.effects))
-    about = {"like": opened.name, "effects_known": list(bench.effects)}
+    about = {
+        "like": opened.name,
+        "seed_from": "given",
+        "program": program_digest(),
+        "effects_known": list(bench.effects),
+    }
     names = like.write_like(directory, bench, sizes, repeats, nulls, seed, about)
     return {"schema": "pneucli/exam-written/1", "directory": str(directory), "like": opened.name, "seed": seed,
             "sizes": list(sizes), "cases": names}  # fmt: skip

@@ -46,7 +46,7 @@ def run(
     with lock.held(out, say):
         begun = time.monotonic()
         if fleet.lacking():
-            with engine_from(executor, identity) as engine:
+            with engine_from(executor, identity, preload=fleet_row.__name__) as engine:
                 fleet.do(engine, progress)
         return _written(fleet, time.monotonic() - begun)
 

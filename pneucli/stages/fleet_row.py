@@ -25,7 +25,7 @@ from pneucli.pipeline.identity import identity
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 from pneucli.pipeline.staleness import FILE as MANIFEST
 from pneucli.pipeline.staleness import digest, program_digest
-from pneucli.stages import since
+from pneucli.stages import diagnose, ingest, since
 from pneucli.stages.load import load
 from pneucli.stages.study import MODEL_FILE
 
@@ -45,6 +45,7 @@ EMPTY: Mapping[str, Any] = {
     "cause": None,
 }
 # what a fleet asks of a rig's own report: no controllers
+LOADED = (ingest, diagnose)  # with this module, so that a worker that is forked from it has them
 STAGES_OF_ROW = STAGES | {"report": replace(STAGES["report"], optional=("diagnose",))}
 
 
