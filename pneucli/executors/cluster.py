@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import socket
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError, Future
@@ -18,6 +19,7 @@ from pneucli.errors import InputError
 
 PATIENCE = 5.0  # s, until a cluster has answered
 STARTING = 600.0  # s, until the first worker of a queue has started
+LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
 KEYS = ("class", "workers", "minimum", "maximum", "options")
 Identity = Callable[[], Mapping[str, str]]
 
@@ -98,7 +100,7 @@ def connected(address: str, identity: Identity | None = None) -> Iterator[Cluste
     Raises InputError for another address, where nobody answers, where there are no workers, or one differs.
     """
     require_cluster(address)
-    with _client(address) as client:
+    with _hushed(), _client(address) as client:
         if not client.scheduler_info()["workers"]:
             mend = "start one: dask worker HOST:PORT"
             raise InputError("--executor", f"the cluster at {address} has no workers", "at least one", mend)
@@ -122,10 +124,24 @@ def from_file(path: Path, identity: Identity | None = None) -> Iterator[Cluster]
         cluster = make(**table.get("options", {}))
     except Exception as error:  # whatever a queueing system may say
         raise InputError(f"{path}, key cluster.options", f"{type(error).__name__}: {error}") from error
-    with cluster, client_of(cluster) as client:
+    with _hushed(), cluster, client_of(cluster) as client:
         _grow(cluster, table)
         _wait(client, path)
         yield Cluster(client, str(path), identity)
+
+
+@contextmanager
+def _hushed() -> Iterator[None]:
+    """Let Dask's loggers say nothing meanwhile: what is lost and done again is no news, what matters is raised."""
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    before = [one.level for one in loggers]
+    for one in loggers:
+        one.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for one, level in zip(loggers, before, strict=True):
+            one.setLevel(level)
 
 
 def _grow(cluster: Any, table: Mapping[str, Any]) -> None:
