@@ -38,7 +38,7 @@ SCHEMA = "pneucli/exam-like/1"
 
 @dataclass(frozen=True)
 class Recorded:
-    """One recording of the user's: what it was, its time (s) and its command (V from the null) or position (m)."""
+    """One recording of the user's: what it was, its time (s) and its opening (V, + fills) or position (m)."""
 
     name: str
     experiment: Literal["valve", "friction", "axis"]
@@ -47,6 +47,7 @@ class Recorded:
     signal: Array
     pressures: tuple[float, float]  # Pa, absolute, at its start
     chamber_2_open: bool = False
+    chamber: Literal[1, 2] = 1  # of a valve test, the one whose valve, or port, is tested
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class Bench:
     has_cylinder: bool = True
     supply_recorded: bool = True
     linear_valve: bool = False
+    null: str | None = None
     effects: tuple[str, ...] = ()
     absent: frozenset[str] = frozenset()
 
@@ -117,9 +119,10 @@ def _case(folder: Path, bench: Bench, effect: Hidden | None, size: float, seed: 
         supply_recorded=bench.supply_recorded and (effect is None or effect.name != "supply-droop"),
         linear_valve=bench.linear_valve,
         effects=bench.effects,
+        null=bench.null,
         absent=bench.absent,
     )
-    takes = [Take(r.name, r.experiment, r.use, manoeuvre_of(bench, r)) for r in bench.recordings]
+    takes = [Take(r.name, r.experiment, r.use, manoeuvre_of(bench, r), r.chamber) for r in bench.recordings]
     laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
     return {

@@ -14,18 +14,19 @@ from pneucli.errors import InputError
 from pneucli.exam import like
 from pneucli.exam.cases import EXAM, SEALED
 from pneucli.exam.grading import graded_cases
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.io.artifacts import atomic_path
 from pneucli.pipeline.context import Context, Progress, silent
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.pipeline.staleness import program_digest
-from pneucli.recording import Recording
+from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_area import ValveArea
 from pneucli.stages.load import load
 from pneucli.stages.study import Study, load_model
 
+ARRANGED = {"one-chamber": ONE_CHAMBER, "5/3": FIVE_THREE, "two": TWO_VALVES}
 PAGE, ANSWER = "like.md", "like.json"
 Array = NDArray[np.float64]
 
@@ -63,9 +64,8 @@ def write(
 def bench_of(study: Study, model: Model) -> like.Bench:
     """Return the bench as the exam has it. Raises InputError for valves and recordings that it does not have."""
     where = str(study.context.path)
-    if study.rig.valve_arrangement != "one-chamber" or study.rig.valve_kind != "proportional":
-        found = f"a {study.rig.valve_kind} valve, arranged {study.rig.valve_arrangement}"
-        raise InputError(f"{where}, [rig.valve]", found, "one proportional valve on chamber 1, for --like")
+    if study.rig.valve_kind != "proportional":
+        raise InputError(f"{where}, [rig.valve]", f"a {study.rig.valve_kind} valve", "a proportional one, for --like")
     if unfit := [r.name for r in study.recordings if r.imposed or (r.kind.cylinder and "x" not in r)]:
         raise InputError(
             f"{where}, recording {unfit[0]}", "no motion that a position loop can follow", "x, not imposed"
@@ -74,12 +74,13 @@ def bench_of(study: Study, model: Model) -> like.Bench:
     return like.Bench(
         _parameters(study, model),
         _sensors(recordings),
-        tuple(_recorded(r, study.rig.valve_null, study.rig.ambient_pressure) for r in recordings),
+        tuple(_recorded(r, study.rig) for r in recordings),
         vessel=study.rig.vessel_volume if any(r.kind.vessel for r in recordings) else None,
         has_cylinder=any(r.kind.cylinder for r in recordings),
         supply_recorded=any("p_supply" in r for r in recordings),
         linear_valve=study.valve == "linear",
         effects=(),
+        null=f"{study.rig.valve_null:g} V" if study.rig.valve_null else None,
         absent=frozenset({"a"} if not any("a" in r for r in recordings) else ()),
     )
 
@@ -102,7 +103,9 @@ def _parameters(study: Study, model: Model) -> Parameters:
         "viscous": model.values.get("friction.viscous"),
     }
     stated = {name: float(value) for name, value in known.items() if value}
-    return usual._replace(**stated, **_valve(model.valve))
+    beside = {f"{name}_2": v for name, v in _valve(model.valve_2 or model.valve).items() if name != "command_range"}
+    arranged = {"arrangement": ARRANGED[rig.valve_arrangement], "command_null": rig.valve_null}
+    return usual._replace(**stated, **_valve(model.valve), **beside, **arranged)
 
 
 def _valve(valve: Any) -> dict[str, float]:
@@ -141,9 +144,9 @@ def _sensors(recordings: Sequence[Recording]) -> Sensors:
     )
 
 
-def _recorded(r: Recording, null: float, ambient: float) -> like.Recorded:
-    signal = r["u"] - null if r.kind.vessel else r["x"]
-    pressures = [float(r[name][0]) if name in r else ambient for name in ("p1", "p2")]
+def _recorded(r: Recording, rig: Rig) -> like.Recorded:
+    signal = rig.sense(r.chamber) * (r["u"] - rig.valve_null) if r.kind.vessel else r["x"]
+    pressures = [float(r[name][0]) if name in r else rig.ambient_pressure for name in ("p1", "p2")]
     return like.Recorded(
         r.name.replace("/", "_"),
         r.experiment,
@@ -152,6 +155,7 @@ def _recorded(r: Recording, null: float, ambient: float) -> like.Recorded:
         np.asarray(_filled(signal)),
         (pressures[0], pressures[1]),
         r.chamber_2 == "open",
+        r.chamber,
     )
 
 
