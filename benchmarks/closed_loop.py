@@ -26,7 +26,7 @@ from pneucli.design.closed_loop import Bench, Scenario, run
 from pneucli.design.controller import Controller
 from pneucli.design.metrics import measure
 from pneucli.design.scenarios import start_at
-from pneucli.executors import executor_from
+from pneucli.executors import engine_from
 from pneucli.physics.effects import catalogue, select
 from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
@@ -135,9 +135,9 @@ def monte_carlo(model: Model, controller: Controller, bench: Bench, runs: int) -
     scenarios = (scene(controller, STEPS),)
     study = robust.Study(axes, controller, scenarios, bench, runs, 0, robust.CHECKS)
     robust.run_one(study, 1)  # compiles
-    with tempfile.TemporaryDirectory() as place, executor_from(None) as threads:
+    with tempfile.TemporaryDirectory() as place, engine_from(None) as engine:
         start = time.perf_counter()
-        rows: list[dict[str, Any]] = robust.run_study(study, threads, Path(place))
+        rows: list[dict[str, Any]] = robust.run_study(study, engine, Path(place))
         took = time.perf_counter() - start
     few = max(runs // 10, 1)
     start = time.perf_counter()

@@ -1,19 +1,30 @@
-"""Clusters that are none, or that do not answer."""
+"""Engines: what is no cluster is refused, few jobs are under way at once, and a worker's death loses nothing."""
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from pneucli import executors
 from pneucli.errors import InputError
-from pneucli.executors import executor_from, require_cluster
+from pneucli.executors import Processes, Threads, cluster, engine_from, require_cluster, stream
+from pneucli.executors.cluster import refuse_others
+from pneucli.executors.stream import AHEAD, TRIES
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])
 def test_what_is_no_address_of_a_cluster_is_refused(address: str) -> None:
-    with pytest.raises(InputError, match="dask://host:port"), executor_from(address):
+    with pytest.raises(InputError, match="dask://host:port"), engine_from(address):
         pass
 
 
@@ -27,10 +38,174 @@ def test_a_port_where_nobody_listens_is_refused_before_anything_is_begun() -> No
 
 def test_who_listens_and_never_answers_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "PATIENCE", 0.3)
+    monkeypatch.setattr(cluster, "PATIENCE", 0.3)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         mute.listen()
         address = f"dask://127.0.0.1:{mute.getsockname()[1]}"
-        with pytest.raises(InputError, match="no cluster answers"), executor_from(address):
+        with pytest.raises(InputError, match="no cluster answers"), engine_from(address):
             pass
+
+
+def double(number: int) -> int:
+    if number < 0:
+        raise ValueError("below zero")
+    return 2 * number
+
+
+def die_once(mark: str) -> str:
+    """Kill the worker, but for the second time that it is asked."""
+    if not Path(mark).exists():
+        Path(mark).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return mark
+
+
+def die(_: str) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_job_that_fails_stops_no_other() -> None:
+    found = {o.job: o for o in stream(Threads(2), double, deque([3, -1, 4]))}
+    assert (found[3].result, found[4].result) == (6, 8)
+    assert isinstance(found[-1].error, ValueError)
+
+
+def test_what_becomes_ready_meanwhile_is_done_too() -> None:
+    ready = deque([1])
+    seen = []
+    for outcome in stream(Threads(1), double, ready):
+        seen.append(outcome.result)
+        if outcome.job < 3:
+            ready.append(outcome.job + 1)
+    assert seen == [2, 4, 6]
+
+
+class Watched(Threads):
+    """Counts how many jobs are under way."""
+
+    most = now = 0
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        self.now += 1
+        self.most = max(self.most, self.now)
+        future = super().submit(work, *arguments)
+        future.add_done_callback(self._less)
+        return future
+
+    def _less(self, _: object) -> None:
+        self.now -= 1
+
+
+def test_however_many_jobs_wait_few_are_under_way() -> None:
+    engine = Watched(2)
+    assert sum(1 for _ in stream(engine, time.sleep, deque([0.001] * 200))) == 200
+    assert engine.most <= AHEAD * engine.slots
+
+
+def test_a_job_whose_worker_died_is_done_by_another_and_its_neighbours_too(tmp_path: Path) -> None:
+    engine = Processes(2)
+    jobs = [str(tmp_path / name) for name in "abcd"]
+    try:
+        found = [o.result for o in stream(engine, die_once, deque(jobs))]
+    finally:
+        engine.close()
+    assert sorted(found) == jobs
+
+
+def test_a_job_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
+    engine = Processes(1)
+    try:
+        (outcome,) = stream(engine, die, deque([str(tmp_path)]))
+    finally:
+        engine.close()
+    assert "worker died" in str(outcome.error)
+    assert TRIES > 1
+
+
+def test_a_worker_with_another_program_is_an_error_that_says_what_differs() -> None:
+    answers: Mapping[str, Any] = {"tcp://a": {"pneucli": "0.1.0 abc"}, "tcp://b": {"pneucli": "0.2.0 def"}}
+    with pytest.raises(InputError, match=r"tcp://b: pneucli is 0\.2\.0 def\n.*0\.1\.0 abc"):
+        refuse_others({"pneucli": "0.1.0 abc"}, answers, "dask://here:1")
+    with pytest.raises(InputError, match="No module named"):
+        refuse_others({}, {"tcp://c": ModuleNotFoundError("No module named 'pneucli'")}, "dask://here:1")
+
+
+CLUSTER = """\
+[cluster]
+class = "distributed.LocalCluster"
+workers = 1
+options = { n_workers = 0, threads_per_worker = 1, processes = false, dashboard_address = ":0", protocol = "tcp" }
+"""
+
+
+def full(queue: str) -> None:
+    raise RuntimeError(f"the queue {queue} is full")
+
+
+def here() -> dict[str, str]:
+    return {"process": str(os.getpid())}
+
+
+def test_a_cluster_is_started_from_a_file_and_asked_what_it_runs(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "cluster.toml"
+    file.write_text(CLUSTER)
+    with engine_from(str(file), here) as engine:
+        assert [o.result for o in stream(engine, double, deque([21]))] == [42]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [('[cluster]\nclass = "nowhere.Cluster"', "nowhere"), ("[cluster]\nkind = 1", "unknown key"),
+     ('[cluster]\nclass = "tests.test_executors.full"\noptions = { queue = "long" }', "long is full")],
+)  # fmt: skip
+def test_a_file_of_a_cluster_that_cannot_be_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "cluster.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=says), engine_from(str(file)):
+        pass
+
+
+DYING = """\
+[cluster]
+class = "distributed.LocalCluster"
+options = { n_workers = 1, threads_per_worker = 1, dashboard_address = ":0", host = "127.0.0.1" }
+"""
+
+
+def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "cluster.toml"
+    file.write_text(DYING)
+    marks = [str(tmp_path / name) for name in "ab"]
+    with engine_from(str(file)) as engine:
+        assert sorted(o.result for o in stream(engine, die_once, deque(marks))) == marks
+
+
+ORPHANS = """
+import os, sys, time
+from collections import deque
+from pneucli.executors import Processes, stream
+if __name__ == "__main__":
+    engine = Processes(1)
+    print(engine.submit(os.getpid).result(), flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks at processes as Linux shows them")
+def test_workers_end_when_their_client_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "client.py"
+    script.write_text(ORPHANS)
+    with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True) as client:
+        assert client.stdout is not None
+        worker = Path("/proc") / client.stdout.readline().strip()
+        assert worker.exists()
+        client.kill()
+    for _ in range(100):
+        if not worker.exists() or " Z " in (worker / "stat").read_text(encoding="utf-8"):
+            return
+        time.sleep(0.1)
+    pytest.fail("the worker lives on")

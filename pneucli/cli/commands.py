@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from pneucli import __version__
-from pneucli.cli import edit, effects, exam, history, init, open, run, schema, stage, status
+from pneucli.cli import edit, effects, exam, fleet, history, init, open, run, schema, stage, status
 from pneucli.pipeline.graph import STAGES, Stage
 
 HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
@@ -33,7 +33,7 @@ def build() -> typer.Typer:
     for one in STAGES.values():
         if one.built:
             stage.register(app, one)
-    for command in (edit, history, run, open, status, effects, exam, schema):
+    for command in (edit, history, run, open, status, effects, exam, fleet, schema):
         command.register(app)
     return app
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json, Quiet
+from pneucli.cli.options import EXECUTORS, Json, Quiet
 from pneucli.exam import conditions
 
 
@@ -48,21 +48,42 @@ def _exam(
             show_default=False,
         ),
     ] = None,
+    like: Annotated[
+        Path | None,
+        typer.Option(
+            "--like",
+            metavar="PIPELINE",
+            help="Cases like this rig, its recordings and its noise: each effect at several sizes, and none.",
+            show_default=False,
+        ),
+    ] = None,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="Of each effect at each size, with --like (3).")] = 3,
     answer: Annotated[bool, typer.Option("--answer", help="Diagnose every case that has no answer yet.")] = False,
+    executor: Annotated[
+        str | None,
+        typer.Option("--executor", metavar="WHERE", help=f"Where cases are answered: {EXECUTORS}.", show_default=False),
+    ] = None,
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    from pneucli.stages import exam
+    from pneucli.stages import exam, exam_like
 
     if answer:
         with console.progress(quiet) as progress:
-            result = exam.answer(directory, progress)
+            result = exam.answer(directory, progress, executor)
         words = _answered(result)
     if grade:
         result = exam.grade(directory)
         words = exam.to_markdown(result).rstrip()
-    if not (answer or grade):
+        if (told := exam_like.tell(directory, directory / exam.ANSWERS)) is not None:
+            result = result | {"like": told}
+            words = f"{words}\n\n{exam_like.read_page(directory / exam.ANSWERS)}"
+    if like is not None and not (answer or grade):
+        with console.progress(quiet) as progress:
+            result = exam_like.write(directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress)
+        words = f"wrote {len(result['cases'])} cases like {result['like']} into {directory}"
+    elif not (answer or grade):
         result = exam.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
         words = (
             f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"

@@ -21,6 +21,7 @@ Out = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object, and nothing else.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="The tables behind the verdict as well.")]
+EXECUTORS = "local (default), dask://host:port, or a TOML file of a cluster"
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no messages on standard error.")]
 
 

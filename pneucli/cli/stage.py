@@ -11,7 +11,7 @@ import typer
 
 from pneucli import words
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, opened
+from pneucli.cli.options import EXECUTORS, File, Json, Out, Quiet, Verbose, opened
 from pneucli.pipeline.graph import Stage
 from pneucli.words import gate, plausibility
 
@@ -100,6 +100,14 @@ def _diagnose(
         list[str] | None,
         typer.Option("--exclude", metavar="EFFECT", help="Known not to be there (repeatable)."),
     ] = None,
+    since: Annotated[
+        Path | None,
+        typer.Option("--since", metavar="OLD", help="Which effect or parameter changed since this older pipeline."),
+    ] = None,
+    alarm_rate: Annotated[
+        float | None,
+        typer.Option("--alarm-rate", min=0.0, max=0.5, help="False alarms for each comparison (0.001), with --since."),
+    ] = None,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -112,8 +120,22 @@ def _diagnose(
         json,
         quiet,
         verbose,
-        {"exclude": sorted(set(exclude))} if exclude else {},
+        ({"exclude": sorted(set(exclude))} if exclude else {}) | _since(since, alarm_rate, quiet),
     )
+
+
+def _since(old: Path | None, alarm_rate: float | None, quiet: bool) -> dict[str, Any]:
+    """Return the options that ask what changed since ``old``, a pipeline (diagnosed first) or its artifacts."""
+    if old is None:
+        return {}
+    from pneucli.stages.since import option
+
+    if old.is_dir():
+        return option(old / "diagnose", alarm_rate)
+    pipeline = opened(old, None)
+    with console.progress(quiet) as progress:
+        pipeline.bring_up(["diagnose"], None, progress, console.hush if quiet else console.say)
+    return option(pipeline.artifacts / "diagnose", alarm_rate)
 
 
 def _design(
@@ -144,7 +166,7 @@ def _simulate(
     pipeline: File,
     executor: Annotated[
         str | None,
-        typer.Option("--executor", metavar="ADDRESS", help="Cluster for the Monte Carlo study: dask://host:port."),
+        typer.Option("--executor", metavar="WHERE", help=f"Where the Monte Carlo study runs: {EXECUTORS}."),
     ] = None,
     out: Out = None,
     json: Json = False,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -17,6 +17,7 @@ from pneucli.document import read
 from pneucli.errors import InputError, UnitError, did_you_mean, printable
 from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity, same_dimension
 
+Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[str | int, ...]
 DEEPEST = 12  # tables in one another; the format has 4
 SHOWN = 80  # characters of what was found
@@ -38,17 +39,24 @@ def checked(path: Path, document: dict[str, Any], text: str = "") -> PipelineCon
 
     Raises InputError as :func:`load` does.
     """
+    context = {"ambient_pressure": _ambient(document), "rotary": rotary(document)}
+    config = checked_as(PipelineConfig, path, document, text, context)
+    config._path, config._document, config._rotary = path, document, rotary(document)
+    return config
+
+
+def checked_as(
+    model: type[Model], path: Path, document: dict[str, Any], text: str, context: Mapping[str, Any] | None = None
+) -> Model:
+    """Return the tables of a TOML file as ``model``; raises InputError as :func:`load` does."""
     unfit = islice(_unfit(document), MOST)
     if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
         raise join_faults(path, faults)
     try:
-        context = {"ambient_pressure": _ambient(document), "rotary": rotary(document)}
-        config = PipelineConfig.model_validate(document, context=context)
+        return model.model_validate(document, context=dict(context or {}))
     except ValidationError as error:
-        faults = _faults(path, text, document, error)
+        faults = _faults(path, text, document, error, model)
         raise join_faults(path, faults) from error
-    config._path, config._document, config._rotary = path, document, rotary(document)
-    return config
 
 
 def join_faults(path: Path, faults: Sequence[InputError]) -> InputError:
@@ -123,12 +131,14 @@ def _measures_angles(unit: Any) -> bool:
         return False
 
 
-def _faults(path: Path, text: str, document: Mapping[str, Any], error: ValidationError) -> list[InputError]:
+def _faults(
+    path: Path, text: str, document: Mapping[str, Any], error: ValidationError, model: type[BaseModel]
+) -> list[InputError]:
     """Return a fault a key; a key that may be of several types has as many details, which become one."""
     faults: dict[Location, InputError] = {}
     for detail in error.errors(include_url=False):
         key = _in_document(detail["loc"], document)
-        fault = _fault(path, text, document, key, detail)
+        fault = _fault(path, text, document, key, detail, model)
         if key in faults:
             faults[key].wanted += f", or {fault.wanted}"
         else:
@@ -136,13 +146,20 @@ def _faults(path: Path, text: str, document: Mapping[str, Any], error: Validatio
     return list(faults.values())
 
 
-def _fault(path: Path, text: str, document: Mapping[str, Any], location: Location, detail: ErrorDetails) -> InputError:
+def _fault(
+    path: Path,
+    text: str,
+    document: Mapping[str, Any],
+    location: Location,
+    detail: ErrorDetails,
+    model: type[BaseModel],
+) -> InputError:
     where = _where(path, text, location)
     kind, value = detail["type"], _shown(detail["input"])
     if kind == "extra_forbidden":
-        return InputError(where, "unknown key", "", did_you_mean(str(location[-1]), _keys_at(location[:-1])))
+        return InputError(where, "unknown key", "", did_you_mean(str(location[-1]), keys_at(location[:-1], model)))
     if kind == "missing":
-        return InputError(where, "missing", _wanted(location, document), f'add "{location[-1]}"')
+        return InputError(where, "missing", _wanted(location, model), f'add "{location[-1]}"')
     if kind == "literal_error":
         expected = str((detail.get("ctx") or {}).get("expected", ""))
         known = re.findall(r"'([^']*)'", expected)
@@ -163,27 +180,28 @@ def _shown(value: Any) -> str:
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
-def _wanted(location: Location, document: Mapping[str, Any]) -> str:
-    fields = _model_at(location[:-1])
+def _wanted(location: Location, model: type[BaseModel]) -> str:
+    fields = _model_at(location[:-1], model)
     field = fields.model_fields.get(str(location[-1])) if fields else None
     choices = get_args(field.annotation) if field else ()
     return " or ".join(f'"{choice}"' for choice in choices if isinstance(choice, str))
 
 
-def _keys_at(location: Location) -> list[str]:
-    model = _model_at(location)
-    return [field.alias or name for name, field in model.model_fields.items()] if model else []
+def keys_at(location: Location, model: type[BaseModel] = PipelineConfig) -> list[str]:
+    """Return the keys that the table at ``location`` may have; none where there is no such table."""
+    table = _model_at(location, model)
+    return [field.alias or name for name, field in table.model_fields.items()] if table else []
 
 
-def _model_at(location: Location) -> type[BaseModel] | None:
+def _model_at(location: Location, model: type[BaseModel]) -> type[BaseModel] | None:
     """Return the model that describes the table at ``location``."""
-    model: type[BaseModel] | None = PipelineConfig
+    table: type[BaseModel] | None = model
     for part in location:
-        if isinstance(part, int) or model is None:
+        if isinstance(part, int) or table is None:
             continue
-        by_key = {field.alias or name: field for name, field in model.model_fields.items()}
-        model = _model_in(by_key[part].annotation) if part in by_key else None
-    return model
+        by_key = {field.alias or name: field for name, field in table.model_fields.items()}
+        table = _model_in(by_key[part].annotation) if part in by_key else None
+    return table
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

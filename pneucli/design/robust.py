@@ -2,17 +2,18 @@
 
 Every run draws an axis: identified parameters from their intervals, the rig's values from stated tolerances, and in
 turn one effect of the catalogue at a plausible size (one run in as many as there are effects has none). The draw of run
-k depends on the seed and k alone, so any run can be repeated by itself. Runs are done in chunks, on threads or on any
-``concurrent.futures.Executor``; a chunk that is done is kept on disk, and an interrupted study goes on after it.
+k depends on the seed and k alone, so any run can be repeated by itself. Runs are done in chunks, on any engine
+(:mod:`pneucli.executors`); a chunk that is done is kept on disk, and an interrupted study goes on after it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from pneucli.design.controller import Controller
 from pneucli.design.metrics import Metrics, measure
 from pneucli.design.text import controller_text
 from pneucli.errors import InputError, did_you_mean
+from pneucli.executors import Engine, stream
 from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
@@ -185,18 +187,21 @@ def run_chunk(study: Study, first: int) -> list[dict[str, Any]]:
 
 
 def run_study(
-    study: Study, executor: Executor, folder: Path, progress: Callable[[str, float], None] = lambda message, share: None
+    study: Study, engine: Engine, folder: Path, progress: Callable[[str, float], None] = lambda message, share: None
 ) -> list[dict[str, Any]]:
     """Return the rows of all runs, in order; chunks that ``folder`` holds from before are not run again."""
     place = folder / study.key()[:16]
     place.mkdir(parents=True, exist_ok=True)
     first = range(0, study.runs, CHUNK)
     paths = {k: place / f"{k:06d}_{min(CHUNK, study.runs - k)}.json" for k in first}
-    waiting = {executor.submit(run_chunk, study, k): k for k in first if not paths[k].exists()}
-    for done, future in enumerate(as_completed(waiting), 1):
-        with atomic_path(paths[waiting[future]]) as temporary:
-            temporary.write_text(json.dumps(future.result()), encoding="utf-8")
-        progress(f"{len(first) - len(waiting) + done} of {len(first)} chunks", done / max(len(waiting), 1))
+    lacking = deque(k for k in first if not paths[k].exists())
+    before = len(first) - len(lacking)
+    for done, outcome in enumerate(stream(engine, partial(run_chunk, study), lacking), before + 1):
+        if outcome.error is not None:
+            raise outcome.error
+        with atomic_path(paths[outcome.job]) as temporary:
+            temporary.write_text(json.dumps(outcome.result), encoding="utf-8")
+        progress(f"{done} of {len(first)} chunks", done / len(first))
     return [row for k in first for row in json.loads(paths[k].read_text(encoding="utf-8"))]
 
 

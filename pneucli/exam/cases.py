@@ -45,7 +45,7 @@ def write_exam(
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
     asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
-    _seal(directory, EXAM, asked | dict(about or {"seed_from": "given"}))
+    seal(directory, EXAM, asked | dict(about or {"seed_from": "given"}))
     plan = [planned for one in each for planned in _plan(cases, nulls, one, seed)]
     names = [f"case-{k:03d}" for k in range(1, len(plan) + 1)]
     for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
@@ -53,11 +53,12 @@ def write_exam(
         truth = generate_case(
             directory / name, planned.kind, planned.hidden, planned.outside, size, planned.seed, planned.conditions
         )
-        _seal(directory, f"{name}.json", truth)
+        seal(directory, f"{name}.json", truth)
     return names
 
 
-def _seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:
+def seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:
+    """Write what nobody may read before the grading."""
     sealed = directory / SEALED / name
     sealed.parent.mkdir(parents=True, exist_ok=True)
     sealed.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

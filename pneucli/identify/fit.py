@@ -297,4 +297,4 @@ def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> 
 
 def _parallel(work: Callable[..., object], jobs: Sequence[object], at_once: int) -> list:  # type: ignore[type-arg]
     with ThreadPoolExecutor(at_once) as pool:
-        return list(pool.map(work, jobs))
+        return list(map(work, jobs) if at_once == 1 else pool.map(work, jobs))

@@ -88,6 +88,7 @@ _ALL = (
             *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "number", "when", "thinned"),
+            *("parameters", "since", "changes"),
         ),
     ),
     Stage(

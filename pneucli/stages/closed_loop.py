@@ -14,15 +14,17 @@ from pneucli.design.bench import trial
 from pneucli.design.closed_loop import Bench, Scenario
 from pneucli.design.controller import Controller
 from pneucli.design.scenarios import scenarios_from
-from pneucli.executors import executor_from
+from pneucli.executors import engine_from
 from pneucli.experiments import KINDS
 from pneucli.io.artifacts import read_table, write_table
+from pneucli.pipeline.identity import identity
 from pneucli.simulate.model import Model
 from pneucli.stages.bench import figures, scenarios_of, unit_of, write_runs
 from pneucli.stages.design import bench_of, chosen_controller, load_controller
 from pneucli.stages.study import Study, load_model
 
 TOLERATED = 2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
+BRIEF = 500  # runs, below which starting processes takes longer than they save
 STUDIED = ("steps", "sine", "load")  # scenarios of the Monte Carlo study
 
 
@@ -74,8 +76,9 @@ def _robust(
     axes = robust.Axes(model, robust.sigma_of(intervals, model), wanted.tolerances, effects)
     scenarios: tuple[Scenario, ...] = tuple(s for s in scenarios_from([], controller, "") if s.name in STUDIED)
     asked = robust.Study(axes, controller, scenarios, bench, wanted.runs, wanted.seed, wanted.checks)
-    with executor_from(context.options.get("executor")) as executor:
-        rows = robust.run_study(asked, executor, context.artifacts / ".robust", context.progress)
+    brief = asked.runs < BRIEF
+    with engine_from(context.options.get("executor"), identity, brief=brief) as engine:
+        rows = robust.run_study(asked, engine, context.artifacts / ".robust", context.progress)
     rates = robust.success_rates(rows, wanted.checks)
     _write_robust(study, rows, rates)
     return {

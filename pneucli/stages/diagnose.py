@@ -24,6 +24,7 @@ from pneucli.pipeline.context import Context
 from pneucli.stages import history
 from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
+from pneucli.stages.since import keep_reference, since
 from pneucli.stages.study import Study
 from pneucli.words.diagnose import why
 
@@ -35,7 +36,7 @@ NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted rec
 def run(context: Context) -> dict[str, Any]:
     """Diagnose the model with the effects of the pipeline file; return the answer that ``--json`` prints.
 
-    Raises InputError where no recording can be fitted, or ``--exclude`` names what is no effect.
+    Raises InputError where no recording can be fitted, ``--exclude`` names what is no effect, or ``--since`` no model.
     """
     study = Study(context, most=MOST)
     bench, warnings = _bench(study)
@@ -56,6 +57,11 @@ def run(context: Context) -> dict[str, Any]:
     answer = _answer(study, bench, found)
     answer["warnings"], answer["thinned"] = warnings, thinned
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
+    context.progress("what later comparisons need", 0.95)
+    whole = keep_reference(study, bench, base.model)
+    answer["parameters"] = parameter_answer([as_ratio(e, study) for e in whole.estimates])
+    if asked := context.options.get("since"):
+        answer |= since(study, bench, asked)
     write_diagnosis(study, bench, found, answer)
     return answer | history.keep(context, answer, SHAPE)
 

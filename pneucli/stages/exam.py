@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,14 +18,17 @@ from pneucli.exam.conditions import USUAL
 from pneucli.exam.grading import SECONDS, graded_cases
 from pneucli.exam.grading import grade as grade_answers
 from pneucli.exam.tables import case_rows, rows, to_markdown
+from pneucli.executors import engine_from, stream
 from pneucli.io.artifacts import Provenance, TableWriter, atomic_path, schema_of
 from pneucli.pipeline.context import Progress, silent
+from pneucli.pipeline.identity import identity
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.pipeline.staleness import program_digest
 from pneucli.stages.load import load
 
 __all__ = ["answer", "grade", "to_markdown", "write"]
 
+Job = tuple[str, str, str]  # the pipeline file, the folder of the answers, the name of the case
 ANSWERS = "answers"
 GRADES, SUMMARY = "grades.json", "grades.md"
 GRADES_TABLE, CASES_TABLE = "grades.parquet", "cases.parquet"
@@ -75,23 +79,23 @@ def seed_of(program: str) -> int:
     return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
 
 
-def answer(directory: Path, progress: Progress = silent) -> dict[str, Any]:
+def answer(directory: Path, progress: Progress = silent, executor: str | None = None) -> dict[str, Any]:
     """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet; note the seconds of each.
 
     A case that fails gets the verdict ``failed`` and the error for an answer; delete that file to try it again.
-    Raises InputError where there are no cases.
+    Raises InputError where there are no cases, or the executor cannot work.
     """
     cases = {path.parent.name: path for path in sorted(directory.glob("*/pipeline.toml"))}
     if not cases:
         raise InputError(str(directory), "no CASE/pipeline.toml in it", "an exam", f"pneucli exam {directory}")
-    answers = directory / ANSWERS
+    answers = (directory / ANSWERS).absolute()
     answers.mkdir(exist_ok=True)
-    given: dict[str, dict[str, Any]] = {}
-    for i, (case, pipeline) in enumerate(cases.items()):
-        progress(case, i / len(cases))
-        if not (answers / f"{case}.json").exists():
-            _answer(pipeline, answers, case)
-        given[case] = _read(answers / f"{case}.json")
+    lacking = deque((str(p), str(answers), c) for c, p in cases.items() if not (answers / f"{c}.json").exists())
+    if lacking:
+        _answer_all(lacking, executor, progress)
+    given = {case: _read(answers / f"{case}.json") for case in cases}
+    noted = {case: content["seconds"] for case, content in given.items() if "seconds" in content}
+    _write(answers / SECONDS, _read(answers / SECONDS) | noted)
     return {
         "schema": "pneucli/exam-answered/1",
         "answered": [case for case, content in given.items() if content.get("verdict") != FAILED],
@@ -100,16 +104,34 @@ def answer(directory: Path, progress: Progress = silent) -> dict[str, Any]:
     }
 
 
-def _answer(pipeline: Path, answers: Path, case: str) -> None:
-    """Write the processor seconds that the stages took, then the answer: no answer without its seconds."""
+def _answer_all(lacking: deque[Job], executor: str | None, progress: Progress) -> None:
+    total = len(lacking)
+    with engine_from(executor, identity, preload=__name__) as engine:
+        for done, outcome in enumerate(stream(engine, answer_case, lacking), 1):
+            if isinstance(outcome.error, ChildProcessError):
+                _, answers, case = outcome.job
+                _write(Path(answers) / f"{case}.json", _failed(outcome.error))
+            elif outcome.error is not None:
+                raise outcome.error
+            progress(f"{done} of {total} cases, {outcome.job[-1]}", done / total)
+
+
+def answer_case(job: Job) -> str:
+    """Diagnose one case and write the answer, with the processor seconds that all its stages took; return its name."""
+    pipeline, answers, case = job
     begun = time.process_time()
     try:
-        done = open_pipeline(pipeline, load).bring_up(["diagnose"])
+        done = open_pipeline(Path(pipeline), load).bring_up(["diagnose"])
         content = dict(done["diagnose"].answer)
     except Exception as error:  # one case must not stop the others
-        content = {"verdict": FAILED, "missing": [], "error": f"{type(error).__name__}: {error}"}
-    _write(answers / SECONDS, _read(answers / SECONDS) | {case: time.process_time() - begun})
-    _write(answers / f"{case}.json", content | {"program": program_digest()})
+        content = _failed(error)
+    seconds = time.process_time() - begun
+    _write(Path(answers) / f"{case}.json", content | {"program": program_digest(), "seconds": seconds})
+    return case
+
+
+def _failed(error: BaseException) -> dict[str, Any]:
+    return {"verdict": FAILED, "missing": [], "error": f"{type(error).__name__}: {error}"}
 
 
 def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:

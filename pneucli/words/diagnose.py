@@ -7,7 +7,7 @@ from typing import Any
 
 from pneucli.words import labelled, table, warnings
 from pneucli.words.compare import judged
-from pneucli.words.numbers import joined, number, parameters, percent, quantity, times
+from pneucli.words.numbers import joined, number, parameters, percent, quantity, times, with_interval
 
 Answer = Mapping[str, Any]
 
@@ -18,6 +18,8 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     yield from labelled("sure", sure(answer))
     if changes := changed(answer):
         yield from labelled("changes", changes)
+    if "since" in answer:
+        yield from labelled("since", different(answer))
     yield from labelled("do", following(answer, file))
     yield from warnings(answer)
     if verbose:
@@ -87,6 +89,25 @@ def changed(answer: Answer) -> str:
         for m in answer.get("moved") or []
     ]
     return ", ".join(moved)
+
+
+def different(answer: Answer) -> str:
+    """Return what changed since the old model, or from which sizes on a change would have shown."""
+    if answer["changes"]:
+        return "; ".join(difference(one) for one in answer["changes"])
+    unseen = [one for one in answer["since"]["unseen"] if one["plausible"]]
+    sizes = [f"{one['name']} by {quantity(one['size'], one['unit'], 2)}" for one in unseen[:3]]
+    text = f"nothing changed that {len(answer['since']['unseen'])} parameters and effects would show"
+    return f"{text}; from these sizes on a change would have been named: {joined(sizes)}" if sizes else text
+
+
+def difference(one: Answer) -> str:
+    """Return one change: from what to what, how sure, and what else it could be."""
+    before = "nothing" if one["before"] is None else quantity(one["before"], one["unit"], 3)
+    after = "–" if one["ci95"] is None else with_interval(one["after"], one["unit"], one["ci95"])
+    twins = f", or {joined(one['indistinguishable_from'])}" if one["indistinguishable_from"] else ""
+    chance = number(max(1.0 - one["confidence"], 1e-12), 1)
+    return f"{one['name']}{twins} changed from {before} to {after} (chance of a false alarm {chance})"
 
 
 def following(answer: Answer, file: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from pneucli import cli
+from pneucli.executors import Threads, engine
 from pneucli.pipeline.graph import STAGES
 from tests.cli.toys import PIPELINE
 
@@ -40,6 +41,9 @@ def pneucli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     """The program, run in this process with toy stages in the places of the real ones."""
     for name, stage in list(STAGES.items()):
         monkeypatch.setitem(STAGES, name, replace(stage, package="tests.cli.toys"))
+    monkeypatch.setattr(
+        engine, "Processes", lambda slots, preload: Threads(1)
+    )  # other processes would have the real stages
 
     def run(*words: object) -> Result:
         monkeypatch.setattr(sys, "argv", ["pneucli", *map(str, words)])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import pytest
 from pneucli.design import robust
 from pneucli.design.robust import Axes, Study, run_study, success_rates
 from pneucli.errors import InputError
-from pneucli.executors import executor_from
+from pneucli.executors import Threads, engine_from
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.facts import facts_of
@@ -55,38 +57,36 @@ def test_every_effect_takes_its_turn_at_a_plausible_size() -> None:
 
 
 def test_threads_give_the_same_rows_as_one_after_the_other(tmp_path: Path) -> None:
-    with ThreadPoolExecutor(2) as two, ThreadPoolExecutor(1) as one:
-        assert run_study(study(), two, tmp_path / "two") == run_study(study(), one, tmp_path / "one")
+    assert run_study(study(), Threads(2), tmp_path / "two") == run_study(study(), Threads(1), tmp_path / "one")
 
 
-class Counting(ThreadPoolExecutor):
+class Counting(Threads):
     """Counts what it is given; breaks down at the chunk that it is told to."""
 
     def __init__(self, breaks_at: int | None = None) -> None:
         super().__init__(1)
         self.given, self.breaks_at = 0, breaks_at
 
-    def submit(self, fn, /, *args, **kwargs) -> Future:  # type: ignore[no-untyped-def, override, type-arg]
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
         self.given += 1
-        if args[1] == self.breaks_at:
+        if arguments[0] == self.breaks_at:
             return super().submit(lambda: 1 / 0)
-        return super().submit(fn, *args, **kwargs)
+        return super().submit(work, *arguments)
 
 
 def test_an_interrupted_study_goes_on_where_it_was(tmp_path: Path) -> None:
-    with Counting(breaks_at=16) as breaking, pytest.raises(ZeroDivisionError):
-        run_study(study(), breaking, tmp_path)
-    with Counting() as rest:
-        rows = run_study(study(), rest, tmp_path)
+    with pytest.raises(ZeroDivisionError):
+        run_study(study(), Counting(breaks_at=16), tmp_path)
+    rest = Counting()
+    rows = run_study(study(), rest, tmp_path)
     assert rest.given == 1
     assert [r["run"] for r in rows] == list(range(20))
 
 
 def test_rows_of_another_seed_are_not_taken_for_ones_own(tmp_path: Path) -> None:
-    with Counting() as first:
-        one = run_study(study(runs=3), first, tmp_path)
-    with Counting() as second:
-        other = run_study(study(runs=3, seed=4), second, tmp_path)
+    first, second = Counting(), Counting()
+    one = run_study(study(runs=3), first, tmp_path)
+    other = run_study(study(runs=3, seed=4), second, tmp_path)
     assert second.given == 1
     assert one != other
 
@@ -98,10 +98,9 @@ def test_on_a_dask_cluster_the_rows_are_the_same(tmp_path: Path) -> None:
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as cluster:
         address = cluster.scheduler_address.replace("tcp://", "dask://")
-        with executor_from(address) as executor:
-            there = run_study(few, executor, tmp_path / "dask")
-    with executor_from(None) as threads:
-        here = run_study(few, threads, tmp_path / "threads")
+        with engine_from(address) as engine:
+            there = run_study(few, engine, tmp_path / "dask")
+    here = run_study(few, Threads(2), tmp_path / "threads")
     assert there == here
 
 
@@ -118,8 +117,7 @@ def test_rates_count_what_held_and_name_the_worst_run() -> None:
 
 def test_the_controller_holds_on_axes_within_tolerances(tmp_path: Path) -> None:
     plain = Axes(MODEL, {}, robust.TOLERANCES, ())
-    with executor_from(None) as threads:
-        rows = run_study(Study(plain, CONTROLLER, (SCENE,), axis.BENCH, 24, 0, robust.CHECKS), threads, tmp_path)
+    rows = run_study(Study(plain, CONTROLLER, (SCENE,), axis.BENCH, 24, 0, robust.CHECKS), Threads(2), tmp_path)
     overall = {r.check: r for r in success_rates(rows, robust.CHECKS) if r.effect == "all"}
     assert overall["steady_um"].held >= 20
 

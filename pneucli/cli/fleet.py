@@ -1,0 +1,53 @@
+"""``fleet``: many rigs and dates from one template, and what changed in which."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneucli import words
+from pneucli.cli import console, examples
+from pneucli.cli.options import EXECUTORS, Json, Out, Quiet, Verbose
+
+FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
+Executor = Annotated[
+    str | None, typer.Option("--executor", metavar="WHERE", help=f"Where the rows are done: {EXECUTORS}.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    text = "Many rigs and dates from one template: a pipeline a row, and what changed in which rig."
+    app.command("fleet", help=text, epilog=examples.of("fleet"))(_fleet)
+
+
+def _fleet(
+    fleet: FleetFile,
+    executor: Executor = None,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    from pneucli.config import load_fleet
+    from pneucli.stages import fleet as stage
+    from pneucli.stages.fleet_output import checked
+
+    config = load_fleet(fleet)
+    folder = (out or config.path.parent / "artifacts" / config.fleet.name).absolute()
+    with console.progress(quiet) as progress:
+        answer = stage.run(config, folder, executor, progress, console.hush if quiet else console.say)
+    results = checked(config, answer)
+    _print(answer, json, verbose, str(fleet), [str(one) for one in results if not one.passed])
+    raise typer.Exit(0 if all(one.passed for one in results) else 1)
+
+
+def _print(answer: dict[str, Any], json: bool, verbose: bool, file: str, failed: list[str]) -> None:
+    if json:
+        console.answer(answer)
+        return
+    console.tell(words.of("fleet", answer, file, verbose=verbose))
+    for one in failed:
+        console.tell(f"check    {one}")

@@ -1,0 +1,48 @@
+"""The fleet file: a template pipeline, a table of rigs, and what is asked of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PrivateAttr
+
+from pneucli.config.load import checked_as
+from pneucli.config.sizes import Table
+from pneucli.config.stages import CheckTable
+from pneucli.config.values import Name
+from pneucli.document import read
+
+
+class FleetTable(Table):
+    """``[fleet]``: ``alarm_rate`` is the share of false alarms for each rig and comparison, ``reports`` which rigs get
+    a report of their own.
+    """
+
+    name: Name
+    template: Name
+    table: Name
+    alarm_rate: Annotated[float, Field(gt=0.0, le=0.5)] = 1e-3
+    reports: Literal["changed", "all", "none"] = "changed"
+
+
+class FleetConfig(Table):
+    """The whole fleet file; ``path`` is where it stands."""
+
+    fleet: FleetTable
+    checks: dict[str, CheckTable] = Field(default_factory=dict)
+
+    _path: Path = PrivateAttr(default=Path("fleet.toml"))
+
+    @property
+    def path(self) -> Path:
+        """The file that was read; relative paths in it start in its folder."""
+        return self._path
+
+
+def load_fleet(path: Path) -> FleetConfig:
+    """Return the checked fleet file; raises InputError that names line and key of every fault."""
+    text, document = read(path)
+    config = checked_as(FleetConfig, path, document, text)
+    config._path = path.absolute()
+    return config

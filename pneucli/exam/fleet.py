@@ -1,0 +1,126 @@
+"""A fleet of small rigs at several dates: one template, a table, and apart from them what changed in which rig.
+
+Each rig is drawn as an exam's is and recorded for some seconds at every date: the same test programme, new noise. In
+some rigs one thing is another at the last date: an effect of the catalogue has come, or friction has grown.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from pneucli.exam.cases import SEALED, prepare_case
+from pneucli.exam.conditions import Conditions
+from pneucli.exam.hidden import BY_NAME, MOTION
+from pneucli.exam.laboratory import Take
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.run import Manoeuvre
+
+FIRST = date(2026, 1, 1)
+SAMPLES = {"stickslip": 3000, "driven": 2500}  # ms of a take
+WORN = ("friction.coulomb", "friction.viscous")
+GROWN = (1.15, 1.5)  # times, of friction that wears
+CHANGES = (*WORN, *(e.name for e in BY_NAME.values() if e.kinds == MOTION and not e.part))
+TABLE, TEMPLATE, FLEET, TRUTH = "rigs.csv", "template.toml", "fleet.toml", "fleet.json"
+KEYS = {
+    "rig.supply_pressure": ("supply", 1e-5, "bar"),
+    "rig.cylinder.piston_area_1": ("piston_area_1", 1e4, "cm^2"),
+    "rig.cylinder.piston_area_2": ("piston_area_2", 1e4, "cm^2"),
+    "rig.cylinder.dead_volume_1": ("dead_volume_1", 1e6, "cm^3"),
+    "rig.cylinder.dead_volume_2": ("dead_volume_2", 1e6, "cm^3"),
+    "rig.cylinder.moving_mass": ("mass", 1.0, "kg"),
+}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One rig: its number in the fleet, what changes in it at the last date ("" for nothing), and how much."""
+
+    number: int
+    change: str
+    size: float
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the rig."""
+        return f"rig-{self.number:05d}"
+
+
+def write_fleet(
+    directory: Path, rigs: int, dates: int = 2, changed: float = 0.05, size: float = 1.0, seed: int = 1
+) -> dict[str, str]:
+    """Write table, template, fleet file and raw files; return what changed by rig, which is sealed as well.
+
+    A share ``changed`` of the rigs, at least one where it is above 0, has a change of ``size`` times the usual.
+    """
+    rng = np.random.default_rng(seed)
+    number = max(round(changed * rigs), 1) if changed > 0 else 0
+    chosen = {int(k): str(rng.choice(CHANGES)) for k in rng.permutation(rigs)[:number]}
+    axes = [Axis(k, chosen.get(k, ""), size, int(rng.integers(2**31))) for k in range(rigs)]
+    rows = [row for axis in axes for row in _record(directory, axis, dates)]
+    with (directory / TABLE).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    (directory / TEMPLATE).write_text(_template(axes[0]), encoding="utf-8")
+    fleet = f'[fleet]\nname = "{directory.name}"\ntemplate = "{TEMPLATE}"\ntable = "{TABLE}"\n'
+    (directory / FLEET).write_text(fleet, encoding="utf-8")
+    truth = {axis.name: axis.change for axis in axes if axis.change}
+    sealed = directory / SEALED / TRUTH
+    sealed.parent.mkdir(parents=True, exist_ok=True)
+    sealed.write_text(json.dumps(truth, indent=1), encoding="utf-8")
+    return truth
+
+
+def _record(directory: Path, axis: Axis, dates: int) -> list[dict[str, str]]:
+    case = prepare_case(axis.name, "friction", [], "", 1.0, axis.seed, Conditions())
+    takes = [_short(take) for take in case.takes[:4]]
+    rows = []
+    for k in range(dates):
+        is_last = k == dates - 1 and k > 0
+        parameters = changed_by(axis, case.laboratory.parameters) if is_last else case.laboratory.parameters
+        day = (FIRST + timedelta(days=k)).isoformat()
+        folder = Path("raw") / axis.name / day
+        laboratory = replace(case.laboratory, parameters=parameters)
+        laboratory.record(directory / folder, takes, np.random.default_rng([axis.seed, 2, k]))
+        rows.append(_row(axis, case.laboratory.parameters, day, folder, takes))
+    return rows
+
+
+def _short(take: Take) -> Take:
+    samples, manoeuvre = SAMPLES[take.name.split("_")[0]], take.manoeuvre
+    assert isinstance(manoeuvre, Manoeuvre)
+    return replace(take, manoeuvre=replace(manoeuvre, command=manoeuvre.command[:samples]))
+
+
+def changed_by(axis: Axis, par: Parameters) -> Parameters:
+    """Return the rig with its change."""
+    rng = np.random.default_rng([axis.seed, 3])
+    if axis.change in WORN:
+        field = axis.change.partition(".")[2]
+        return par._replace(**{field: getattr(par, field) * (1.0 + axis.size * (rng.uniform(*GROWN) - 1.0))})
+    return BY_NAME[axis.change].set(par, axis.size, rng) if axis.change else par
+
+
+def _row(axis: Axis, par: Parameters, day: str, folder: Path, takes: Sequence[Take]) -> dict[str, str]:
+    known = {key: f"{getattr(par, f) * factor:.4f} {unit}" for key, (f, factor, unit) in KEYS.items()}
+    files = {f"recordings.{take.name}.file": f"{folder.as_posix()}/{take.name}.csv" for take in takes}
+    return {"rig": axis.name, "date": day, **known, **files}
+
+
+def _template(axis: Axis) -> str:
+    case = prepare_case("template", "friction", [], "", 1.0, axis.seed, Conditions())
+    return case.laboratory.pipeline(_used(case.takes[:4]), "raw")
+
+
+def _used(takes: Sequence[Take]) -> list[Take]:
+    """Return the takes with uses: of each experiment the last is held out."""
+    uses: Mapping[str, str] = {"stickslip_2": "test", "driven_2": "test"}
+    return [replace(take, use="test" if uses.get(take.name) else "train") for take in takes]

@@ -1,0 +1,230 @@
+"""An exam of one's own bench: cases like a rig, its recordings and its noise, each effect hidden at several sizes.
+
+The rig is the exam's own, set to what was identified; its test programme follows the recordings: the recorded commands
+of a valve test, the recorded motion as the reference of a position loop. So it tells how well *this* bench, with these
+sensors and manoeuvres, can tell *what*. What the real rig has beside that is not in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from scipy.stats import binomtest
+
+from pneucli.errors import InputError
+from pneucli.exam.cases import EXAM, seal
+from pneucli.exam.conditions import Kind
+from pneucli.exam.graded import Graded
+from pneucli.exam.hidden import CATALOGUE, Hidden
+from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.rig.kernel import Array
+from pneucli.exam.rig.manoeuvres import closed_loop
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.run import LOOP, Manoeuvre
+from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.similar import DIMENSIONS, Similar
+
+SIZES = (0.03, 0.1, 0.3, 1.0)
+GAIN = 150.0  # V/m, of the position loop of the usual rig
+RELATIVE = {"static": "coulomb", "extra_mass": "mass"}  # fields that are drawn as a multiple of another
+USUAL = Parameters()
+NAMED = 0.9  # share of cases from which on a size counts as named
+SCHEMA = "pneucli/exam-like/1"
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recording of the user's: what it was, its time (s) and its opening (V, + fills) or position (m)."""
+
+    name: str
+    experiment: Literal["valve", "friction", "axis"]
+    use: Literal["train", "test"]
+    time: Array
+    signal: Array
+    pressures: tuple[float, float]  # Pa, absolute, at its start
+    chamber_2_open: bool = False
+    chamber: Literal[1, 2] = 1  # of a valve test, the one whose valve, or port, is tested
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The user's rig as the exam's, its sensors, its recordings, and what its pipeline file says of it."""
+
+    parameters: Parameters
+    sensors: Sensors
+    recordings: tuple[Recorded, ...]
+    vessel: float | None = None
+    has_cylinder: bool = True
+    supply_recorded: bool = True
+    linear_valve: bool = False
+    null: str | None = None
+    effects: tuple[str, ...] = ()
+    absent: frozenset[str] = frozenset()
+
+    @property
+    def kinds(self) -> list[Kind]:
+        """The kinds of rig whose effects may show."""
+        return list(dict.fromkeys(r.experiment for r in self.recordings))
+
+    @property
+    def similar(self) -> Similar:
+        """The ratios of this rig to the usual one, which size what is hidden."""
+        par = self.parameters
+        pressure = (par.supply - par.ambient) / (USUAL.supply - USUAL.ambient)
+        area = par.piston_area_1 / USUAL.piston_area_1
+        command = par.command_range / USUAL.command_range
+        return Similar(par.stroke / USUAL.stroke, area, pressure, par.supply / USUAL.supply, command)
+
+
+def write_like(
+    directory: Path,
+    bench: Bench,
+    sizes: Sequence[float] = SIZES,
+    repeats: int = 3,
+    nulls: int = 20,
+    seed: int = 1,
+    about: Mapping[str, Any] | None = None,
+) -> list[str]:
+    """Write ``repeats`` cases of each effect at each of the ``sizes`` and ``nulls`` without any; return their names.
+
+    Raises InputError where the directory holds something already.
+    """
+    if directory.exists() and any(directory.iterdir()):
+        raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
+    shown = [e for e in CATALOGUE if set(e.kinds) & set(bench.kinds) and e.name not in bench.effects]
+    plan: list[tuple[Hidden | None, float]] = [(e, size) for e in shown for size in sizes for _ in range(repeats)]
+    plan += [(None, 0.0)] * nulls
+    asked = {"sizes": list(sizes), "repeats": repeats, "nulls": nulls, "seed": seed}
+    seal(directory, EXAM, asked | dict(about or {}))
+    names = [f"case-{k:04d}" for k in range(1, len(plan) + 1)]
+    for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
+        effect, size = plan[which]
+        seal(directory, f"{name}.json", _case(directory / name, bench, effect, size, [seed, int(which)]))
+    return names
+
+
+def _case(folder: Path, bench: Bench, effect: Hidden | None, size: float, seed: list[int]) -> dict[str, Any]:
+    rng = np.random.default_rng(seed)
+    par = bench.parameters if effect is None else hidden_in(bench, effect, size, rng)
+    laboratory = Laboratory(
+        folder.name,
+        par,
+        bench.sensors,
+        vessel=bench.vessel,
+        has_cylinder=bench.has_cylinder,
+        supply_recorded=bench.supply_recorded and (effect is None or effect.name != "supply-droop"),
+        linear_valve=bench.linear_valve,
+        effects=bench.effects,
+        null=bench.null,
+        absent=bench.absent,
+    )
+    takes = [Take(r.name, r.experiment, r.use, manoeuvre_of(bench, r), r.chamber) for r in bench.recordings]
+    laboratory.record(folder / "raw", takes, rng)
+    (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
+    return {
+        "hidden": {} if effect is None else {effect.name: effect.truth(par)},
+        "outside_the_catalogue": None,
+        "baseline": list(bench.effects),
+        "part": None,
+        "over": None,
+        "conditions": [f"size-{size:g}" if effect else "nothing"],
+        "size": size,
+        "verdict": "missing-effect" if effect else "adequate",
+        "unexplained_is_right": False,
+    }
+
+
+def hidden_in(bench: Bench, effect: Hidden, size: float, rng: np.random.Generator) -> Parameters:
+    """Return the user's rig with an effect of ``size`` times the usual, as large for it as for the usual rig."""
+    drawn, mine = effect.set(USUAL, size, rng), bench.similar.rig(USUAL)
+    similar = bench.similar.rig(drawn)
+    values = {}
+    for field in Parameters._fields:
+        if getattr(drawn, field) == getattr(USUAL, field):
+            continue
+        base = RELATIVE.get(field)
+        if base:
+            values[field] = getattr(drawn, field) / getattr(USUAL, base) * getattr(bench.parameters, base)
+        elif field in DIMENSIONS and getattr(mine, field):
+            values[field] = getattr(bench.parameters, field) + getattr(similar, field) - getattr(mine, field)
+        else:
+            values[field] = getattr(similar, field)
+    return bench.parameters._replace(**values)
+
+
+def manoeuvre_of(bench: Bench, one: Recorded) -> Manoeuvre:
+    """Return what is done to the rig so that it does about what was recorded."""
+    time = np.arange(one.time[0], one.time[-1], LOOP)
+    signal = np.interp(time, one.time, one.signal)
+    if one.experiment == "valve":
+        return Manoeuvre(signal, pressure_1=one.pressures[0], pressure_2=one.pressures[1])
+    par, similar = bench.parameters, bench.similar
+    loop = closed_loop(par, signal, GAIN * similar.command / similar.length, one.pressures[0] - par.ambient)
+    pressure_2 = par.ambient if one.chamber_2_open else one.pressures[1]
+    return replace(loop, chamber_2_open=one.chamber_2_open, pressure_2=pressure_2)
+
+
+def told(graded: Sequence[Graded]) -> dict[str, Any]:
+    """Return by effect and size how often it was named (or in the answer's set), the least size, and false alarms."""
+    effects = sorted({name for g in graded for name in g.hidden})
+    rows = [{"effect": name, "sizes": list(_by_size(graded, name))} for name in effects]
+    nulls = [g for g in graded if g.is_null]
+    alarms = sum(bool(g.missing) for g in nulls)
+    return {
+        "schema": SCHEMA,
+        "effects": [row | {"named_from": _least(row["sizes"])} for row in rows],
+        "nulls": len(nulls),
+        "false_alarms": alarms,
+        "false_alarms_ci95": _interval(alarms, len(nulls)),
+    }
+
+
+def _by_size(graded: Sequence[Graded], name: str) -> Iterator[dict[str, Any]]:
+    mine = [g for g in graded if g.hidden == {name}]
+    for size in sorted({float(g.truth["size"]) for g in mine}):
+        cases = [g for g in mine if float(g.truth["size"]) == size]
+        named = sum(name in g.covered for g in cases)
+        others = sorted({other for g in cases for other in g.missing - {name}})
+        yield {"size": size, "cases": len(cases), "named": named, "share": named / len(cases),
+               "ci95": _interval(named, len(cases)), "named_instead": others}  # fmt: skip
+
+
+def _least(sizes: Any) -> float | None:
+    """Return the least size from which on an effect is named in 90 %, None where it never is."""
+    found = None
+    for one in reversed(list(sizes)):
+        if one["share"] < NAMED:
+            break
+        found = one["size"]
+    return found
+
+
+def _interval(right: int, of: int) -> list[float] | None:
+    if not of:
+        return None
+    interval = binomtest(right, of).proportion_ci(0.95, method="exact")
+    return [float(interval.low), float(interval.high)]
+
+
+def page(found: Mapping[str, Any], sizes: Sequence[float]) -> str:
+    """Return the result as a page of Markdown: sizes from which effects are named, what is named instead, alarms."""
+    head = "| effect | named from | " + " | ".join(f"× {s:g}" for s in sizes) + " | named instead |"
+    lines = [
+        "# What this bench can tell",
+        "",
+        "Sizes are in units of the usual (docs: exam). A cell: named, of cases.",
+        "",
+    ]
+    lines += [head, "| --- | --- |" + " --- |" * (len(sizes) + 1)]
+    for row in found["effects"]:
+        cells = {one["size"]: f"{one['named']} of {one['cases']}" for one in row["sizes"]}
+        others = sorted({name for one in row["sizes"] for name in one["named_instead"]})
+        least = "never" if row["named_from"] is None else f"× {row['named_from']:g}"
+        middle = " | ".join(cells.get(s, "") for s in sizes)
+        lines.append(f"| {row['effect']} | {least} | {middle} | {', '.join(others)} |")
+    lines += ["", f"Nothing hidden: {found['false_alarms']} of {found['nulls']} named something."]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,222 @@
+"""A Dask cluster: reached at its address, or started as a TOML file says; every worker must run the same program."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import socket
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any
+from urllib.parse import urlsplit
+
+from pneucli.document import read
+from pneucli.errors import InputError
+
+PATIENCE = 5.0  # s, until a cluster has answered
+STARTING = 600.0  # s, until the first worker of a queue has started
+LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
+KEYS = ("class", "workers", "minimum", "maximum", "options")
+Identity = Callable[[], Mapping[str, str]]
+
+
+class Cluster:
+    """Workers of a Dask cluster; what a worker that died had to do is done by another."""
+
+    def __init__(self, client: Any, name: str, identity: Identity | None) -> None:
+        self._client, self._name = client, name
+        self._executor = client.get_executor(pure=False)
+        self._identity, self._seen = identity, set[str]()
+        self.check_versions()
+
+    @property
+    def slots(self) -> int:
+        """How many jobs run at once, now."""
+        return max(sum(int(w["nthreads"]) for w in self._client.scheduler_info(n_workers=-1)["workers"].values()), 1)
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Run ``work(*arguments)`` on some worker."""
+        future: Future[Any] = self._executor.submit(work, *arguments)
+        return future
+
+    def died(self, error: BaseException) -> bool:
+        """Whether several workers died of it (``KilledWorker``), or its result was lost with one."""
+        return type(error).__name__ in {"KilledWorker", "ComputeError"} or isinstance(error, CancelledError)
+
+    def renew(self) -> None:
+        """Nothing: nannies start workers again; those that are new must run the same program."""
+        self.check_versions()
+
+    def check(self) -> None:
+        """Raise InputError where the scheduler is gone."""
+        if self._client.status != "running":
+            found = f"the cluster at {self._name} went away"
+            mend = "what is done is kept: start the cluster and give the same command again"
+            raise InputError("--executor", found, "a Dask scheduler that answers", mend)
+
+    def check_versions(self) -> None:
+        """Raise InputError where a worker that was not asked yet runs another program than this client."""
+        if self._identity is None:
+            return
+        there = set(self._client.scheduler_info(n_workers=-1)["workers"]) - self._seen
+        if not there:
+            return
+        try:
+            answers = self._client.run(self._identity, workers=sorted(there), on_error="return")
+        except (OSError, TimeoutError):  # gone meanwhile
+            return
+        refuse_others(self._identity(), answers, self._name)
+        self._seen |= there
+
+
+def refuse_others(own: Mapping[str, str], answers: Mapping[str, Any], name: str) -> None:
+    """Raise InputError with each difference between this client's identity and the workers' ``answers``."""
+    faults = []
+    for worker, theirs in sorted(answers.items()):
+        if isinstance(theirs, OSError):
+            continue  # it died while it was asked
+        where = f"--executor {name}, worker {worker}"
+        if isinstance(theirs, BaseException):
+            found = f"it cannot run this program: {type(theirs).__name__}: {theirs}"
+            faults.append(InputError(where, found, "the same pneucli as here", "install this version there"))
+            continue
+        for what in {**own, **theirs}:
+            if own.get(what) != theirs.get(what):
+                found = f"{what} is {theirs.get(what, 'not there')}"
+                wanted = f"as on this client: {own.get(what, 'not there')}"
+                faults.append(InputError(where, found, wanted, "install the same on both, then start the worker again"))
+    if faults:
+        raise faults[0] if len(faults) == 1 else InputError(f"--executor {name}", "workers differ", faults=faults)
+
+
+@contextmanager
+def connected(address: str, identity: Identity | None = None) -> Iterator[Cluster]:
+    """Yield the cluster at ``dask://host:port``.
+
+    Raises InputError for another address, where nobody answers, where there are no workers, or one differs.
+    """
+    require_cluster(address)
+    with _hushed(), _client(address) as client:
+        if not client.scheduler_info()["workers"]:
+            mend = "start one: dask worker HOST:PORT"
+            raise InputError("--executor", f"the cluster at {address} has no workers", "at least one", mend)
+        yield Cluster(client, address, identity)
+
+
+@contextmanager
+def from_file(path: Path, identity: Identity | None = None) -> Iterator[Cluster]:
+    """Start the cluster that a TOML file describes, yield it, and end it.
+
+    ``class`` is a dotted name such as ``dask_jobqueue.SLURMCluster``, ``options`` its arguments; so many ``workers``
+    are asked for, or from ``minimum`` to ``maximum`` as there is work. Raises InputError where that cannot be done.
+    """
+    _, tables = read(path)
+    table = tables.get("cluster", {})
+    if unknown := set(table) - set(KEYS):
+        raise InputError(f"{path}, key cluster.{min(unknown)}", "unknown key", f"one of {', '.join(KEYS)}")
+    make = _class(str(table.get("class", "")), f"{path}, key cluster.class")
+    client_of = _distributed().Client
+    try:
+        cluster = make(**table.get("options", {}))
+    except Exception as error:  # whatever a queueing system may say
+        raise InputError(f"{path}, key cluster.options", f"{type(error).__name__}: {error}") from error
+    with _hushed(), cluster, client_of(cluster) as client:
+        _grow(cluster, table)
+        _wait(client, path)
+        yield Cluster(client, str(path), identity)
+
+
+@contextmanager
+def _hushed() -> Iterator[None]:
+    """Let Dask's loggers say nothing meanwhile: what is lost and done again is no news, what matters is raised."""
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    before = [one.level for one in loggers]
+    for one in loggers:
+        one.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for one, level in zip(loggers, before, strict=True):
+            one.setLevel(level)
+
+
+def _grow(cluster: Any, table: Mapping[str, Any]) -> None:
+    if "maximum" in table:
+        cluster.adapt(minimum=int(table.get("minimum", 0)), maximum=int(table["maximum"]))
+    elif "workers" in table:
+        cluster.scale(int(table["workers"]))
+
+
+def _wait(client: Any, path: Path) -> None:
+    try:
+        client.wait_for_workers(1, timeout=STARTING)
+    except TimeoutError as error:
+        raise InputError(str(path), f"no worker started within {STARTING:g} s", "at least one") from error
+
+
+def _class(name: str, where: str) -> Callable[..., Any]:
+    module, _, last = name.rpartition(".")
+    try:
+        return getattr(importlib.import_module(module), last)  # type: ignore[no-any-return]
+    except (ImportError, AttributeError, ValueError) as error:
+        wanted = 'a class such as "dask_jobqueue.SLURMCluster"'
+        raise InputError(where, f'no "{name}" here ({error})', wanted, "pip install dask-jobqueue") from error
+
+
+def _distributed() -> Any:
+    try:
+        return importlib.import_module("distributed")
+    except ImportError as error:
+        raise InputError(
+            "--executor", "dask.distributed is not installed", "the extra cluster", "pip install 'pneucli[cluster]'"
+        ) from error
+
+
+def _client(address: str) -> Any:
+    """Connect in a thread of its own: who listens and never answers is waited for without end."""
+    client_of = _distributed().Client
+    clients: SimpleQueue[Any] = SimpleQueue()
+
+    def connect() -> None:
+        with suppress(Exception):  # what answers may be anything
+            clients.put(client_of(address.replace("dask://", "tcp://", 1), timeout=PATIENCE))
+
+    Thread(target=connect, daemon=True).start()
+    try:
+        return clients.get(timeout=PATIENCE)
+    except Empty as error:
+        raise _no_answer(address) from error
+
+
+def require_cluster(address: str) -> None:
+    """Raise InputError where nobody listens at ``address``: cheap, so that it is known before long work is begun.
+
+    Other executors than an address need nobody who listens.
+    """
+    if address == "local" or address.endswith(".toml"):
+        return
+    host, port = _host_and_port(address)
+    try:
+        socket.create_connection((host, port), timeout=PATIENCE).close()
+    except OSError as error:
+        raise _no_answer(address) from error
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname, parts.port
+    except ValueError:  # a port that is no number
+        host, port = None, None
+    if not address.startswith("dask://") or not host or not port:
+        raise InputError("--executor", f'"{address}"', '"local", "dask://host:port", or a TOML file of a cluster')
+    return host, port
+
+
+def _no_answer(address: str) -> InputError:
+    mend = "start it (dask scheduler), check the address, or leave --executor out"
+    return InputError("--executor", f"no cluster answers at {address} within {PATIENCE:g} s", "a Dask scheduler", mend)

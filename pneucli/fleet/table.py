@@ -1,0 +1,129 @@
+"""The table of a fleet: a row a rig and date, its columns named like keys of the pipeline file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pneucli.errors import InputError, did_you_mean, printable
+
+RIG, DATE = "rig", "date"
+TEXTS = ("file", "name", "use", "experiment")  # keys whose values stay texts, numbers as they may look
+LONGEST = 100  # characters of a rig's name
+
+
+@dataclass(frozen=True)
+class Row:
+    """One rig at one date: its line of the table, ``values`` by dotted key; ``fault`` says why it cannot be done."""
+
+    line: int
+    rig: str
+    date: str
+    values: Mapping[str, Any]
+    fault: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Rig and date."""
+        return self.rig, self.date
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Return all rows of a table (CSV or Parquet), in its order; what is wrong with one row stands in its ``fault``.
+
+    Raises InputError where the table as a whole cannot be read or has no column ``rig`` or ``date``.
+    """
+    columns, records = _parquet(path) if path.suffix == ".parquet" else _csv(path)
+    for name in (RIG, DATE):
+        if name not in columns:
+            raise InputError(str(path), f"no column {name}", f"{RIG}, {DATE}, and keys", did_you_mean(name, columns))
+    if twice := [name for name in columns if columns.count(name) > 1]:
+        raise InputError(str(path), f"two columns are called {twice[0]}", "each key once", "take one of them out")
+    return _without_doubles([_row(line, record) for line, record in records])
+
+
+def _csv(path: Path) -> tuple[list[str], list[tuple[int, dict[str, Any]]]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            start = file.read(1 << 16)
+            file.seek(0)
+            delimiter = max(",;\t", key=start.partition("\n")[0].count)
+            reader = csv.reader(file, delimiter=delimiter)
+            head = [cell.strip() for cell in next(reader, [])]
+            records = [(reader.line_num, cells) for cells in reader if any(cells)]
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror}", "the fleet's table", "check table") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(str(path), f"not a CSV table in UTF-8: {error}", "CSV or Parquet") from error
+    for line, cells in records:
+        if len(cells) != len(head):
+            raise InputError(f"{path}, line {line}", f"{len(cells)} cells", f"{len(head)}, as the header has")
+    return head, [(line, dict(zip(head, cells, strict=True))) for line, cells in records]
+
+
+def _parquet(path: Path) -> tuple[list[str], list[tuple[int, dict[str, Any]]]]:
+    try:
+        table = pq.read_table(path)
+    except FileNotFoundError as error:
+        raise InputError(str(path), "no such file", "the fleet's table", "check table") from error
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(str(path), f"not a Parquet file: {error}", "CSV or Parquet") from error
+    return table.column_names, list(enumerate(table.to_pylist(), 1))
+
+
+def _row(line: int, record: Mapping[str, Any]) -> Row:
+    rig, when = str(record[RIG] or "").strip(), record[DATE]
+    values = {k: _value(k, v) for k, v in record.items() if k not in (RIG, DATE) and v is not None and v != ""}
+    try:
+        day = _day(when)
+    except ValueError:
+        return Row(
+            line, rig or f"line {line}", "unknown", values, f'"{when}" is no date; wanted one such as 2026-11-22'
+        )
+    if not rig or printable(rig) != rig or len(rig) > LONGEST or rig.startswith("."):
+        fault = f'"{printable(rig)[:LONGEST]}" cannot be the name of a rig'
+        return Row(line, f"line {line}", day, values, fault)
+    return Row(line, rig, day, values)
+
+
+def _day(value: Any) -> str:
+    """Return a date, or a date with a time of day, as ISO 8601 has it."""
+    if isinstance(value, datetime):
+        return value.isoformat(timespec="seconds") if value.time() != datetime.min.time() else value.date().isoformat()
+    if isinstance(value, date):
+        return value.isoformat()
+    text = str(value).strip()
+    return (
+        date.fromisoformat(text).isoformat() if len(text) <= len("2026-01-01") else _day(datetime.fromisoformat(text))
+    )
+
+
+def _value(key: str, value: Any) -> Any:
+    """Return a cell as the pipeline file would have it: a number where it is one, else the text."""
+    if not isinstance(value, str) or key.rpartition(".")[2] in TEXTS:
+        return value
+    text = value.strip()
+    try:
+        return float(text)
+    except ValueError:
+        return {"true": True, "false": False}.get(text, text)
+
+
+def _without_doubles(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows, those that repeat rig and date of an earlier one with that for a fault."""
+    first: dict[tuple[str, str], int] = {}
+    out = []
+    for row in rows:
+        line = first.setdefault(row.key, row.line)
+        again = f"{row.rig} at {row.date} stands in line {line} already"
+        out.append(
+            row if line == row.line or row.fault else replace(row, rig=f"{row.rig} (line {row.line})", fault=again)
+        )
+    return out

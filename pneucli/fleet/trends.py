@@ -1,0 +1,75 @@
+"""How each parameter of a rig goes over its dates, and where its level changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FEWEST = 3  # dates, below which there is no trend
+PENALTY = 3.0  # times the logarithm of the number of dates, for each level more (a level and the place of its change)
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One parameter of one rig over its dates: values, errors, and the places (from 0) where a new level begins."""
+
+    rig: str
+    name: str
+    unit: str
+    dates: tuple[str, ...]
+    values: tuple[float, ...]
+    errors: tuple[float, ...]
+    breaks: tuple[int, ...] = ()
+
+
+def breaks_of(values: Array, errors: Array) -> tuple[int, ...]:
+    """Return where the level of values (n,) with these standard errors (n,) changes: the index of each new first one.
+
+    Of all ways to cut them into stretches of one level each the one with the least weighted sum of squares and a
+    penalty for each cut (Schwarz), found exactly by dynamic programming. The errors count as large as the scatter of
+    neighbours shows them, where that is more.
+    """
+    n = values.size
+    if n < FEWEST:
+        return ()
+    weight = 1.0 / np.maximum(errors, scatter(values)) ** 2
+    sums = [np.concatenate([[0.0], np.cumsum(weight * values**k)]) for k in (0, 1, 2)]
+    penalty = PENALTY * np.log(n)
+    best, last = np.full(n + 1, np.inf), np.zeros(n + 1, dtype=int)
+    best[0] = -penalty
+    for end in range(1, n + 1):
+        w, first, second = (s[end] - s[:end] for s in sums)
+        cost = best[:end] + np.maximum(second - first**2 / w, 0.0) + penalty
+        last[end] = int(np.argmin(cost))
+        best[end] = cost[last[end]]
+    found, end = [], n
+    while (end := int(last[end])) > 0:
+        found.append(end)
+    return tuple(reversed(found))
+
+
+def scatter(values: Array) -> float:
+    """Return the standard deviation of values about a level that may step: from the median of their steps."""
+    steps = np.abs(np.diff(values))
+    tiny = 1e-12 * float(np.max(np.abs(values), initial=1e-300))
+    return max(float(np.median(steps)) / (0.6745 * np.sqrt(2.0)), tiny) if steps.size >= FEWEST else tiny
+
+
+def trends_of(records: Sequence[tuple[str, str, str, str, float, float]]) -> list[Trend]:
+    """Return the trends of (rig, date, name, unit, value, error), by rig and name, dates in order."""
+    groups: dict[tuple[str, str, str], list[tuple[str, float, float]]] = {}
+    for rig, date, name, unit, value, error in records:
+        if np.isfinite(value):
+            groups.setdefault((rig, name, unit), []).append((date, value, error if np.isfinite(error) else 0.0))
+    return [_trend(key, sorted(points)) for key, points in groups.items() if len(points) >= FEWEST]
+
+
+def _trend(key: tuple[str, str, str], points: Sequence[tuple[str, float, float]]) -> Trend:
+    dates, values, errors = zip(*points, strict=True)
+    rig, name, unit = key
+    return Trend(rig, name, unit, dates, values, errors, breaks_of(np.array(values), np.array(errors)))

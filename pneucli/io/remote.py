@@ -1,0 +1,80 @@
+"""Raw files that are not on this machine: S3-like stores through Arrow's filesystems, all else through fsspec."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import IO, Any
+from urllib.parse import urlsplit
+
+from pyarrow import fs
+
+from pneucli.errors import InputError
+
+ARROW = ("s3", "gs", "gcs", "hdfs", "abfs", "abfss", "file")
+BLOCK = 1 << 22  # bytes, copied at a time
+_URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
+
+
+def is_remote(text: str) -> bool:
+    """Return whether a text is a URL, and not a path."""
+    return _URL.match(text) is not None
+
+
+def stamp(url: str) -> str:
+    """Return what tells one content of a remote file from another without reading it: size and time, or a tag.
+
+    Raises InputError where there is no such file or no answer.
+    """
+    try:
+        if _scheme(url) in ARROW:
+            system, path = fs.FileSystem.from_uri(url)
+            with system.open_input_file(path):  # says that there is none, where there is none
+                info = system.get_file_info(path)
+            return f"{info.size} {info.mtime_ns}"
+        info = _other(url).info(url)
+        return " ".join(str(info.get(key)) for key in ("size", "ETag", "mtime", "LastModified", "Last-Modified"))
+    except InputError:
+        raise
+    except Exception as error:  # whatever a store may say
+        raise refused(url, error) from error
+
+
+def fetch(url: str, folder: Path) -> Path:
+    """Copy a remote file into ``folder`` under its own name; return its path there. Raises InputError as ``stamp``."""
+    target = folder / (Path(urlsplit(url).path).name or "file")
+    try:
+        with _opened(url) as source, target.open("wb") as file:
+            shutil.copyfileobj(source, file, BLOCK)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a store may say
+        raise refused(url, error) from error
+    return target
+
+
+def _scheme(url: str) -> str:
+    return url.partition("://")[0].lower()
+
+
+def _opened(url: str) -> IO[bytes]:
+    if _scheme(url) in ARROW:
+        system, path = fs.FileSystem.from_uri(url)
+        return system.open_input_stream(path)  # type: ignore[return-value]
+    return _other(url).open(url, "rb")  # type: ignore[no-any-return]
+
+
+def _other(url: str) -> Any:
+    try:
+        import fsspec  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise InputError(url, "fsspec is not installed", "the extra remote", "pip install 'pneucli[remote]'") from error
+    return fsspec.core.url_to_fs(url)[0]
+
+
+def refused(url: str, error: Exception) -> InputError:
+    """Return what a store said as an error of the input; a password in the URL is not shown."""
+    shown = re.sub(r"//[^/@]*@", "//", url)
+    said = (str(error).splitlines() or [type(error).__name__])[0]
+    return InputError(shown, f"cannot be read: {said}", "a file that is there, and may be read", "check URL and access")

@@ -1,0 +1,272 @@
+"""One row of a fleet, done where its data are: a pipeline of its own, in a folder that goes when it is done."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+import time
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from pneucli.errors import InputError, surroundings
+from pneucli.fleet.pipelines import files_of, folder_name
+from pneucli.fleet.table import Row
+from pneucli.io import remote
+from pneucli.io.artifacts import atomic_path, sha256_of
+from pneucli.pipeline.graph import STAGES
+from pneucli.pipeline.identity import identity
+from pneucli.pipeline.runner import Pipeline, open_pipeline
+from pneucli.pipeline.staleness import FILE as MANIFEST
+from pneucli.pipeline.staleness import digest, program_digest
+from pneucli.stages import diagnose, ingest, since
+from pneucli.stages.load import load
+from pneucli.stages.study import MODEL_FILE
+
+SCHEMA = "pneucli/fleet-row/1"
+RESULT, PIPELINE, REFERENCE, REPORT = "row.json", "pipeline.toml", "reference", "report.html"
+ROWS = "rows"
+EMPTY: Mapping[str, Any] = {
+    "verdict": None,
+    "missing": [],
+    "error_train": None,
+    "error_test": None,
+    "parameters": {},
+    "changes": [],
+    "p_value": None,
+    "report": None,
+    "failure": None,
+    "cause": None,
+}
+# what a fleet asks of a rig's own report: no controllers
+LOADED = (ingest, diagnose)  # with this module, so that a worker that is forked from it has them
+STAGES_OF_ROW = STAGES | {"report": replace(STAGES["report"], optional=("diagnose",))}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One row to be done into the folder ``out``: ``text`` is its pipeline, ``since`` the date it is held against.
+
+    ``reference_key`` tells which result of that date, ``program`` and ``plugins`` (SHA-256 by path) what the client
+    has. Where ``keeps`` is set, later dates will be held against this one.
+    """
+
+    out: str
+    row: Row
+    text: str
+    since: str | None = None
+    reference_key: str = ""
+    alarm_rate: float = 1e-3
+    reports: str = "changed"
+    keeps: bool = False
+    program: Mapping[str, str] = field(default_factory=dict)
+    plugins: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def folder(self) -> Path:
+        """The row's own folder."""
+        return folder_of(Path(self.out), self.row)
+
+    @property
+    def asked(self) -> list[Any]:
+        """All that the result depends on, but the files."""
+        settings = [self.since, self.reference_key, self.alarm_rate, self.reports, self.keeps]
+        return [program_digest(), self.text, dict(self.plugins), settings]
+
+
+class OtherProgram(Exception):  # noqa: N818 - it says what the worker is
+    """Raised by a worker that does not run the client's program or plug-ins."""
+
+
+def folder_of(out: Path, row: Row) -> Path:
+    """Return the folder of a row."""
+    return out / ROWS / folder_name(row.rig) / folder_name(row.date)
+
+
+def read_result(out: Path, row: Row) -> dict[str, Any] | None:
+    """Return what is known of a row; None where it was never done, or by another version."""
+    try:
+        content: dict[str, Any] = json.loads((folder_of(out, row) / RESULT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if content.get("schema") == SCHEMA else None
+
+
+def write_result(out: Path, row: Row, result: Mapping[str, Any]) -> None:
+    """Write what became of a row, atomically."""
+    with atomic_path(folder_of(out, row) / RESULT) as path:
+        path.write_text(json.dumps(result, allow_nan=False), encoding="utf-8")
+
+
+def stamp_of(job: Job) -> str:
+    """Return a digest of all that a row's result depends on, its files by size and time: nothing is read.
+
+    Raises InputError where a remote file does not answer.
+    """
+    stamps = {name: _stamp(name) for name in files_of(tomllib.loads(job.text))}
+    return digest([job.asked, stamps])
+
+
+def _stamp(name: str) -> str:
+    if remote.is_remote(name):
+        return remote.stamp(name)
+    try:
+        status = Path(name).stat()
+    except OSError:  # a glob, a variable, or no such file
+        return _found(name)
+    return f"{status.st_size} {status.st_mtime_ns}"
+
+
+def _found(name: str) -> str:
+    path = Path(name)
+    try:
+        return " ".join(f"{p} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in sorted(path.parent.glob(path.name)))
+    except (OSError, ValueError, NotImplementedError):
+        return ""
+
+
+def work(job: Job) -> dict[str, Any]:
+    """Do one row, write its result into its folder and return it; what goes wrong with the row is its failure.
+
+    Raises OtherProgram where this worker runs something else than the client.
+    """
+    refuse_other(job)
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="pneucli-fleet-") as scratch:
+        try:
+            result = _done(job, Path(scratch))
+        except Exception as error:  # one row must not stop the others
+            result = failed(job.row, error) | {"stamp": _stamp_or_none(job)}
+    if result.get("same"):
+        return result
+    result |= {"seconds": round(time.perf_counter() - begun, 3)}
+    write_result(Path(job.out), job.row, result)
+    return result
+
+
+def _stamp_or_none(job: Job) -> str | None:
+    try:
+        return stamp_of(job)
+    except InputError:
+        return None
+
+
+def refuse_other(job: Job) -> None:
+    """Raise OtherProgram where program or plug-ins here are not those of the client."""
+    here = identity()
+    differ = [
+        f"{what} is {here.get(what)}, not {there}" for what, there in job.program.items() if here.get(what) != there
+    ]
+    for path, sha in job.plugins.items():
+        mine = sha256_of(path) if Path(path).is_file() else "not there"
+        differ += [f"the plug-in {path} is {mine[:12]}, not {sha[:12]}"] if mine != sha else []
+    if differ:
+        raise OtherProgram("; ".join(differ))
+
+
+def failed(row: Row, error: BaseException) -> dict[str, Any]:
+    """Return the result of a row that failed. What may have been chance, or the surroundings, is tried again."""
+    refusal = surroundings(error) if isinstance(error, OSError | MemoryError) else None
+    told = refusal or error
+    text = str(told) if isinstance(told, InputError) else f"fault of the program: {type(error).__name__}: {error}"
+    said = told.found if isinstance(told, InputError) else type(error).__name__
+    again = not isinstance(error, InputError)
+    return _head(row) | {**EMPTY, "failure": text, "cause": cause_of(said), "again": again, "bad": True}
+
+
+def cause_of(text: str) -> str:
+    """Return what is common to like failures: a message without its names, paths and numbers."""
+    text = re.sub(r"\"[^\"]*\"|'[^']*'", '"…"', text.splitlines()[0] if text else "unknown")
+    text = re.sub(r"\S*/\S+", "…", text)
+    return re.sub(r"[-+]?\d[\d.,e+-]*", "#", text)[:120]
+
+
+def _head(row: Row) -> dict[str, Any]:
+    return {"schema": SCHEMA, "rig": row.rig, "date": row.date, "line": row.line, "since": None}
+
+
+def _done(job: Job, scratch: Path) -> dict[str, Any]:
+    if job.row.fault:
+        raise InputError(f"line {job.row.line} of the table", job.row.fault)
+    stamp, (text, hashes) = stamp_of(job), _here(job, scratch)
+    key = digest([job.asked, hashes])
+    former = read_result(Path(job.out), job.row)
+    if former is not None and former.get("key") == key and not former.get("again"):
+        write_result(Path(job.out), job.row, former | {"stamp": stamp})  # its files were touched, not changed
+        return former | {"stamp": stamp, "same": True}
+    file = scratch / PIPELINE
+    file.write_text(text, encoding="utf-8")
+    pipeline = open_pipeline(file, load, scratch / "artifacts", STAGES_OF_ROW)
+    answer = dict(pipeline.bring_up(["diagnose"], {"diagnose": _options(job)})["diagnose"].answer)
+    _keep(job, pipeline)
+    result = _head(job.row) | _told(answer) | {"since": job.since, "program": program_digest(), "failure": None}
+    result |= {"report": _report(job, pipeline, answer), "cause": None, "again": False}
+    return result | {"bad": answer["verdict"] == "inconclusive", "stamp": stamp, "key": key}
+
+
+def _options(job: Job) -> dict[str, Any]:
+    if job.since is None:
+        return {}
+    old = folder_of(Path(job.out), replace(job.row, date=job.since)) / REFERENCE
+    return since.option(old, job.alarm_rate)
+
+
+def _here(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
+    """Return the pipeline with its remote files fetched, and the SHA-256 of each file by the name that it has there."""
+    document = tomlkit.parse(job.text)
+    hashes: dict[str, str] = {}
+    tables: Any = document.get("recordings", [])
+    for number, one in enumerate(one for table in tables for one in (table, *table.get("more", []))):
+        name = str(one["file"])
+        if remote.is_remote(name):
+            folder = scratch / "raw" / str(number)
+            folder.mkdir(parents=True)
+            one["file"] = str(remote.fetch(name, folder))
+        path = Path(str(one["file"]))
+        found = [path] if path.is_file() else sorted(path.parent.glob(path.name)) if "*" in path.name else []
+        hashes |= {f"{name} {hit.name}": sha256_of(hit) for hit in found}
+    return tomlkit.dumps(document), hashes
+
+
+def _keep(job: Job, pipeline: Pipeline) -> None:
+    """Keep the row's pipeline file, and what later dates are held against."""
+    with atomic_path(job.folder / PIPELINE) as path:
+        path.write_text(job.text, encoding="utf-8")
+    if job.keeps:
+        for name in (since.FILE, MODEL_FILE, MANIFEST):
+            with atomic_path(job.folder / REFERENCE / name) as path:
+                shutil.copyfile(pipeline.artifacts / "diagnose" / name, path)
+
+
+def _told(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a fleet keeps of a diagnosis."""
+    last = next((s for s in reversed(answer["ladder"]) if s["add"] in answer["missing"]), answer["ladder"][0])
+    named = {c["effect"]: c for c in answer["candidates"] if c["effect"] in answer["missing"]}
+    effects = {f"{name}.{p}": value for name, c in named.items() for p, value in c["parameters"].items()}
+    return {
+        "verdict": answer["verdict"],
+        "missing": answer["missing"],
+        "error_train": answer["ladder"][0]["error_train"],
+        "error_test": answer["ladder"][0]["error_test"],
+        "error_after": last["error_train"] if last["error_test"] is None else last["error_test"],
+        "parameters": answer["parameters"] | effects,
+        "changes": answer.get("changes", []),
+        "p_value": answer.get("since", {}).get("p_value"),
+        "sentence": answer["sentence"],
+    }
+
+
+def _report(job: Job, pipeline: Pipeline, answer: Mapping[str, Any]) -> str | None:
+    """Make the rig's own report where one is asked for; return its path below the fleet's folder."""
+    if job.reports == "none" or (job.reports == "changed" and not answer.get("changes")):
+        return None
+    pipeline.bring_up(["report"])
+    with atomic_path(job.folder / REPORT) as path:
+        shutil.copyfile(pipeline.artifacts / "report" / REPORT, path)
+    return (job.folder / REPORT).relative_to(job.out).as_posix()

@@ -1,0 +1,38 @@
+"""What a fleet's run found: how many rigs, who changed, what failed, and where the page is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.words import labelled, table
+from pneucli.words.diagnose import difference
+from pneucli.words.numbers import joined
+
+Answer = Mapping[str, Any]
+MOST = 10  # rigs that are listed without -v
+
+
+def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
+    """Yield counts, the rigs that changed, the failures, what to do; behind ``-v`` all that changed."""
+    yield from labelled("found", found(answer))
+    listed = answer["changes"] if verbose else answer["changes"][:MOST]
+    for one in listed:
+        what = "; ".join(difference(each) for each in one["changes"])
+        yield from labelled("changed", f"{one['rig']} at {one['date']}, since {one['since']}: {what}")
+    if rest := len(answer["changes"]) - len(listed):
+        yield from labelled("", f"and {rest} more (-v lists them)")
+    for one in answer["failures"]:
+        yield from labelled("failed", f"{one['rows']} rows: {one['cause']}")
+    yield from labelled("done", f"{answer['done']} rows in {answer['seconds']:.0f} s, {answer['unchanged']} unchanged")
+    yield from labelled("page", f"{answer['out']}/report.html")
+    if verbose:
+        yield ""
+        yield from table(("verdict", "rows"), [(name, str(n)) for name, n in answer["verdicts"].items()], texts=1)
+
+
+def found(answer: Answer) -> str:
+    """Return the counts in one sentence."""
+    text = f"{answer['changed']} of {answer['rigs']} rigs changed, {answer['failed']} of {answer['rows']} rows failed"
+    missing = [f"{name} ({n})" for name, n in list(answer["missing"].items())[:5]]
+    return f"{text}; missing from the model: {joined(missing)}" if missing else text

@@ -1,0 +1,137 @@
+"""What changed: chances where nothing did, all else being as it was, and blocks that vouch for themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pneucli.diagnose.change import Comparison, Hypothesis
+from pneucli.diagnose.reference import Coordinate, Reference, Start, aligned
+
+BLOCKS = 60
+Array = NDArray[np.float64]
+
+
+def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float = 0.0, noise: float = 1.0) -> Reference:
+    """A straight line through noisy readings, two parameters and one effect (a parabola) that the model lacks."""
+    t = np.linspace(-1.0, 1.0, 20 * BLOCKS)
+    jacobian, parabola = np.column_stack([np.ones_like(t), t]), t**2 + 0.3
+    measured = jacobian @ theta + effect * parabola + noise * rng.standard_normal(t.size)
+    bread = np.linalg.inv(jacobian.T @ jacobian)
+    found = bread @ jacobian.T @ measured
+    residual, bias = jacobian @ found - measured, bread @ jacobian.T @ parabola
+    new = parabola - jacobian @ bias
+    power, block = float(new @ new), np.repeat(np.arange(BLOCKS), 20)
+
+    def by_block(values: Array) -> Array:
+        return np.bincount(block, values)
+
+    return Reference(
+        tuple(Coordinate(n, "N", float(v), False, False) for n, v in zip("ab", found, strict=True)),
+        (Start("bend", {"bend.size": 1.0}),),
+        -np.column_stack([by_block(c * residual) for c in jacobian.T]) @ bread,
+        bread,
+        np.array([-float(new @ residual) / power]),
+        -by_block(new * residual)[:, None] / power,
+        np.array([power]),
+        bias[:, None],
+        np.log(by_block(residual**2) / 20),
+        -np.column_stack([by_block(c * new) for c in jacobian.T])[None] @ bread,
+        by_block(new**2)[:, None] / power,
+    )
+
+
+def test_where_nothing_changed_the_chances_are_what_they_say() -> None:
+    """400 pairs and two parameters: a chance below 0.05 in 5 % of them, within four standard errors."""
+    rng = np.random.default_rng(1)
+    pairs = [Comparison(linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))) for _ in range(400)]
+    for name in ("a", "b", "bend"):
+        chances = [next(t.p_value for t in c.tested() if t.hypothesis.name == name) for c in pairs]
+        assert np.mean(np.array(chances) < 0.05) == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 400))
+
+
+@pytest.mark.parametrize(("theta", "effect", "name"), [((1.3, 2.0), 0.0, "a"), ((1.0, 2.5), 0.0, "b"),
+                                                       ((1.0, 2.0), 1.0, "bend")])  # fmt: skip
+def test_the_one_thing_that_changed_stands_first_with_its_size(
+    theta: tuple[float, float], effect: float, name: str
+) -> None:
+    rng = np.random.default_rng(2)
+    first = Comparison(linear(rng, (1.0, 2.0)), linear(rng, theta, effect)).tested()[0]
+    size = {"a": 0.3, "b": 0.5, "bend": 1.0}[name]
+    assert (first.hypothesis.name, first.p_value < 1e-6) == (name, True)
+    assert first.size == pytest.approx(size, abs=4 * first.error)
+
+
+def test_what_the_model_lacks_on_both_sides_is_no_change() -> None:
+    rng = np.random.default_rng(3)
+    tested = Comparison(linear(rng, (1.0, 2.0), 5.0), linear(rng, (1.0, 2.0), 5.0)).tested()
+    assert min(t.p_value for t in tested) > 1e-3
+
+
+def test_a_second_change_shows_beside_the_first() -> None:
+    rng = np.random.default_rng(4)
+    both = Comparison(linear(rng, (1.0, 2.0)), linear(rng, (1.5, 2.6)))
+    (a,) = [h for h in both.hypotheses if h.name == "a"]
+    beside = both.because(a).tested()[0]
+    assert (beside.hypothesis.name, beside.size) == ("b", pytest.approx(0.6, abs=4 * beside.error))
+
+
+def test_a_residual_that_grew_is_seen_and_a_noise_that_is_estimated_a_little_otherwise_is_not() -> None:
+    rng = np.random.default_rng(5)
+    old = linear(rng, (1.0, 2.0))
+    assert Comparison(old, linear(rng, (1.0, 2.0), noise=2.0)).level().p_value < 1e-6
+    assert Comparison(old, linear(rng, (1.0, 2.0), noise=1.04)).level().p_value > 0.05
+    fewer = replace(old, levels=old.levels[:30])
+    assert Comparison(fewer, linear(rng, (1.0, 2.0), noise=2.0)).level().p_value < 1e-6
+
+
+def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
+    """Its power stands in one block, which a step of it fits perfectly: nothing else says that it is there."""
+    rng = np.random.default_rng(6)
+    old, new = linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))
+    share = np.zeros((BLOCKS, 1))
+    share[7] = 1.0 - 1e-9
+    only = np.where(share > 0.5, 8.0, 0.0)
+    lone = replace(new, steps=np.array([8.0]), step_influence=only, share=share)
+    tested = Comparison(old, lone).test(Hypothesis("bend", start=0))
+    assert tested is not None
+    assert tested.p_value > 1e-3
+
+
+def test_what_only_one_side_has_is_left_out() -> None:
+    rng = np.random.default_rng(7)
+    old, new = linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))
+    fewer = new.only(["b"], [])
+    one, other = aligned(old, fewer)
+    assert [c.name for c in one.coordinates] == [c.name for c in other.coordinates] == ["b"]
+    assert one.steps.size == other.steps.size == 0
+    assert Comparison(one, other).tested()[0].p_value > 1e-3
+
+
+def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_together() -> None:
+    rng = np.random.default_rng(8)
+    names = ("valve.effective_area(+1 V)", "valve.effective_area(+2 V)")
+    sides = [linear(rng, (1.0, 2.0)) for _ in range(2)]
+    valves = [
+        replace(s, coordinates=tuple(replace(c, name=n) for c, n in zip(s.coordinates, names, strict=True)))
+        for s in sides
+    ]
+    assert [h.name for h in Comparison(*valves).hypotheses] == [*names, "valve.effective_area", "bend"]
+    bound = replace(sides[0], coordinates=(replace(sides[0].coordinates[0], at_bound=True), sides[0].coordinates[1]))
+    assert [h.name for h in Comparison(bound, sides[1]).hypotheses] == ["b", "bend"]
+
+
+def test_an_effect_that_cannot_fall_below_none_is_not_named_for_doing_so() -> None:
+    rng = np.random.default_rng(9)
+    sides = [linear(rng, (1.0, 2.0), effect) for effect in (0.0, -1.0, 1.0)]
+    none, below, there = (replace(s, starts=(replace(s.starts[0], one_sided=True),)) for s in sides)
+
+    def chance(old: Reference, new: Reference) -> float:
+        return next(t.p_value for t in Comparison(old, new).tested() if t.hypothesis.name == "bend")
+
+    assert chance(none, below) == 1.0
+    assert chance(none, there) < 1e-6
+    assert chance(there, none) < 1e-6  # it was there, and has gone

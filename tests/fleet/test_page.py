@@ -1,0 +1,100 @@
+"""The page of a large fleet: small enough to send, ranked, and safe against what names may hold."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.fleet.metrics import to_openmetrics
+from pneucli.fleet.page import data_of, to_html
+from pneucli.fleet.trends import Trend
+
+RNG = np.random.default_rng(1)
+CHANGE = {"name": "piston-leak.area", "effect": "piston-leak", "before": 0.0, "after": 5.2e-8, "unit": "m^2"}
+
+
+def row(number: int, day: int, changed: bool, failed: bool) -> dict[str, Any]:
+    rig = f"axis-{number:05d}"
+    return {
+        "rig": rig,
+        "date": f"2026-11-{day:02d}",
+        "verdict": None if failed else "unexplained",
+        "missing": ["stribeck"] if number % 3 else [],
+        "changes": [CHANGE | {"confidence": 0.99999}] if changed else [],
+        "p_value": 10.0 ** -(number % 90) if changed else 1.0,
+        "error_test": float(RNG.uniform(1.0, 9.0)),
+        "failure": f"raw/{rig}/21.csv, line {number}: {'bad ' * 80}" if failed else None,
+        "cause": f"kind {number % 7}" if failed else None,
+        "report": f"rows/{rig}/2026-11-{day:02d}/report.html" if changed else None,
+        "seconds": 1.0,
+    }
+
+
+def fleet(rigs: int, dates: int) -> tuple[dict[str, Any], list[dict[str, Any]], list[Trend]]:
+    results = [
+        row(n, d, d == dates and n % 20 == 0, d == dates and n % 50 == 1)
+        for n in range(rigs)
+        for d in range(1, dates + 1)
+    ]
+    days = tuple(f"2026-11-{d:02d}" for d in range(1, dates + 1))
+    trends = [
+        Trend(f"axis-{n:05d}", name, "N", days, tuple(RNG.uniform(10, 20, dates)), tuple(RNG.uniform(0, 1, dates)))
+        for n in range(rigs)
+        for name in ("friction.coulomb", "friction.viscous", "valve.overlap")
+    ]
+    failures = [{"cause": f"kind {k}", "rows": 5} for k in range(7)]
+    answer = {"fleet": "plant", "rigs": rigs, "rows": len(results), "changed": 1, "failed": 7, "breaks": 0, "done": 0,
+              "alarm_rate": 1e-3, "failures": failures, "missing": {"stribeck": 9}}  # fmt: skip
+    return answer, results, trends
+
+
+def test_ten_thousand_rigs_at_thirty_dates_fit_into_five_megabytes() -> None:
+    """Every failure has a message of its own, every tenth rig changed or failed."""
+    answer, results, trends = fleet(10_000, 30)
+    assert len(to_html(answer, results, trends).encode()) <= 5_000_000
+
+
+def data(page: str) -> Any:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    return json.loads(found[1])
+
+
+def test_the_most_surely_changed_stand_first_then_those_whose_level_changed() -> None:
+    answer, results, trends = fleet(60, 3)
+    broken = [
+        Trend(t.rig, t.name, t.unit, t.dates, t.values, t.errors, (2,)) if t.rig == "axis-00007" else t for t in trends
+    ]
+    rigs = [one[0] for one in data_of(answer, results, broken)["rigs"]]
+    assert rigs[:3] == ["axis-00040", "axis-00020", "axis-00007"]
+    assert len(rigs) == 60
+
+
+def test_the_page_carries_what_changed_with_a_link_and_what_failed_with_its_cause() -> None:
+    found = data(to_html(*fleet(60, 3)))
+    first = found["rigs"][0]
+    words = found["words"]
+    assert [words[c[0]] for c in first[5]] == ["piston-leak.area"]
+    assert first[9] == "rows/axis-00040/2026-11-03/report.html"
+    failed = next(one for one in found["rigs"] if one[8])
+    assert words[failed[8][0]].startswith("kind")
+    assert found["changes"] == {"piston-leak.area": 3}
+
+
+@pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", '"><img src=x>'])
+def test_a_name_cannot_break_out_of_the_page(name: str) -> None:
+    answer, results, trends = fleet(1, 1)
+    page = to_html(answer | {"fleet": name}, [results[0] | {"rig": name}], trends)
+    assert name not in page
+    assert data(page)["rigs"][0][0] == name
+
+
+def test_labels_of_metrics_are_escaped() -> None:
+    answer, results, _ = fleet(1, 1)
+    text = to_openmetrics(answer | {"fleet": 'a"b\nc'}, results)
+    assert 'fleet="a\\"b\\nc"' in text
+    assert text.endswith("# EOF\n")
