@@ -149,7 +149,7 @@ def _recorded(r: Recording, rig: Rig) -> like.Recorded:
     pressures = [float(r[name][0]) if name in r else rig.ambient_pressure for name in ("p1", "p2")]
     return like.Recorded(
         r.name.replace("/", "_"),
-        r.experiment,
+        "axis" if r.experiment == "closed-loop" else r.experiment,
         r.use,
         r.time,
         np.asarray(_filled(signal)),
