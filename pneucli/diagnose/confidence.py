@@ -34,13 +34,13 @@ class Evidence(NamedTuple):
 
     @property
     def features(self) -> tuple[float, ...]:
-        """The terms of the law: each within the range that the exams have shown."""
+        """The terms of the law: each within the range that exams have shown; more than typical is no likelier."""
         share = min(max(self.share, 0.02), 0.98)
         return (
             1.0,
             math.log(share / (1.0 - share)),
             _decades(self.significance, 1.0, 100.0),
-            _decades(self.size, 0.03, 3.0),
+            _decades(self.size, 0.03, 1.0),
         )
 
 
@@ -49,7 +49,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-WEIGHTS = (-2.89, 0.64, 1.92, 2.31)
+WEIGHTS = (-2.13, 0.66, 1.8, 3.45)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.07, "immaterial": 0.04, "at-bound": 0.04, "needless": 0.03}
 OTHERWISE = 0.002  # of all other reasons together

@@ -20,7 +20,7 @@ Y = np.array([1.0, 2.0, 3.0, 6.0, np.nan])
 
 def figures(measured: np.ndarray, modelled: np.ndarray, noise: float = 0.5) -> channels.ChannelResult:
     e = bench("axis", clock(0.1), {"u": 0.0})
-    return channels._channel(e, "p1", measured, modelled, noise)
+    return channels.channel_result(e, "p1", measured, modelled, noise)
 
 
 def test_figures_by_hand() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.design import layout
 from pneucli.design.closed_loop import Bench, _flags, _inputs, sensor_rows
 from pneucli.design.scenarios import read_table, scenarios_from, start_at
 from pneucli.errors import InputError
@@ -172,7 +173,7 @@ def test_sensors_rows_hold_their_noise_and_what_is_missing() -> None:
     found = scene(reference="hold", lost="p1", lost_from="2 s", lost_to="3 s")
     time = 1e-3 * np.arange(6000)
     rows = sensor_rows(found, Bench(noise_x=1e-5, noise_p=300.0), time, 1)
-    assert rows.shape == (6000, 15)
+    assert rows.shape == (6000, layout.L_ROW)
     assert np.nanstd(rows[:, :3], axis=0) == pytest.approx([1e-5, 300.0, 300.0], rel=0.05)
     assert np.flatnonzero(np.isnan(rows[:, 1])).tolist() == list(range(2000, 3000))
     assert not np.isnan(rows[:, [0, 2]]).any()

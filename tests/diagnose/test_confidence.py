@@ -16,12 +16,12 @@ MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3)
 WITHIN: dict[str, list[float]] = {
     "share": [0.05, 0.3, 0.6, 0.9],
     "significance": [2.0, 5.0, 20.0, 80.0],
-    "size": [0.05, 0.2, 1.0, 2.0],
+    "size": [0.05, 0.2, 0.5, 0.9],
 }
 BEYOND: dict[str, list[tuple[float, float]]] = {
     "share": [(0.02, -0.5), (0.98, 1.0)],
     "significance": [(1.0, 0.0), (100.0, 1e9)],
-    "size": [(0.03, 0.0), (3.0, 100.0)],
+    "size": [(0.03, 0.0), (1.0, 100.0)],
 }
 
 
