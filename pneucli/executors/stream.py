@@ -42,7 +42,8 @@ def stream(engine: Engine, work: Callable[[Job], Any], ready: deque[Job]) -> Ite
         while ready and not suspects and len(flying) < AHEAD * engine.slots:
             job = ready.popleft()
             flying[engine.submit(work, job)] = job
-        for future in _done(engine, flying):
+        done = _done(engine, flying)
+        for future in [one for one in flying if one in done]:  # together done, first begun
             job = flying.pop(future)
             outcome = _outcome(engine, job, future)
             if outcome is None:
