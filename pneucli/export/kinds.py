@@ -11,6 +11,16 @@ from typing import Any, Literal
 Kind = Literal["whole", "truth", "real", "nothing"]
 WHOLE_FUNCTIONS = ("int",)
 COUNTS = ("C_", "S_", "L_")  # places in the arrays begin so
+COMMON: dict[type[ast.AST], str] = {  # operators that C and structured text write the same
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+}
 
 
 def tree_of(function: Callable[..., Any]) -> ast.FunctionDef:

@@ -15,20 +15,13 @@ from pneucli import __version__
 from pneucli.design import layout
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS
-from pneucli.export.kinds import Kinds, tree_of
+from pneucli.export.kinds import COMMON, Kinds, tree_of
 from pneucli.export.program import constants, controller_hash, filled, functions_of, states_of
 
 TYPES = {"whole": "DINT", "truth": "BOOL", "real": "LREAL", "nothing": "BOOL"}
 BUILT_IN = {"min": "MIN", "max": "MAX", "int": "TRUNC", "fabs": "ABS", "sqrt": "SQRT"}
 OPERATORS: dict[type[ast.AST], str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
+    **COMMON,
     ast.Eq: "=",
     ast.NotEq: "<>",
     ast.And: "AND",

@@ -13,19 +13,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from pneucli.export.kinds import Kinds, tree_of
+from pneucli.export.kinds import COMMON, Kinds, tree_of
 
 LIBRARY = ("fabs", "sqrt", "isfinite")
 BUILT_IN = {"min": "smaller", "max": "larger", "int": "(int)"}
 OPERATORS: dict[type[ast.AST], str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
+    **COMMON,
     ast.Eq: "==",
     ast.NotEq: "!=",
     ast.And: "&&",

@@ -149,7 +149,7 @@ def _recorded(r: Recording, rig: Rig) -> like.Recorded:
     pressures = [float(r[name][0]) if name in r else rig.ambient_pressure for name in ("p1", "p2")]
     return like.Recorded(
         r.name.replace("/", "_"),
-        "axis" if r.experiment == "closed-loop" else r.experiment,
+        "valve" if r.kind.vessel else "axis" if r.kind.axis else "friction",
         r.use,
         r.time,
         np.asarray(_filled(signal)),
