@@ -71,10 +71,7 @@ class Run:
         """
         if self.pipeline is not None:
             tell: Callable[[str], None] = hush if self.quiet else say
-            from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only who runs something needs it
-
-            # on small matrices BLAS threads only wait for each other, which costs most of the time
-            with progress(self.quiet) as show, threadpool_limits(1, user_api="blas"):
+            with progress(self.quiet) as show:
                 self.pipeline.bring_up(stages, options, show, tell)
 
     def answer(self, stage: str) -> dict[str, Any]:

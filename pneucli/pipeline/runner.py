@@ -162,10 +162,14 @@ class Pipeline:
 
 def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     """Run the stage into ``context.out``; return its manifest."""
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only who runs something needs it
+
     start = time.monotonic()
     module = importlib.import_module(stage.module)
+    # on small matrices BLAS threads only wait for each other; numpy must be there already to be told
+    alone, rotary = threadpool_limits(1, user_api="blas"), getattr(context.config, "rotary", False)
     try:
-        with moving(rotary=getattr(context.config, "rotary", False)):  # other pipelines have no axis
+        with alone, moving(rotary=rotary):  # pipelines without an axis have no such key
             answer = json.loads(json.dumps(told(module.run(context)), allow_nan=False))  # as a later run will read it
     except NotApplicable as error:
         return replace(manifest, skipped=asdict(error))

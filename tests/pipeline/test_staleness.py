@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
+import numpy as np  # noqa: F401 - loads BLAS
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from pneucli.errors import InputError
 from pneucli.pipeline import staleness
@@ -172,6 +175,20 @@ def test_an_answer_that_json_cannot_hold_is_refused_before_it_is_kept(
     with pytest.raises((ValueError, TypeError), match="JSON"):
         toy(file).bring_up(["model"])
     assert not (file.parent / "artifacts" / "toy" / "model").exists()
+
+
+def test_a_stage_has_one_blas_thread_whatever_the_machine_has(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On matrices of twenty columns threads wait for each other: on a busy machine that took ten times as long."""
+
+    def blas(context: Any) -> dict[str, Any]:
+        return {"threads": [i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"]}
+
+    monkeypatch.setattr("tests.pipeline.toys.raw.run", blas)
+    with threadpool_limits(2, user_api="blas"):
+        threads = toy(file).bring_up(["raw"])["raw"].answer["threads"]
+        assert [i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"] == [2] * len(threads)
+    assert threads
+    assert set(threads) == {1}
 
 
 def test_a_stage_that_fails_leaves_what_was_there(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
