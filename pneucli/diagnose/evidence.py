@@ -1,7 +1,7 @@
 """What a fall of the residual is worth: blocks of time instead of samples, since residuals are correlated.
 
 All costs are sums of squared residuals in units of noise, block by block; a block is a stretch of one view, longer
-than the residual's memory (:func:`pneucli.identify.fit.block_numbers`).
+than the residual's memory (:func:`pneucli.identify.blocks.block_numbers`).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 from scipy.stats import t as student
-from statsmodels.stats.multitest import multipletests
 
+from pneucli.identify.blocks import scores
 from pneucli.identify.fit import Fit
 from pneucli.identify.least_squares import inverse
 from pneucli.identify.parameters import null_value, value_of
@@ -106,10 +106,10 @@ def wald(found: Fit, effect: Effect) -> float:
 def _tail(found: Fit, jacobian: Array, contrast: Array, distance: Array) -> float:
     """Return the chance of a distance (q,) or a larger one; contrast (q, k) of the coordinates of jacobian (N, k)."""
     influence = jacobian @ (inverse(jacobian.T @ jacobian) @ contrast.T)
-    scores = np.array([np.bincount(found.blocks, weights=column * found.residual) for column in influence.T])
-    tested = inverse(scores @ scores.T) @ distance
+    scored = scores(influence, found.residual, found.blocks)
+    tested = inverse(scored.T @ scored) @ distance
     statistic = float(distance @ tested) / len(distance)
-    return float(fisher.sf(statistic, len(distance), effective_number(tested @ scores)))
+    return float(fisher.sf(statistic, len(distance), effective_number(scored @ tested)))
 
 
 def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> float:
@@ -133,6 +133,10 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
 
 
 def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
-    """Return p values adjusted after Holm for a family of ``hypotheses``, of which these are the smallest."""
-    family = [*p_values, *[1.0] * (hypotheses - len(p_values))]
-    return [float(p) for p in multipletests(family, method="holm")[1][: len(p_values)]] if family else []
+    """Return p values adjusted after Holm for a family of ``hypotheses``, of which these are the smallest.
+
+    S. Holm, Scand. J. Stat. 6 (1979) 65.
+    """
+    order = np.argsort(p_values)
+    adjusted = np.maximum.accumulate(np.asarray(p_values)[order] * (hypotheses - np.arange(order.size)))
+    return [float(p) for p in np.minimum(adjusted, 1.0)[np.argsort(order)]]

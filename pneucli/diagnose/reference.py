@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.blocks import scores
 from pneucli.identify.effects import changes, free_parameters, starts
-from pneucli.identify.fit import Fit, Problem, fit
+from pneucli.identify.fit import Fit, fit
 from pneucli.identify.least_squares import inverse
 from pneucli.identify.parameters import null_value
+from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.physics.scales import Facts
@@ -130,7 +132,7 @@ def reference(
     return found, Reference(
         coordinates=tuple(_coordinate(found, name.name, name.unit, name.logarithmic) for name in found.free),
         starts=tuple(asked),
-        influence=-_by_block(found.jacobian, found.residual, found.blocks) @ bread * scale,
+        influence=-scores(found.jacobian, found.residual, found.blocks) @ bread * scale,
         working=bread * np.outer(scale, scale),
         steps=np.array(steps, dtype=np.float64),
         step_influence=np.array(step_influence).reshape(len(rows), count).T,
@@ -187,17 +189,11 @@ def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[floa
     power = float(new @ new)
     if power <= NEGLIGIBLE * float(change @ change):
         return 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count)
-    cross = -_by_block(found.jacobian, new, found.blocks) @ bread
+    cross = -scores(found.jacobian, new, found.blocks) @ bread
     share = np.bincount(found.blocks, weights=new**2, minlength=count) / power
-    scores = np.bincount(found.blocks, weights=new * found.residual, minlength=count)
+    scored = np.bincount(found.blocks, weights=new * found.residual, minlength=count)
     kept = (cross, share) if known else (np.zeros_like(cross), np.zeros_like(share))
-    return power, -float(scores.sum()) / power, -scores / power, bias, *kept
-
-
-def _by_block(jacobian: Array, residual: Array, blocks: NDArray[np.int64]) -> Array:
-    """Return the score of each block (B, k)."""
-    scores = [np.bincount(blocks, weights=column * residual) for column in jacobian.T]
-    return np.asarray(np.array(scores, dtype=np.float64).reshape(jacobian.shape[1], int(blocks.max()) + 1).T)
+    return power, -float(scored.sum()) / power, -scored / power, bias, *kept
 
 
 def _levels(found: Fit) -> Array:

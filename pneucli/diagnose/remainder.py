@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from pneucli.compare.where import locators
-from pneucli.identify.fit import block_numbers
+from pneucli.identify.blocks import block_numbers
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 

@@ -13,8 +13,10 @@ from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
 from pneucli.diagnose.remainder import drawn_rms
 from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
+from pneucli.identify.blocks import block_numbers
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
-from pneucli.identify.fit import Fit, Problem, block_numbers
+from pneucli.identify.fit import Fit
+from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.fit import Fit, Problem, scaled
+from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import absent_value, value_of
+from pneucli.identify.problem import Problem, scaled
 from pneucli.identify.views import View
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
-from pneucli.identify.fit import Fit, Problem, fit, joined
+from pneucli.identify.fit import Fit, fit, joined
 from pneucli.identify.parameters import (
     STEP,
     Free,
@@ -21,6 +21,7 @@ from pneucli.identify.parameters import (
     value_of,
     with_parameters,
 )
+from pneucli.identify.problem import Problem
 from pneucli.identify.start import overlap_of
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
@@ -270,8 +271,9 @@ def free_parameters(model: Model, views: Sequence[View]) -> list[Free]:
 
 def refit(found: Fit, views: Sequence[View], *, rounds: int = 12) -> Fit:
     """Fit on from where a fit ended."""
-    model = found.model
-    return fit(model, views, free_parameters(model, views), rounds=rounds)
+    free = free_parameters(found.model, views)
+    known = [f.name for f in free] == [f.name for f in found.free]
+    return fit(found.model, views, free, rounds=rounds, before=found.jacobian if known else None)
 
 
 def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, rounds: int = 12) -> Fit:

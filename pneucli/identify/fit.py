@@ -6,31 +6,26 @@ of blocks of samples (a sandwich estimator), so that correlated residuals do not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from pneucli.executors import workers
+from pneucli.identify.blocks import rows_of, scores
 from pneucli.identify.least_squares import inverse, minimise
-from pneucli.identify.parameters import STEP, Free, value_of, with_parameters
+from pneucli.identify.parameters import Free, value_of
+from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
 from pneucli.identify.watch import watched
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-BLOCK = 0.25  # s, longer than the residuals' memory
-MOST_BLOCKS = 40  # of one recording
 TOLERANCE = 1e-5
 BEYOND = 1e100  # times the noise: more is not squared
-MEMORY, PER_SAMPLE = 256 << 20, 200  # bytes, of all simulations that run at once, and of one for each sample
-ROUGH = 0.02  # of the logarithm of the area: by how much a valve departs from a power law between knots
 
 
 @dataclass(frozen=True)
@@ -81,132 +76,18 @@ class Fit:
         return next(e for e in self.estimates if e.name == name)
 
 
-@dataclass
-class Problem:
-    """Residuals of the views in units of their noise, and their derivatives.
-
-    The residuals are whitened for the ``errors`` that starts have with the model as it is at first, or ``known`` ones.
-    """
-
-    model: Model
-    views: Sequence[View]
-    free: Sequence[Free]
-    known: Sequence[Mapping[str, Array]] | None = None
-
-    def __post_init__(self) -> None:
-        self.errors = self.known or _parallel(lambda view: view.carried(self.model), self.views, self.at_once)
-        self.start = np.array([f.inward(f.start) for f in self.free])
-        self.centre = np.array([f.inward(f.start if f.centre is None else f.centre) for f in self.free])
-        self.tight = np.array([1.0 / f.prior for f in self.free])
-        self._last: tuple[Array, Array] | None = None  # coordinates and their residuals
-
-    @property
-    def at_once(self) -> int:
-        """How many simulations run at once: as many as there are cores, unless the recordings are very long."""
-        longest = max((view.experiment.time.size for view in self.views), default=1)
-        return int(np.clip(MEMORY // (PER_SAMPLE * longest), 1, workers()))
-
-    def model_at(self, z: Array) -> Model:
-        """Return the model at coordinates z (k,)."""
-        return with_parameters(self.model, {f.name: f.outward(c) for f, c in zip(self.free, z, strict=True)})
-
-    def data(self, model: Model) -> list[Array]:
-        """Return the residuals of each view in units of noise."""
-        return _parallel(
-            lambda job: scaled(job[0], model, job[1]), list(zip(self.views, self.errors, strict=True)), self.at_once
-        )
-
-    def residuals(self, z: Array) -> Array:
-        """Return all residuals (N + p,), what is known beforehand last."""
-        if self._last is None or not np.array_equal(self._last[0], z):
-            self._last = z.copy(), np.concatenate([*self.data(self.model_at(z)), self.prior(z)])
-        return self._last[1]
-
-    def prior(self, z: Array) -> Array:
-        """Return what is known beforehand as residuals: starts with a prior, and a valve near a power law."""
-        rough = [valve.roughness() / ROUGH for valve in self.model_at(z).valves]
-        return np.concatenate([self.tight * (z - self.centre), *rough])
-
-    def jacobian(self, z: Array) -> Array:
-        """Return the derivatives (N + p, k) by differences; only the views that feel a parameter are run."""
-        base = self.model_at(z)
-        offsets = np.cumsum([0, *(view.experiment.time.size * len(view.channels) for view in self.views)])
-        nominal = np.split(self.residuals(z), offsets[1:])
-        adding, known = Lock(), self.prior_jacobian(z)
-        # column by column: of a view that does not feel a parameter, not a page is touched
-        out = np.zeros((offsets[-1] + len(known), z.size), order="F")
-        out[offsets[-1] :] = known
-        jobs = []
-        for j in range(z.size):
-            for step in self._steps(z, j):
-                moved = z.copy()
-                moved[j] += step
-                model = self.model_at(moved)
-                jobs += [(i, j, step, model) for i, view in enumerate(self.views) if view.tells(base, model)]
-
-        def column(job: tuple[int, int, float, Model]) -> None:
-            i, j, step, model = job
-            change = (scaled(self.views[i], model, self.errors[i]) - nominal[i]) / step
-            for c, part in enumerate(np.split(change, len(self.views[i].channels))):
-                if part.any():  # what never changes never takes memory
-                    first = offsets[i] + c * part.size
-                    with adding:
-                        out[first : first + part.size, j] += part / len(self._steps(z, j))
-
-        _parallel(column, jobs, self.at_once)
-        return out
-
-    def prior_jacobian(self, z: Array) -> Array:
-        """Return the derivatives (p, k) of what is known beforehand."""
-        known = self.prior(z)
-        columns = [(self.prior(z + STEP * row) - known) / STEP for row in np.eye(z.size)]
-        return np.array(columns).reshape(z.size, known.size).T
-
-    def _steps(self, z: Array, j: int) -> tuple[float, ...]:
-        """Return the differences for one coordinate: to both sides of an edge, since only one side may tell."""
-        step = self.free[j].step
-        if step > STEP:
-            return (step, -step)
-        return (step,) if z[j] + step < self.bounds()[1][j] else (-step,)
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Return the coordinates' bounds."""
-        return (
-            np.array([f.inward(f.lower) for f in self.free]),
-            np.array([f.inward(f.upper) for f in self.free]),
-        )
-
-    def blocks(self) -> NDArray[np.int64]:
-        """Return the number of the block of each residual (N,): one stretch of time of one view, all channels."""
-        return block_numbers(self.views)
-
-
-def scaled(view: View, model: Model, errors: Mapping[str, Array]) -> Array:
-    """Return a view's residuals in units of noise, times their weights, whitened for ``errors`` of starts."""
-    residual = view.residual(model, errors)
-    return np.concatenate([view.weights.get(c, 1.0) * (residual[c] / view.noise[c]) for c in view.channels])
-
-
-def block_numbers(views: Sequence[View]) -> NDArray[np.int64]:
-    """Return the number of the block of each residual, in the order of :func:`scaled` over the views."""
-    numbers, first = [], 0
-    for view in views:
-        time = view.experiment.time
-        length = max(BLOCK, (time[-1] - time[0]) / MOST_BLOCKS)
-        mine = first + ((time - time[0]) / length).astype(np.int64)
-        numbers.append(np.tile(mine, len(view.channels)))
-        first = int(mine[-1]) + 1
-    return np.concatenate(numbers)
-
-
 def fit(
     model: Model,
     views: Sequence[View],
     free: Sequence[Free],
     *,
     rounds: int = 12,
+    before: Array | None = None,
 ) -> Fit:
-    """Fit the free parameters from their starts to what the views leave over."""
+    """Fit the free parameters from their starts to what the views leave over.
+
+    ``before`` are the derivatives (N, k) at the start where a fit that ended there has left them.
+    """
     problem = Problem(model, views, free)
     if not free:
         residual = np.concatenate([*problem.data(model), problem.prior(np.zeros(0))])
@@ -216,6 +97,7 @@ def fit(
         rounds=rounds,
         tolerance=TOLERANCE,
         each_round=watched([e.name for e in model.effects], problem.blocks().size),
+        at_start=None if before is None else np.vstack([before, problem.prior_jacobian(problem.start)]),
     )
     return _summary(problem, found.z, found.residual, found.jacobian)
 
@@ -229,7 +111,8 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     for column in jacobian.T:  # beyond all numbers nothing is known of it; written there alone, zeros take no memory
         column[~(np.abs(column) < BEYOND)] = 0.0
     bread = inverse(jacobian.T @ jacobian)
-    meat = _block_meat(residual[:n], jacobian[:n], blocks) + jacobian[n:].T @ jacobian[n:]
+    scored = scores(jacobian[:n], residual[:n], blocks)
+    meat = scored.T @ scored + jacobian[n:].T @ jacobian[n:]
     covariance = bread @ meat @ bread
     model = problem.model_at(z)
     return Fit(
@@ -271,30 +154,20 @@ def joined(found: Fit, part: Fit, views: Sequence[View], chosen: NDArray[np.bool
     """
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())
-    rows = np.repeat(chosen, [v.experiment.time.size * len(v.channels) for v in views])
-    residual, jacobian = found.residual.copy(), np.zeros((found.residual.size, len(free)), order="F")
-    residual[rows] = part.residual
+    rows = rows_of(views, chosen)
+    errors = iter(part.errors)
+    known = [next(errors) if new else old for old, new in zip(found.errors, chosen, strict=True)]
+    problem = Problem(part.model, views, free, known)
+    z = np.array([f.inward(value_of(part.model, f.name)) for f in free])
+    residual = np.concatenate([found.residual, problem.prior(z)])
+    jacobian = np.zeros((residual.size, len(free)), order="F")
+    jacobian[rows.size :] = problem.prior_jacobian(z)
+    residual[: rows.size][rows] = part.residual
     mine, theirs = [f.name for f in part.free], [f.name for f in found.free]
     for j, f in enumerate(free):
+        column = jacobian[: rows.size, j]
         if f.name in mine:
-            jacobian[rows, j] = part.jacobian[:, mine.index(f.name)]
+            column[rows] = part.jacobian[:, mine.index(f.name)]
         else:
-            jacobian[:, j] = found.jacobian[:, theirs.index(f.name)]
-    parts = iter(part.errors)
-    errors = [next(parts) if new else old for old, new in zip(found.errors, chosen, strict=True)]
-    problem = Problem(part.model, views, free, errors)
-    z = np.array([f.inward(value_of(part.model, f.name)) for f in free])
-    return _summary(
-        problem, z, np.concatenate([residual, problem.prior(z)]), np.vstack([jacobian, problem.prior_jacobian(z)])
-    )
-
-
-def _block_meat(residual: Array, jacobian: Array, blocks: NDArray[np.int64]) -> Array:
-    """Return the sum of outer products of the blocks' scores (k, k)."""
-    scores = np.array([np.bincount(blocks, weights=column * residual) for column in jacobian.T])
-    return np.asarray(scores @ scores.T)
-
-
-def _parallel(work: Callable[..., object], jobs: Sequence[object], at_once: int) -> list:  # type: ignore[type-arg]
-    with ThreadPoolExecutor(at_once) as pool:
-        return list(map(work, jobs) if at_once == 1 else pool.map(work, jobs))
+            column[:] = found.jacobian[:, theirs.index(f.name)]
+    return _summary(problem, z, residual, jacobian)

@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.blocks import scores
 from pneucli.identify.fit import Fit, estimates_of
 from pneucli.identify.views import View
 from pneucli.simulate import layout as at
@@ -73,8 +74,7 @@ def _spread(views: Sequence[View], labels: Sequence[Labels]) -> Labels:
 
 def _sandwich(found: Fit, labels: Labels) -> Array:
     """Return the variance of each parameter (k,) by the sums of the scores in groups."""
-    sums = np.array([np.bincount(labels, weights=column * found.residual) for column in found.jacobian.T])
-    return np.asarray(((found.bread @ sums) ** 2).sum(axis=1))
+    return np.asarray(((scores(found.jacobian, found.residual, labels) @ found.bread) ** 2).sum(axis=0))
 
 
 def _jackknife(found: Fit, labels: Labels) -> Array:

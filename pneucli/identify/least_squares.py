@@ -19,8 +19,10 @@ Array = NDArray[np.float64]
 FIRST_DAMPING = 1e-3
 MOST_DAMPING = 1e8
 TRIES = 8  # of one direction, with ever more damping
+SHORT = 0.01  # of the sum: after a step that lowers it by less derivatives have hardly changed
 SHY = 1.5  # times the promised fall: a step that gains more was too short
 DOUBLINGS = 6  # of such a step
+KEPT = 0.25  # of the promised fall: a step that gains less asks for derivatives anew (usual in trust regions)
 
 
 class Normal(NamedTuple):
@@ -43,6 +45,17 @@ class Solution(Generic[J]):
     rounds: int
 
 
+class Step(NamedTuple):
+    """A step that lowers the sum: where it leads, the residuals there, the next damping, and whether the sum fell as
+    far as the derivatives promised.
+    """
+
+    z: Array
+    residual: Array
+    damping: float
+    kept: bool
+
+
 def minimise(
     residuals: Callable[[Array], Array],
     jacobian: Callable[[Array], J],
@@ -52,26 +65,31 @@ def minimise(
     rounds: int,
     tolerance: float,
     each_round: Callable[[float], None] = lambda cost: None,
+    at_start: J | None = None,
 ) -> Solution[J]:
     """Minimise the sum of squares from ``start`` (k,) within ``bounds``.
 
-    ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations. Ends when a round lowers the
-    sum by less than ``tolerance`` of it, or after ``rounds``; ``each_round`` is told the sum, at the start and then.
+    ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations; ``at_start`` are those at the
+    start where they are known. Ends when the first step with new derivatives lowers the sum by less than ``tolerance``
+    of it, or after ``rounds`` of them; ``each_round`` is told the sum, at the start and then. Near the end, where steps
+    are short, derivatives serve for more than one.
     """
     z, damping = np.clip(start, *bounds), FIRST_DAMPING
-    r, j = residuals(z), jacobian(z)
+    r, j = residuals(z), jacobian(z) if at_start is None else at_start
     each_round(_cost(r))
     for done in range(1, rounds + 1):
-        step = _step(residuals, z, r, j, bounds, damping)
-        if step is None:
-            return Solution(z, r, j, done)
-        before = _cost(r)
-        z, r, damping = step
+        new, fall = True, -1.0  # no step
+        while (step := _step(residuals, z, r, j, bounds, damping, TRIES if new else 1)) is not None:
+            fall = 1.0 - _cost(step.residual) / _cost(r)
+            z, r, damping = step.z, step.residual, step.damping
+            if fall < tolerance or fall > SHORT or not step.kept:
+                break
+            new = False
         each_round(_cost(r))
+        if new and fall < tolerance:
+            return Solution(z, r, j, done)
         del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
-        if before - _cost(r) < tolerance * before:
-            return Solution(z, r, j, done)
     return Solution(z, r, j, rounds)
 
 
@@ -82,8 +100,9 @@ def _step(
     j: Array | Normal,
     bounds: tuple[Array, Array],
     damping: float,
-) -> tuple[Array, Array, float] | None:
-    """Return the next z, its residuals and damping, None where no step lowers the sum."""
+    tries: int,
+) -> Step | None:
+    """Return the next step, None where none of so many ``tries``, with ever more damping, lowers the sum."""
     gradient, curvature = j if isinstance(j, Normal) else normal(r, j)
     told = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
     held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~told
@@ -91,7 +110,7 @@ def _step(
     if not free.size:
         return None
     cost, inner, g = _cost(r), curvature[np.ix_(free, free)], gradient[free]
-    for _ in range(TRIES):
+    for _ in range(tries):
         moved = z.copy()
         moved[free] -= np.linalg.lstsq(inner + damping * np.diag(np.diag(inner)), g, rcond=1e-14)[0]
         moved = np.clip(moved, *bounds)
@@ -101,7 +120,7 @@ def _step(
             promised = -float(2.0 * g @ step + step @ inner @ step)
             if cost - _cost(tried) > SHY * promised:
                 moved, tried = _further(residuals, z, moved, tried, bounds)
-            return moved, tried, max(damping / 9.0, 1e-9)
+            return Step(moved, tried, max(damping / 9.0, 1e-9), cost - _cost(tried) > KEPT * promised)
         damping = max(damping * 8.0, 1e-4)
         if damping > MOST_DAMPING:
             break

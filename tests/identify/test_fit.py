@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify import fit as fits
-from pneucli.identify.fit import Fit, Problem, block_numbers, fit, joined
+from pneucli.identify import problem as problems
+from pneucli.identify.blocks import block_numbers, scores
+from pneucli.identify.fit import Fit, fit, joined
 from pneucli.identify.parameters import Free
+from pneucli.identify.problem import Problem
 from pneucli.identify.views import Chambers, Forces, Imposed, Whole
 from pneucli.simulate.valve_area import ValveArea
 from tests.simulate.benches import bench, clock, model
@@ -170,8 +172,14 @@ def test_blocks_of_different_views_are_different() -> None:
 
 def test_scores_of_a_block_add_up_before_they_are_squared() -> None:
     """Residuals 1, 1 and 1, -1 with derivatives 1 and 2: scores (2, 4) and (0, 0)."""
-    meat = fits._block_meat(np.array([1.0, 1.0, 1.0, -1.0]), np.tile([[1.0, 2.0]], (4, 1)), np.array([0, 0, 1, 1]))
-    assert meat.tolist() == [[4.0, 8.0], [8.0, 16.0]]
+    scored = scores(np.tile([[1.0, 2.0]], (4, 1)), np.array([1.0, 1.0, 1.0, -1.0]), np.array([0, 0, 1, 1]))
+    assert (scored.T @ scored).tolist() == [[4.0, 8.0], [8.0, 16.0]]
+
+
+def test_a_block_may_come_back_and_another_be_empty() -> None:
+    """Channels follow one another, each through the blocks anew."""
+    scored = scores(np.ones((5, 1)), np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([0, 2, 2, 0, 2]))
+    assert scored.tolist() == [[9.0], [0.0], [22.0]]
 
 
 # --- which views are run
@@ -256,7 +264,7 @@ def test_residuals_are_computed_once_for_the_same_coordinates() -> None:
 
 
 def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fits, "workers", lambda: 8)
+    monkeypatch.setattr(problems, "workers", lambda: 8)
     p = problem(COULOMB)
     assert p.at_once == 8
     for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneucli.identify.least_squares import inverse, minimise
+from pneucli.identify.least_squares import Solution, inverse, minimise
 
 WIDE = (np.array([-100.0]), np.array([100.0]))
 ONES = np.ones(1000)
@@ -41,6 +41,52 @@ def test_a_model_that_runs_away_is_no_step_and_a_parameter_that_makes_it_so_is_h
 
     found = minimise(residuals, jacobian, np.zeros(3), (np.full(3, -9.0), np.full(3, 9.0)), rounds=9, tolerance=1e-9)
     np.testing.assert_allclose(found.z, [0.0, 3.0, 0.0], atol=1e-3)
+
+
+class Decay:
+    """z0 exp(-z1 t) held against 3 exp(-0.7 t); counts how often its derivatives are asked for."""
+
+    t = np.linspace(0.1, 2.0, 20)
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        return z[0] * np.exp(-z[1] * self.t) - 3.0 * np.exp(-0.7 * self.t)
+
+    def jacobian(self, z: np.ndarray) -> np.ndarray:
+        self.asked += 1
+        decay = np.exp(-z[1] * self.t)
+        return np.column_stack([decay, -z[0] * self.t * decay])
+
+    def fitted(self, start: tuple[float, float], at_start: np.ndarray | None = None) -> Solution[np.ndarray]:
+        wide = (np.full(2, -9.0), np.full(2, 9.0))
+        return minimise(self, self.jacobian, np.array(start), wide, rounds=40, tolerance=1e-5, at_start=at_start)
+
+
+def test_derivatives_that_are_known_at_the_start_are_not_asked_for():
+    one = Decay()
+    known = one.jacobian(np.array([3.0, 0.7]))
+    assert one.fitted((3.0, 0.7), known).z == pytest.approx([3.0, 0.7])
+    assert one.asked == 1
+
+
+def test_a_short_step_is_followed_by_another_with_the_same_derivatives():
+    """A floor of 10 leaves little to fall near the end: there a second step costs no derivatives."""
+    asked: list[np.ndarray] = []
+
+    def jacobian(z: np.ndarray) -> np.ndarray:
+        asked.append(z)
+        return np.array([[2.0 * z[0]], [0.0]])
+
+    def residuals(z: np.ndarray) -> np.ndarray:
+        tried.append(float(z[0]))
+        return np.array([z[0] ** 2 - 1.0, 10.0])
+
+    tried: list[float] = []
+    found = minimise(residuals, jacobian, np.array([1.2]), WIDE, rounds=9, tolerance=1e-9)
+    assert found.z[0] == pytest.approx(1.0, abs=1e-4)
+    assert len(asked) < len(set(tried)) - 1
 
 
 def test_an_inverse_is_right_whatever_the_sizes_of_the_coordinates():

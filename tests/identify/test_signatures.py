@@ -325,9 +325,12 @@ def promised(*values: float, step: float = 1.0) -> list[Signature]:
     return [Signature({"constant-force.force": v}, np.zeros(1), 1.0, step, 1.0) for v in values]
 
 
+FOUND: Any = SimpleNamespace(model=model(), cost=100.0)
+
+
 def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = Scripted(monkeypatch, lambda values: 50.0)
-    found: Any = SimpleNamespace(model=model(), cost=100.0)
+    found = FOUND
     fit = fit_added(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0, 20.0))  # type: ignore[list-item]
     assert scripted.begun == [{"constant-force.force": 10.0}]
     assert [e.name for e in fit.model.effects] == ["constant-force"]
@@ -335,7 +338,7 @@ def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyP
 
 def test_where_the_promised_step_leads_astray_it_starts_from_nearly_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = Scripted(monkeypatch, lambda values: 150.0 if values["constant-force.force"] > 5.0 else 90.0)
-    found: Any = SimpleNamespace(model=model(), cost=100.0)
+    found = FOUND
     fit = fit_added(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0))  # type: ignore[list-item]
     assert scripted.begun == [{"constant-force.force": 10.0}, {"constant-force.force": 0.5}]
     assert fit.cost == 90.0
@@ -354,7 +357,7 @@ def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyP
         )
         for a in (0.05, 0.03, 0.04, 0.06, 0.01)
     ]
-    found: Any = SimpleNamespace(model=model(), cost=100.0)
+    found = FOUND
     fit = fit_added(found, [View(np.ones(9))], patch, ranked=ranked)  # type: ignore[list-item]
     assert len(scripted.begun) == 4
     assert fit.cost == 0.03
