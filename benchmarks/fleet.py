@@ -1,67 +1,99 @@
 """What a fleet costs, what it finds, and that nothing is lost where workers and the client are killed.
 
-`python -m benchmarks.fleet find RIGS [DATES]`: writes a fleet with the exam's rig (5 % with a change), does it, and
-prints seconds, core-hours, what was found, false alarms and bytes. `... scale RIGS`: the same rows in a loop, with
-1 and 2 processes, and with 2 threads. `... kill RIGS`: with a worker killed every 20 s and the client killed once and
-resumed; the datasets must be identical but for times.
+`python -m benchmarks.fleet find RIGS`: writes a fleet with the exam's rig (5 % with a change at the last of `--dates`),
+does it, and prints seconds, core-hours, what was found, false alarms and bytes. `... scale RIGS`: the same rows in a
+loop, with 1 and 2 processes, and with 2 threads. `... kill RIGS`: with a worker killed every 20 s and the client killed
+once and resumed; the datasets must be identical but for times. `--folder DIR` keeps the fleet, and uses one that is
+there already.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import deque
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pyarrow.dataset as ds
 
 from pneucli.config import load_fleet
-from pneucli.exam.fleet import FLEET, write_fleet
+from pneucli.exam.cases import SEALED
+from pneucli.exam.fleet import FLEET, TRUTH, write_fleet
 from pneucli.executors import Engine, Processes, Threads, stream
 from pneucli.stages import fleet_row
 from pneucli.stages.fleet import Fleet
 
 KILL_EVERY, CLIENT_KILLED = 20.0, 30.0  # s
-TIMES = {"seconds", "stamp"}
+TIMES = {"seconds", "core_seconds", "stamp"}
 
 
 def made(folder: Path, rigs: int, dates: int, changed: float) -> dict[str, str]:
-    """A fleet without reports, and what changed in it."""
-    truth = write_fleet(folder, rigs, dates, changed, seed=2026)
-    with (folder / FLEET).open("a", encoding="utf-8") as file:
-        file.write('reports = "none"\n')
-    return truth
-
-
-def used() -> float:
-    """Processor seconds of this process and of all that it has waited for."""
-    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    """A fleet without reports, and what changed in it; one that is there already is taken as it is."""
+    sealed = folder / SEALED / TRUTH
+    if not sealed.is_file():
+        with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+            write_fleet(folder, rigs, dates, changed, seed=2026, each=partial(pool.map, chunksize=4))
+        with (folder / FLEET).open("a", encoding="utf-8") as file:
+            file.write('reports = "none"\n')
+    return dict(json.loads(sealed.read_text(encoding="utf-8")))
 
 
 def find(folder: Path, rigs: int, dates: int) -> None:
     """Do a fleet and hold what it says against what was hidden."""
     truth = made(folder, rigs, dates, 0.05)
-    begun, before = time.perf_counter(), used()
-    out = subprocess.run([sys.executable, "-m", "pneucli", "fleet", folder / FLEET, "--json", "--quiet"],
-                         capture_output=True, text=True, check=False).stdout  # fmt: skip
-    seconds, core = time.perf_counter() - begun, used() - before
-    answer = json.loads(out)
-    said = {c["rig"]: {n for one in c["changes"] for n in (one["name"], one["effect"], *one["indistinguishable_from"])}
+    begun, before = time.perf_counter(), _children()
+    command = [sys.executable, "-m", "pneucli", "fleet", folder / FLEET, "--json", "--quiet"]
+    answer = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    seconds = time.perf_counter() - begun
+    rows = ds.dataset(Path(answer["out"]) / "results", partitioning="hive").to_table().to_pandas()
+    client, cores = _children() - before, rows["core_seconds"]
+    print(
+        f"{answer['rows']} rows in {seconds:.0f} s on {len(os.sched_getaffinity(0))} cores; failed {answer['failed']}"
+    )
+    print(
+        f"workers: {cores.sum() / 3600:.3f} core-hours, {cores.mean():.2f} s a row (median {cores.median():.2f}, "
+        f"worst {cores.max():.2f}); client: {client:.0f} s of a core"
+    )
+    print(f"bytes: {_size(folder / 'raw') / 1e6:.1f} MB read, {_size(Path(answer['out'])) / 1e6:.1f} MB of results")
+    _hold(answer, truth, rigs * (dates - 1), str(rows["date"].max()))
+
+
+def _children() -> float:
+    """Processor seconds of the processes that this one has started and seen end: clients, not their workers."""
+    return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+
+
+def _hold(answer: dict[str, Any], truth: dict[str, str], comparisons: int, last: str) -> None:
+    """Print what was found of the truth, and what was named where nothing had changed."""
+    named = {(c["rig"], c["date"]): [(one["name"], one["effect"]) for one in c["changes"]] for c in answer["changes"]}
+    sets = {(c["rig"], c["date"]): {n for one in c["changes"] for n in one["indistinguishable_from"]}
             for c in answer["changes"]}  # fmt: skip
-    first = {c["rig"]: {c["changes"][0]["name"], c["changes"][0]["effect"]} for c in answer["changes"]}
-    size = sum(p.stat().st_size for p in Path(answer["out"]).rglob("*") if p.is_file())
-    print(f"{answer['rows']} rows in {seconds:.0f} s, {core / 3600:.3f} core-hours, {size / 1e6:.1f} MB of results")
-    named, in_set = (sum(truth[r] in found.get(r, ()) for r in truth) for found in (first, said))
-    print(f"changed {len(truth)}: found {len(truth.keys() & said.keys())}, named {named}, in the set {in_set}")
-    print(f"false alarms: {len(said.keys() - truth.keys())} of {rigs * (dates - 1) - len(truth)} healthy comparisons")
+    hits = {rig: named[rig, last] for rig in truth if (rig, last) in named}
+    first = [rig for rig, names in hits.items() if truth[rig] in names[0]]
+    within = [rig for rig, names in hits.items() if truth[rig] in {n for one in names for n in one} | sets[rig, last]]
+    false = {key: names for key, names in named.items() if key[0] not in truth or key[1] != last}
+    print(f"changed {len(truth)}: found {len(hits)}, named first {len(first)}, in the set {len(within)}")
+    print(f"false alarms: {len(false)} of {comparisons - len(truth)} healthy comparisons")
+    for rig, change in truth.items():
+        if rig not in first:
+            print(f"  {rig}: {change} was said to be {hits.get(rig, 'nothing')}")
+    for key, names in false.items():
+        print(f"  {key}: nothing was said to be {names}")
+
+
+def _size(folder: Path) -> int:
+    return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
 
 
 def jobs_of(folder: Path, name: str) -> deque[Any]:
@@ -154,16 +186,22 @@ def _content(path: Path) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: (row["rig"], row["date"], str(row.get("name"))))
 
 
-def main(what: str, rigs: str = "20", dates: str = "2") -> None:
-    """Run one of the benchmarks in a temporary folder."""
-    folder = Path(tempfile.mkdtemp(prefix="pneucli-fleet-"))
-    try:
-        find(folder, int(rigs), int(dates)) if what == "find" else {"scale": scale, "kill": kill}[what](
-            folder, int(rigs)
-        )
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+def main() -> None:
+    """Run one of the benchmarks, in a temporary folder where none is named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["find", "scale", "kill"])
+    parser.add_argument("rigs", type=int, nargs="?", default=20)
+    parser.add_argument("--dates", type=int, default=2)
+    parser.add_argument("--folder", type=Path)
+    asked = parser.parse_args()
+    with ExitStack() as stack:
+        folder = asked.folder or Path(stack.enter_context(TemporaryDirectory(prefix="pneucli-fleet-")))
+        folder = folder.absolute()
+        if asked.what == "find":
+            find(folder, asked.rigs, asked.dates)
+        else:
+            {"scale": scale, "kill": kill}[asked.what](folder, asked.rigs)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -133,10 +133,8 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
 
 
 def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
-    """Return p values adjusted after Holm for a family of ``hypotheses``, of which these are the smallest.
-
-    S. Holm, Scand. J. Stat. 6 (1979) 65.
-    """
-    order = np.argsort(p_values)
-    adjusted = np.maximum.accumulate(np.asarray(p_values)[order] * (hypotheses - np.arange(order.size)))
-    return [float(p) for p in np.minimum(adjusted, 1.0)[np.argsort(order)]]
+    """Return p values adjusted for a family of ``hypotheses``, of which these are the smallest (S. Holm, 1979)."""
+    order = np.argsort(p_values, kind="stable")
+    adjusted = np.empty(len(p_values))
+    adjusted[order] = np.maximum.accumulate(np.asarray(p_values)[order] * (hypotheses - np.arange(len(p_values))))
+    return [float(p) for p in np.minimum(adjusted, 1.0)]

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from pneucli.exam.hidden import BY_NAME, MOTION
 from pneucli.exam.laboratory import Take
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.run import Manoeuvre
+
+Rows = list[dict[str, str]]
 
 FIRST = date(2026, 1, 1)
 SAMPLES = {"stickslip": 3000, "driven": 2500}  # ms of a take
@@ -53,18 +56,28 @@ class Axis:
         return f"rig-{self.number:05d}"
 
 
+Each = Callable[[Callable[[Axis], Rows], Iterable[Axis]], Iterable[Rows]]
+
+
 def write_fleet(
-    directory: Path, rigs: int, dates: int = 2, changed: float = 0.05, size: float = 1.0, seed: int = 1
+    directory: Path,
+    rigs: int,
+    dates: int = 2,
+    changed: float = 0.05,
+    size: float = 1.0,
+    seed: int = 1,
+    each: Each = map,
 ) -> dict[str, str]:
     """Write table, template, fleet file and raw files; return what changed by rig, which is sealed as well.
 
     A share ``changed`` of the rigs, at least one where it is above 0, has a change of ``size`` times the usual.
+    ``each`` is what applies the recording to every rig: ``map``, or that of a pool of processes.
     """
     rng = np.random.default_rng(seed)
     number = max(round(changed * rigs), 1) if changed > 0 else 0
     chosen = {int(k): str(rng.choice(CHANGES)) for k in rng.permutation(rigs)[:number]}
     axes = [Axis(k, chosen.get(k, ""), size, int(rng.integers(2**31))) for k in range(rigs)]
-    rows = [row for axis in axes for row in _record(directory, axis, dates)]
+    rows = [row for rig in each(partial(_record, directory, dates), axes) for row in rig]
     with (directory / TABLE).open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
@@ -79,7 +92,7 @@ def write_fleet(
     return truth
 
 
-def _record(directory: Path, axis: Axis, dates: int) -> list[dict[str, str]]:
+def _record(directory: Path, dates: int, axis: Axis) -> Rows:
     case = prepare_case(axis.name, "friction", [], "", 1.0, axis.seed, Conditions())
     takes = [_short(take) for take in case.takes[:4]]
     rows = []

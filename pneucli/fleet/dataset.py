@@ -19,7 +19,7 @@ COLUMNS: Mapping[str, Mapping[str, Any]] = {
     RESULTS: {
         **dict.fromkeys(("rig", "verdict"), _TEXT),
         "missing": _LIST,
-        **dict.fromkeys(("error_train", "error_test", "seconds"), _NUMBER),
+        **dict.fromkeys(("error_train", "error_test", "seconds", "core_seconds"), _NUMBER),
         **dict.fromkeys(("failure", "cause", "since"), _TEXT),
         "changed": _LIST,
         "p_value": _NUMBER,
@@ -37,7 +37,7 @@ COLUMNS: Mapping[str, Mapping[str, Any]] = {
 }
 UNITS = {
     **dict.fromkeys(("error_train", "error_test", "p_value", "confidence", "confidence_alone"), "1"),
-    "seconds": "s",
+    **dict.fromkeys(("seconds", "core_seconds"), "s"),
     **dict.fromkeys(("value", "ci_low", "ci_high", "before", "after", "error"), "see column unit"),
 }
 

@@ -27,8 +27,9 @@ def _lines(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]]) -> I
     yield from _gauge("change", "Rigs by what changed in them, at their last date.", _by(fleet, "name", changes))
     causes = {one["cause"]: one["rows"] for one in answer["failures"]}
     yield from _gauge("failure", "Rows that failed, by cause.", _by(fleet, "cause", causes))
-    busy = sum(float(r.get("seconds") or 0.0) for r in results)
-    yield from _gauge("worker_seconds", "Seconds that workers took for all rows.", [({"fleet": fleet}, busy)])
+    for name, about in {"seconds": "Seconds", "core_seconds": "Processor seconds"}.items():
+        busy = sum(float(r.get(name) or 0.0) for r in results)
+        yield from _gauge(f"worker_{name}", f"{about} that workers took for all rows.", [({"fleet": fleet}, busy)])
 
 
 def _by(fleet: str, label: str, counts: Mapping[str, int]) -> list[tuple[dict[str, str], float]]:

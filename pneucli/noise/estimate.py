@@ -124,16 +124,22 @@ def _fit(floor: Floor, choice: list[tuple[float, tuple[float, float]]]) -> tuple
     start = np.array([s for s, _ in choice] + [low, 6.0])
     bounds = [b for _, b in choice] + [(low - 40, low + 5), (FLATTEST, STEEPEST)]
 
-    def deviance(p: Array) -> float:
-        model = _power(floor.omega, p)
-        return float(floor.weight * np.sum(np.log(model) + floor.power / model))
+    def deviance(p: Array) -> tuple[float, Array]:
+        model, slopes = _power(floor.omega, p)
+        change = floor.weight * (1.0 - floor.power / model) / model
+        return float(floor.weight * np.sum(np.log(model) + floor.power / model)), slopes @ change
 
-    best = minimize(deviance, start, method="L-BFGS-B", bounds=bounds)
+    best = minimize(deviance, start, method="L-BFGS-B", jac=True, bounds=bounds)
     free = sum(low < high for low, high in bounds)
     return 2 * float(best.fun) + free * float(np.log(floor.omega.size * floor.weight)), best.x
 
 
-def _power(omega: Array, p: Array) -> Array:
-    coloured = (1 - p[2] ** 2) / (1 - 2 * p[2] * np.cos(omega) + p[2] ** 2)
-    content = np.exp(p[3] - p[4] * np.log(np.sin(omega / 2) / np.sin(omega[0] / 2)))
-    return np.asarray(np.exp(p[0]) + np.exp(p[1]) * coloured + content)
+def _power(omega: Array, p: Array) -> tuple[Array, Array]:
+    """Return the power (n,) at angles a sample ``omega`` (n,), and its derivatives by the parameters (5, n)."""
+    white, pole, fall = np.exp(p[0]), p[2], np.log(np.sin(omega / 2) / np.sin(omega[0] / 2))
+    below = 1 - 2 * pole * np.cos(omega) + pole**2
+    coloured = np.exp(p[1]) * (1 - pole**2) / below
+    by_pole = -2 * (np.exp(p[1]) * pole + coloured * (pole - np.cos(omega))) / below
+    content = np.exp(p[3] - p[4] * fall)
+    slopes = [np.full(omega.size, white), coloured, by_pole, content, -content * fall]
+    return np.asarray(white + coloured + content), np.array(slopes)

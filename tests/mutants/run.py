@@ -38,7 +38,7 @@ QUIET = ("-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "--assert=pl
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 LIBRARIES = (
     *("hypothesis", "numba", "pint", "pyarrow.parquet", "pydantic", "pytest", "scipy.optimize", "scipy.signal"),
-    *("scipy.stats", "statsmodels.stats.multitest"),
+    "scipy.stats",
 )
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload([*LIBRARIES, __name__])
