@@ -108,6 +108,10 @@ def _diagnose(
         float | None,
         typer.Option("--alarm-rate", min=0.0, max=0.5, help="False alarms for each comparison (0.001), with --since."),
     ] = None,
+    executor: Annotated[
+        str | None,
+        typer.Option("--executor", metavar="WHERE", help=f"Where a long search is done: {EXECUTORS}."),
+    ] = None,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -120,7 +124,7 @@ def _diagnose(
         json,
         quiet,
         verbose,
-        ({"exclude": sorted(set(exclude))} if exclude else {}) | _since(since, alarm_rate, quiet),
+        ({"exclude": sorted(set(exclude))} if exclude else {}) | _since(since, alarm_rate, quiet) | _where(executor),
     )
 
 
@@ -173,12 +177,17 @@ def _simulate(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    if executor:
-        from pneucli.executors import require_cluster
+    bring_up("simulate", pipeline, out, json, quiet, verbose, _where(executor) or None)
 
-        require_cluster(executor)
-    options = {"executor": executor} if executor else None
-    bring_up("simulate", pipeline, out, json, quiet, verbose, options)
+
+def _where(executor: str | None) -> dict[str, Any]:
+    """Return the option that says where work is done; raises InputError at once where nobody is there."""
+    if executor is None:
+        return {}
+    from pneucli.executors import require_cluster
+
+    require_cluster(executor)
+    return {"executor": executor}
 
 
 def _export(

@@ -123,14 +123,14 @@ def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
     """Decide on every effect that the state lacks: the best of the screen are refitted and come first."""
     screened = [(e, s) for e, s in bench.screen(state) if e.name not in without]
     least = max(WORTH, HOPELESS * screened[0][1][0].gain) if screened else WORTH
-    likely = [(e, s) for e, s in screened if s[0].gain > least][:REFITS]
-    trials = [bench.added(state, effect, found) for effect, found in likely]
+    likely = [pair for pair in screened if pair[1][0].gain > least][:REFITS]
+    trials = bench.added(state, [effect for effect, _ in likely], [found for _, found in likely])
     least = min((t.state.cost for t in trials), default=0.0)
-    promising = [t.state.cost < CLOSE * least and t.train.total > MATERIAL * float(state.train.sum()) for t in trials]
-    ended = [bench.polished(state, t) if more else t for t, more in zip(trials, promising, strict=True)]
-    settled = {*without, *(t.effect.name for t in ended)}
-    others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in settled]
-    return judged(bench, state, sorted(ended, key=lambda t: t.state.cost)) + others
+    enough = MATERIAL * float(state.train.sum())
+    promising = [t for t in trials if t.state.cost < CLOSE * least and t.train.total > enough]
+    ended = {t.effect.name: t for t in [*trials, *bench.polished(promising)]}
+    others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in {*without, *ended}]
+    return judged(bench, state, sorted(ended.values(), key=lambda t: t.state.cost)) + others
 
 
 def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
@@ -207,7 +207,7 @@ def _rivals(
     rivals: dict[str, tuple[Trial, ...]] = {}
     names = last.names[len(base.names) :]
     for name in names:
-        before = base if len(names) == 1 else bench.without(last, bench.effects[name])
+        before = base if len(names) == 1 else bench.without(last, [bench.effects[name]])[0]
         decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name])
         rivals[name] = tuple(t for t in passed(decisions) if t.effect.name != name)
         named = bench.trial(before, last, bench.effects[name])
@@ -225,7 +225,7 @@ def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Ro
     refused: Round = []
     while len(names := last.names[len(base.names) :]) > 1:
         effects = [bench.effects[name] for name in names]
-        trials = [bench.trial(bench.without(last, effect), last, effect) for effect in effects]
+        trials = [bench.trial(b, last, e) for b, e in zip(bench.without(last, effects), effects, strict=True)]
         needless = [t for t in trials if not supported(bench, t.before, [t]) and not _missed(t.before, last)]
         if not needless:
             break
@@ -251,7 +251,7 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
     waiting = [e for e in last.model.effects if e.name not in base.names]
     while waiting:
         ended = len(waiting) == 1
-        trials = [bench.trial(rungs[-1], last, waiting[0])] if ended else [bench.added(rungs[-1], e) for e in waiting]
+        trials = [bench.trial(rungs[-1], last, waiting[0])] if ended else bench.added(rungs[-1], waiting)
         able = [t for t in trials if not bench.raises(t.before, t.state)]
         if not able:
             refused += [Decision(t.effect, "raises-error", t) for t in trials]
@@ -289,12 +289,12 @@ def _joint(target: Array, a: Array, b: Array) -> float:
 
 def _both(bench: Bench, base: State, a: Effect, b: Effect) -> list[State] | None:
     """Return the way over both effects, the better one first, where each is supported beside the other."""
-    first = min((bench.added(base, e) for e in (a, b)), key=lambda t: t.state.cost)
+    first = min(bench.added(base, [a, b]), key=lambda t: t.state.cost)
     other = b if first.effect is a else a
-    second = bench.added(first.state, other)
+    (second,) = bench.added(first.state, [other])
     if not supported(bench, first.state, [second]):
         return None
-    without = bench.without(second.state, first.effect)
+    (without,) = bench.without(second.state, [first.effect])
     if not supported(bench, without, [bench.trial(without, second.state, first.effect)]):
         return None
     return [base, first.state, second.state]

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
+from pneucli.diagnose.refits import Refit, Refits, here
 from pneucli.diagnose.remainder import drawn_rms
 from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
@@ -40,6 +42,7 @@ class Bench:
     Where none is held out, ``turns`` has for each fitted view the turn in which it is (:mod:`pneucli.diagnose.turns`).
     ``covered`` are parts whose effects the model's valve shows already; ``given`` names the effects that the model had
     before; ``shown`` is the error that the user sees, by use. ``implausible``: a check of the recordings failed.
+    ``refits`` does several that need nothing of each other.
     """
 
     train: Sequence[View]
@@ -51,6 +54,7 @@ class Bench:
     turns: tuple[int, ...] = ()
     shown: Callable[[Model], Errors] | None = None
     implausible: bool = False
+    refits: Refits = here
 
     @property
     def checked(self) -> bool:
@@ -104,20 +108,29 @@ class Bench:
                 out.append((effect, found))
         return out
 
-    def added(self, state: State, effect: Effect, ranked: Sequence[Signature] | None = None) -> Trial:
-        """Refit with the effect and hold it against the data that the fit has not seen."""
-        self.progress(f"fitting {effect.name}")
-        found = fit_added(state.fit, self.train, effect, rounds=ROUNDS, ranked=ranked)
-        return self.trial(state, self.state(found), effect)
+    def fitted(self, one: Refit) -> State:
+        """Do one refit."""
+        if one.kind == "with":
+            self.progress(f"fitting {one.effect.name}")
+            return self.state(fit_added(one.state.fit, self.train, one.effect, rounds=ROUNDS, ranked=one.ranked))
+        if one.kind == "without":
+            return self.state(fit_without(one.state.fit, self.train, one.effect))
+        return self.state(refit(one.state.fit, self.train))
 
-    def polished(self, before: State, trial: Trial) -> Trial:
-        """Fit a trial to the end."""
-        found = refit(trial.state.fit, self.train)
-        return self.trial(before, self.state(found), trial.effect)
+    def added(self, state: State, effects: Sequence[Effect], ranked: Sequence[Sequence[Signature]] = ()) -> list[Trial]:
+        """Refit with each effect (from signatures ``ranked``), and hold it against data that the fit has not seen."""
+        refits = [Refit("with", state, e, tuple(s) if s else None) for e, s in zip_longest(effects, ranked)]
+        ended = self.refits(self, refits)
+        return [self.trial(state, after, effect) for after, effect in zip(ended, effects, strict=True)]
 
-    def without(self, state: State, effect: Effect) -> State:
-        """Refit without one of the effects."""
-        return self.state(fit_without(state.fit, self.train, effect))
+    def polished(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Fit trials to the end."""
+        ended = self.refits(self, [Refit("to the end", t.state, t.effect) for t in trials])
+        return [self.trial(t.before, after, t.effect) for after, t in zip(ended, trials, strict=True)]
+
+    def without(self, state: State, effects: Sequence[Effect]) -> list[State]:
+        """Refit without each of the effects, one at a time."""
+        return self.refits(self, [Refit("without", state, effect) for effect in effects])
 
     def raises(self, before: State, after: State) -> bool:
         """Whether the error that the user sees rises: for all uses, or in their mean by more than chance may."""

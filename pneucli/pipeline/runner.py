@@ -20,17 +20,22 @@ from pneucli.pipeline.staleness import Inputs, Manifest
 from pneucli.quantities import moving, told
 
 VALIDATED = ".validated"
+WHERE = "executor"
 LONGEST_NAME = 60  # characters, of up to four bytes each
 Options = Mapping[str, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether one stage is up to date: ``why`` is empty where it is, else it says what is not."""
+    """Whether one stage is up to date: ``why`` is empty where it is, else it says what is not.
+
+    ``where``: the option that says where it is done, on which no answer depends.
+    """
 
     inputs: Inputs
     manifest: Manifest | None
     why: tuple[str, ...]
+    where: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -72,12 +77,13 @@ class Pipeline:
         verdicts: dict[str, Verdict] = {}
         for name in upstream(targets, self.stages):
             manifest = staleness.read(self.artifacts / name)
-            inputs = self._inputs(name, manifest, verdicts, (options or {}).get(name))
+            asked = (options or {}).get(name)
+            inputs = self._inputs(name, manifest, verdicts, asked)
             outputs = staleness.stamp_folder(self.artifacts / name, manifest.outputs) if manifest else {}
             why = staleness.differences(manifest, inputs, outputs)
             if manifest and not why:
                 manifest = replace(manifest, inputs=inputs, outputs=outputs)
-            verdicts[name] = Verdict(inputs, manifest, why)
+            verdicts[name] = Verdict(inputs, manifest, why, {k: v for k, v in (asked or {}).items() if k == WHERE})
         return verdicts
 
     def _inputs(
@@ -92,7 +98,7 @@ class Pipeline:
             tables={table: staleness.digest(self.tables[table]) for table in stage.tables if table in self.tables},
             files={label: staleness.stamp(path, known.get(label)) for label, path in files.items()},
             parents={parent: verdicts[parent].inputs.key for parent in parents_of(stage, self.stages)},
-            options=dict(before if options is None else options),
+            options={k: v for k, v in (before if options is None else options).items() if k != WHERE},
         )
 
     def bring_up(
@@ -149,7 +155,7 @@ class Pipeline:
         with folders.renewed(self.artifacts, name) as out:
             if manifest.skipped is None:
                 answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
-                options, former = verdict.inputs.options, self.artifacts / name
+                options, former = {**verdict.inputs.options, **verdict.where}, self.artifacts / name
                 context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
                 manifest = _run(self.stages[name], context, manifest)
             manifest.write(out)
@@ -162,14 +168,16 @@ class Pipeline:
 
 def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     """Run the stage into ``context.out``; return its manifest."""
-    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only who runs something needs it
-
     start = time.monotonic()
     module = importlib.import_module(stage.module)
-    # on small matrices BLAS threads only wait for each other; numpy must be there already to be told
-    alone, rotary = threadpool_limits(1, user_api="blas"), getattr(context.config, "rotary", False)
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - it limits what is loaded when it is asked
+
     try:
-        with alone, moving(rotary=rotary):  # pipelines without an axis have no such key
+        # on small matrices BLAS threads only wait for each other, and how many there are changes the last digits
+        with (
+            moving(rotary=getattr(context.config, "rotary", False)),  # other pipelines have no axis
+            threadpool_limits(1, user_api="blas"),
+        ):
             answer = json.loads(json.dumps(told(module.run(context)), allow_nan=False))  # as a later run will read it
     except NotApplicable as error:
         return replace(manifest, skipped=asdict(error))

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from pneucli.config.sources import plugin_files
+from pneucli.diagnose import elsewhere
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
 from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
@@ -21,6 +23,7 @@ from pneucli.identify.fit import Fit
 from pneucli.identify.intervals import with_intervals
 from pneucli.identify.start import first_guess
 from pneucli.pipeline.context import Context
+from pneucli.pipeline.identity import identity
 from pneucli.stages import history
 from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
@@ -52,7 +55,9 @@ def run(context: Context) -> dict[str, Any]:
     base = fit_model(guess, bench.train, study.effects)
     implausible = bool(context.answers["ingest"]["plausibility"])
     bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments), implausible=implausible)
-    found = diagnose(bench, base)
+    plugins = plugin_files(context.config)
+    with elsewhere.through(context.options.get("executor"), context.out, plugins, identity) as refits:
+        found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
     answer["warnings"], answer["thinned"] = warnings, thinned

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -175,9 +176,10 @@ class Screened(Toys):
         ranked = sorted(self.promised.items(), key=lambda pair: -pair[1])
         return [(self.effects[n], [SimpleNamespace(gain=g)]) for n, g in ranked]
 
-    def added(self, state: State, one: Any, ranked: Any = None) -> Trial:
-        cost = self.costs.get(one.name, 9000.0)
-        return Trial(one, BEFORE, costing(cost), Gain(10000.0 - cost, 1.0, 1e-9, 30.0), CERTAIN, 1e-9)
+    def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
+        costs = [self.costs.get(one.name, 9000.0) for one in effects]
+        gains = [Gain(10000.0 - cost, 1.0, 1e-9, 30.0) for cost in costs]
+        return [Trial(e, BEFORE, costing(c), g, CERTAIN, 1e-9) for e, c, g in zip(effects, costs, gains, strict=True)]
 
 
 def order(bench: Screened, without: tuple[str, ...] = ()) -> list[str]:

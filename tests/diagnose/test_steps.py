@@ -94,9 +94,8 @@ class Climbing(Bench):
     def of(self, names: tuple[str, ...]) -> State:
         return self.__dict__["states"][frozenset(names)]
 
-    def added(self, before: State, effect, ranked=None) -> Trial:
-        after = self.of((*before.names, effect.name))
-        return replace(trial(effect.name, before=before), state=after)
+    def added(self, before: State, effects, ranked=()) -> list[Trial]:
+        return [replace(trial(e.name, before=before), state=self.of((*before.names, e.name))) for e in effects]
 
     def trial(self, before: State, after: State, effect) -> Trial:
         return replace(trial(effect.name, before=before), state=after)
@@ -156,7 +155,7 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(monkeypatch: 
     monkeypatch.setattr(
         Climbing,
         "without",
-        lambda self, state, effect: self.of(tuple(n for n in state.names if n != effect.name)),
+        lambda self, state, effects: [self.of(tuple(n for n in state.names if n != e.name)) for e in effects],
         raising=False,
     )
     monkeypatch.setattr(search, "supported", lambda bench, before, trials: [])
@@ -208,8 +207,10 @@ def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
         one.gain = promise
         ranked.append((effect, [one]))
     monkeypatch.setattr(Bench, "screen", lambda self, state: ranked)
-    monkeypatch.setattr(Bench, "added", lambda self, before, effect, found: trial(effect.name, before=before))
-    monkeypatch.setattr(Bench, "polished", lambda self, before, tried: tried)
+    monkeypatch.setattr(
+        Bench, "added", lambda self, before, effects, found: [trial(e.name, before=before) for e in effects]
+    )
+    monkeypatch.setattr(Bench, "polished", lambda self, tried: tried)
     where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
     where.__dict__["hypotheses"] = 50
     assert {d.effect.name: d.reason for d in search.tried(where, BEFORE)} == {

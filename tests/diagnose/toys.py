@@ -77,16 +77,16 @@ class Toys:
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
-    def added(self, state: State, one: Any, ranked: Any = None) -> Trial:
-        self.added_names.append((*state.names, one.name))
-        return self.trial(state, self.state([*state.names, one.name]), one)
+    def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
+        self.added_names += [(*state.names, one.name) for one in effects]
+        return [self.trial(state, self.state([*state.names, one.name]), one) for one in effects]
 
-    def polished(self, before: State, trial: Trial) -> Trial:
-        self.polished_names.append(trial.effect.name)
-        return trial
+    def polished(self, trials: Sequence[Trial]) -> list[Trial]:
+        self.polished_names += [t.effect.name for t in trials]
+        return list(trials)
 
-    def without(self, state: State, one: Any) -> State:
-        return self.state([n for n in state.names if n != one.name])
+    def without(self, state: State, effects: Sequence[Any]) -> list[State]:
+        return [self.state([n for n in state.names if n != one.name]) for one in effects]
 
     def trial(self, before: State, after: State, one: Any) -> Trial:
         train = gain(before.train, after.train)

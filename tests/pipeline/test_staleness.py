@@ -152,6 +152,7 @@ def test_options_stay_until_the_stage_is_asked_with_others(file: Path) -> None:
     ask({"judge": {"exclude": ["x"]}})
     assert ask(None) == []
     assert ask({"judge": {"exclude": []}}) == ["judge"]
+    assert ask({"judge": {"exclude": [], "executor": "dask://here:8786"}}) == []  # where it is done changes no answer
 
 
 def test_a_stage_that_does_not_apply_is_passed_over_once_and_told_when_asked_by_name(file: Path) -> None:

@@ -1,0 +1,120 @@
+"""Refits elsewhere: the same states as here, and only where it pays."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import elsewhere
+from pneucli.diagnose.diagnosis import diagnose
+from pneucli.diagnose.elsewhere import Elsewhere
+from pneucli.diagnose.refits import Refit, here
+from pneucli.errors import InputError
+from pneucli.exam.fleet import TEMPLATE, write_fleet
+from pneucli.executors import Processes, Threads
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import catalogue
+from pneucli.pipeline.runner import open_pipeline
+from pneucli.stages import diagnose as stage
+from pneucli.stages.load import load
+
+NAMES = ("extra-mass", "stribeck", "line-delay", "pressure-lag")
+
+
+@dataclass
+class Ended:
+    """A state: what was done to which, where, and with which effect."""
+
+    done: str
+    worker: int
+    effect: Effect
+    model: Any = field(default_factory=lambda: SimpleNamespace(effects=()))
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A bench on which every refit takes its time."""
+
+    seconds: float
+    effects: Any = field(default_factory=dict)
+    progress: Callable[[str], None] = print
+    refits: Any = here
+    shown: Any = None
+
+    def fitted(self, one: Refit) -> Ended:
+        time.sleep(self.seconds)
+        state: Any = one.state
+        return Ended(f"{state.done}, {one.kind} {one.effect.name}", os.getpid(), one.effect)
+
+
+def asked(names: Sequence[str] = NAMES) -> list[Refit]:
+    before: Any = Ended("as it is", 0, catalogue()["stribeck"])
+    return [Refit("with", before, catalogue()[n]) for n in names]
+
+
+def done(seconds: float, folder: Path, rounds: int = 1) -> list[list[Any]]:
+    engine = Processes(2)
+    try:
+        refits = Elsewhere(engine, folder, [])
+        bench: Any = Slow(seconds)
+        return [refits(bench, asked()) for _ in range(rounds)]
+    finally:
+        engine.close()
+
+
+def test_long_ones_are_done_by_workers_and_come_back_in_their_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(elsewhere, "START", 0.02)
+    monkeypatch.setattr(elsewhere, "TURN", 0.02)
+    first, second = done(0.05, tmp_path, rounds=2)
+    assert [e.done for e in second] == [f"as it is, with {n}" for n in NAMES]
+    assert all(e.effect is catalogue()[n] for e, n in zip(second, NAMES, strict=True))
+    assert [e.worker == os.getpid() for e in first] == [True, False, False, False]  # the first one is measured here
+    assert os.getpid() not in {e.worker for e in second}
+
+
+def test_short_ones_stay_here(tmp_path: Path) -> None:
+    (ended,) = done(0.0, tmp_path)
+    assert {e.worker for e in ended} == {os.getpid()}
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_effect_of_the_users_that_differs_on_a_worker_is_refused(tmp_path: Path) -> None:
+    plugin = tmp_path / "own.py"
+    plugin.write_text("EFFECT = None\n", encoding="utf-8")
+    job = elsewhere.Job("", "", "", "with", "own", None, ((str(plugin), "0" * 64),))
+    with pytest.raises(InputError, match="on a worker"):
+        elsewhere.work(job)
+
+
+def test_a_diagnosis_through_workers_is_that_of_this_process_bit_by_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=8)
+    (raw,) = (tmp_path / "raw").glob("*/2026-01-02")
+    pipeline = tmp_path / "pipeline.toml"
+    text = (tmp_path / TEMPLATE).read_text(encoding="utf-8")
+    pipeline.write_text(text.replace('file = "raw/', f'file = "{raw.as_posix()}/'), encoding="utf-8")
+    for name in ("START", "TURN"):
+        monkeypatch.setattr(elsewhere, name, 0.0)
+    found = []
+    monkeypatch.setattr(elsewhere, "engine_from", lambda *_, **__: closing(Threads(2)))
+    monkeypatch.setattr(stage, "diagnose", lambda *given: found.append(diagnose(*given)) or found[-1])
+    for name, options in {"here": {}, "there": {"executor": "local"}}.items():
+        open_pipeline(pipeline, load, tmp_path / name).bring_up(["diagnose"], {"diagnose": options})
+    one, other = ([d.trial for d in each.decisions if d.trial is not None] for each in found)
+    assert len(one) > 2
+    for a, b in zip(one, other, strict=True):
+        assert a.effect is b.effect
+        assert a.state.model.values == b.state.model.values
+        assert np.array_equal(a.state.costs, b.state.costs)
