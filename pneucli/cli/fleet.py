@@ -9,11 +9,20 @@ import typer
 
 from pneucli import words
 from pneucli.cli import console, examples
-from pneucli.cli.options import EXECUTORS, Json, Out, Quiet, Verbose
+from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
 
 FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
 Executor = Annotated[
     str | None, typer.Option("--executor", metavar="WHERE", help=f"Where the rows are done: {EXECUTORS}.")
+]
+
+Out = Annotated[
+    str | None,
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="Folder of the results, or its URL (s3://bucket/folder); default: artifacts/NAME beside the fleet file.",
+    ),
 ]
 
 
@@ -32,13 +41,15 @@ def _fleet(
     quiet: Quiet = False,
 ) -> None:
     from pneucli.config import load_fleet
+    from pneucli.io.remote import is_remote
     from pneucli.stages import fleet as stage
     from pneucli.stages.fleet_output import checked
 
     config = load_fleet(fleet)
-    folder = (out or config.path.parent / "artifacts" / config.fleet.name).absolute()
+    here = Path(out or config.path.parent / "artifacts" / config.fleet.name).absolute()
+    place, say = out if out and is_remote(out) else here, console.hush if quiet else console.say
     with console.progress(quiet) as progress:
-        answer = stage.run(config, folder, executor, progress, console.hush if quiet else console.say)
+        answer = stage.run(config, place, executor, progress, say)
     results = checked(config, answer)
     _print(answer, json, verbose, str(fleet), [str(one) for one in results if not one.passed])
     raise typer.Exit(0 if all(one.passed for one in results) else 1)

@@ -54,6 +54,15 @@ def fetch(url: str, folder: Path) -> Path:
     return target
 
 
+def system_of(url: str) -> tuple[fs.FileSystem, str]:
+    """Return the filesystem of a URL and the path in it; raises what either library raises."""
+    if _scheme(url) in ARROW:
+        return fs.FileSystem.from_uri(url)
+    other = _other(url)
+    handler: Any = fs.FSSpecHandler
+    return fs.PyFileSystem(handler(other)), other._strip_protocol(url)
+
+
 def _scheme(url: str) -> str:
     return url.partition("://")[0].lower()
 
@@ -73,8 +82,8 @@ def _other(url: str) -> Any:
     return fsspec.core.url_to_fs(url)[0]
 
 
-def refused(url: str, error: Exception) -> InputError:
+def refused(url: str, error: Exception, wanted: str = "a file that is there, and may be read") -> InputError:
     """Return what a store said as an error of the input; a password in the URL is not shown."""
     shown = re.sub(r"//[^/@]*@", "//", url)
     said = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(shown, f"cannot be read: {said}", "a file that is there, and may be read", "check URL and access")
+    return InputError(shown, f"cannot be read: {said}", wanted, "check URL and access")

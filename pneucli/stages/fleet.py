@@ -6,8 +6,10 @@ import time
 import tomllib
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pneucli import paths
@@ -15,17 +17,18 @@ from pneucli.config import FleetConfig, keys_at
 from pneucli.document import read
 from pneucli.errors import InputError
 from pneucli.executors import Engine, Outcome, engine_from, stream
-from pneucli.fleet.dataset import TRENDS, write_datasets, write_trends
+from pneucli.fleet.dataset import COLUMNS, PART, TRENDS, write_datasets, write_trends
 from pneucli.fleet.pipelines import files_of, pipeline_of, require_columns
 from pneucli.fleet.table import Row, read_rows
 from pneucli.fleet.trends import Trend, trends_of
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.remote import is_remote
+from pneucli.io.store import Folder, mirror, store_at
 from pneucli.pipeline import lock
 from pneucli.pipeline.context import Progress, silent
 from pneucli.pipeline.identity import identity
 from pneucli.stages import fleet_row
-from pneucli.stages.fleet_row import Job, OtherProgram, failed, read_result, write_result
+from pneucli.stages.fleet_row import Job, OtherProgram, failed, read_results, write_result
 
 Z95 = 1.959964
 Result = Mapping[str, Any]
@@ -33,17 +36,19 @@ Result = Mapping[str, Any]
 
 def run(
     config: FleetConfig,
-    out: Path,
+    out: Path | str,
     executor: str | None = None,
     progress: Progress = silent,
     say: Callable[[str], None] = lambda message: None,
 ) -> dict[str, Any]:
     """Do all rows that are new or changed, write datasets, page, JUnit and metrics; return the answer of ``--json``.
 
+    ``out`` is a folder, or the URL of one on an S3-like store, which has no lock against a second client.
+
     Raises InputError where fleet file, table or template are at fault as a whole, or the executor cannot work.
     """
     fleet = Fleet(config, out)
-    with lock.held(out, say):
+    with lock.held(Path(out), say) if isinstance(fleet.store, Folder) else nullcontext():
         begun = time.monotonic()
         if fleet.lacking():
             with engine_from(executor, identity, preload=fleet_row.__name__) as engine:
@@ -54,8 +59,8 @@ def run(
 class Fleet:
     """The rows of a fleet, what is known of each, and in which order they are done."""
 
-    def __init__(self, config: FleetConfig, out: Path) -> None:
-        self.config, self.out = config, out
+    def __init__(self, config: FleetConfig, out: Path | str) -> None:
+        self.config, self.out, self.store = config, str(out), store_at(str(out))
         folder = config.path.parent
         where = str(config.path)
         self.template = paths.expand(config.fleet.template, folder, f"{where}, key fleet.template")
@@ -65,6 +70,7 @@ class Fleet:
         columns = dict.fromkeys(name for row in self.rows for name in row.values)
         require_columns(document, columns, keys_at, str(self.table))
         self.program = identity()
+        self.former: Mapping[tuple[str, str], Result] = {}
         self.results: dict[tuple[str, str], Result] = {}
         self.ready: deque[Job] = deque()
         self.rigs: dict[str, deque[Row]] = {}
@@ -75,6 +81,7 @@ class Fleet:
 
     def lacking(self) -> bool:
         """Fill ``ready`` with what can be done now; whether there is anything at all to do."""
+        self.former = read_results(self.store, self.rows)
         for rig in self.rigs:
             self._next(rig)
         return bool(self.ready)
@@ -106,7 +113,7 @@ class Fleet:
         except (InputError, KeyError, TypeError, ValueError, StopIteration) as error:
             row, text = replace(row, fault=row.fault or f"its values do not fit the template: {error}"), ""
         return Job(
-            str(self.out),
+            self.out,
             row,
             text,
             since=None if first is None else first.date,
@@ -128,7 +135,7 @@ class Fleet:
         if job.row.fault:
             result = failed(job.row, InputError(f"line {job.row.line} of the table", job.row.fault))
             return result | {"seconds": 0.0}
-        former = read_result(self.out, job.row)
+        former = self.former.get(job.row.key)
         if former is None or former.get("again") or any(map(is_remote, files_of(tomllib.loads(job.text)))):
             return None
         return former if former.get("stamp") == fleet_row.stamp_of(job) else None
@@ -153,12 +160,22 @@ class Fleet:
             mend = "install the same on client and workers, then give the same command again"
             raise InputError("--executor", f"a worker differs: {outcome.error}", "the client's program", mend)
         result = failed(outcome.job.row, outcome.error) | {"seconds": 0.0}
-        write_result(self.out, outcome.job.row, result)
+        write_result(self.store, outcome.job.row, result)
         return result
 
     def ordered(self) -> list[Result]:
         """Return the results in the table's order."""
         return [self.results[row.key] for row in self.rows]
+
+    @contextmanager
+    def written(self) -> Iterator[Path]:
+        """Yield the folder into which all is written that tells of all rows; a store is made like it in the end."""
+        if isinstance(self.store, Folder):
+            yield self.store.path
+            return
+        with TemporaryDirectory(prefix="pneucli-fleet-") as folder:
+            yield Path(folder)
+            mirror(Path(folder), self.store, dict.fromkeys(COLUMNS, PART))
 
     def trends(self) -> list[Trend]:
         """Return each parameter over its rig's dates."""
@@ -182,10 +199,11 @@ def _written(fleet: Fleet, seconds: float) -> dict[str, Any]:
 
     results, trends = fleet.ordered(), fleet.trends()
     made_of = Provenance({"table": sha256_of(fleet.table), "template": sha256_of(fleet.template)}, _asked(fleet))
-    write_datasets(fleet.out, results, made_of)
-    write_trends(fleet.out / TRENDS, trends, made_of)
     answer = answer_of(fleet, results, trends) | {"seconds": round(seconds, 2)}
-    write(fleet.out, fleet.config, answer, results, trends)
+    with fleet.written() as out:
+        write_datasets(out, results, made_of)
+        write_trends(out / TRENDS, trends, made_of)
+        write(out, fleet.config, answer, results, trends)
     return answer
 
 
@@ -213,5 +231,5 @@ def answer_of(fleet: Fleet, results: Sequence[Result], trends: Sequence[Trend]) 
         "changes": sorted(changed, key=lambda c: -max(one["confidence"] for one in c["changes"])),
         "failures": [{"cause": cause, "rows": n} for cause, n in failures.most_common()],
         "breaks": sum(bool(t.breaks) for t in trends),
-        "out": str(fleet.out),
+        "out": str(fleet.store),
     }

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import tempfile
 import time
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,8 @@ from pneucli.errors import InputError, surroundings
 from pneucli.fleet.pipelines import files_of, folder_name
 from pneucli.fleet.table import Row
 from pneucli.io import remote
-from pneucli.io.artifacts import atomic_path, sha256_of
+from pneucli.io.artifacts import sha256_of
+from pneucli.io.store import Store, store_at
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.identity import identity
 from pneucli.pipeline.runner import Pipeline, open_pipeline
@@ -51,10 +51,10 @@ STAGES_OF_ROW = STAGES | {"report": replace(STAGES["report"], optional=("diagnos
 
 @dataclass(frozen=True)
 class Job:
-    """One row to be done into the folder ``out``: ``text`` is its pipeline, ``since`` the date it is held against.
+    """One row to be done into ``out``, a folder or a URL; ``text`` is its pipeline.
 
-    ``reference_key`` tells which result of that date, ``program`` and ``plugins`` (SHA-256 by path) what the client
-    has. Where ``keeps`` is set, later dates will be held against this one.
+    ``since`` is the date it is held against, ``reference_key`` tells which result of that date, ``program`` and
+    ``plugins`` (SHA-256 by path) what the client has. Where ``keeps`` is set, later dates are held against this one.
     """
 
     out: str
@@ -69,9 +69,14 @@ class Job:
     plugins: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def folder(self) -> Path:
-        """The row's own folder."""
-        return folder_of(Path(self.out), self.row)
+    def store(self) -> Store:
+        """Where the fleet's results are."""
+        return store_at(self.out)
+
+    @property
+    def folder(self) -> str:
+        """The row's own folder in the store."""
+        return folder_of(self.row)
 
     @property
     def asked(self) -> list[Any]:
@@ -84,24 +89,36 @@ class OtherProgram(Exception):  # noqa: N818 - it says what the worker is
     """Raised by a worker that does not run the client's program or plug-ins."""
 
 
-def folder_of(out: Path, row: Row) -> Path:
-    """Return the folder of a row."""
-    return out / ROWS / folder_name(row.rig) / folder_name(row.date)
+def folder_of(row: Row) -> str:
+    """Return the folder of a row, below that of the fleet."""
+    return f"{ROWS}/{folder_name(row.rig)}/{folder_name(row.date)}"
 
 
-def read_result(out: Path, row: Row) -> dict[str, Any] | None:
+def read_result(store: Store, row: Row) -> dict[str, Any] | None:
     """Return what is known of a row; None where it was never done, or by another version."""
+    return result_of(store.read(f"{folder_of(row)}/{RESULT}"))
+
+
+def read_results(store: Store, rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return what is known of several rows, by rig and date."""
+    names = {row.key: f"{folder_of(row)}/{RESULT}" for row in rows if not row.fault}
+    content = store.read_all(names.values())
+    found = {key: result_of(content[name]) for key, name in names.items()}
+    return {key: result for key, result in found.items() if result is not None}
+
+
+def result_of(content: bytes | None) -> dict[str, Any] | None:
+    """Return the result that a row's file holds; None where it holds none that this version wrote."""
     try:
-        content: dict[str, Any] = json.loads((folder_of(out, row) / RESULT).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        result: dict[str, Any] = json.loads(content or b"")
+    except ValueError:
         return None
-    return content if content.get("schema") == SCHEMA else None
+    return result if result.get("schema") == SCHEMA else None
 
 
-def write_result(out: Path, row: Row, result: Mapping[str, Any]) -> None:
+def write_result(store: Store, row: Row, result: Mapping[str, Any]) -> None:
     """Write what became of a row, atomically."""
-    with atomic_path(folder_of(out, row) / RESULT) as path:
-        path.write_text(json.dumps(result, allow_nan=False), encoding="utf-8")
+    store.write(f"{folder_of(row)}/{RESULT}", json.dumps(result, allow_nan=False))
 
 
 def stamp_of(job: Job) -> str:
@@ -149,7 +166,7 @@ def work(job: Job) -> dict[str, Any]:
     result["core_seconds"] = round(
         time.process_time() - used, 3
     )  # of this process: of this row, where it does one at a time
-    write_result(Path(job.out), job.row, result)
+    write_result(job.store, job.row, result)
     return result
 
 
@@ -199,24 +216,24 @@ def _done(job: Job, scratch: Path) -> dict[str, Any]:
         raise InputError(f"line {job.row.line} of the table", job.row.fault)
     stamp, (text, hashes) = stamp_of(job), _here(job, scratch)
     key = digest([job.asked, hashes])
-    former = read_result(Path(job.out), job.row)
+    former = read_result(job.store, job.row)
     if former is not None and former.get("key") == key and not former.get("again"):
-        write_result(Path(job.out), job.row, former | {"stamp": stamp})  # its files were touched, not changed
+        write_result(job.store, job.row, former | {"stamp": stamp})  # its files were touched, not changed
         return former | {"stamp": stamp, "same": True}
     file = scratch / PIPELINE
     file.write_text(text, encoding="utf-8")
     pipeline = open_pipeline(file, load, scratch / "artifacts", STAGES_OF_ROW)
-    answer = dict(pipeline.bring_up(["diagnose"], {"diagnose": _options(job)})["diagnose"].answer)
+    answer = dict(pipeline.bring_up(["diagnose"], {"diagnose": _options(job, scratch)})["diagnose"].answer)
     _keep(job, pipeline)
     result = _head(job.row) | _told(answer) | {"since": job.since, "program": program_digest(), "failure": None}
     result |= {"report": _report(job, pipeline, answer), "cause": None, "again": False}
     return result | {"bad": answer["verdict"] == "inconclusive", "stamp": stamp, "key": key}
 
 
-def _options(job: Job) -> dict[str, Any]:
+def _options(job: Job, scratch: Path) -> dict[str, Any]:
     if job.since is None:
         return {}
-    old = folder_of(Path(job.out), replace(job.row, date=job.since)) / REFERENCE
+    old = job.store.fetched(f"{folder_of(replace(job.row, date=job.since))}/{REFERENCE}", scratch)
     return since.option(old, job.alarm_rate)
 
 
@@ -239,12 +256,9 @@ def _here(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
 
 def _keep(job: Job, pipeline: Pipeline) -> None:
     """Keep the row's pipeline file, and what later dates are held against."""
-    with atomic_path(job.folder / PIPELINE) as path:
-        path.write_text(job.text, encoding="utf-8")
-    if job.keeps:
-        for name in (since.FILE, MODEL_FILE, MANIFEST):
-            with atomic_path(job.folder / REFERENCE / name) as path:
-                shutil.copyfile(pipeline.artifacts / "diagnose" / name, path)
+    job.store.write(f"{job.folder}/{PIPELINE}", job.text)
+    for name in (since.FILE, MODEL_FILE, MANIFEST) if job.keeps else ():
+        job.store.put(f"{job.folder}/{REFERENCE}/{name}", pipeline.artifacts / "diagnose" / name)
 
 
 def _told(answer: Mapping[str, Any]) -> dict[str, Any]:
@@ -270,6 +284,5 @@ def _report(job: Job, pipeline: Pipeline, answer: Mapping[str, Any]) -> str | No
     if job.reports == "none" or (job.reports == "changed" and not answer.get("changes")):
         return None
     pipeline.bring_up(["report"])
-    with atomic_path(job.folder / REPORT) as path:
-        shutil.copyfile(pipeline.artifacts / "report" / REPORT, path)
-    return (job.folder / REPORT).relative_to(job.out).as_posix()
+    job.store.put(f"{job.folder}/{REPORT}", pipeline.artifacts / "report" / REPORT)
+    return f"{job.folder}/{REPORT}"

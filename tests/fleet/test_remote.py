@@ -9,11 +9,16 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
+import pyarrow.dataset as ds
 import pytest
 from pyarrow import fs
 
+from pneucli.config import load_fleet
 from pneucli.errors import InputError
+from pneucli.exam.fleet import FLEET, write_fleet
 from pneucli.io.remote import fetch, is_remote, refused, stamp
+from pneucli.io.store import mirror, store_at
+from pneucli.stages import fleet as stage
 
 CONTENT = b"t,p\n0,1\n" * 1000
 
@@ -85,3 +90,54 @@ def test_a_remote_file_that_is_not_there_is_the_inputs_fault(
 
 def test_an_error_does_not_tell_a_password() -> None:
     assert "secret" not in str(refused("s3://user:secret@b/x.csv", OSError("no")))
+
+
+def test_a_folder_of_a_store_is_as_one_of_this_machine(store: str, tmp_path: Path) -> None:
+    """What is written is read, listed, fetched, and gone when it is removed; what is not there is None."""
+    raw = tmp_path / "raw"
+    raw.write_bytes(CONTENT)
+    for place in (store_at(store.format("out")), store_at(str(tmp_path / "out"))):
+        place.write("rows/a/row.json", "{}")
+        place.put("rows/a/reference/model", raw)
+        assert place.read_all(["rows/a/row.json", "rows/b/row.json"]) == {
+            "rows/a/row.json": b"{}",
+            "rows/b/row.json": None,
+        }
+        assert place.names("rows") == {"rows/a/row.json", "rows/a/reference/model"}
+        assert (place.fetched("rows/a/reference", tmp_path / "here") / "model").read_bytes() == CONTENT
+        place.remove("rows/a/row.json")
+        assert place.names("rows") == {"rows/a/reference/model"}
+
+
+def test_a_store_becomes_like_a_folder_and_keeps_what_is_not_ours(store: str, tmp_path: Path) -> None:
+    place = store_at(store.format("mirrored"))
+    for name in ("results/date=1/part-0.parquet", "results/date=1/notes.txt", "rows/a/row.json"):
+        place.write(name, "old")
+    (tmp_path / "results" / "date=2").mkdir(parents=True)
+    (tmp_path / "results" / "date=2" / "part-0.parquet").write_text("new")
+    mirror(tmp_path, place, {"results": "part-0.parquet"})
+    assert place.names("") == {"results/date=2/part-0.parquet", "results/date=1/notes.txt", "rows/a/row.json"}
+
+
+def test_a_fleet_leaves_on_a_store_what_it_leaves_here_and_goes_on_there(store: str, tmp_path: Path) -> None:
+    write_fleet(tmp_path, rigs=2, dates=2, changed=0.5, seed=4)
+    with (tmp_path / FLEET).open("a", encoding="utf-8") as file:
+        file.write('reports = "none"\n')
+    config, url = load_fleet(tmp_path / FLEET), store.format("plant")
+    here, there, again = (stage.run(config, where) for where in (tmp_path / "out", url, url))
+    different = {"seconds", "out", "done", "unchanged"}
+    assert {k: v for k, v in here.items() if k not in different} == {
+        k: v for k, v in there.items() if k not in different
+    }
+    assert (there["done"], again["done"]) == (4, 0)
+    assert "endpoint" not in there["out"]
+    names = {p.relative_to(tmp_path / "out").as_posix() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    assert store_at(url).names("") == names - {".lock"}
+    system, path = fs.FileSystem.from_uri(url)
+    read = ds.dataset(f"{path}/changes", filesystem=system, partitioning="hive").to_table().to_pylist()
+    assert [one["rig"] for one in read] == [one["rig"] for one in here["changes"]]
+
+
+def test_a_store_that_refuses_is_the_inputs_fault(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="s3://rigs/x"):
+        store_at("s3://rigs/x?endpoint_override=127.0.0.1:1&scheme=http&region=us-east-1").read("a")
