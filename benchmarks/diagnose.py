@@ -1,0 +1,77 @@
+"""Where the time of a diagnosis goes: ``python -m benchmarks.diagnose PIPELINE...`` (default: the demo's).
+
+Prints, for each pipeline file, the processor seconds of ``pneucli diagnose`` behind ``ingest`` in a process of its own,
+its start included, and which share of them each phase takes. The shares come from a second run under the profiler,
+on one thread.
+"""
+
+from __future__ import annotations
+
+import cProfile
+import os
+import pstats
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from pneucli.notebook.run import open_pipeline_of
+
+PHASES = {
+    "reading and preparing": [("stages/diagnose.py", "_bench")],
+    "first fit": [("identify/effects.py", "fit_model")],
+    "screening": [("diagnose/trial.py", "screened")],
+    "refits": [("identify/effects.py", name) for name in ("fit_added", "refit", "fit_without")],
+    "held-out recordings and tests": [("diagnose/trial.py", name) for name in ("state", "trial")],
+    "what is left": [("diagnose/search.py", "remains")],
+    "the error that users see": [("diagnose/errors.py", "__call__")],
+    "intervals": [("identify/intervals.py", "with_intervals")],
+    "what could not be seen": [("diagnose/detectable.py", "detectable")],
+    "for later comparisons": [("stages/since.py", "keep_reference")],
+}
+ALL = ("stages/diagnose.py", "run")
+
+
+def seconds(path: Path, out: Path) -> float:
+    """Return the processor seconds of a diagnosis, at a prepared ``out``."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-m", "pneucli", "diagnose", str(path), "--out", str(out), "--json", "--quiet"]
+    subprocess.run(command, check=False, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def shares(path: Path, out: Path) -> dict[str, float]:
+    """Return the share of each phase, of a diagnosis in this process at a prepared ``out``."""
+    profile = cProfile.Profile()
+    with profile:
+        open_pipeline_of(path, out).bring_up(["diagnose"])
+    times: dict[tuple[str, str], float] = {}
+    for (file, _, name), row in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
+        key = "/".join(Path(file).parts[-2:]), name
+        times[key] = times.get(key, 0.0) + row[3]
+    found = {phase: sum(times.get(one, 0.0) for one in those) for phase, those in PHASES.items()}
+    return {phase: spent / times[ALL] for phase, spent in found.items()}
+
+
+def main(paths: list[Path]) -> None:
+    """Measure each pipeline file, then the median."""
+    os.environ["PNEUCLI_THREADS"] = "1"
+    spent = []
+    for path in paths:
+        with tempfile.TemporaryDirectory() as name:
+            for out in ("timed", "profiled"):
+                command = [sys.executable, "-m", "pneucli", "ingest", str(path), "--out", f"{name}/{out}", "--quiet"]
+                subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            spent.append(seconds(path, Path(name) / "timed"))
+            parts = shares(path, Path(name) / "profiled")
+        told = ", ".join(f"{phase} {100 * share:.0f} %" for phase, share in parts.items() if share > 0.005)
+        rest = 100 * (1 - sum(parts.values()))
+        print(f"{path.parent.name}/{path.name}: {spent[-1]:.1f} s; {told}; else {rest:.0f} %", flush=True)
+    print(f"median {statistics.median(spent):.1f} s, most {max(spent):.1f} s, of {len(spent)}")
+
+
+if __name__ == "__main__":
+    main([Path(a) for a in sys.argv[1:]] or [Path("pipelines/demo.toml")])
