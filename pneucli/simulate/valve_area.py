@@ -51,9 +51,9 @@ class ValveArea:
         return _table(self, largest)
 
     @property
-    def area_names(self) -> dict[float, str]:
+    def area_names(self) -> Mapping[float, str]:
         """The name of the parameter that is the effective area at a command (V)."""
-        return {c: area_name(c, self.label) for c in self.commands}
+        return _area_names(self.commands, self.label)
 
     def named(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
@@ -89,14 +89,24 @@ class ValveArea:
 
         A cubic bends with its knots to the second neighbour, and the power laws go on from the two last ones.
         """
-        sides = ((1.0, self._knots(1.0), other._knots(1.0)), (-1.0, self._knots(-1.0), other._knots(-1.0)))
-        found = [(sign, _apart(mine, its)) for sign, mine, its in sides if mine != its]
-        return tuple((low, high) if sign > 0.0 else (-high, -low) for sign, (low, high) in found)
+        return _changed(self, other)
 
     def _knots(self, sign: float) -> Knots:
         overlap = self.overlap_fill if sign > 0.0 else self.overlap_vent
         side = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
         return overlap, tuple(side)
+
+
+@lru_cache(maxsize=256)
+def _area_names(commands: tuple[float, ...], label: str) -> Mapping[float, str]:
+    return {c: area_name(c, label) for c in commands}
+
+
+@lru_cache(maxsize=64)  # asked for each recording
+def _changed(one: ValveArea, other: ValveArea) -> tuple[tuple[float, float], ...]:
+    sides = ((sign, one._knots(sign), other._knots(sign)) for sign in (1.0, -1.0))
+    found = [(sign, _apart(mine, its)) for sign, mine, its in sides if mine != its]
+    return tuple((low, high) if sign > 0.0 else (-high, -low) for sign, (low, high) in found)
 
 
 def _apart(mine: Knots, its: Knots) -> tuple[float, float]:
