@@ -1,0 +1,138 @@
+"""Does learning pay? ``python -m benchmarks.learning [EFFECT ...]``: designed without an effect, then with it.
+
+Each axis of the exam has one effect of the catalogue; a controller is designed from a model that does not know it, and
+from one that does, and both drive the exam's rig. Figures in um: largest error over the last half second at rest after
+steps of 15 % of the stroke, how far the piston moves there, rms error on a sine of 15 % at 0.5 Hz (30 mm on 200 mm),
+largest error at rest under 50 N (scaled by the area over 8 cm^2), and after how long in s it is rejected to 50 um; the
+command's rms above 50 Hz in V.
+``PERIOD`` (ms), ``SEEDS``, ``UNTOLD=1`` (presliding of 40 kN/m, 5 ms of lag, 0.1 V of play that no model knows).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from benchmarks.rigs import driven, model_of
+from pneucli.design.cascade import design_cascade
+from pneucli.design.controller import Controller
+from pneucli.design.requirements import Requirements
+from pneucli.exam.cases import _rig
+from pneucli.exam.hidden import BY_NAME, CATALOGUE
+from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+WORST = (
+    "none", "valve-lag", "pressure-friction", "position-friction", "friction-hysteresis", "presliding",
+    "dwell-breakaway", "line-delay", "pressure-lag", "time-skew", "valve-hysteresis", "stribeck",
+)  # fmt: skip
+LIMITS = {"rest": 50.0, "sine": 500.0, "load": 100.0}
+HEAD = ("rest", "moves", "sine", "load", "moves'", "after", "fast")
+
+
+def rig(seed: int, effect: str = "none") -> Parameters:
+    """Return an axis of the exam with one effect at its full size."""
+    rng = np.random.default_rng(seed)
+    par = _rig("axis", False, rng)
+    return par if effect == "none" else BY_NAME[effect].set(par, 1.0, rng)
+
+
+def untold(par: Parameters) -> Parameters:
+    """Return a rig with what any has: bristles, a slow spool and play."""
+    stiffness = 4e4 * par.piston_area_1 / 8e-4
+    more = {"bristle_stiffness": stiffness, "bristle_damping": 2e-3 * stiffness} if not par.bristle_stiffness else {}
+    return par._replace(valve_lag=max(par.valve_lag, 5e-3), valve_half_width=max(par.valve_half_width, 0.1), **more)
+
+
+def design(model: Model, par: Parameters, period: float, quantum: float = 1e-6, noise: float = 400.0) -> Controller:
+    """Return the controller for a model of the rig."""
+    asked = Requirements(
+        period=period, quantum_x=quantum, noise_p=noise,
+        chamber_2="closed" if par.arrangement == ONE_CHAMBER else "valve",
+    )  # fmt: skip
+    return design_cascade(model, asked, np.sqrt(par.ambient * par.supply) if par.arrangement == ONE_CHAMBER else None)
+
+
+def figures(par: Parameters, c: Controller, quantum: float = 1e-6, noise: float = 400.0) -> list[float]:
+    """Return the figures of one controller on one rig."""
+    h = c.period
+    time = h * np.arange(round(6.5 / h))
+    middle = 0.5 * par.stroke
+    steps = middle + par.stroke * np.where(time < 0.5, 0.0, np.where(time < 3.5, 0.15, -0.15))
+    sine = middle + 0.15 * par.stroke * np.sin(np.pi * np.maximum(time - 0.5, 0.0))
+    push = 50.0 * par.piston_area_1 / 8e-4 * ((time >= 1.0) & (time < 4.0))
+    nothing, still, last = np.zeros(time.size), np.full(time.size, middle), round(0.5 / h)
+
+    def run(reference: Array, load: Array) -> tuple[Array, Array]:
+        done = driven(par, c, reference, load, noise, quantum)
+        return 1e6 * (done.x - reference), done.u
+
+    (e, u), (followed, v), (loaded, w) = run(steps, nothing), run(sine, nothing), run(still, push)
+    ends = [e[round(3.5 / h) - last : round(3.5 / h)], e[-last:]]
+    under = [loaded[round(4.0 / h) - last : round(4.0 / h)], loaded[-last:]]
+    return [
+        max(float(np.abs(one).max()) for one in ends),
+        max(float(np.ptp(one)) for one in ends),
+        float(np.sqrt(np.mean(followed[round(1.5 / h) :] ** 2))),
+        max(float(np.abs(one).max()) for one in under),
+        max(float(np.ptp(one)) for one in under),
+        recovered(loaded[round(1.0 / h) : round(4.0 / h)], h),
+        float(np.sqrt(np.mean([fast(one, h) ** 2 for one in (u, v, w)]))),
+    ]
+
+
+def recovered(error: Array, h: float) -> float:
+    """Return after how long in s an error (um) comes to within 50 um for good, infinite where it does not."""
+    off = np.flatnonzero(np.abs(error) > 50.0)
+    return 0.0 if off.size == 0 else h * (off[-1] + 1) if off[-1] + 1 < error.size else np.inf
+
+
+def fast(u: Array, h: float) -> float:
+    """Return the rms above 50 Hz in V."""
+    frequency, power = welch(u, 1.0 / h, nperseg=round(1.024 / h))
+    return float(np.sqrt(np.sum(power[frequency > 50.0]) * frequency[1]))
+
+
+def holds(found: list[float]) -> bool:
+    """Whether an axis is held."""
+    return found[0] <= LIMITS["rest"] and found[2] <= LIMITS["sine"] and found[3] <= LIMITS["load"]
+
+
+def main() -> None:
+    period = 1e-3 * float(os.environ.get("PERIOD", "1"))
+    seeds = int(os.environ.get("SEEDS", "1"))
+    asked = sys.argv[1:] or WORST
+    if asked == ["all"]:
+        asked = ["none", *(e.name for e in CATALOGUE if "axis" in e.kinds or "friction" in e.kinds)]
+    held = np.zeros(2)
+    count = 0
+    for name in asked:
+        rows: list[list[list[float]]] = [[], []]
+        for seed in range(1, seeds + 1):
+            par = rig(seed, name)
+            actual = untold(par) if os.environ.get("UNTOLD") else par
+            known = () if name == "none" else (name,)
+            for i, effects in enumerate(((), known)):
+                if i and not known:
+                    rows[1].append(rows[0][-1])
+                    continue
+                try:
+                    rows[i].append(figures(actual, design(model_of(par, effects), par, period)))
+                except Exception as error:
+                    print(name, repr(error)[:200])
+                    rows[i].append([np.inf] * len(HEAD))
+            held += [holds(rows[0][-1]), holds(rows[1][-1])]
+            count += 1
+        shown = [" ".join(f"{x:8.3g}" for x in np.median(row, axis=0)) for row in rows]
+        good = ["".join("+" if holds(r) else "-" for r in row) for row in rows]
+        print(f"{name:20s} {shown[0]} {good[0]} | {shown[1]} {good[1]}", flush=True)
+    print(f"held {held} of {count}")
+
+
+if __name__ == "__main__":
+    main()

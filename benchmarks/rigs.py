@@ -1,0 +1,146 @@
+"""The controller's own sample on the exam's rig, compiled together: what ``benchmarks.learning`` drives.
+
+Rig and model share no code; the controller's code is that of :mod:`pneucli.design.step`, of which the exported C is a
+translation that gives the same commands to the last bit (``tests/export``).
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pneucli.caches import compiled
+from pneucli.design import layout
+from pneucli.design.callees import callees_first
+from pneucli.design.controller import Controller
+from pneucli.design.laws import LAWS
+from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, X
+from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
+from pneucli.exam.rig.run import drive, empty_line, limited
+from pneucli.physics import gas
+from pneucli.physics.effects import catalogue
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_area import ValveArea
+
+Array = NDArray[np.float64]
+COMMANDS = (0.4, 0.7, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)  # V, at which a valve test would be made
+
+
+def model_of(par: Parameters, effects: tuple[str, ...] = ()) -> Model:
+    """Return the model that knows a rig and, of its effects, those named."""
+    rig = Rig(
+        gas_temperature=par.temperature, ambient_pressure=par.ambient, supply_pressure=par.supply,
+        piston_area_1=par.piston_area_1, piston_area_2=par.piston_area_2, stroke=par.stroke,
+        dead_volume_1=par.dead_volume_1, dead_volume_2=par.dead_volume_2, moving_mass=par.mass,
+        valve_arrangement={FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement),
+    )  # fmt: skip
+    overlap = 0.0 if "valve-deadband" in effects else par.overlap
+    scale = par.command_range / 10.0
+
+    def area(u: float) -> float:
+        return par.effective_area * (max(u - overlap, 0.0) / (par.command_range - overlap)) ** par.exponent
+
+    opened = [scale * u for u in COMMANDS if area(scale * u) > 0.0]
+    commands = (*(-u for u in reversed(opened)), *opened)
+    valve = ValveArea(commands, tuple(area(abs(u)) for u in commands), overlap, overlap)
+    values = {"friction.coulomb": par.coulomb, "friction.viscous": par.viscous}
+    if "dead-volume" in effects:
+        pass  # it comes on top of the rig's own
+    for name in effects:
+        values |= {f"{name}.{key}": value for key, value in BY_NAME[name].truth(par).items()}
+    return Model(rig, tuple(catalogue()[name] for name in effects), values, valve)
+
+
+@cache
+def compiled_step(law: str) -> Any:
+    """Return a law's sample as numba compiles it."""
+    functions = callees_first(LAWS[law].step)
+    names: dict[str, Any] = {"math": math, **vars(layout), **LAWS[law].constants}
+    names |= {n: v for n, v in vars(gas).items() if isinstance(v, float)}
+    for function in functions:
+        exec(inspect.getsource(function), names)
+        names[function.__name__] = njit(nogil=True)(names[function.__name__])
+    return names[LAWS[law].step.__name__]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a loop did, one value a sample of the controller: position (m), command (V), the state; air in kg."""
+
+    x: Array
+    u: Array
+    air: float
+    states: Array
+
+
+@compiled()
+def read(par: Parameters, s: Array, lagged: Array, skewed: Array, row: int, h: float) -> tuple[float, float]:
+    """What the sensors of both pressures show after h (s): lag, delay, scale and offset, in the rig's own order."""
+    now = (s[P1], s[P2])
+    for i in range(2):
+        if par.pressure_lag > 0.0:
+            lagged[i] += (now[i] - lagged[i]) * (1.0 - math.exp(-h / par.pressure_lag))
+        else:
+            lagged[i] = now[i]
+        skewed[row % len(skewed), i] = lagged[i]
+    late = skewed[(row + 1) % len(skewed)]
+    above = par.pressure_scale
+    return par.ambient + above * (late[0] - par.ambient) + par.pressure_offset, par.ambient + above * (
+        late[1] - par.ambient
+    )
+
+
+@njit(nogil=True)
+def _loop(step, par, pushed, c, cs, every, period, reference, load, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
+    s, o, work, rest, air = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0, 0.0
+    spools, line = np.zeros(4), empty_line(par, STEP)
+    s[X], s[P1], s[P2] = start[0], start[1], start[2]
+    s[XL], s[T1], s[T2], s[PS] = s[X], par.temperature, par.temperature, par.supply
+    lagged = np.array([s[P1], s[P2]])
+    skewed = np.empty((round(par.pressure_skew / period) + 1, 2))
+    skewed[:, 0], skewed[:, 1] = s[P1], s[P2]
+    for k in range(reference.size):
+        out[k, 0] = s[X]
+        p1, p2 = read(par, s, lagged, skewed, k, period)
+        seen = s[X]
+        if quantum > 0.0:
+            seen = quantum * math.floor(seen / quantum + 0.5)
+        step(reference[k], seen, p1 + noise[k, 0], p2 + noise[k, 1], cs, c)
+        out[k, 1] = cs[1]
+        out[k, 2:] = cs
+        o[0] = limited(par, par.command_sign * (cs[1] - par.command_null))
+        o[1] = limited(par, cs[2] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        loaded = pushed if load[k] != 0.0 else par
+        for i in range(k * every, (k + 1) * every):
+            rest, q = drive(loaded, i, STEP, o[0], o[1], spools, line, s, rest, is_open, work)
+            air += STEP * (q[0] + q[2])
+    return air
+
+
+def driven(
+    par: Parameters, controller: Controller, reference: Array, load: Array, noise: float = 400.0,
+    quantum: float = 1e-6, seed: int = 0, is_open: bool = False,
+) -> Trace:  # fmt: skip
+    """Let a controller follow a ``reference`` (m) under a ``load`` (N toward x = 0, one size) on the rig."""
+    p2 = par.ambient if is_open else math.sqrt(par.ambient * par.supply)
+    x = float(reference[0])
+    pull = par.constant_force + par.spring_stiffness * (x - par.spring_rest)
+    p1 = (pull + p2 * par.piston_area_2 + par.ambient * (par.piston_area_1 - par.piston_area_2)) / par.piston_area_1
+    pushed = par._replace(constant_force=par.constant_force + float(np.abs(load).max() * np.sign(load.sum())))
+    states = np.zeros(layout.OWN_STATE + layout.MOST_OWN)
+    out = np.zeros((reference.size, 2 + states.size))
+    noises = noise * np.random.default_rng(seed).standard_normal((reference.size, 2))
+    air = _loop(
+        compiled_step(controller.law), par, pushed, controller.vector(), states, round(controller.period / STEP),
+        controller.period, reference, load, noises, quantum, int(is_open), np.array([x, p1, p2]), out,
+    )  # fmt: skip
+    return Trace(out[:, 0], out[:, 1], air, out[:, 2:])
