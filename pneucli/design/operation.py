@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
+from pneucli.design.observe import pressure_force, start
 from pneucli.design.plant import clamp, per_area, sign, usable
-from pneucli.design.step import pressure_force, start
 
 
 def set_supply(p, s, c):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneucli.design.sector import Sector, resolved, sector_from_vertices
-from pneucli.design.step import switching
+from pneucli.design.still import switching
 from pneucli.errors import InputError
 from tests.design import axis
 

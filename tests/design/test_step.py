@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.design import layout as at
-from pneucli.design import loop, plant, step
+from pneucli.design import loop, observe, plant, shape, step, still
 
 NODES = 5
 ROUND = {
@@ -143,7 +143,7 @@ def test_a_5_3_valve_that_shall_do_nothing_stands_between_both_closing_edges() -
 
 def started(x: float, p1: float, p2: float) -> np.ndarray:
     s = np.zeros(len(at.STATE))
-    step.start(0.15, x, p1, p2, s, C)
+    observe.start(0.15, x, p1, p2, s, C)
     return s
 
 
@@ -182,7 +182,7 @@ def test_the_rate_of_a_ramp_is_reached_over_the_shaping_time() -> None:
     rates = []
     for _ in range(40):
         x += 0.02e-3
-        rates.append(step.reference_rate(x, s, C))
+        rates.append(shape.reference_rate(x, s, C))
     assert rates[0] == pytest.approx(0.02 * 0.25)
     assert rates[1] == pytest.approx(0.02 * (1.0 - 0.75**2))
     assert rates[-1] == pytest.approx(0.02, rel=1e-3)
@@ -192,13 +192,13 @@ def test_the_rate_of_a_ramp_is_reached_over_the_shaping_time() -> None:
 def test_a_jump_of_the_reference_has_no_rate() -> None:
     """Of 10 mm in a sample: 10 m/s, where 10 times the largest acceleration allows 0.05 m/s of change."""
     s = state(X_REF=0.1)
-    assert step.reference_rate(0.11, s, C) == 0.0
-    assert step.reference_rate(0.11, s, C) == 0.0
+    assert shape.reference_rate(0.11, s, C) == 0.0
+    assert shape.reference_rate(0.11, s, C) == 0.0
     assert of(s, "X_REF", "RAW") == [0.11, 0.0]
 
 
 def test_a_period_longer_than_the_shaping_time_takes_the_rate_as_it_is() -> None:
-    assert step.reference_rate(0.10001, state(X_REF=0.1), settings(SHAPE=5e-4)) == pytest.approx(0.01)
+    assert shape.reference_rate(0.10001, state(X_REF=0.1), settings(SHAPE=5e-4)) == pytest.approx(0.01)
 
 
 def shaped(reference: np.ndarray, **changed: float) -> tuple[np.ndarray, np.ndarray]:
@@ -206,7 +206,7 @@ def shaped(reference: np.ndarray, **changed: float) -> tuple[np.ndarray, np.ndar
     s, c, rows = state(X_REF=reference[0], X_SHAPED=reference[0]), settings(**changed), []
     for x in reference:
         before = of(s, "X_SHAPED", "V_SHAPED")
-        step.shape_reference(float(x), s, c)
+        shape.shape_reference(float(x), s, c)
         now = of(s, "X_SHAPED", "V_SHAPED", "A_SHAPED")
         assert now[2] == pytest.approx((now[1] - before[1]) / 1e-3)
         assert now[0] == pytest.approx(before[0] + 0.5e-3 * (before[1] + now[1]))
@@ -250,9 +250,9 @@ def test_closing_in_on_a_moving_reference_adds_to_its_speed() -> None:
 def test_rest_is_counted_from_when_the_shaped_reference_has_arrived() -> None:
     s = state(X_REF=0.1, X_SHAPED=0.1)
     for _ in range(3):
-        step.shape_reference(0.1, s, C)
+        shape.shape_reference(0.1, s, C)
     assert of(s, "REST") == pytest.approx([3e-3])
-    step.shape_reference(0.1 + 1e-7, s, C)  # it moves
+    shape.shape_reference(0.1 + 1e-7, s, C)  # it moves
     assert of(s, "REST") == [0.0]
 
 
@@ -260,7 +260,7 @@ def test_rest_is_counted_from_when_the_shaped_reference_has_arrived() -> None:
 def test_rest_needs_position_and_speed(off: float, v: float) -> None:
     """Half the reach off, or faster than the least speed, even after a sample of braking at 5 mm/s in 1 ms."""
     s = state(X_REF=0.1, X_SHAPED=0.1 + off, V_SHAPED=v, REST=1.0)
-    step.shape_reference(0.1, s, settings(A_MAX=1e-3))
+    shape.shape_reference(0.1, s, settings(A_MAX=1e-3))
     assert of(s, "REST") == [0.0]
 
 
@@ -269,7 +269,7 @@ def test_rest_needs_position_and_speed(off: float, v: float) -> None:
 
 def observed(p1: float, p2: float, **given: float) -> np.ndarray:
     s = state(**given)
-    step.observe_pressures(p1, p2, s, C)
+    observe.observe_pressures(p1, p2, s, C)
     return s
 
 
@@ -300,7 +300,7 @@ def test_readings_out_of_range_are_bridged(p: float, used: bool) -> None:
 
 
 def test_the_force_of_the_pressures_is_over_ambient() -> None:
-    assert step.pressure_force(state(P1=4e5, P2=3e5), C) == pytest.approx(8e-4 * 3e5 - 6e-4 * 2e5)
+    assert observe.pressure_force(state(P1=4e5, P2=3e5), C) == pytest.approx(8e-4 * 3e5 - 6e-4 * 2e5)
 
 
 def balanced(force: float, **given: float) -> np.ndarray:
@@ -309,7 +309,7 @@ def balanced(force: float, **given: float) -> np.ndarray:
 
 
 def moved(s: np.ndarray, x: float = math.nan, **changed: float) -> np.ndarray:
-    step.observe_motion(x, s, settings(**changed))
+    observe.observe_motion(x, s, settings(**changed))
     return s
 
 
@@ -370,15 +370,15 @@ def test_positions_a_little_beyond_the_stroke_can_be(x: float, used: bool) -> No
 
 
 def test_the_sector_is_the_mean_sign_of_both_lines_weighted_by_their_size() -> None:
-    assert step.switching(1e-3, 0.0, C) == 1.0
-    assert step.switching(-1e-3, -0.01, C) == -1.0
-    assert step.switching(1e-3, -0.025, C) == pytest.approx((-5.0 + 15.0) / 20.0)
-    assert step.switching(0.0, 0.0, C) == 0.0
+    assert still.switching(1e-3, 0.0, C) == 1.0
+    assert still.switching(-1e-3, -0.01, C) == -1.0
+    assert still.switching(1e-3, -0.025, C) == pytest.approx((-5.0 + 15.0) / 20.0)
+    assert still.switching(0.0, 0.0, C) == 0.0
 
 
 def loosened(error: float, **given: float) -> np.ndarray:
     s = balanced(**({"force": 0.0, "STIRS": 0.0, "EAGER": 1.0, "SIDE": 1.0} | given))
-    step.loosen(error, s, C)
+    still.loosen(error, s, C)
     return s
 
 
@@ -456,7 +456,7 @@ def test_a_piston_that_moves_against_its_push_is_not_freed_by_it() -> None:
 
 def held(x_ref: float = 0.1, **given: float) -> tuple[bool, np.ndarray]:
     s = balanced(**({"force": 30.0, "REST": 0.06, "LOAD": 4.0, "STICK": 9.0, "EAGER": 1.0} | given))
-    return bool(step.hold(x_ref, s, C)), s
+    return bool(still.hold(x_ref, s, C)), s
 
 
 def test_near_a_resting_reference_it_is_held_and_half_of_its_force_is_loosened() -> None:

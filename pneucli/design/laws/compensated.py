@@ -19,8 +19,10 @@ import math
 from pneucli.design.laws.law import Law, Numbers, Plan
 from pneucli.design.laws.parts import FREE_NUMBER, FREE_STATE, S_RATE, drive_1, drive_2, readings, shared
 from pneucli.design.layout import *
+from pneucli.design.observe import pressure_force
 from pneucli.design.plant import clamp
-from pneucli.design.step import follow_reference, pressure_force, pressure_references
+from pneucli.design.shape import follow_reference
+from pneucli.design.step import pressure_references
 
 (
     S_SEEN_V,  # m/s: observed speed

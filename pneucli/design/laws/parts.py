@@ -13,8 +13,9 @@ import math
 from typing import TYPE_CHECKING
 
 from pneucli.design.layout import *
+from pneucli.design.observe import begin
 from pneucli.design.plant import both_ways, reached, reached_2, usable, valve_command, valve_command_2
-from pneucli.design.step import begin, dry_ahead
+from pneucli.design.step import dry_ahead
 
 if TYPE_CHECKING:
     from pneucli.design.laws.law import Plan

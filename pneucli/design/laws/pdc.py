@@ -15,8 +15,9 @@ import numpy as np
 from pneucli.design.laws.law import Law, Numbers, Plan
 from pneucli.design.laws.parts import FREE_NUMBER, drive_1, drive_2, readings, shared
 from pneucli.design.layout import *
+from pneucli.design.observe import pressure_force
 from pneucli.design.plant import clamp
-from pneucli.design.step import pressure_force, shape_reference
+from pneucli.design.shape import shape_reference
 from pneucli.errors import InputError
 
 (

@@ -14,7 +14,8 @@ from functools import partial
 from pneucli.design.laws.law import Law
 from pneucli.design.laws.parts import known_force, press, readings, shared
 from pneucli.design.layout import *
-from pneucli.design.step import follow_reference, pressure_references
+from pneucli.design.shape import follow_reference
+from pneucli.design.step import pressure_references
 
 
 def pid_force(s, c):

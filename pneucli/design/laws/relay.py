@@ -21,7 +21,8 @@ from pneucli.design.laws.law import Law, Numbers, Plan
 from pneucli.design.laws.parts import FREE_NUMBER, press, readings, shared
 from pneucli.design.layout import *
 from pneucli.design.plant import clamp, dry_friction
-from pneucli.design.step import follow_reference, pressure_references
+from pneucli.design.shape import follow_reference
+from pneucli.design.step import pressure_references
 
 (
     C_RELAY_MOST,  # N: M

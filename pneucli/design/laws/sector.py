@@ -23,7 +23,8 @@ from pneucli.design.laws.parts import FREE_NUMBER, known_force, press, readings,
 from pneucli.design.layout import *
 from pneucli.design.plant import dry_friction, sign
 from pneucli.design.sector import sector_from_vertices
-from pneucli.design.step import dry_ahead, follow_reference, pressure_references
+from pneucli.design.shape import follow_reference
+from pneucli.design.step import dry_ahead, pressure_references
 from pneucli.errors import InputError
 
 (

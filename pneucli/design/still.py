@@ -1,0 +1,61 @@
+"""Near a resting reference: the force that frees a piston that sticks off it, and when it is left in peace."""
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+# ruff: noqa: F403, F405, ANN
+
+from __future__ import annotations
+
+import math
+
+from pneucli.design.layout import *
+from pneucli.design.observe import pressure_force
+from pneucli.design.plant import clamp, sign
+
+
+def switching(error, rate, c):
+    """Return the sector's switching term, -1 to 1: both lines' mean sign, continuous between them (5.13)."""
+    s1 = rate + c[C_SECTOR_1] * error
+    s2 = rate + c[C_SECTOR_2] * error
+    total = math.fabs(s1) + math.fabs(s2)
+    return (s1 + s2) / total if total > 0.0 else 0.0
+
+
+def loosen(error, s, c):
+    """Set the force in N beyond the load that shall free the piston where it sticks off the reference.
+
+    Up to a little below what it took last it rises fast, then slowly; as soon as the piston stirs near the
+    reference, the force is taken away and friction stops it. From the third time on that it lands on the other side,
+    all goes at half the pace each time, so that what is not modelled does not keep up a limit cycle.
+    """
+    h = c[C_PERIOD]
+    if error * s[S_SIDE] < 0.0:
+        s[S_EAGER] = max(0.5 * s[S_EAGER], 0.03)
+    s[S_SIDE] = sign(error)
+    if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
+        if s[S_STIRS] == 1.0:
+            s[S_BREAK] = clamp(math.fabs(pressure_force(s, c) + s[S_LOAD]), 0.5 * c[C_STATIC], 2.0 * c[C_STATIC])
+        if math.fabs(error) < 2.0 * c[C_REACH] or error * s[S_STICK] < 0.0:
+            s[S_STICK] = 0.0
+            s[S_BRAKE] = c[C_LINGER]
+        return
+    s[S_BRAKE] -= h
+    if s[S_BRAKE] <= 0.0:
+        side = switching(error, -s[S_V], c)
+        pace = c[C_SECTOR_FAST]
+        if (pressure_force(s, c) + s[S_LOAD]) * sign(error) >= max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
+            pace = min(c[C_SECTOR_RATE] * math.fabs(error), c[C_SECTOR_FAST])
+        pace = max(pace * min(s[S_EAGER], 1.0), c[C_SECTOR_SLOW])
+        s[S_STICK] = clamp(s[S_STICK] + h * pace * side, -3.0 * c[C_STATIC], 3.0 * c[C_STATIC])
+
+
+def hold(x_ref, s, c):
+    """Whether the piston is left where it sticks, near a resting reference; its force is then half loosened."""
+    resting = s[S_REST] > 0.05 and math.fabs(s[S_V]) < c[C_V_FLOOR]
+    off = math.fabs(x_ref - s[S_X])
+    if s[S_HOLD] < 0.5 and resting and off < c[C_REACH]:
+        s[S_HOLD] = 1.0
+        s[S_EAGER] = 4.0
+        s[S_FORCE] = 0.5 * (pressure_force(s, c) - s[S_LOAD])
+        s[S_STICK] = 0.0
+    elif not resting or off > 2.0 * c[C_REACH]:
+        s[S_HOLD] = 0.0
+    return s[S_HOLD] > 0.5
