@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from pneucli.design.cascade import Corners
 from pneucli.design.closed_loop import Bench, Run, Scenario, run
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS
@@ -14,6 +13,7 @@ from pneucli.design.laws.law import Plan
 from pneucli.design.lpv import Study as WeightStudy
 from pneucli.design.metrics import Metrics, measure
 from pneucli.design.requirements import Requirements
+from pneucli.design.rules import Corners
 from pneucli.design.surface import System, surface_by_lq, surface_by_poles
 from pneucli.errors import InputError
 from pneucli.simulate.model import Model

@@ -1,14 +1,9 @@
 """The cascade: position PID, pressure PID, inverse valve map (thesis 7.1-7.3), its gains from requirements by rule.
 
 The whole system does not satisfy the matching condition (:mod:`pneucli.design.surface`), so the piston is driven by a
-pressure that an inner, faster loop makes. The rules, each overruled by a requirement that is stated:
+pressure that an inner, faster loop makes. The rules for the gains stand in :mod:`pneucli.design.rules`; that of the reference:
 
-- pressure loop: corner 0.3 / period, at most 0.7 over the lag and delay between command and reading that the model or
-  the requirements name; observers of pressure and motion have the same corner, that of motion at most
-  ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x does not make a load of a tenth of the dry friction;
-- position loop: corner of the pressure loop / 8.5, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``;
-- sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sector`;
-- reference: closing speed 0.7 of what the slower direction of the valve just keeps up with, anywhere in the middle 60 %
+- closing speed 0.7 of what the slower direction of the valve just keeps up with, anywhere in the middle 60 %
   of the stroke where the pressures lie well within range; the acceleration whose force that direction builds within
   half the position loop's time constant.
 """
@@ -17,16 +12,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.design import ports
 from pneucli.design.controller import Controller
 from pneucli.design.layout import NODES, OUTSIDE, SWITCHES
-from pneucli.design.ports import breakaway, critical_ratio, dead_volumes, lateness, moving_mass, pull
 from pneucli.design.requirements import Requirements
+from pneucli.design.rules import Corners, corners_of, gains, spool_values, standstill, timing_of
 from pneucli.errors import InputError
 from pneucli.physics.flows import flow_functions
 from pneucli.physics.gas import flow_scale
@@ -40,16 +35,6 @@ WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve 
 SLACK = 0.05  # of ambient and supply pressure, which the pressure references keep away from
 
 
-@dataclass(frozen=True)
-class Corners:
-    """Corner frequencies in rad/s of the loops and observers."""
-
-    pressure: float
-    position: float
-    motion_observer: float
-    flow_observer: float
-
-
 def design_cascade(model: Model, wanted: Requirements, sealed: float | None = None) -> Controller:
     """Return the controller for an identified model.
 
@@ -59,9 +44,9 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     _require(model)
     tables = [inverse_table(model, valve, way) for valve in (model.valve, model.second) for way in (1.0, -1.0)]
     axis = axis_values(model, wanted, [area for _, area in tables], sealed)
-    corners = corners_of(model, wanted, axis)
-    limits = reference_limits(corners, axis, wanted, partial(pull, model))
-    values = axis | gains(corners, axis, wanted) | limits
+    corners, timing = corners_of(model, wanted, axis), timing_of(model, wanted)
+    limits = reference_limits(corners, axis, wanted, partial(ports.pull, model))
+    values = axis | gains(corners, axis, wanted, timing) | spool_values(model, wanted, timing) | limits
     values |= standstill(corners, values, wanted)
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
     return Controller(values, fill, vent, fill_2, vent_2)
@@ -94,9 +79,9 @@ def inverse_table(model: Model, valve: Valve, direction: float) -> tuple[tuple[f
 
     The largest area is that of the largest command tested: what lies beyond is not known, hence not reachable.
     """
-    top = max(direction * c for c in valve.commands if direction * c > 0)
+    top, stem = max(direction * c for c in valve.commands if direction * c > 0), ports.spool(model)
     u = np.linspace(0.0, top, 40 * NODES)
-    area = np.maximum.accumulate(valve(direction * u))
+    area = np.maximum.accumulate(valve(np.interp(direction * u, stem.commands, stem.openings)))
     open_ = int(np.argmax(area > CLOSED_AREA))
     wanted = area[-1] * np.linspace(0.0, 1.0, NODES) ** 2
     null = model.base()["valve.null"]
@@ -111,7 +96,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
     driven, is_open = wanted.chamber_2 == "valve", wanted.chamber_2 == "open"
     mirrored = driven and model.rig.arrangement.second == "mirrored"
     fill, vent, fill_2, vent_2 = areas
-    base, (dead_1, dead_2), (static, fallen) = model.base(), dead_volumes(model), breakaway(model)
+    base, (dead_1, dead_2), (static, fallen) = model.base(), ports.dead_volumes(model), ports.breakaway(model)
     rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
     coulomb = base["friction.coulomb"]
     ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
@@ -123,7 +108,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_MIRRORED": float(mirrored),
         **dict.fromkeys(SWITCHES, 1.0),
         "C_PRESSURE": 0.0,
-        "C_MASS": moving_mass(model),
+        "C_MASS": ports.moving_mass(model),
         "C_AREA_1": base["rig.piston_area_1"],
         "C_AREA_2": base["rig.piston_area_2"],
         "C_STROKE": base["rig.stroke"],
@@ -134,11 +119,13 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_GAMMA": exponent,
         "C_GAMMA_R_T": exponent * rt,
         "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
-        "C_CRITICAL": critical_ratio(model),
+        "C_CRITICAL": ports.critical_ratio(model),
         "C_COULOMB": coulomb,
         "C_STATIC": max(static, coulomb),
         "C_STRIBECK": fallen,
         "C_VISCOUS": base["friction.viscous"],
+        **sensor_values(model),
+        **leak_values(model),
         "C_P_LOW": (1.0 + SLACK) * ambient,
         "C_P_HIGH": (1.0 - SLACK) * supply,
         "C_P_MEAN": ambient if is_open else sealed or math.sqrt(ambient * supply),
@@ -150,38 +137,17 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
     }
 
 
-def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float]) -> Corners:
-    """Return the corner frequencies by the rules above."""
-    late = wanted.delay + lateness(model)
-    pressure = min(0.3 / wanted.period, 0.7 / late if late > 0.0 else math.inf)
-    if wanted.pressure_bandwidth is not None:
-        pressure = 2.0 * math.pi * wanted.pressure_bandwidth
-    position = pressure / 8.5
-    if wanted.position_bandwidth is not None:
-        position = 2.0 * math.pi * wanted.position_bandwidth
-    noise = math.hypot(wanted.noise_x, wanted.quantum_x / math.sqrt(12.0))
-    quiet = math.sqrt(0.1 * axis["C_COULOMB"] / (axis["C_MASS"] * noise)) if noise and axis["C_COULOMB"] else math.inf
-    return Corners(pressure, position, min(pressure, quiet), pressure / 7.5)
+def sensor_values(model: Model) -> dict[str, float]:
+    """Return how the pressures are read."""
+    first, second = (ports.sensor(model, chamber) for chamber in (1, 2))
+    return {"C_SCALE_1": first.scale, "C_ZERO_1": first.zero, "C_SCALE_2": second.scale, "C_ZERO_2": second.zero}
 
 
-def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
-    """Return the gains of both PIDs and all observers (observers: equal poles at exp(-corner period))."""
-    h, w, two_zeta = wanted.period, corners.position, 2.0 * wanted.damping
-    pole, pressure_pole, flow_pole = (
-        math.exp(-c * h) for c in (corners.motion_observer, corners.pressure, corners.flow_observer)
-    )
-    return {
-        "C_KP": w * w * (1.0 + two_zeta),
-        "C_KD": w * (1.0 + two_zeta),
-        "C_KI": w**3,
-        "C_OBS_X": 1.0 - pole**3,
-        "C_OBS_V": 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h,
-        "C_OBS_LOAD": axis["C_MASS"] * (1.0 - pole) ** 3 / (h * h),
-        "C_P_KP": corners.pressure,
-        "C_P_KI": (corners.pressure / 6.0) ** 2,
-        "C_OBS_P": 1.0 - pressure_pole,
-        "C_OBS_FLOW": (1.0 - flow_pole) ** 2 / h,
-    }
+def leak_values(model: Model) -> dict[str, float]:
+    """Return what leaks."""
+    found = ports.leaks(model)
+    names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
+    return dict(zip(names, (found.chamber_1, found.chamber_2, found.between, found.valve), strict=True))
 
 
 def reference_limits(
@@ -232,23 +198,3 @@ def spring_pressure(axis: Mapping[str, float], x: Array) -> Array:
     half = axis["C_DEAD_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
     volume = axis["C_DEAD_2"] + axis["C_AREA_2"] * (axis["C_STROKE"] - x)
     return np.asarray(axis["C_P_MEAN"] * (half / volume) ** axis["C_GAMMA"])
-
-
-def standstill(corners: Corners, values: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
-    """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force."""
-    static = values["C_STATIC"]
-    tolerance = wanted.tolerance or max(10e-6, 2.0 * wanted.quantum_x, 4.0 * wanted.noise_x)
-    reach = 0.5 * tolerance
-    steep = min(0.2 / wanted.period, corners.pressure / 5.0)
-    return {
-        "C_REACH": reach,
-        "C_V_FLOOR": max(2.0 * wanted.quantum_x / wanted.period, 0.01 * values["C_V_MAX"]),
-        "C_LINGER": 6.0 / corners.pressure,
-        "C_SECTOR_1": steep / wanted.sector_ratio,
-        "C_SECTOR_2": steep,
-        "C_SECTOR_RATE": 0.15 * static / reach,
-        "C_SECTOR_SLOW": 0.7 * static,
-        "C_SECTOR_FAST": 27.0 * static,
-        "C_P_BAND": 0.1 * static / values["C_AREA_1"],
-        "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
-    }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 NODES = 201  # of each inverse table
+LINE = 64  # samples that are remembered, of what is under way in the hose and of what late sensors should read
 OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pressure stays that of the surroundings
 
 (
@@ -46,7 +47,21 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_RESET,  # 2: to start from its next readings, 1: its next command is the one it starts from
     S_CARRY1,  # V by which its commands are off for that, fading
     S_CARRY2,
-) = range(40)
+    S_PLAY1,  # V: where the plays and the spools of the valves stand
+    S_PLAY2,
+    S_SPOOL1,
+    S_SPOOL2,
+    S_SEEN1,  # Pa: what lagging sensors should see
+    S_SEEN2,
+    S_AHEAD_X,  # m, m/s, Pa: motion and pressures when what is commanded now arrives
+    S_AHEAD_V,
+    S_AHEAD_P1,
+    S_AHEAD_P2,
+    S_TURN,  # place of all rows where the latest stands
+) = range(51)
+
+# states of LINE numbers each stand behind: rings of openings in V and of pressures seen in Pa
+S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (51 + i * LINE for i in range(4))
 
 (
     C_PERIOD,  # s
@@ -95,7 +110,8 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     C_LOAD_STEP,  # N: largest change of the load estimate in a sample (M_k)
     C_P_KP,  # 1/s, 1/s^2
     C_P_KI,
-    C_OBS_P,  # 1, 1/s: gains of the pressure observers
+    C_OBS_SEEN,  # 1, 1, 1/s: gains of the pressure observers
+    C_OBS_P,
     C_OBS_FLOW,
     C_FLOW_STEP,  # Pa/s: largest change of the flow estimate in a sample (M_k)
     C_P_BAND,  # Pa off its reference that a pressure may be while the piston is held
@@ -106,12 +122,32 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     C_AREA_VENT,
     C_AREA_FILL_2,
     C_AREA_VENT_2,
+    C_SPOOL,  # 1: share of its way that a spool goes in a sample, in the mean over it, and that it is asked to go
+    C_SPOOL_MEAN,
+    C_HURRY,
+    C_PLAY,  # V: half of the play between command and spool, and what of its way is left alone
+    C_PLAY_LEAST,
+    C_WAIT,  # samples between spool and chamber
+    C_SENSE,  # 1: share of its way that a pressure sensor goes in a sample; samples by which it is read late
+    C_SENSE_WAIT,
+    C_SCALE_1,  # 1, Pa: readings of p1 and p2 are scale p + zero
+    C_SCALE_2,
+    C_ZERO_1,
+    C_ZERO_2,
+    C_LEAK_1,  # m^2: leaks of the chambers to ambient, between them, of the valve
+    C_LEAK_2,
+    C_LEAK_12,
+    C_LEAK_VALVE,
     C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(59)
+) = range(76)
 
-STATE = tuple(name for name in globals() if name.startswith("S_"))
+_ROWS = ("S_LINE1", "S_LINE2", "S_PAST1", "S_PAST2")
+STATE = (
+    *(name for name in globals() if name.startswith("S_") and name not in _ROWS),
+    *(f"{name}_{i}" if i else name for name in _ROWS for i in range(LINE)),
+)
 PARAMETERS = tuple(name for name in globals() if name.startswith("C_"))
 SWITCHES = ("C_AHEAD", "C_ESTIMATES", "C_HOLD", "C_SWITCHING", "C_INVERSE")
 
@@ -146,6 +182,9 @@ UNITS = {
     "C_KI": "1/s^3",
     "C_SECTOR_RATE": "N/(s m)",
     **dict.fromkeys(("C_SECTOR_SLOW", "C_SECTOR_FAST"), "N/s"),
+    **dict.fromkeys(("C_PLAY", "C_PLAY_LEAST"), "V"),
+    **dict.fromkeys(("C_ZERO_1", "C_ZERO_2"), "Pa"),
+    **dict.fromkeys(("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE"), "m^2"),
     "C_OBS_LOAD": "N/m",
     "C_FLOW_STEP": "Pa/s",
 }  # by parameter; those that are left out have none

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.design.observe import pressure_force, start
-from pneucli.design.plant import clamp, per_area, sign, usable
+from pneucli.design.observe import pressure_force, settle, start
+from pneucli.design.plant import clamp, usable
+from pneucli.design.spool import drift_1, drift_2, gradient_1, gradient_2, shut_1, shut_2, space_1, space_2
 
 
 def set_supply(p, s, c):
@@ -35,38 +36,6 @@ def pause(on, s):
         s[S_PAUSED] = 1.0
 
 
-def null_1(c):
-    """Return the command in V at which the valve of chamber 1 is shut."""
-    return 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_NODES])])
-
-
-def null_2(c):
-    """Return the same for the valve of chamber 2, 0 where there is none."""
-    begin: int = C_TABLE + 2 * int(c[C_NODES])
-    return 0.5 * (c[begin] + c[begin + int(c[C_NODES])]) if c[C_TWO_VALVES] > 0.5 else 0.0
-
-
-def area_at(u, begin: int, c):
-    """Return the share of the largest area that a command in V opens, by the inverse table that begins there."""
-    nodes: int = int(c[C_NODES])
-    way = sign(c[begin + nodes - 1] - c[begin])
-    last: int = 0
-    for i in range(nodes - 1):
-        if (u - c[begin + i]) * way >= 0.0:
-            last = i
-    width = (c[begin + last + 1] - c[begin + last]) * way
-    part = clamp((u - c[begin + last]) * way / width, 0.0, 1.0) if width > 0.0 else 0.0
-    place = (last + part) / (nodes - 1)
-    return place * place
-
-
-def flow_at(u, null, p, volume, fill, vent, table: int, s, c):
-    """Return dp/dt in Pa/s that a command in V makes of a chamber."""
-    if u >= null:
-        return fill * area_at(u, table, c) * per_area(True, p, volume, s, c)
-    return -vent * area_at(u, table + int(c[C_NODES]), c) * per_area(False, p, volume, s, c)
-
-
 def standing(x, s, c):
     """Return the force in N that holds a resting piston against its pressures, beside what an end stop carries."""
     force = pressure_force(s, c)
@@ -77,32 +46,21 @@ def standing(x, s, c):
     return -force
 
 
-def opposite_flow(u, volume, s, c):
-    """Return dp/dt in Pa/s of chamber 2 where the other way of the one spool drives it, at a command in V."""
-    if u >= null_1(c):
-        return -c[C_AREA_VENT_2] * area_at(u, C_TABLE, c) * per_area(False, s[S_P2], volume, s, c)
-    return c[C_AREA_FILL_2] * area_at(u, C_TABLE + int(c[C_NODES]), c) * per_area(True, s[S_P2], volume, s, c)
-
-
 def follow(u1, u2, s, c):
-    """Take u1, u2 (V) as the last commands: what the valves then make of the pressures, as the observers need it."""
-    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
-    s[S_RATE1] = flow_at(u1, null_1(c), s[S_P1], volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
-    volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-    begin: int = C_TABLE + 2 * int(c[C_NODES])
-    if c[C_MIRRORED] > 0.5:
-        s[S_RATE2] = opposite_flow(u1, volume, s, c)
-    if c[C_TWO_VALVES] > 0.5:
-        s[S_RATE2] = flow_at(u2, null_2(c), s[S_P2], volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, s, c)
+    """Take u1, u2 (V) as the last commands; what the valves make of them where nothing is late."""
+    s[S_U1] = u1
+    s[S_U2] = u2 if c[C_TWO_VALVES] > 0.5 else 0.0
+    s[S_RATE1] = gradient_1(u1, s[S_P1], space_1(s[S_X], c), s, c)
+    s[S_RATE2] = gradient_2(u2 if c[C_TWO_VALVES] > 0.5 else u1, s[S_P2], space_2(s[S_X], c), s, c)
 
 
 def balance(s, c):
     """Take pressures and piston as at rest: something else takes away what the valves make and the pressures push."""
     s[S_LOAD] = standing(s[S_X], s, c)
     s[S_INTEGRAL] = -s[S_LOAD]
-    s[S_FLOW1] = -s[S_RATE1]
+    s[S_FLOW1] = -s[S_RATE1] - drift_1(s[S_X], 0.0, s[S_P1], s[S_P2], c)
     s[S_INTEGRAL1] = s[S_RATE1]
-    s[S_FLOW2] = -s[S_RATE2]
+    s[S_FLOW2] = -s[S_RATE2] - drift_2(s[S_X], 0.0, s[S_P1], s[S_P2], c)
     s[S_INTEGRAL2] = s[S_RATE2]
 
 
@@ -126,9 +84,8 @@ def reset(x, p1, p2, u1, u2, s, c):
     """
     forget(s)
     start(x, x, p1, p2, s, c)
-    s[S_U1] = u1
-    s[S_U2] = u2 if c[C_TWO_VALVES] > 0.5 else 0.0
     follow(u1, u2, s, c)
+    settle(s, c)
     balance(s, c)
     s[S_REST] = 1.0
     s[S_RESET] = 1.0
@@ -142,7 +99,7 @@ def asked(x_ref, x, p1, p2, s, c):
     An axis that was off starts; one that starts within reach of its reference has no way to go.
     """
     if s[S_RESET] > 1.5:
-        reset(x, p1, p2, null_1(c), null_2(c), s, c)
+        reset(x, p1, p2, shut_1(c), shut_2(c), s, c)
     if s[S_RESET] > 0.5 and math.fabs(x_ref - s[S_X]) < c[C_REACH]:
         s[S_X_SHAPED] = x_ref
         s[S_X_REF] = x_ref
@@ -181,8 +138,8 @@ def fade(s, c):
 def shut(s, c):
     """Set the commands of an axis that is not enabled: its valves are shut."""
     s[S_STARTED] = 0.0
-    s[S_U1] = null_1(c)
-    s[S_U2] = null_2(c)
+    s[S_U1] = shut_1(c)
+    s[S_U2] = shut_2(c) if c[C_TWO_VALVES] > 0.5 else 0.0
 
 
 def finish(s, c):

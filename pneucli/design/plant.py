@@ -50,6 +50,25 @@ def per_area(filling, p, volume, s, c):
     return scale * p * flow_function(c[C_AMBIENT] / p, c[C_CRITICAL])
 
 
+def area_at(u, begin: int, c):
+    """Return the share of the largest area that a command in V opens, by the inverse table that begins there."""
+    nodes: int = int(c[C_NODES])
+    way = sign(c[begin + nodes - 1] - c[begin])
+    low: int = 0
+    high: int = nodes - 1
+    for halved in range(8):  # 2^8 > nodes  # noqa: B007 - structured text knows no name that begins with _
+        middle: int = int(0.5 * (low + high))
+        if (u - c[begin + middle]) * way >= 0.0:
+            low = middle
+        else:
+            high = middle
+    high = min(low + 1, nodes - 1)
+    width = (c[begin + high] - c[begin + low]) * way
+    part = clamp((u - c[begin + low]) * way / width, 0.0, 1.0) if width > 0.0 else 0.0
+    place = (low + part) / (nodes - 1)
+    return place * place
+
+
 def opening(area, most, table: int, c):
     """Return the command in V for an effective area, from the inverse table that begins at ``table``."""
     nodes: int = int(c[C_NODES])
@@ -105,11 +124,11 @@ def reached_2(gradient, p, volume, s, c):
     return max(gradient, -c[C_AREA_VENT_2] * per_area(False, p, volume, s, c))
 
 
-def both_ways(wanted, s, c):
+def both_ways(wanted, x, p1, p2, s, c):
     """Set the one command of a 5/3 valve: what fills one chamber vents the other; return what of ``wanted`` it makes.
 
-    ``wanted`` is the rate of the force over the first area in Pa/s. The paths of chamber 2 are taken to open in
-    proportion to those of chamber 1.
+    ``wanted`` is the rate of the force over the first area in Pa/s with the piston at x (m) and both pressures (Pa).
+    The paths of chamber 2 are taken to open in proportion to those of chamber 1.
     """
     share = c[C_AREA_2] / c[C_AREA_1]
     if wanted == 0.0:
@@ -121,9 +140,10 @@ def both_ways(wanted, s, c):
     way = 1.0 if filling else -1.0
     most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
     ratio = (c[C_AREA_VENT_2] if filling else c[C_AREA_FILL_2]) / most
-    slope_1 = per_area(filling, s[S_P1], c[C_DEAD_1] + c[C_AREA_1] * s[S_X], s, c)
-    volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-    slope_2 = ratio * per_area(not filling, s[S_P2], volume_2, s, c)
+    volume_1 = c[C_DEAD_1] + c[C_AREA_1] * x
+    volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - x)
+    slope_1 = per_area(filling, p1, volume_1, s, c)
+    slope_2 = ratio * per_area(not filling, p2, volume_2, s, c)
     slope = slope_1 + share * slope_2
     enough = slope * most > math.fabs(wanted)
     area = math.fabs(wanted) / slope if enough else most
@@ -132,7 +152,6 @@ def both_ways(wanted, s, c):
     begin: int = C_TABLE if filling else C_TABLE + int(c[C_NODES])
     s[S_U1] = opening(area, most, begin, c)
     if c[C_INVERSE] < 0.5:
-        volume_1 = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
         usual = per_area(filling, c[C_P_MEAN], volume_1, s, c) + share * ratio * per_area(
             not filling, c[C_P_MEAN], volume_2, s, c
         )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.physics.gas import orifice_flow
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -15,6 +17,8 @@ WIDE = 1e3  # m/s, by which friction has fallen
 PLACES = 25  # along the stroke
 SETTLED = 400  # steps of the valve's answer to a step of the command
 STEP = 1e-3  # s, of that answer
+STAIRS = 2000  # of a slow way to and fro of the command
+LONG = 1e6  # s, after which all has settled
 
 
 def moving_mass(model: Model) -> float:
@@ -61,20 +65,101 @@ def breakaway(model: Model) -> tuple[float, float]:
     return coulomb + rise, 0.5 * (low + high)
 
 
-def lateness(model: Model) -> float:
-    """Return the time in s between command and reading: the valve's answer, the line, and the sensors of pressure."""
-    return command_lag(model) + sum(model.total(port) for port in ("flow_delay", "sensor_lag", "sensor_delay"))
+@dataclass(frozen=True)
+class Leaks:
+    """Areas in m^2 of the orifices that leak as the model does: chambers to ambient, between them, in the valve."""
+
+    chamber_1: float
+    chamber_2: float
+    between: float
+    valve: float
 
 
-def command_lag(model: Model) -> float:
-    """Return the mean time in s by which the opening follows a step of the command; play and overlap take none."""
-    users = sorted((e for e in model.effects if "command" in e.ports), key=lambda e: (e.order, e.name))
+def leaks(model: Model) -> Leaks:
+    """Return the leaks, each taken between ambient and supply pressure."""
+    base = model.base()
+    high, low = base["rig.supply_pressure"], base["rig.ambient_pressure"]
+    k = math.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"]))
+    through = orifice_flow(high, low, critical_ratio(model), k, k)
+    first, second, between = (
+        model.total(port, high, low, k) / through for port in ("leak_1_ambient", "leak_2_ambient", "leak_1_2")
+    )
+    return Leaks(first, second, between, model.total("leak_area"))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How a pressure sensor reads: ``scale`` p + ``zero`` (Pa)."""
+
+    scale: float
+    zero: float
+
+
+def sensor(model: Model, chamber: int) -> Sensor:
+    """Return the static reading of the sensor of p1 or p2, as a line through ambient and supply pressure."""
+    ambient, supply = model.base()["rig.ambient_pressure"], model.base()["rig.supply_pressure"]
+    low, high = (model.through(f"read_p{chamber}", p, ambient) for p in (ambient, supply))
+    scale = (high - low) / (supply - ambient)
+    return Sensor(scale, low - scale * ambient)
+
+
+def sensor_lag(model: Model) -> float:
+    """Return the time constant in s of the sensors of pressure."""
+    return model.total("sensor_lag")
+
+
+def sensor_delay(model: Model) -> float:
+    """Return the time in s by which pressures are read late."""
+    return model.total("sensor_delay")
+
+
+def flow_delay(model: Model) -> float:
+    """Return the time in s that the flow takes from valve to chamber."""
+    return model.total("flow_delay")
+
+
+@dataclass(frozen=True)
+class Spool:
+    """What stands between command and opening: a play of ``half_width`` (V), then a first-order ``lag`` (s).
+
+    ``openings`` (V) are what it settles at, the play aside, over ``commands`` (V from the null one).
+    """
+
+    half_width: float
+    lag: float
+    commands: Array
+    openings: Array
+
+
+def spool(model: Model) -> Spool:
+    """Return what the effects between command and opening do, found by driving them: slowly, and by a step.
+
+    The play is half of what the ways to and fro are apart, the lag the mean time by which a step is followed.
+    """
     largest = max((abs(c) for c in model.valve.commands), default=0.0)
-    states, opened = dict.fromkeys((e.name for e in users), 0.0), np.zeros(SETTLED)
-    for k in range(SETTLED):
-        u = largest
+    up = np.linspace(-largest, largest, STAIRS + 1)
+    if not any("command" in effect.ports for effect in model.effects) or largest == 0.0:
+        return Spool(0.0, 0.0, up, up)
+    slow = _follow(model, np.concatenate([up, up[::-1], up]), LONG)
+    back, forth = slow[STAIRS + 1 : 2 * STAIRS + 2][::-1], slow[2 * STAIRS + 2 :]
+    inner = np.abs(up) < 0.6 * largest
+    width = 0.5 * float(np.median((back - forth)[inner])) / _slope(up, 0.5 * (back + forth))
+    steps = _follow(model, np.concatenate([np.full(SETTLED, -largest), np.full(SETTLED, largest)]), STEP)[SETTLED:]
+    lag = math.fsum(STEP * (steps[-1] - o) / (steps[-1] - slow[0]) for o in steps)
+    return Spool(max(width, 0.0) if width > 1e-9 * largest else 0.0, max(lag, 0.0), up, 0.5 * (back + forth))
+
+
+def _slope(u: Array, opening: Array) -> float:
+    """Return by how much the opening grows with the command beyond whatever is overlapped."""
+    return float(np.max(np.diff(opening)) / (u[1] - u[0])) or 1.0
+
+
+def _follow(model: Model, commands: Array, step: float) -> Array:
+    """Return the openings in V after each of the ``commands`` (V), each held for ``step`` (s)."""
+    users = sorted((e for e in model.effects if "command" in e.ports), key=lambda e: (e.order, e.name))
+    states, opened = dict.fromkeys((e.name for e in users), float(commands[0])), np.zeros(commands.size)
+    for k, u in enumerate(commands.tolist()):
         for effect in users:
-            u, states[effect.name] = effect.ports["command"](u, states[effect.name], STEP, *model.own(effect))  # type: ignore[misc]
+            u, states[effect.name] = effect.ports["command"](u, states[effect.name], step, *model.own(effect))  # type: ignore[misc]  # noqa: PLW2901
         opened[k] = u
-    final = opened[-1]
-    return math.fsum(STEP * (1.0 - opened / final)) if final else 0.0
+    return opened

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.design.observe import begin, observe_motion, observe_pressures
+from pneucli.design.observe import arrive, begin, look_ahead, observe_motion, observe_pressures
 from pneucli.design.plant import (
     both_ways,
     clamp,
@@ -24,6 +24,7 @@ from pneucli.design.plant import (
     valve_command_2,
 )
 from pneucli.design.shape import follow_reference
+from pneucli.design.spool import commanded, drift_1, drift_2, gradient_1, gradient_2, shut_1, shut_2, space_1, space_2
 from pneucli.design.still import hold, loosen
 
 
@@ -34,15 +35,16 @@ def dry_ahead(s, c):
 
 def position_law(x_ref, s, c):
     """Return the force in N that the pressures shall make: PID, friction ahead, minus the load, the sector at rest."""
-    error = s[S_X_SHAPED] - s[S_X]
-    rate = s[S_V_SHAPED] - s[S_V]
+    wait = c[C_WAIT] * c[C_PERIOD]
+    error = s[S_X_SHAPED] + wait * (s[S_V_SHAPED] + 0.5 * wait * s[S_A_SHAPED]) - s[S_AHEAD_X]
+    rate = s[S_V_SHAPED] + wait * s[S_A_SHAPED] - s[S_AHEAD_V]
     if c[C_HOLD] > 0.5 and hold(x_ref, s, c):
         return s[S_FORCE]
     ahead = c[C_AHEAD]
     force = c[C_MASS] * (ahead * s[S_A_SHAPED] + c[C_KD] * rate + c[C_KP] * error)
     force += ahead * c[C_VISCOUS] * s[S_V_SHAPED]
     if c[C_SWITCHING] > 0.5 and s[S_REST] > 0.05:
-        loosen(error, s, c)
+        loosen(s[S_X_SHAPED] - s[S_X], s, c)
     else:
         s[S_STICK] = 0.0
         s[S_EAGER] = 4.0
@@ -76,47 +78,64 @@ def quiet(error, s, c):
     return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_P_BAND]
 
 
-def chamber_1(s, c):
-    """Set the command of the valve at chamber 1: the piston's motion ahead and minus the other flows, or a PI alone."""
-    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
-    error = s[S_P1_REF] - s[S_P1]
-    wanted = c[C_P_KP] * error
-    wanted += c[C_AHEAD] * c[C_GAMMA] * s[S_P1] * c[C_AREA_1] * s[S_V] / volume - c[C_ESTIMATES] * s[S_FLOW1]
+def undriven(s, c):
+    """Return the rate in Pa/s of the force over the first area with the valve shut, when the command arrives."""
+    x = s[S_AHEAD_X]
+    v = s[S_AHEAD_V]
+    p1 = s[S_AHEAD_P1]
+    p2 = s[S_AHEAD_P2]
+    rate = gradient_1(shut_1(c), p1, space_1(x, c), s, c) + drift_1(x, v, p1, p2, c)
+    rate = c[C_AHEAD] * rate + c[C_ESTIMATES] * s[S_FLOW1]
     if c[C_TWO_VALVES] < 0.5:
-        volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-        wanted += c[C_AHEAD] * c[C_AREA_2] / c[C_AREA_1] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume_2
-    if c[C_MIRRORED] > 0.5:
-        wanted += c[C_ESTIMATES] * c[C_AREA_2] / c[C_AREA_1] * s[S_FLOW2]
+        second = gradient_2(shut_1(c), p2, space_2(x, c), s, c) + drift_2(x, v, p1, p2, c)
+        rate -= c[C_AREA_2] / c[C_AREA_1] * (c[C_AHEAD] * second + c[C_ESTIMATES] * s[S_FLOW2])
+    return rate
+
+
+def chamber_1(s, c):
+    """Set the command of the valve at chamber 1: what motion, leaks and other flows make is made up for, or a PI."""
+    error = s[S_P1_REF] - s[S_AHEAD_P1]
+    if c[C_TWO_VALVES] < 0.5:
+        error += c[C_AREA_2] / c[C_AREA_1] * (s[S_AHEAD_P2] - s[S_P2])
+    wanted = c[C_P_KP] * error - undriven(s, c)
     if c[C_ESTIMATES] < 0.5:
         wanted += s[S_INTEGRAL1]
     if quiet(error, s, c):
         wanted = 0.0
+    last = s[S_U1]
     if c[C_MIRRORED] > 0.5:
-        made = both_ways(wanted, s, c)
+        made = both_ways(wanted, s[S_AHEAD_X], s[S_AHEAD_P1], s[S_AHEAD_P2], s, c)
     else:
-        made = reached(wanted, s[S_P1], volume, s, c)
+        volume = space_1(s[S_AHEAD_X], c)
+        made = reached(wanted, s[S_AHEAD_P1], volume, s, c)
         s[S_RATE1] = made
-        s[S_U1] = valve_command(wanted, s[S_P1], volume, s, c)
+        s[S_U1] = valve_command(wanted, s[S_AHEAD_P1], volume, s, c)
     if made == wanted:
         s[S_INTEGRAL1] += c[C_PERIOD] * c[C_P_KI] * error
+    end: int = C_TABLE + int(c[C_NODES]) - 1
+    s[S_U1] = commanded(s[S_U1], last, S_PLAY1, S_SPOOL1, c[end + int(c[C_NODES])], c[end], s, c)
 
 
 def chamber_2(s, c):
     """Set the command of the valve at chamber 2, likewise, where there is one."""
     if c[C_TWO_VALVES] < 0.5:
         return
-    volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
-    error = s[S_P2_REF] - s[S_P2]
-    wanted = c[C_P_KP] * error
-    wanted -= c[C_AHEAD] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume + c[C_ESTIMATES] * s[S_FLOW2]
+    x = s[S_AHEAD_X]
+    p2 = s[S_AHEAD_P2]
+    volume = space_2(x, c)
+    error = s[S_P2_REF] - p2
+    alone = gradient_2(shut_2(c), p2, volume, s, c) + drift_2(x, s[S_AHEAD_V], s[S_AHEAD_P1], p2, c)
+    wanted = c[C_P_KP] * error - c[C_AHEAD] * alone - c[C_ESTIMATES] * s[S_FLOW2]
     if c[C_ESTIMATES] < 0.5:
         wanted += s[S_INTEGRAL2]
     if quiet(error, s, c):
         wanted = 0.0
-    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, s, c)
+    s[S_RATE2] = reached_2(wanted, p2, volume, s, c)
     if s[S_RATE2] == wanted:
         s[S_INTEGRAL2] += c[C_PERIOD] * c[C_P_KI] * error
-    s[S_U2] = valve_command_2(wanted, s[S_P2], volume, s, c)
+    end: int = C_TABLE + 3 * int(c[C_NODES]) - 1
+    u = valve_command_2(wanted, p2, volume, s, c)
+    s[S_U2] = commanded(u, s[S_U2], S_PLAY2, S_SPOOL2, c[end + int(c[C_NODES])], c[end], s, c)
 
 
 def step(x_ref, x, p1, p2, s, c):
@@ -125,8 +144,10 @@ def step(x_ref, x, p1, p2, s, c):
     Positions in m, pressures absolute in Pa. A reading that cannot be one is bridged by what the observers expect.
     """
     x_ref = begin(x_ref, x, p1, p2, s, c)
+    arrive(s, c)
     observe_pressures(p1, p2, s, c)
     observe_motion(x, s, c)
+    look_ahead(s, c)
     if follow_reference(x_ref, s, c):
         pressure_references(position_law(x_ref, s, c), s, c)
     chamber_1(s, c)

@@ -11,7 +11,7 @@ import numpy as np
 
 from pneucli.design import layout
 from pneucli.design.bench import controllers, plan_of, surfaces
-from pneucli.design.cascade import Corners, corners_of, design_cascade
+from pneucli.design.cascade import design_cascade
 from pneucli.design.closed_loop import Bench
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS, laws_named
@@ -19,6 +19,7 @@ from pneucli.design.lpv import Study as WeightStudy
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.ports import pulls_back
 from pneucli.design.requirements import Requirements, requirements_from
+from pneucli.design.rules import Corners, corners_of
 from pneucli.design.sector import Sector, resolved, sector_from_vertices
 from pneucli.design.surface import axis_systems, unmatched
 from pneucli.errors import InputError

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.design.bench import controllers, plan_of, surfaces
-from pneucli.design.cascade import corners_of, design_cascade
+from pneucli.design.cascade import design_cascade
 from pneucli.design.closed_loop import Bench, Scenario
 from pneucli.design.controller import Controller
 from pneucli.design.laws.law import Plan
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.requirements import Requirements
+from pneucli.design.rules import corners_of
 from pneucli.design.scenarios import start_at
 from pneucli.design.surface import axis_systems
 from pneucli.physics.effects import catalogue

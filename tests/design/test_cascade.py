@@ -10,18 +10,10 @@ import numpy as np
 import pytest
 
 from pneucli.design import cascade
-from pneucli.design.cascade import (
-    Corners,
-    axis_values,
-    corners_of,
-    gains,
-    inverse_table,
-    reachable,
-    reference_limits,
-    standstill,
-)
-from pneucli.design.layout import SWITCHES
+from pneucli.design.cascade import axis_values, inverse_table, reachable, reference_limits
+from pneucli.design.layout import LINE, SWITCHES
 from pneucli.design.requirements import Requirements, requirements_from
+from pneucli.design.rules import HASTE, MODELLED, UNTOLD, Corners, Timing, corners_of, gains, standstill
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.valve_area import ValveArea
@@ -31,6 +23,7 @@ MODEL = axis.model()
 PLAIN = Requirements()
 VALUES = axis.controller().values
 CORNERS = Corners(100.0, 10.0, 80.0, 12.0)
+PROMPT = Timing(0.0, 0.0, 0.0, 0.0, 0.0, UNTOLD)
 
 
 def having(**values: float) -> Any:
@@ -45,16 +38,35 @@ def corners(model: Any = MODEL, **wanted: Any) -> Corners:
 
 
 def test_loops_are_as_fast_as_the_period_allows() -> None:
-    assert corners() == Corners(300.0, 300.0 / 8.5, 300.0, 40.0)
-    assert corners(period=2e-3).pressure == pytest.approx(150.0)
+    assert corners(period=2e-3) == Corners(150.0, 150.0 / 8.5, 150.0, 20.0)
+    assert corners(period=5e-3).pressure == pytest.approx(60.0)
+
+
+def test_loops_are_no_faster_than_a_valve_is_of_which_no_model_tells() -> None:
+    found = corners()
+    assert (found.pressure, found.motion_observer) == (pytest.approx(0.7 / UNTOLD), pytest.approx(300.0))
+    assert corners(period=1e-4).pressure == found.pressure
 
 
 @pytest.mark.parametrize(
-    "name", ["valve-lag.time_constant", "line-delay.delay", "pressure-lag.time_constant", "time-skew.delay"]
+    ("name", "left"),
+    [
+        ("valve-lag.time_constant", 0.03 / HASTE),
+        ("line-delay.delay", 0.03 * MODELLED),
+        ("pressure-lag.time_constant", 0.0),
+        ("time-skew.delay", 0.015 * MODELLED),
+    ],
 )
-def test_every_lag_between_command_and_reading_slows_them(name: str) -> None:
-    assert corners(having(**{name: 0.03}), delay=0.01).pressure == pytest.approx(0.7 / 0.04, rel=0.02)
-    assert corners(having(**{name: 1e-4})).pressure == pytest.approx(300.0)
+def test_what_is_not_predicted_of_a_lag_slows_them(name: str, left: float) -> None:
+    late = corners(having(**{name: 0.03}), delay=0.01)
+    assert late.pressure == pytest.approx(0.7 / (UNTOLD + left + 0.01 * MODELLED), rel=0.02)
+
+
+@pytest.mark.parametrize(("name", "over"), [("line-delay.delay", 1.0), ("time-skew.delay", 1.0)])
+def test_a_delay_longer_than_what_is_remembered_counts_whole(name: str, over: float) -> None:
+    late, longest = having(**{name: 0.03}), (LINE - 2) * 1e-4
+    share = MODELLED * (0.03 if name.startswith("line") else 0.015)
+    assert corners(late, period=1e-4).pressure == pytest.approx(0.7 / (UNTOLD + share + over * (0.03 - longest)))
 
 
 def test_stated_bandwidths_overrule() -> None:
@@ -68,7 +80,7 @@ def test_noise_of_position_slows_the_observer_of_motion(noise_x: float, quantum_
     """So that 10 um are worth a tenth of the dry friction: sqrt(1.5 N / (2 kg 1e-5 m))."""
     slow = corners(noise_x=noise_x, quantum_x=quantum_x)
     assert slow.motion_observer == pytest.approx(math.sqrt(1.5 / 2e-5))
-    assert slow.pressure == pytest.approx(300.0)
+    assert slow.pressure == corners().pressure
 
 
 def test_without_dry_friction_noise_has_no_measure() -> None:
@@ -80,7 +92,7 @@ def test_without_dry_friction_noise_has_no_measure() -> None:
 
 def test_the_position_loop_has_the_poles_of_the_rule() -> None:
     """(s + w)(s^2 + 2 d w s + w^2) with w = 10 and d = 0.7."""
-    found = gains(CORNERS, {"C_MASS": 2.0}, replace(PLAIN, damping=0.7))
+    found = gains(CORNERS, {"C_MASS": 2.0}, replace(PLAIN, damping=0.7), PROMPT)
     wanted = np.polymul([1.0, 10.0], [1.0, 14.0, 100.0])
     assert [1.0, found["C_KD"], found["C_KP"], found["C_KI"]] == pytest.approx(wanted)
 
@@ -88,7 +100,7 @@ def test_the_position_loop_has_the_poles_of_the_rule() -> None:
 def test_observers_have_equal_poles() -> None:
     """Of x, v and load (a double integrator with a constant disturbance), and of a pressure with a constant flow."""
     h, mass = 1e-3, 2.0
-    found = gains(CORNERS, {"C_MASS": mass}, PLAIN)
+    found = gains(CORNERS, {"C_MASS": mass}, PLAIN, PROMPT)
     predict = np.array([[1.0, h, h * h / (2 * mass)], [0.0, 1.0, h / mass], [0.0, 0.0, 1.0]])
     innovation = np.array([[found["C_OBS_X"]], [found["C_OBS_V"]], [found["C_OBS_LOAD"]]])
     error = (np.eye(3) - innovation @ np.array([[1.0, 0.0, 0.0]])) @ predict
@@ -98,7 +110,7 @@ def test_observers_have_equal_poles() -> None:
 
 
 def test_the_pressure_loop_is_a_pi_with_a_sixth_of_its_corner() -> None:
-    found = gains(CORNERS, {"C_MASS": 2.0}, PLAIN)
+    found = gains(CORNERS, {"C_MASS": 2.0}, PLAIN, PROMPT)
     assert (found["C_P_KP"], found["C_P_KI"]) == (100.0, pytest.approx((100.0 / 6) ** 2))
 
 
@@ -223,6 +235,9 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         "C_GAMMA_R_T": pytest.approx(base["rig.heat_capacity_ratio"] * rt), "C_K_GAS": pytest.approx((2 / rt) ** 0.5),
         "C_CRITICAL": 0.3, "C_COULOMB": axis.TRUTH["coulomb"], "C_STATIC": pytest.approx(axis.TRUTH["static"]),
         "C_STRIBECK": pytest.approx(axis.TRUTH["stribeck_velocity"]), "C_VISCOUS": axis.TRUTH["viscous"],
+        **dict.fromkeys(("C_SCALE_1", "C_SCALE_2"), pytest.approx(1.0)), "C_ZERO_1": pytest.approx(0.0, abs=1e-6),
+        "C_ZERO_2": pytest.approx(0.0, abs=1e-6),
+        **dict.fromkeys(("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE"), 0.0),
         "C_P_LOW": pytest.approx(1.05 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.95 * rig.supply_pressure),
         "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6,
         "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0,

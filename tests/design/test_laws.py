@@ -10,12 +10,12 @@ import pytest
 
 from pneucli.design import layout as at
 from pneucli.design.bench import COMPONENTS, controllers, surfaces, trial, without
-from pneucli.design.cascade import corners_of
 from pneucli.design.closed_loop import run
 from pneucli.design.laws import LAWS, compensated, law_named, parts, pdc, pid, relay, sector
 from pneucli.design.laws.law import Plan
 from pneucli.design.metrics import measure
 from pneucli.design.requirements import requirements_from
+from pneucli.design.rules import corners_of
 from pneucli.design.scenarios import scenarios_from
 from pneucli.design.surface import axis_systems
 from pneucli.errors import InputError

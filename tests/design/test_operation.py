@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.design import layout as at
-from pneucli.design import operation, plant
+from pneucli.design import operation, plant, spool
 from pneucli.design.closed_loop import Run, run
 from pneucli.design.laws import LAWS
 from pneucli.simulate import layout as sim
@@ -130,7 +130,7 @@ def test_a_moving_axis_that_is_held_comes_to_rest() -> None:
 
 @pytest.mark.parametrize("u", [-9.0, -4.0, -2.0, 1.0, 3.3, 10.0])
 def test_what_a_command_makes_is_what_its_inverse_takes(u: float) -> None:
-    made = operation.flow_at(u, NULL, 3e5, 1e-4, 2e-6, 1e-6, at.C_TABLE, states(), C)
+    made = spool.gradient_1(u, 3e5, 1e-4, states(), C)
     assert plant.valve_command(made, 3e5, 1e-4, states(), C) == pytest.approx(u if made else NULL)
     assert (made == 0.0) == (u in (-2.0, 1.0))
 
@@ -141,12 +141,9 @@ def test_an_axis_at_rest_is_taken_as_in_balance() -> None:
     operation.reset(0.1, 4e5, 3e5, 4.0, 7.0, s, TWO)
     assert s[at.S_LOAD] == pytest.approx(-120.0)
     assert s[at.S_INTEGRAL] == pytest.approx(120.0)
-    for u, p, rate, flow, volume in (
-        (4.0, 4e5, at.S_RATE1, at.S_FLOW1, 1e-4),
-        (7.0, 3e5, at.S_RATE2, at.S_FLOW2, 9e-5),
-    ):
-        assert s[rate] == pytest.approx(operation.flow_at(u, NULL, p, volume, 2e-6, 1e-6, at.C_TABLE, s, C))
-        assert s[flow] == -s[rate]
+    assert s[at.S_RATE1] == pytest.approx(spool.gradient_1(4.0, 4e5, 1e-4, s, TWO))
+    assert s[at.S_RATE2] == pytest.approx(spool.gradient_2(7.0, 3e5, 9e-5, s, TWO))
+    assert [s[at.S_FLOW1], s[at.S_FLOW2]] == pytest.approx([-s[at.S_RATE1], -s[at.S_RATE2]])
     assert [s[at.S_X], s[at.S_X_SHAPED], s[at.S_V_SHAPED]] == [0.1, 0.1, 0.0]
 
 

@@ -9,13 +9,15 @@ import pytest
 
 from pneucli.design.ports import (
     breakaway,
-    command_lag,
     critical_ratio,
     dead_volumes,
-    lateness,
+    flow_delay,
     moving_mass,
     pull,
     pulls_back,
+    sensor_delay,
+    sensor_lag,
+    spool,
 )
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
@@ -77,20 +79,18 @@ def test_break_away_and_half_speed_are_static_friction_and_stribeck_velocity():
 @pytest.mark.parametrize(
     ("effect", "values", "late"),
     [
-        ("valve-lag", {"time_constant": 0.017}, 0.017),
-        ("line-delay", {"delay": 0.004}, 0.004),
-        ("pressure-lag", {"time_constant": 0.006}, 0.006),
-        ("time-skew", {"delay": 0.003}, 0.003),
-        ("valve-hysteresis", {"half_width": 0.3}, 0.0),
+        ("valve-lag", {"time_constant": 0.017}, (0.017, 0.0, 0.0, 0.0)),
+        ("line-delay", {"delay": 0.004}, (0.0, 0.004, 0.0, 0.0)),
+        ("pressure-lag", {"time_constant": 0.006}, (0.0, 0.0, 0.006, 0.0)),
+        ("time-skew", {"delay": 0.003}, (0.0, 0.0, 0.0, 0.003)),
+        ("valve-hysteresis", {"half_width": 0.3}, (0.0, 0.0, 0.0, 0.0)),
     ],
 )
 def test_what_is_late_between_command_and_reading(effect, values, late):
     """2 %: the answer of the valve is summed in steps of 1 ms."""
-    assert lateness(with_(effect, **values)) == pytest.approx(late, rel=0.02, abs=1e-5)
-
-
-def test_play_takes_no_time():
-    assert command_lag(with_("valve-hysteresis", half_width=0.3)) == pytest.approx(0.0, abs=1e-9)
+    known = with_(effect, **values)
+    found = (spool(known).lag, flow_delay(known), sensor_lag(known), sensor_delay(known))
+    assert found == pytest.approx(late, rel=0.02, abs=1e-5)
 
 
 def test_springs_and_weights_pull_toward_the_start_of_the_stroke() -> None:

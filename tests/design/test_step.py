@@ -21,7 +21,9 @@ ROUND = {
     "OBS_X": 0.5, "OBS_V": 100.0, "OBS_LOAD": 1e5, "LOAD_STEP": 3.0, "P_KP": 100.0, "P_KI": 300.0, "OBS_P": 0.25,
     "OBS_FLOW": 20.0, "FLOW_STEP": 1e4, "P_BAND": 1e3, "P_LOW": 1.05e5, "P_HIGH": 6.5e5, "P_MEAN": 3e5,
     "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0,
-    "NODES": float(NODES),
+    "OBS_SEEN": 0.25, "SPOOL": 1.0, "SPOOL_MEAN": 1.0, "HURRY": 1.0, "PLAY": 0.0, "PLAY_LEAST": 0.0, "WAIT": 0.0,
+    "SENSE": 1.0, "SENSE_WAIT": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "ZERO_1": 0.0, "ZERO_2": 0.0, "LEAK_1": 0.0,
+    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "NODES": float(NODES),
 }  # fmt: skip
 FILL, VENT = (1.0, 2.0, 4.0, 7.0, 10.0), (-2.0, -3.0, -5.0, -7.0, -9.0)
 
@@ -34,8 +36,10 @@ def settings(**changed: float) -> np.ndarray:
 def state(**given: float) -> np.ndarray:
     s = np.zeros(len(at.STATE))
     known = {"STARTED": 1.0, "X": 0.1, "P1": 3e5, "P2": 3e5, "BREAK": 20.0, "ANCHOR": 0.1, "STIRS": 5.0, "EAGER": 4.0}
+    known |= {"SEEN1": 3e5, "SEEN2": 3e5}
     for name, value in (known | given).items():
         s[at.STATE.index(f"S_{name}")] = value
+    observe.as_it_is(s)
     return s
 
 
@@ -127,14 +131,17 @@ def test_one_command_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(share:
     one = most * rate(filling, 4e5) * 1e-4 / (2e-5 + 8e-4 * 0.12)
     two = other * rate(not filling, 2.5e5) * 1e-4 / (3e-5 + 6e-4 * 0.08)
     both, s = one + 0.75 * two, state(X=0.12, P1=4e5, P2=2.5e5)
-    made, opened = plant.both_ways(share * both, s, MIRRORED), math.copysign(min(abs(share), 1.0), share)
+    made, opened = (
+        plant.both_ways(share * both, 0.12, 4e5, 2.5e5, s, MIRRORED),
+        math.copysign(min(abs(share), 1.0), share),
+    )
     assert made == pytest.approx(opened * both)
     assert of(s, "RATE1", "RATE2", "U1") == pytest.approx([opened * one, -opened * two, volts])
 
 
 def test_a_5_3_valve_that_shall_do_nothing_stands_between_both_closing_edges() -> None:
     s = state(RATE1=1.0, RATE2=1.0)
-    assert plant.both_ways(0.0, s, MIRRORED) == 0.0
+    assert plant.both_ways(0.0, 0.1, 3e5, 3e5, s, MIRRORED) == 0.0
     assert of(s, "RATE1", "RATE2", "U1") == [0.0, 0.0, -0.5]
 
 

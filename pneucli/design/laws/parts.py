@@ -63,7 +63,7 @@ def motion_1(s, c):
 def drive_1(wanted, s, c):
     """Set the command that makes dp/dt of chamber 1 in Pa/s by the inverse map; return what of it the valve makes."""
     if c[C_MIRRORED] > 0.5:
-        return both_ways(wanted, s, c)
+        return both_ways(wanted, s[S_X], s[S_P1], s[S_P2], s, c)
     volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
     s[S_U1] = valve_command(wanted, s[S_P1], volume, s, c)
     s[S_RATE1] = reached(wanted, s[S_P1], volume, s, c)

@@ -1,0 +1,173 @@
+"""The rules for the gains: how fast each loop and observer may be, each overruled by a requirement that is stated.
+
+- Pressure loop: corner 0.3 / period, at most 0.7 over what of the lags and delays is not predicted.
+- Observers: those of pressure have the same corner, that of motion 0.3 / period, at most
+  ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x does not make a load of a tenth of the dry friction.
+- Position loop: corner of the pressure loop / 8.5, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``.
+- Sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sector`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.design import ports
+from pneucli.design.layout import LINE
+from pneucli.design.requirements import Requirements
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+HASTE = 5.0  # by which a spool is hurried: so much more command than the opening that is asked for
+UNTOLD = 2.5e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it the loops still hold
+MODELLED = 0.1  # of a predicted delay, by which it may be wrong
+FIRM = 0.7  # corner of the pressure loop times what it has to stand
+QUICK_SENSOR = 2.0  # corner of the pressure observer times the lag of its sensor: noise grows with it
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What passes between command and reading, all in s.
+
+    ``lag`` of the spool and ``hurried``, to what it is brought by leading; ``wait`` of the flow, predicted;
+    ``sensor_lag`` and ``sensor_wait`` of the pressures' sensors, in the observer; ``unknown``: what no model tells.
+    """
+
+    lag: float
+    hurried: float
+    wait: float
+    sensor_lag: float
+    sensor_wait: float
+    unknown: float
+
+    @property
+    def left(self) -> float:
+        """What the loops have to stand beside what is predicted."""
+        return self.hurried + self.unknown
+
+
+@dataclass(frozen=True)
+class Corners:
+    """Corner frequencies in rad/s of the loops and observers."""
+
+    pressure: float
+    position: float
+    motion_observer: float
+    flow_observer: float
+
+
+def timing_of(model: Model, wanted: Requirements) -> Timing:
+    """Return the lags and delays of a model; what is too long to be remembered counts as not known."""
+    h, longest = wanted.period, (LINE - 2) * wanted.period
+    lag = ports.spool(model).lag
+    lag = lag if lag > 0.02 * h else 0.0
+    wait, sensed = ports.flow_delay(model) + wanted.delay, ports.sensor_delay(model)
+    beyond = max(wait - longest, 0.0) + max(sensed - longest, 0.0)
+    unknown = beyond + MODELLED * (wait + 0.5 * sensed) + UNTOLD
+    return Timing(lag, lag / HASTE, min(wait, longest), ports.sensor_lag(model), min(sensed, longest), unknown)
+
+
+def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float]) -> Corners:
+    """Return the corner frequencies by the rules above."""
+    left = timing_of(model, wanted).left
+    pressure = min(0.3 / wanted.period, FIRM / left if left > 0.0 else math.inf)
+    if wanted.pressure_bandwidth is not None:
+        pressure = 2.0 * math.pi * wanted.pressure_bandwidth
+    position = pressure / 8.5
+    if wanted.position_bandwidth is not None:
+        position = 2.0 * math.pi * wanted.position_bandwidth
+    noise = math.hypot(wanted.noise_x, wanted.quantum_x / math.sqrt(12.0))
+    quiet = math.sqrt(0.1 * axis["C_COULOMB"] / (axis["C_MASS"] * noise)) if noise and axis["C_COULOMB"] else math.inf
+    return Corners(pressure, position, min(0.3 / wanted.period, quiet), pressure / 7.5)
+
+
+def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements, timing: Timing) -> dict[str, float]:
+    """Return the gains of both PIDs and all observers (that of motion: equal poles at exp(-corner period))."""
+    h, w, two_zeta = wanted.period, corners.position, 2.0 * wanted.damping
+    pole = math.exp(-corners.motion_observer * h)
+    return {
+        "C_KP": w * w * (1.0 + two_zeta),
+        "C_KD": w * (1.0 + two_zeta),
+        "C_KI": w**3,
+        "C_OBS_X": 1.0 - pole**3,
+        "C_OBS_V": 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h,
+        "C_OBS_LOAD": axis["C_MASS"] * (1.0 - pole) ** 3 / (h * h),
+        "C_P_KP": corners.pressure,
+        "C_P_KI": (corners.pressure / 6.0) ** 2,
+        **pressure_observer(corners, timing, h),
+    }
+
+
+def pressure_observer(corners: Corners, timing: Timing, h: float) -> dict[str, float]:
+    """Return the gains of the pressure observers: what a sensor sees, pressure, and what flows beside the known."""
+    fast, slow = math.exp(-corners.pressure * h), math.exp(-corners.flow_observer * h)
+    share = 1.0 - math.exp(-h / timing.sensor_lag) if timing.sensor_lag > 0.0 else 1.0
+    if share > 1.0 - 1e-6:
+        seen = p = 1.0 - fast
+        flow = (1.0 - slow) ** 2 / h
+    else:
+        forward = np.array([[1.0 - share, share, share * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+        quick = math.exp(-min(corners.pressure, QUICK_SENSOR / timing.sensor_lag) * h)
+        seen, p, flow = observer_gains(forward, (quick, quick, slow))
+    return {
+        "C_SENSE": share,
+        "C_SENSE_WAIT": timing.sensor_wait / h,
+        "C_OBS_SEEN": seen,
+        "C_OBS_P": p,
+        "C_OBS_FLOW": flow,
+    }
+
+
+def observer_gains(forward: Array, poles: Sequence[float]) -> tuple[float, ...]:
+    """Return the gains L (n,) of an observer that corrects after the step, by Ackermann's formula.
+
+    The first of the states, which go ``forward`` (n, n) in a sample, is read; its error goes by (I - L C) forward, with
+    these ``poles``.
+    """
+    n = len(forward)
+    row = forward[0]
+    seen = np.array([row @ np.linalg.matrix_power(forward, k) for k in range(n)])
+    wanted = np.eye(n)
+    for pole in poles:
+        wanted = wanted @ (forward - pole * np.eye(n))
+    return tuple(float(g) for g in wanted @ np.linalg.solve(seen, np.eye(n)[:, -1]))
+
+
+def spool_values(model: Model, wanted: Requirements, timing: Timing) -> dict[str, float]:
+    """Return what undoes play and spool, and the wait behind them."""
+    h, found = wanted.period, ports.spool(model)
+    lag, hurried = timing.lag, timing.hurried
+    share = 1.0 - math.exp(-h / lag) if lag else 1.0
+    return {
+        "C_SPOOL": share,
+        "C_SPOOL_MEAN": 1.0 - share * lag / h if lag else 1.0,
+        "C_HURRY": 1.0 - math.exp(-h / hurried) if lag else 1.0,
+        "C_PLAY": found.half_width,
+        "C_PLAY_LEAST": 0.1 * found.half_width,
+        "C_WAIT": timing.wait / h,
+    }
+
+
+def standstill(corners: Corners, values: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
+    """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force."""
+    static = values["C_STATIC"]
+    tolerance = wanted.tolerance or max(10e-6, 2.0 * wanted.quantum_x, 4.0 * wanted.noise_x)
+    reach = 0.5 * tolerance
+    steep = min(0.2 / wanted.period, corners.pressure / 5.0)
+    return {
+        "C_REACH": reach,
+        "C_V_FLOOR": max(2.0 * wanted.quantum_x / wanted.period, 0.01 * values["C_V_MAX"]),
+        "C_LINGER": 6.0 / corners.pressure,
+        "C_SECTOR_1": steep / wanted.sector_ratio,
+        "C_SECTOR_2": steep,
+        "C_SECTOR_RATE": 0.15 * static / reach,
+        "C_SECTOR_SLOW": 0.7 * static,
+        "C_SECTOR_FAST": 27.0 * static,
+        "C_P_BAND": 0.1 * static / values["C_AREA_1"],
+        "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
+    }

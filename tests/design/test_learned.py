@@ -1,0 +1,88 @@
+"""What a model has learned reaches the controller: play, lag, delay, leaks, sensors, all through the ports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.design import layout as at
+from pneucli.design import observe, ports, rules, spool
+from pneucli.design.cascade import design_cascade
+from pneucli.physics.effects import catalogue
+from tests.design import axis
+
+MODEL, PLAIN = axis.model(), axis.controller()
+SIZES = {
+    "valve-lag": {"time_constant": 0.017}, "valve-hysteresis": {"half_width": 0.2}, "valve-deadband": {"width": 0.8},
+    "line-delay": {"delay": 0.011}, "pressure-lag": {"time_constant": 0.012}, "time-skew": {"delay": 0.012},
+    "pressure-scale": {"scale": 1.05}, "pressure-offset": {"offset": 1e4}, "chamber-leak": {"area": 3e-8},
+    "piston-leak": {"area": 3e-8}, "valve-leak": {"area": 3e-8}, "dead-volume": {"volume_added": 1e-5},
+    "extra-mass": {"mass": 1.0}, "constant-force": {"force": 10.0}, "critical-ratio": {"critical_ratio": 0.3},
+    "spring-force": {"stiffness": 200.0, "rest_position": 0.1},
+}  # fmt: skip
+
+
+def having(effect: str):
+    values = {f"{effect}.{name}": value for name, value in SIZES[effect].items()}
+    return replace(MODEL, effects=(*MODEL.effects, catalogue()[effect])).with_values(values)
+
+
+def numbers(effect: str) -> np.ndarray:
+    return design_cascade(having(effect), axis.REQUIREMENTS, axis.SEALED).vector()
+
+
+@pytest.mark.parametrize("effect", SIZES)
+def test_an_effect_of_mechanics_or_pneumatics_changes_the_controller(effect: str) -> None:
+    assert not np.array_equal(numbers(effect), PLAIN.vector())
+
+
+def test_play_lag_and_overlap_are_found_by_driving_the_command() -> None:
+    assert ports.spool(having("valve-hysteresis")).half_width == pytest.approx(0.2, rel=1e-6)
+    assert ports.spool(having("valve-lag")).lag == pytest.approx(0.017, rel=1e-3)
+    found = ports.spool(having("valve-deadband"))
+    assert np.interp([0.3, 1.4], found.commands, found.openings) == pytest.approx([0.0, 1.0], abs=1e-9)
+    assert (found.half_width, found.lag) == (0.0, pytest.approx(0.0, abs=1e-9))
+
+
+@pytest.mark.parametrize("effect", ["valve-lag", "valve-hysteresis"])
+def test_the_command_undoes_lag_and_play_as_far_as_it_is_asked_to(effect: str) -> None:
+    c, s = numbers(effect), np.zeros(at.L_STATES)
+    for wanted in (0.5, -0.3, 0.1, 0.8):
+        before = s[at.S_SPOOL1]
+        u = spool.commanded(wanted, 0.0, at.S_PLAY1, at.S_SPOOL1, -10.0, 10.0, s, c)
+        spool.opened(u, at.S_PLAY1, at.S_SPOOL1, s, c)
+        assert s[at.S_SPOOL1] - before == pytest.approx(c[at.C_HURRY] * (wanted - before), abs=1e-12)
+
+
+def test_little_does_not_move_the_play() -> None:
+    c, s = numbers("valve-hysteresis"), np.zeros(at.L_STATES)
+    assert spool.commanded(0.9 * c[at.C_PLAY_LEAST], 0.123, at.S_PLAY1, at.S_SPOOL1, -10.0, 10.0, s, c) == 0.123
+
+
+@pytest.mark.parametrize("wait", [0.0, 1.0, 2.5])
+def test_a_row_gives_back_what_was_put_in_so_many_samples_ago(wait: float) -> None:
+    s = np.zeros(at.L_STATES)
+    out = []
+    for k in range(2 * at.LINE):
+        spool.turn(s)
+        out.append(spool.passed(float(k), at.S_LINE1, wait, s))
+    assert out[10:] == pytest.approx([k - wait for k in range(10, 2 * at.LINE)])
+
+
+def test_what_is_under_way_in_the_hose_is_looked_ahead_to() -> None:
+    c, s = numbers("line-delay"), np.zeros(at.L_STATES)
+    observe.start(0.1, 0.1, 3e5, 3e5, s, c)
+    spool.filled(at.S_LINE1, 1.0, s)  # filling, and nothing of it has arrived
+    observe.look_ahead(s, c)
+    made = 0.011 * spool.gradient_1(1.0, 3e5, spool.space_1(0.1, c), s, c)
+    assert s[at.S_AHEAD_P1] - 3e5 == pytest.approx(made, rel=0.15)
+    assert s[at.S_P1] == 3e5
+
+
+def test_an_observer_behind_a_lagging_sensor_has_the_poles_that_are_asked_for() -> None:
+    forward, poles = np.array([[0.9, 0.1, 1e-4], [0.0, 1.0, 1e-3], [0.0, 0.0, 1.0]]), (0.8, 0.8, 0.95)
+    gains = np.array(rules.observer_gains(forward, poles))
+    left = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ forward
+    assert np.poly(left) == pytest.approx(np.poly(poles), rel=1e-6)
