@@ -67,10 +67,7 @@ def plan_of(
     slope = next(float(line["slope"]) for line in lines if line["taken"])  # type: ignore[arg-type]
     kept = [(w.model, w.pdc) for w in weights if w.model is not None and w.pdc is not None and w.pdc.verified]
     fastest = max(kept, key=lambda pair: pair[1].rate, default=None)
-    return Plan(
-        cascade, wanted, corners.position, corners.motion_observer, corners.flow_observer, slope,
-        tuple(vertices), fastest, missing,
-    )  # fmt: skip
+    return Plan(cascade, wanted, corners, slope, tuple(vertices), fastest, missing)
 
 
 def controllers(plan: Plan, names: Iterable[str] = tuple(LAWS)) -> tuple[dict[str, Controller], dict[str, str]]:

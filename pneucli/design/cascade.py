@@ -1,7 +1,8 @@
 """The cascade: position PID, pressure PID, inverse valve map (thesis 7.1-7.3), its gains from requirements by rule.
 
 The whole system does not satisfy the matching condition (:mod:`pneucli.design.surface`), so the piston is driven by a
-pressure that an inner, faster loop makes. The rules for the gains stand in :mod:`pneucli.design.rules`; that of the reference:
+pressure that an inner, faster loop makes. The rules for the gains stand in :mod:`pneucli.design.rules`, that
+of the reference is this:
 
 - closing speed 0.7 of what the slower direction of the valve just keeps up with, anywhere in the middle 60 %
   of the stroke where the pressures lie well within range; the acceleration whose force that direction builds within
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from pneucli.design import ports
 from pneucli.design.controller import Controller
-from pneucli.design.layout import NODES, OUTSIDE, SWITCHES
+from pneucli.design.layout import NODES, OUTSIDE, PLACES, SWITCHES
 from pneucli.design.requirements import Requirements
 from pneucli.design.rules import Corners, corners_of, gains, spool_values, standstill, timing_of
 from pneucli.errors import InputError
@@ -49,7 +50,16 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     values = axis | gains(corners, axis, wanted, timing) | spool_values(model, wanted, timing) | limits
     values |= standstill(corners, values, wanted)
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
-    return Controller(values, fill, vent, fill_2, vent_2)
+    return Controller(values, fill, vent, fill_2, vent_2, along=along_stroke(model, limits["C_V_MAX"]))
+
+
+def along_stroke(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
+    """Return the tables of ``layout.ALONG``; what brakes by speed is taken at ``speed`` (m/s)."""
+    x = ports.places(model)
+    both = (1.0, -1.0)
+    tables = [ports.dry_factors(model, x, way) for way in both]
+    tables += [ports.added_damping(model, x, way * speed) for way in both]
+    return tuple(tuple(map(float, table)) for table in [*tables, -ports.pull(model, x)])
 
 
 NEEDED = {
@@ -96,9 +106,8 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
     driven, is_open = wanted.chamber_2 == "valve", wanted.chamber_2 == "open"
     mirrored = driven and model.rig.arrangement.second == "mirrored"
     fill, vent, fill_2, vent_2 = areas
-    base, (dead_1, dead_2), (static, fallen) = model.base(), ports.dead_volumes(model), ports.breakaway(model)
+    base, (dead_1, dead_2) = model.base(), ports.dead_volumes(model)
     rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
-    coulomb = base["friction.coulomb"]
     ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
     exponent = base["rig.polytropic_exponent"]
     return {
@@ -120,10 +129,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_GAMMA_R_T": exponent * rt,
         "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
         "C_CRITICAL": ports.critical_ratio(model),
-        "C_COULOMB": coulomb,
-        "C_STATIC": max(static, coulomb),
-        "C_STRIBECK": fallen,
-        "C_VISCOUS": base["friction.viscous"],
+        **friction_values(model),
         **sensor_values(model),
         **leak_values(model),
         "C_P_LOW": (1.0 + SLACK) * ambient,
@@ -133,7 +139,24 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         "C_AREA_VENT": vent,
         "C_AREA_FILL_2": fill_2,
         "C_AREA_VENT_2": vent_2,
+        "C_PLACES": float(PLACES),
         "C_NODES": float(NODES),
+    }
+
+
+def friction_values(model: Model) -> dict[str, float]:
+    """Return what does not change along the stroke of friction."""
+    (static, fallen), coulomb = ports.breakaway(model), model.base()["friction.coulomb"]
+    first, second = ports.dry_over_pressure(model)
+    return {
+        "C_COULOMB": coulomb,
+        "C_STATIC": max(static, coulomb),
+        "C_STRIBECK": fallen,
+        "C_VISCOUS": ports.viscous(model, 1.0),
+        "C_VISCOUS_BACK": ports.viscous(model, -1.0),
+        "C_SLOWING": ports.slowing(model),
+        "C_DRY_P1": first,
+        "C_DRY_P2": second,
     }
 
 
@@ -160,6 +183,7 @@ def reference_limits(
         "C_V_MAX": wanted.max_speed or 0.7 * speed,
         "C_A_MAX": wanted.max_acceleration or force_rate / (2.0 * corners.position * axis["C_MASS"]),
         "C_SHAPE": 4.0 * wanted.period,
+        "C_LEAD": 1.0 / corners.pressure,
         "C_FLOW_STEP": 0.05 * rate,
     }
 

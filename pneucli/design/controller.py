@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design.layout import PARAMETERS
+from pneucli.design.layout import ALONG, PARAMETERS, PLACES
 
 Array = NDArray[np.float64]
 TABLE = "C_TABLE"
@@ -21,7 +21,8 @@ class Controller:
 
     ``fill`` and ``vent``, those of chamber 1 and then of chamber 2, hold commands in V at effective areas
     ``(i / (n - 1))^2`` of the largest one of that direction; all have n entries. ``law`` names the control law
-    (:mod:`pneucli.design.laws`), ``own`` are the numbers and tables that it has beside the common ones.
+    (:mod:`pneucli.design.laws`), ``own`` are the numbers and tables that it has beside the common ones. ``along`` has
+    the tables over the stroke by the names of ``layout.ALONG``.
     """
 
     values: Mapping[str, float]
@@ -31,6 +32,7 @@ class Controller:
     vent_2: tuple[float, ...]
     law: str = "best"
     own: tuple[float, ...] = ()
+    along: tuple[tuple[float, ...], ...] = ((1.0,) * PLACES,) * 2 + ((0.0,) * PLACES,) * 3
 
     @property
     def period(self) -> float:
@@ -43,8 +45,9 @@ class Controller:
         return np.concatenate([numbers, *self.tables().values(), self.own])
 
     def tables(self) -> dict[str, tuple[float, ...]]:
-        """Return the inverse tables by name, in the order in which they follow the numbers."""
-        return {"fill": self.fill, "vent": self.vent, "fill_2": self.fill_2, "vent_2": self.vent_2}
+        """Return the inverse tables and those along the stroke by name, in the order in which they stand."""
+        inverse = {"fill": self.fill, "vent": self.vent, "fill_2": self.fill_2, "vent_2": self.vent_2}
+        return inverse | dict(zip(ALONG, self.along, strict=True))
 
     def with_values(self, **values: float) -> Controller:
         """Return the controller with some numbers replaced, by the names of the layout."""
@@ -63,7 +66,7 @@ class Controller:
         """Return the controller that :meth:`to_json` wrote."""
         plain = json.loads(text)
         lists = {name: tuple(plain[name]) for name in ("fill", "vent", "fill_2", "vent_2", "own")}
-        return Controller(**{**plain, **lists})
+        return Controller(**{**plain, **lists, "along": tuple(map(tuple, plain["along"]))})
 
 
 def usual_load(c: Mapping[str, float]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 NODES = 201  # of each inverse table
+PLACES = 101  # of each table along the stroke
 LINE = 64  # samples that are remembered, of what is under way in the hose and of what late sensors should read
 OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pressure stays that of the surroundings
 
@@ -90,10 +91,15 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (51 + i * LINE for i in range(4))
     C_STATIC,
     C_STRIBECK,
     C_VISCOUS,
+    C_VISCOUS_BACK,  # N s/m toward x = 0
+    C_SLOWING,  # 1: dry friction while slowing, over Coulomb's
+    C_DRY_P1,  # 1/Pa: by which dry friction grows with the pressures above ambient
+    C_DRY_P2,
     C_V_FLOOR,  # m/s below which the direction of motion is not known
     C_V_MAX,  # limits of the shaped reference: m/s, m/s^2, and the time in s over which it closes in
     C_A_MAX,
     C_SHAPE,
+    C_LEAD,  # s by which friction ahead leads: what the pressure loop takes
     C_KP,  # 1/s^2, 1/s, 1/s^3
     C_KD,
     C_KI,
@@ -138,10 +144,11 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (51 + i * LINE for i in range(4))
     C_LEAK_2,
     C_LEAK_12,
     C_LEAK_VALVE,
+    C_PLACES,  # of each table along the stroke, which follow the inverse ones
     C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(76)
+) = range(82)
 
 _ROWS = ("S_LINE1", "S_LINE2", "S_PAST1", "S_PAST2")
 STATE = (
@@ -151,9 +158,12 @@ STATE = (
 PARAMETERS = tuple(name for name in globals() if name.startswith("C_"))
 SWITCHES = ("C_AHEAD", "C_ESTIMATES", "C_HOLD", "C_SWITCHING", "C_INVERSE")
 
+# along the stroke: factors on dry friction and what else brakes (N s/m) toward +x and back, what pushes at rest (N)
+ALONG = {"dry_up": "1", "dry_back": "1", "damping_up": "N s/m", "damping_back": "N s/m", "push": "N"}
+
 # a law's own states and numbers stand behind the common ones (:mod:`pneucli.design.laws`)
 OWN_STATE, MOST_OWN = len(STATE), 8
-OWN_NUMBER = C_TABLE + 4 * NODES
+OWN_NUMBER = C_TABLE + 4 * NODES + len(ALONG) * PLACES
 
 # in the closed loop the state is followed by a row a sample: what the sensors add, what the controller read and made
 (L_NOISE_X, L_NOISE_P1, L_NOISE_P2, L_READ_X, L_READ_P1, L_READ_P2, L_U1, L_U2) = range(8)
@@ -164,7 +174,7 @@ L_STATES, L_ROW = len(STATE) + MOST_OWN, 17
 DUTIES = ("run", "hold", "off", "reset", "follow")
 
 UNITS = {
-    **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE"), "s"),
+    **dict.fromkeys(("C_PERIOD", "C_LINGER", "C_SHAPE", "C_LEAD"), "s"),
     "C_U_MAX": "V",
     "C_MASS": "kg",
     **dict.fromkeys(("C_AREA_1", "C_AREA_2", "C_AREA_FILL", "C_AREA_VENT", "C_AREA_FILL_2", "C_AREA_VENT_2"), "m^2"),
@@ -175,7 +185,8 @@ UNITS = {
     "C_K_GAS": "s/m",
     **dict.fromkeys(("C_COULOMB", "C_STATIC", "C_LOAD_STEP"), "N"),
     **dict.fromkeys(("C_STRIBECK", "C_V_FLOOR", "C_V_MAX"), "m/s"),
-    "C_VISCOUS": "N s/m",
+    **dict.fromkeys(("C_VISCOUS", "C_VISCOUS_BACK"), "N s/m"),
+    **dict.fromkeys(("C_DRY_P1", "C_DRY_P2"), "1/Pa"),
     "C_A_MAX": "m/s^2",
     **dict.fromkeys(("C_KP", "C_P_KI"), "1/s^2"),
     **dict.fromkeys(("C_KD", "C_P_KP", "C_OBS_V", "C_OBS_FLOW", "C_SECTOR_1", "C_SECTOR_2"), "1/s"),

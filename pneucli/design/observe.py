@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.design.plant import clamp, dry_friction, usable
+from pneucli.design.plant import along, clamp, slid, usable
 from pneucli.design.spool import (
     drift_1,
     drift_2,
@@ -115,12 +115,9 @@ def pressure_force(s, c):
     return force_of(s[S_P1], s[S_P2], c)
 
 
-def slid(v, force, h, s, c):
-    """Return the speed in m/s after h (s) under a force in N, friction as a set that stops but does not turn."""
-    free = v + h * (force - c[C_VISCOUS] * v) / c[C_MASS]
-    brake = h * dry_friction(math.fabs(v), s, c) / c[C_MASS]
-    after = free - clamp(free, -brake, brake)
-    return after if after * v >= 0.0 else 0.0
+def pushing(x, p1, p2, s, c):
+    """Return all that drives the piston at x (m) but friction, in N."""
+    return force_of(p1, p2, c) + along(x, 4, c) + s[S_LOAD]
 
 
 def observe_motion(x, s, c):
@@ -132,8 +129,8 @@ def observe_motion(x, s, c):
     h = c[C_PERIOD]
     s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(h / c[C_LINGER], 1.0)
     s[S_STIRS] = s[S_STIRS] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_REACH] else 0.0
-    force = pressure_force(s, c) + s[S_LOAD]
-    v = slid(s[S_V], force, h, s, c) if s[S_STIRS] > 0.5 else 0.0
+    force = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
+    v = slid(s[S_X], s[S_V], force, h, s, c) if s[S_STIRS] > 0.5 else 0.0
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
     if usable(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
@@ -173,5 +170,5 @@ def ahead_by(u1, u2, h, s, c):
     p2 = s[S_AHEAD_P2]
     s[S_AHEAD_P1] += h * (gradient_1(u1, p1, space_1(x, c), s, c) + drift_1(x, v, p1, p2, c) + s[S_FLOW1])
     s[S_AHEAD_P2] += h * (gradient_2(u2, p2, space_2(x, c), s, c) + drift_2(x, v, p1, p2, c) + s[S_FLOW2])
-    s[S_AHEAD_V] = slid(v, force_of(p1, p2, c) + s[S_LOAD], h, s, c)
+    s[S_AHEAD_V] = slid(x, v, pushing(x, p1, p2, s, c), h, s, c)
     s[S_AHEAD_X] = clamp(x + 0.5 * h * (v + s[S_AHEAD_V]), 0.0, c[C_STROKE])

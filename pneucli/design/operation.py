@@ -11,7 +11,7 @@ import math
 
 from pneucli.design.layout import *
 from pneucli.design.observe import pressure_force, settle, start
-from pneucli.design.plant import clamp, usable
+from pneucli.design.plant import along, clamp, usable
 from pneucli.design.spool import drift_1, drift_2, gradient_1, gradient_2, shut_1, shut_2, space_1, space_2
 
 
@@ -56,8 +56,8 @@ def follow(u1, u2, s, c):
 
 def balance(s, c):
     """Take pressures and piston as at rest: something else takes away what the valves make and the pressures push."""
-    s[S_LOAD] = standing(s[S_X], s, c)
-    s[S_INTEGRAL] = -s[S_LOAD]
+    s[S_INTEGRAL] = -standing(s[S_X], s, c)
+    s[S_LOAD] = -s[S_INTEGRAL] - along(s[S_X], 4, c)
     s[S_FLOW1] = -s[S_RATE1] - drift_1(s[S_X], 0.0, s[S_P1], s[S_P2], c)
     s[S_INTEGRAL1] = s[S_RATE1]
     s[S_FLOW2] = -s[S_RATE2] - drift_2(s[S_X], 0.0, s[S_P1], s[S_P2], c)

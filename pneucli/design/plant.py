@@ -25,10 +25,44 @@ def usable(reading, low, high):
     return math.isfinite(reading) and reading >= low and reading <= high
 
 
+def along(x, table: int, c):
+    """Return what a table along the stroke has at x in m, linear between its places."""
+    last: int = int(c[C_PLACES]) - 1
+    place = clamp(x / c[C_STROKE], 0.0, 1.0) * last
+    i: int = min(int(place), last - 1)
+    begin: int = C_TABLE + 4 * int(c[C_NODES]) + table * (last + 1) + i
+    return c[begin] + (place - i) * (c[begin + 1] - c[begin])
+
+
+def dry_share(x, way, s, c):
+    """Return the factor on dry friction at x (m) toward ``way``: along the stroke, and by the pressures."""
+    pressed = c[C_DRY_P1] * (s[S_P1] - c[C_AMBIENT]) + c[C_DRY_P2] * (s[S_P2] - c[C_AMBIENT])
+    return max(along(x, 0 if way > 0.0 else 1, c) * (1.0 + pressed), 0.0)
+
+
 def dry_friction(speed, s, c):
-    """Return dry friction in N at a speed (thesis 3.6), with the breakaway force that was last seen."""
+    """Return dry friction in N at a speed (thesis 3.6) before its factor, with the breakaway force last seen."""
     r = speed / c[C_STRIBECK]
     return c[C_COULOMB] + max(s[S_BREAK] - c[C_COULOMB], 0.0) / (1.0 + r * r)
+
+
+def damping(x, way, c):
+    """Return what brakes in proportion to the speed at x (m) toward ``way``, in N s/m."""
+    if way > 0.0:
+        return c[C_VISCOUS] + along(x, 2, c)
+    return c[C_VISCOUS_BACK] + along(x, 3, c)
+
+
+def slid(x, v, force, h, s, c):
+    """Return the speed in m/s after h (s) under a force in N, friction as a set: on two branches, or at rest."""
+    way = sign(v) if v != 0.0 else sign(force)
+    factor = dry_share(x, way, s, c)
+    rising = dry_friction(math.fabs(v), s, c) * factor
+    falling = min(c[C_COULOMB] * c[C_SLOWING] * factor, rising) if c[C_SLOWING] < 1.0 else rising
+    drive = way * force - damping(x, way, c) * math.fabs(v)
+    left = drive - rising if drive > rising else drive - falling if drive < falling else 0.0
+    faster = v + way * h * left / c[C_MASS]
+    return faster if faster * way > 0.0 else 0.0
 
 
 def supply_now(s, c):

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.design.layout import PLACES
 from pneucli.physics.gas import orifice_flow
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
 WIDE = 1e3  # m/s, by which friction has fallen
-PLACES = 25  # along the stroke
 SETTLED = 400  # steps of the valve's answer to a step of the command
 STEP = 1e-3  # s, of that answer
 STAIRS = 2000  # of a slow way to and fro of the command
 LONG = 1e6  # s, after which all has settled
+BAR = 1e5  # Pa
 
 
 def moving_mass(model: Model) -> float:
@@ -32,15 +34,55 @@ def dead_volumes(model: Model) -> tuple[float, float]:
     return base["rig.dead_volume_1"] + model.total("volume_1"), base["rig.dead_volume_2"] + model.total("volume_2")
 
 
+def places(model: Model) -> Array:
+    """Return the places along the stroke in m, shape (PLACES,)."""
+    return np.linspace(0.0, model.base()["rig.stroke"], PLACES)
+
+
 def pull(model: Model, x: Array) -> Array:
     """Return the force in N toward x = 0 with which springs, weights and the like pull the resting piston at x (m)."""
-    stroke = model.base()["rig.stroke"]
-    return -np.array([model.total("force", float(at), 0.0, stroke) for at in x])
+    return -_over(x, lambda at: model.total("force", at, 0.0, model.base()["rig.stroke"]))
 
 
 def pulls_back(model: Model) -> bool:
     """Whether something pulls the piston toward x = 0 all over the stroke."""
-    return bool(np.all(pull(model, np.linspace(0.0, model.base()["rig.stroke"], PLACES)) > 0.0))
+    return bool(np.all(pull(model, places(model)) > 0.0))
+
+
+def added_damping(model: Model, x: Array, v: float) -> Array:
+    """Return what brakes beside friction, in N s/m, at x (m) and a speed v (m/s) that tells the direction."""
+    stroke = model.base()["rig.stroke"]
+    return _over(x, lambda at: (model.total("force", at, 0.0, stroke) - model.total("force", at, v, stroke)) / v)
+
+
+def viscous(model: Model, way: float) -> float:
+    """Return viscous friction in N s/m toward ``way`` (1 or -1)."""
+    return model.base()["friction.viscous"] * _product(model, "viscous_factor", way)
+
+
+def dry_factors(model: Model, x: Array, way: float) -> Array:
+    """Return the factor on dry friction at x (m) toward ``way``, with both chambers at ambient pressure."""
+    return _over(x, lambda at: _dry(model, way, at, 0.0, 0.0))
+
+
+def dry_over_pressure(model: Model) -> tuple[float, float]:
+    """Return by how much dry friction grows with p1 and with p2, in 1/Pa: over a bar, in the middle, in the mean."""
+    middle = 0.5 * model.base()["rig.stroke"]
+    found = []
+    for p1, p2 in ((BAR, 0.0), (0.0, BAR)):
+        grown = [_dry(model, way, middle, p1, p2) / _dry(model, way, middle, 0.0, 0.0) - 1.0 for way in (1.0, -1.0)]
+        found.append(0.5 * sum(grown) / BAR)
+    return found[0], found[1]
+
+
+def _dry(model: Model, way: float, x: float, p1: float, p2: float) -> float:
+    ambient = model.base()["rig.ambient_pressure"]
+    return max(_product(model, "dry_factor", way, x, ambient + p1, ambient + p2, ambient), 1e-3)
+
+
+def slowing(model: Model) -> float:
+    """Return dry friction while slowing over Coulomb's; 1 where both branches are one."""
+    return _product(model, "slowing")
 
 
 def critical_ratio(model: Model) -> float:
@@ -163,3 +205,14 @@ def _follow(model: Model, commands: Array, step: float) -> Array:
             u, states[effect.name] = effect.ports["command"](u, states[effect.name], step, *model.own(effect))  # type: ignore[misc]  # noqa: PLW2901
         opened[k] = u
     return opened
+
+
+def _product(model: Model, port: str, *arguments: float) -> float:
+    """Return what the effects of a port multiply to."""
+    users = [effect for effect in model.effects if port in effect.ports]
+    factors = [effect.ports[port](*arguments, *model.own(effect)) for effect in users]
+    return float(np.prod(np.array(factors, dtype=np.float64)))
+
+
+def _over(x: Array, function: Callable[[float], float]) -> Array:
+    return np.array([function(float(at)) for at in x])

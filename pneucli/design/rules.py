@@ -12,14 +12,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.design import ports
 from pneucli.design.layout import LINE
-from pneucli.design.requirements import Requirements
 from pneucli.simulate.model import Model
+
+if TYPE_CHECKING:  # names the laws, which rest on the rules
+    from pneucli.design.requirements import Requirements
 
 Array = NDArray[np.float64]
 
@@ -50,6 +53,11 @@ class Timing:
         """What the loops have to stand beside what is predicted."""
         return self.hurried + self.unknown
 
+    @property
+    def whole(self) -> float:
+        """What loops have to stand that predict nothing."""
+        return self.lag + self.wait + self.sensor_lag + self.sensor_wait + self.unknown
+
 
 @dataclass(frozen=True)
 class Corners:
@@ -72,9 +80,10 @@ def timing_of(model: Model, wanted: Requirements) -> Timing:
     return Timing(lag, lag / HASTE, min(wait, longest), ports.sensor_lag(model), min(sensed, longest), unknown)
 
 
-def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float]) -> Corners:
-    """Return the corner frequencies by the rules above."""
-    left = timing_of(model, wanted).left
+def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float], *, predicted: bool = True) -> Corners:
+    """Return the corner frequencies by the rules above, for loops that predict what is late or (False) do not."""
+    timing = timing_of(model, wanted)
+    left = timing.left if predicted else timing.whole
     pressure = min(0.3 / wanted.period, FIRM / left if left > 0.0 else math.inf)
     if wanted.pressure_bandwidth is not None:
         pressure = 2.0 * math.pi * wanted.pressure_bandwidth
@@ -88,18 +97,26 @@ def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float]) ->
 
 def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements, timing: Timing) -> dict[str, float]:
     """Return the gains of both PIDs and all observers (that of motion: equal poles at exp(-corner period))."""
-    h, w, two_zeta = wanted.period, corners.position, 2.0 * wanted.damping
+    h = wanted.period
     pole = math.exp(-corners.motion_observer * h)
+    return {
+        **loop_gains(corners, wanted),
+        "C_OBS_X": 1.0 - pole**3,
+        "C_OBS_V": 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h,
+        "C_OBS_LOAD": axis["C_MASS"] * (1.0 - pole) ** 3 / (h * h),
+        **pressure_observer(corners, timing, h),
+    }
+
+
+def loop_gains(corners: Corners, wanted: Requirements) -> dict[str, float]:
+    """Return the gains of both PIDs."""
+    w, two_zeta = corners.position, 2.0 * wanted.damping
     return {
         "C_KP": w * w * (1.0 + two_zeta),
         "C_KD": w * (1.0 + two_zeta),
         "C_KI": w**3,
-        "C_OBS_X": 1.0 - pole**3,
-        "C_OBS_V": 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h,
-        "C_OBS_LOAD": axis["C_MASS"] * (1.0 - pole) ** 3 / (h * h),
         "C_P_KP": corners.pressure,
         "C_P_KI": (corners.pressure / 6.0) ** 2,
-        **pressure_observer(corners, timing, h),
     }
 
 

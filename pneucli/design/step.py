@@ -13,9 +13,12 @@ import math
 from pneucli.design.layout import *
 from pneucli.design.observe import arrive, begin, look_ahead, observe_motion, observe_pressures
 from pneucli.design.plant import (
+    along,
     both_ways,
     clamp,
+    damping,
     dry_friction,
+    dry_share,
     highest,
     reached,
     reached_2,
@@ -29,8 +32,15 @@ from pneucli.design.still import hold, loosen
 
 
 def dry_ahead(s, c):
-    """Return the dry friction in N on the shaped reference's way; its direction fades below the least speed."""
-    return dry_friction(math.fabs(s[S_V_SHAPED]), s, c) * clamp(s[S_V_SHAPED] / c[C_V_FLOOR], -1.0, 1.0)
+    """Return the dry friction in N on the reference's way; its direction fades below the least speed.
+
+    It is that of when the force arrives: a turn is led by the time that the pressure loop takes.
+    """
+    v = s[S_V_SHAPED] + c[C_LEAD] * s[S_A_SHAPED]
+    level = dry_friction(math.fabs(v), s, c)
+    if s[S_A_SHAPED] * v < 0.0 and c[C_SLOWING] < 1.0:
+        level = min(level, c[C_COULOMB] * c[C_SLOWING])
+    return level * dry_share(s[S_X_SHAPED] + c[C_LEAD] * v, v, s, c) * clamp(v / c[C_V_FLOOR], -1.0, 1.0)
 
 
 def position_law(x_ref, s, c):
@@ -42,7 +52,7 @@ def position_law(x_ref, s, c):
         return s[S_FORCE]
     ahead = c[C_AHEAD]
     force = c[C_MASS] * (ahead * s[S_A_SHAPED] + c[C_KD] * rate + c[C_KP] * error)
-    force += ahead * c[C_VISCOUS] * s[S_V_SHAPED]
+    force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * s[S_V_SHAPED]
     if c[C_SWITCHING] > 0.5 and s[S_REST] > 0.05:
         loosen(s[S_X_SHAPED] - s[S_X], s, c)
     else:
@@ -50,7 +60,7 @@ def position_law(x_ref, s, c):
         s[S_EAGER] = 4.0
     force = force + ahead * dry_ahead(s, c) + s[S_STICK]
     if c[C_ESTIMATES] > 0.5:
-        return force - s[S_LOAD]
+        return force - s[S_LOAD] - along(s[S_AHEAD_X], 4, c)
     s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
     return force + s[S_INTEGRAL]
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.design.observe import pressure_force
-from pneucli.design.plant import clamp, sign
+from pneucli.design.observe import pressure_force, pushing
+from pneucli.design.plant import clamp, dry_share, sign
 
 
 def switching(error, rate, c):
@@ -27,12 +27,14 @@ def loosen(error, s, c):
     all goes at half the pace each time, so that what is not modelled does not keep up a limit cycle.
     """
     h = c[C_PERIOD]
+    driving = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
+    factor = max(dry_share(s[S_X], error, s, c), 0.1)
     if error * s[S_SIDE] < 0.0:
         s[S_EAGER] = max(0.5 * s[S_EAGER], 0.03)
     s[S_SIDE] = sign(error)
     if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
         if s[S_STIRS] == 1.0:
-            s[S_BREAK] = clamp(math.fabs(pressure_force(s, c) + s[S_LOAD]), 0.5 * c[C_STATIC], 2.0 * c[C_STATIC])
+            s[S_BREAK] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], 2.0 * c[C_STATIC])
         if math.fabs(error) < 2.0 * c[C_REACH] or error * s[S_STICK] < 0.0:
             s[S_STICK] = 0.0
             s[S_BRAKE] = c[C_LINGER]
@@ -41,7 +43,7 @@ def loosen(error, s, c):
     if s[S_BRAKE] <= 0.0:
         side = switching(error, -s[S_V], c)
         pace = c[C_SECTOR_FAST]
-        if (pressure_force(s, c) + s[S_LOAD]) * sign(error) >= max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
+        if driving * sign(error) >= factor * max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
             pace = min(c[C_SECTOR_RATE] * math.fabs(error), c[C_SECTOR_FAST])
         pace = max(pace * min(s[S_EAGER], 1.0), c[C_SECTOR_SLOW])
         s[S_STICK] = clamp(s[S_STICK] + h * pace * side, -3.0 * c[C_STATIC], 3.0 * c[C_STATIC])
@@ -54,7 +56,7 @@ def hold(x_ref, s, c):
     if s[S_HOLD] < 0.5 and resting and off < c[C_REACH]:
         s[S_HOLD] = 1.0
         s[S_EAGER] = 4.0
-        s[S_FORCE] = 0.5 * (pressure_force(s, c) - s[S_LOAD])
+        s[S_FORCE] = pressure_force(s, c) - 0.5 * pushing(s[S_X], s[S_P1], s[S_P2], s, c)
         s[S_STICK] = 0.0
     elif not resting or off > 2.0 * c[C_REACH]:
         s[S_HOLD] = 0.0

@@ -127,7 +127,8 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
     sectors, warnings = _sectors(context.artifacts / "identify", controller, wanted)
     systems = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])
     matching = {name: unmatched(system) for name, system in systems.items()}
-    rows = surfaces(systems["mechanical"], corners, wanted)
+    unpredicted = corners_of(model, wanted, c, predicted=False)
+    rows = surfaces(systems["mechanical"], unpredicted, wanted)
     context.progress("linear matrix inequalities", 0.4)
     floor = sectors["resolved"].speed_floor if "resolved" in sectors else c["C_V_FLOOR"]
     weights: list[WeightStudy] = []
@@ -138,7 +139,7 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
         missing["scheduled"] = error.found
         warnings.append(f"no PDC: {error.found}")
     vertices = _vertices(context.artifacts / "identify")
-    made, failed = controllers(plan_of(controller, corners, wanted, rows, vertices, weights, missing))
+    made, failed = controllers(plan_of(controller, unpredicted, wanted, rows, vertices, weights, missing))
     return Designed(made, failed, wanted, corners, sectors, rows, matching, weights, warnings)
 
 

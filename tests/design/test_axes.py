@@ -378,7 +378,7 @@ def test_a_check_that_no_run_shows_has_no_rate() -> None:
 
 def test_every_number_of_the_controller_has_its_place() -> None:
     vector = axis.controller().vector()
-    assert vector.size == len(layout.PARAMETERS) - 1 + 4 * 201
+    assert vector.size == len(layout.PARAMETERS) - 1 + 4 * 201 + len(layout.ALONG) * layout.PLACES
     for name in layout.PARAMETERS[:-1]:
         assert vector[getattr(layout, name)] == C[name]
     assert tuple(vector[layout.C_TABLE : layout.C_TABLE + 201]) == axis.controller().fill
@@ -408,6 +408,8 @@ def test_every_number_with_a_unit_has_one() -> None:
         "C_SCALE_1",
         "C_SCALE_2",
         "C_NODES",
+        "C_PLACES",
+        "C_SLOWING",
         "C_TABLE",
     }
     assert set(layout.PARAMETERS) - set(layout.UNITS) == none

@@ -235,12 +235,13 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         "C_GAMMA_R_T": pytest.approx(base["rig.heat_capacity_ratio"] * rt), "C_K_GAS": pytest.approx((2 / rt) ** 0.5),
         "C_CRITICAL": 0.3, "C_COULOMB": axis.TRUTH["coulomb"], "C_STATIC": pytest.approx(axis.TRUTH["static"]),
         "C_STRIBECK": pytest.approx(axis.TRUTH["stribeck_velocity"]), "C_VISCOUS": axis.TRUTH["viscous"],
+        "C_VISCOUS_BACK": axis.TRUTH["viscous"], "C_SLOWING": 1.0, "C_DRY_P1": 0.0, "C_DRY_P2": 0.0,
         **dict.fromkeys(("C_SCALE_1", "C_SCALE_2"), pytest.approx(1.0)), "C_ZERO_1": pytest.approx(0.0, abs=1e-6),
         "C_ZERO_2": pytest.approx(0.0, abs=1e-6),
         **dict.fromkeys(("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE"), 0.0),
         "C_P_LOW": pytest.approx(1.05 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.95 * rig.supply_pressure),
         "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6,
-        "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0,
+        "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0, "C_PLACES": 101.0,
     }  # fmt: skip
 
 
@@ -343,3 +344,13 @@ def test_a_requirement_that_cannot_be_read_says_how_to_mend_it(table: dict[str, 
 @pytest.mark.parametrize("period", ["10 us", "1 s"])
 def test_the_longest_and_the_shortest_period_are_allowed(period: str) -> None:
     assert requirements_from({"period": period}, "here").period in (1e-5, pytest.approx(1e-5), 1.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["valve-lag.time_constant", "line-delay.delay", "pressure-lag.time_constant", "time-skew.delay"]
+)
+def test_loops_that_predict_nothing_are_slowed_by_every_lag_as_it_is(name: str) -> None:
+    known, axis_numbers = having(**{name: 0.03}), {"C_COULOMB": 15.0, "C_MASS": 2.0}
+    late = corners_of(known, PLAIN, axis_numbers, predicted=False)
+    assert late.pressure == pytest.approx(0.7 / (0.03 + UNTOLD), rel=0.1)
+    assert late.pressure < 0.8 * corners_of(known, PLAIN, axis_numbers).pressure

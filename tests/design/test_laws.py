@@ -177,7 +177,7 @@ def test_the_observer_takes_what_acts_beside_the_pressures_for_load_within_m_a_s
     s = state(P1=V["C_AMBIENT"], P2=V["C_AMBIENT"])
     s[rate] = 100.0
     compensated.compensate_load(s, c)
-    share = 1.0 - math.exp(-PLAN.position * T)
+    share = 1.0 - math.exp(-PLAN.corners.position * T)
     assert s[at.S_LOAD] == pytest.approx(share * V["C_LOAD_STEP"])  # (5.21)
 
 
@@ -210,7 +210,7 @@ def test_every_vertex_loop_of_the_pdc_decays_at_the_rate_that_is_told() -> None:
 def test_the_speed_is_the_filtered_rate_of_position_and_a_lost_reading_is_bridged() -> None:
     c, s = numbers("pid"), state(V=0.2)
     parts.readings(0.1, 0.1001, 3.1e5, 2.9e5, s, c)
-    share = 1.0 - math.exp(-PLAN.motion_observer * T)
+    share = 1.0 - math.exp(-PLAN.corners.motion_observer * T)
     assert s[at.S_V] == pytest.approx(0.2 + share * (0.1 - 0.2))
     assert (s[at.S_X], s[at.S_P1], s[at.S_P2]) == (0.1001, 3.1e5, 2.9e5)
     speed = s[at.S_V]

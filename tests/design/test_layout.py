@@ -27,7 +27,7 @@ def commands(readings: np.ndarray, scales: dict[str, float], *, rested: float = 
     """Commands in V and the force in N that is asked for, (n, 3), at readings (n, 4), calculated in other units."""
     here = CONTROLLER.with_values(**values)
     scaled = {name: value * factor(UNITS.get(name, "1"), scales) for name, value in here.values.items()}
-    tables = factor("V", scales) * np.concatenate([*here.tables().values()])
+    tables = np.concatenate([factor(at.ALONG.get(n, "V"), scales) * np.array(t) for n, t in here.tables().items()])
     c, s, out = np.concatenate([here.with_values(**scaled).vector()[: at.C_TABLE], tables]), np.zeros(len(at.STATE)), []
     units = [factor(unit, scales) for unit in READ]
     for row in readings * units:
@@ -79,7 +79,7 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
     late = {"C_SPOOL", "C_SPOOL_MEAN", "C_HURRY", "C_WAIT", "C_SENSE", "C_SENSE_WAIT", "C_OBS_SEEN"}
     none = (
-        {"C_NODES", "C_PRESSURE"}
+        {"C_NODES", "C_PLACES", "C_SLOWING", "C_PRESSURE"}
         | late
         | {
             "C_SCALE_1",

@@ -1,4 +1,4 @@
-"""What a model has learned reaches the controller: play, lag, delay, leaks, sensors, all through the ports."""
+"""What a model has learned reaches the controller: play, lag, delay, leaks, sensors, friction, by the ports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.design import layout as at
-from pneucli.design import observe, ports, rules, spool
+from pneucli.design import observe, plant, ports, rules, spool
 from pneucli.design.cascade import design_cascade
 from pneucli.physics.effects import catalogue
 from tests.design import axis
@@ -20,7 +20,9 @@ SIZES = {
     "pressure-scale": {"scale": 1.05}, "pressure-offset": {"offset": 1e4}, "chamber-leak": {"area": 3e-8},
     "piston-leak": {"area": 3e-8}, "valve-leak": {"area": 3e-8}, "dead-volume": {"volume_added": 1e-5},
     "extra-mass": {"mass": 1.0}, "constant-force": {"force": 10.0}, "critical-ratio": {"critical_ratio": 0.3},
-    "spring-force": {"stiffness": 200.0, "rest_position": 0.1},
+    "pressure-friction": {"gain": 0.2}, "position-friction": {"from": 0.08, "to": 0.1, "gain": 1.5},
+    "friction-hysteresis": {"drop": 0.4}, "friction-asymmetry": {"asymmetry": 0.2, "viscous_asymmetry": 0.1},
+    "end-cushion": {"length": 0.06, "damping": 200.0}, "spring-force": {"stiffness": 200.0, "rest_position": 0.1},
 }  # fmt: skip
 
 
@@ -86,3 +88,31 @@ def test_an_observer_behind_a_lagging_sensor_has_the_poles_that_are_asked_for() 
     gains = np.array(rules.observer_gains(forward, poles))
     left = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ forward
     assert np.poly(left) == pytest.approx(np.poly(poles), rel=1e-6)
+
+
+def test_dry_friction_knows_place_pressure_and_direction() -> None:
+    s = np.zeros(at.L_STATES)
+    assert plant.dry_share(0.09, 1.0, s, numbers("position-friction")) == pytest.approx(2.5)
+    assert plant.dry_share(0.15, 1.0, s, numbers("position-friction")) == 1.0
+    s[at.S_P1], s[at.S_P2] = MODEL.rig.ambient_pressure + 2e5, MODEL.rig.ambient_pressure + 1e5
+    assert plant.dry_share(0.1, 1.0, s, numbers("pressure-friction")) == pytest.approx(1.6)
+    asymmetric = numbers("friction-asymmetry")
+    assert [plant.dry_share(0.1, way, s, asymmetric) for way in (1.0, -1.0)] == pytest.approx([1.2, 0.8])
+
+
+def test_between_both_branches_of_friction_the_speed_stays() -> None:
+    c, s = numbers("friction-hysteresis"), np.zeros(at.L_STATES)
+    coulomb, v = c[at.C_COULOMB], 1.0
+    between = 0.8 * coulomb + c[at.C_VISCOUS] * v
+    assert plant.slid(0.1, v, between, 1e-3, s, c) == v
+    assert plant.slid(0.1, v, between - 0.5 * coulomb, 1e-3, s, c) < v
+    assert plant.slid(0.1, 0.0, 0.9 * coulomb, 1e-3, s, c) == 0.0
+
+
+def test_springs_and_weights_push_and_a_cushion_brakes_toward_its_end() -> None:
+    spring, cushion = numbers("spring-force"), numbers("end-cushion")
+    assert plant.along(0.15, 4, spring) == pytest.approx(-200.0 * 0.05, rel=1e-6)
+    assert plant.along(0.0, 4, spring) == pytest.approx(200.0 * 0.1, rel=1e-6)
+    stroke, viscous = MODEL.rig.stroke, MODEL.base()["friction.viscous"]
+    assert plant.damping(stroke, 1.0, cushion) == pytest.approx(viscous + 200.0, rel=1e-6)
+    assert plant.damping(stroke, -1.0, cushion) == pytest.approx(viscous)

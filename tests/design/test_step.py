@@ -23,14 +23,17 @@ ROUND = {
     "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0,
     "OBS_SEEN": 0.25, "SPOOL": 1.0, "SPOOL_MEAN": 1.0, "HURRY": 1.0, "PLAY": 0.0, "PLAY_LEAST": 0.0, "WAIT": 0.0,
     "SENSE": 1.0, "SENSE_WAIT": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "ZERO_1": 0.0, "ZERO_2": 0.0, "LEAK_1": 0.0,
-    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "NODES": float(NODES),
+    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "VISCOUS_BACK": 50.0, "SLOWING": 1.0,
+    "DRY_P1": 0.0, "DRY_P2": 0.0, "LEAD": 0.0, "PLACES": 2.0, "NODES": float(NODES),
 }  # fmt: skip
+ALONG = (1.0, 1.0, 1.0, 1.0, *6 * (0.0,))  # friction alike all over the stroke, nothing else
 FILL, VENT = (1.0, 2.0, 4.0, 7.0, 10.0), (-2.0, -3.0, -5.0, -7.0, -9.0)
 
 
 def settings(**changed: float) -> np.ndarray:
     values = ROUND | changed
-    return np.array([*(values[name[2:]] for name in at.PARAMETERS if name != "C_TABLE"), *FILL, *VENT, *FILL, *VENT])
+    numbers = (values[name[2:]] for name in at.PARAMETERS if name != "C_TABLE")
+    return np.array([*numbers, *FILL, *VENT, *FILL, *VENT, *ALONG])
 
 
 def state(**given: float) -> np.ndarray:

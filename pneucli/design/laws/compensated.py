@@ -89,8 +89,8 @@ def designed(plan: Plan) -> Numbers:
     """Return both loops; the low-passes are as fast as the position loop, and as the flow observer."""
     h = plan.wanted.period
     own = {
-        "C_LOW_LOAD": 1.0 - math.exp(-plan.position * h),
-        "C_LOW_FLOW": 1.0 - math.exp(-plan.flow_observer * h),
+        "C_LOW_LOAD": 1.0 - math.exp(-plan.corners.position * h),
+        "C_LOW_FLOW": 1.0 - math.exp(-plan.corners.flow_observer * h),
     }
     return shared(plan) | own
 

@@ -17,6 +17,7 @@ from pneucli.design.controller import Controller, usual_load
 if TYPE_CHECKING:  # both rest on the table of laws
     from pneucli.design.pdc import Pdc
     from pneucli.design.requirements import Requirements
+    from pneucli.design.rules import Corners
     from pneucli.tp import TPModel
 
 
@@ -28,16 +29,14 @@ class Plan:
     """What laws are designed from.
 
     ``cascade``: the project's own controller, whose numbers of the axis, gains and inverse map the others share.
-    ``position``, ``motion_observer``, ``flow_observer``: corners in rad/s. ``surface``: slope of the sliding line in
+    ``corners``: those of loops that predict nothing. ``surface``: slope of the sliding line in
     1/s. ``vertices``: a22 of the direct TP friction model in 1/s. ``scheduled``: the TP model of the axis and its PDC.
     What could not be had is empty, and ``missing`` says why, by the names here.
     """
 
     cascade: Controller
     wanted: Requirements
-    position: float
-    motion_observer: float
-    flow_observer: float
+    corners: Corners
     surface: float
     vertices: tuple[float, ...] = ()
     scheduled: tuple[TPModel, Pdc] | None = None

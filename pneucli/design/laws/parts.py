@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from pneucli.design.layout import *
 from pneucli.design.observe import begin
 from pneucli.design.plant import both_ways, reached, reached_2, usable, valve_command, valve_command_2
+from pneucli.design.rules import loop_gains
 from pneucli.design.step import dry_ahead
 
 if TYPE_CHECKING:
@@ -94,7 +95,8 @@ def press(s, c):
 
 
 def shared(plan: Plan, *, ahead: bool = False) -> dict[str, float]:
-    """Return the numbers that every law of the thesis has: no estimates, no standstill, the rate's filter."""
-    share = 1.0 - math.exp(-plan.motion_observer * plan.wanted.period)
+    """Return the numbers that every law of the thesis has: no estimates, standstill or lead, the rate's filter."""
+    share = 1.0 - math.exp(-plan.corners.motion_observer * plan.wanted.period)
     off = dict.fromkeys(("C_ESTIMATES", "C_HOLD", "C_SWITCHING"), 0.0)
-    return off | {"C_AHEAD": float(ahead), "C_FILTER": share}
+    loops = loop_gains(plan.corners, plan.wanted)
+    return loops | off | {"C_AHEAD": float(ahead), "C_LEAD": 0.0, "C_FILTER": share}
