@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -78,28 +78,59 @@ def loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
 
 def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, seed: int = 0) -> Run:
     """Simulate one scenario; the noise depends on the seed alone."""
-    kernel = loop_kernel(model.effects)
     controller = controller.with_values(C_PRESSURE=float(scenario.pressed))
     n = scenario.reference.size
     time: Array = controller.period * np.arange(n, dtype=np.float64)
     log = sensor_rows(scenario, bench, time, seed)
     state = np.concatenate([np.zeros(layout.L_STATES), log.ravel()])
+    flags = _flags(controller, scenario.pressed)
+    out = _simulate(model, controller, flags, _inputs(scenario), state, bench)
+    return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
+
+
+def run_commanded(
+    model: Model, controller: Controller, scenario: Scenario, commands: Array, anew: tuple[int, Array] | None = None
+) -> Array:
+    """Return the model's output (n, 10) on a scenario under the given ``commands`` (n, 2) in V, the loop being open.
+
+    ``anew``: a sample, and readings (n, 4) of x, v, p1, p2, at which the states with a sensor begin anew there.
+    """
+    inputs, flags, restarts = _inputs(scenario), _flags(controller), [0]
+    inputs[:, [at.IN_U, at.IN_U2]] = commands
+    flags[at.LOOP] = 0.0
+    if anew is not None:
+        restarts.append(anew[0])
+        inputs[1:, [at.IN_X, at.IN_V, at.IN_P1, at.IN_P2]] = anew[1][1:]
+    return _simulate(model, controller, flags, inputs, np.zeros(layout.L_STATES), Bench(), restarts)
+
+
+def _simulate(
+    model: Model,
+    controller: Controller,
+    flags: Array,
+    inputs: Array,
+    state: Array,
+    bench: Bench,
+    restarts: Sequence[int] = (0,),
+) -> Array:
+    """Run the kernel over the inputs (n, 8), one row a period; the ``state`` of the loop is filled. Returns (n, 10)."""
+    kernel, n = loop_kernel(model.effects), len(inputs)
     out = np.zeros((n, at.OUTPUTS))
     kernel.run(
-        time,
-        _inputs(scenario),
-        np.zeros(1, dtype=np.int64),
+        controller.period * np.arange(n, dtype=np.float64),
+        inputs,
+        np.array(restarts, dtype=np.int64),
         np.array([model.base()[name] for name in at.BASE]),
         kernel.vector(model.effect_values()),
         kernel.switches([e.name for e in model.effects]),
-        _flags(controller, scenario.pressed),
+        flags,
         *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
         longest_step(model.rig, controller.period),
         state,
         np.concatenate([controller.vector(), _settings(controller, bench)]),
         out,
     )
-    return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
+    return out
 
 
 def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Array], began: str) -> Array:
@@ -110,7 +141,7 @@ def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Arra
     and its observers follow the logged commands: what they had learned is not in the log, and is learned again.
     """
     n = signals["x_ref"].size
-    kernel, inputs = loop_kernel(()), np.zeros((n, len(at.INPUTS)))
+    inputs = np.zeros((n, len(at.INPUTS)))
     rows = np.zeros((n, layout.L_ROW))
     for place, name in ((at.IN_U, "x_ref"), (at.IN_X, "x"), (at.IN_P1, "p1"), (at.IN_P2, "p2")):
         inputs[:, place] = signals.get(name, np.full(n, np.nan))
@@ -125,21 +156,7 @@ def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Arra
             states[place] = np.nan_to_num(signals[name][0]) if name in signals else 0.0
     state, flags = np.concatenate([states, rows.ravel()]), _flags(controller)
     flags[[at.MECHANICS, at.PNEUMATICS]] = 0.0
-    bare = replace(model, effects=())
-    kernel.run(
-        controller.period * np.arange(n, dtype=np.float64),
-        inputs,
-        np.zeros(1, dtype=np.int64),
-        np.array([bare.base()[name] for name in at.BASE]),
-        kernel.vector({}),
-        kernel.switches([]),
-        flags,
-        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
-        longest_step(model.rig, controller.period),
-        state,
-        np.concatenate([controller.vector(), _settings(controller, Bench())]),
-        np.zeros((n, at.OUTPUTS)),
-    )
+    _simulate(replace(model, effects=()), controller, flags, inputs, state, Bench())
     return state[layout.L_STATES :].reshape(n, layout.L_ROW)
 
 

@@ -100,6 +100,8 @@ _ALL = (
             *("requirements", "corners", "sector", "matching", "surface", "warnings"),
             *("lmi.best", "lmi.types", "lmi.vertex_loops", "controllers"),
             *("not_made", "tolerance_um", "compare", "without_map", "ablation", "gate"),
+            *("margins.worst", "margins.points", "margins.poles", "margins.stable", "margins.stuck"),
+            *("margins.left_out", "margins.overlap", "margins.units"),
         ),
     ),
     Stage(

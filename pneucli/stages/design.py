@@ -29,6 +29,7 @@ from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from pneucli.stages.bench import Compared, compared, compared_answer, scenarios_of, write_compared
 from pneucli.stages.gate import gate_answer
+from pneucli.stages.margins import margins_answer
 from pneucli.stages.study import Study, load_model
 
 CONTROLLERS = "controllers"  # a file a law
@@ -74,8 +75,12 @@ def run(context: Context) -> dict[str, Any]:
     found = compared(model, chosen, scenarios, _bench(wanted))
     _write(study, designed)
     write_compared(found, context.out, study.provenance("identify/model.parquet"))
-    held = gate_answer(context, model, designed.chosen, wanted, _bench(wanted))
-    return _answer(study, designed, found) | {"gate": held}
+    about = (context, model, designed.chosen)
+    margins = margins_answer(
+        *about, _bench(wanted), designed.corners.position, study.provenance("identify/model.parquet")
+    )
+    held = gate_answer(*about, wanted, _bench(wanted))
+    return _answer(study, designed, found) | {"margins": margins, "gate": held}
 
 
 def _require(designed: Designed, names: Sequence[str], context: Context) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.words import bench, gate, labelled, table, warnings
+from pneucli.words import bench, gate, labelled, margins, table, warnings
 from pneucli.words.numbers import number, quantity
 
 
@@ -31,12 +31,22 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield ""
         rows = list(bench.rows(answer["ablation"], answer["tolerance_um"]))
         yield from table(("cascade without", *bench.HEAD), rows, texts=1)
+    yield from kept(answer, verbose)
+    yield from warnings(answer)
+    yield from labelled("do", f"pneucli simulate {file}")
+
+
+def kept(answer: Mapping[str, Any], verbose: bool) -> Iterator[str]:
+    """Yield the margins of the loop, and what the gate found."""
+    if (found := answer.get("margins")) and found["points"]:
+        for line in [*margins.lines(found), *([margins.limits(found)] if verbose else [])]:
+            yield from labelled("margins", line)
+        for doubt in margins.doubts(found):
+            yield from labelled("warning", doubt)
     if held := answer.get("gate"):
         yield from labelled("gate", gate.verdict(held))
         for doubt in gate.doubts(held):
             yield from labelled("misses" if held["strict"] else "warning", doubt)
-    yield from warnings(answer)
-    yield from labelled("do", f"pneucli simulate {file}")
 
 
 def sector(name: str, found: Mapping[str, Any]) -> str:

@@ -67,7 +67,7 @@ def with_interval(value: float | None, unit: str, ci95: Sequence[float | None]) 
     about its value is given by its ends, one without width not at all.
     """
     low, high = ci95
-    if value is None or low is None or high is None or not high > low or not math.isfinite(high - low):
+    if value is None or low is None or high is None or not high > low or not math.isfinite(shown(high - low, unit)):
         return quantity(value, unit)
     value, low, high = (float(shown(v, unit)) for v in (value, low, high))
     half = 0.5 * (high - low)

@@ -49,7 +49,21 @@ def design() -> dict[str, Any]:
         },
         "without_map": {"best, no map": bench(9.0, 0.0)},
         "ablation": {"nothing": bench(4.0, 0.0), "switching": bench(400.0, 0.0)},
+        "margins": margins(),
         "warnings": ["no PDC: the input bound is too narrow"],
+    }
+
+
+def margins() -> dict[str, Any]:
+    """Margins of one loop at two places, the second one growing."""
+    of = {"gain_up": None, "gain_down": 0.5, "phase": 0.5, "delay": 2.4e-3, "modulus": 0.4, "crossover": 190.0}
+    points = [{"loop": "command", "x": x, "speed": 0.02, "stable": x < 0.1, **of} for x in (0.06, 0.14)]
+    return {
+        "points": points,
+        "worst": {"command": {n: v for n, v in of.items() if n != "crossover"}},
+        "stuck": [{"x": 0.1, "direction": 1.0}],
+        "left_out": ["Play between command and opening"],
+        "overlap": {"value": 0.4, "unit": "V"},
     }
 
 
@@ -93,6 +107,16 @@ def tables() -> dict[str, Table]:
     recovery = np.array([np.inf if effect == "presliding" else 0.3 for effect in effects])
     return {
         "design/gains": Table({"name": ["C_MASS", "C_REACH"], "value": [2.2, REACH], "unit": ["kg", "m"]}),
+        "design/margins": Table(
+            {
+                "loop": ["command"] * 4,
+                "x": [0.06, 0.06, 0.14, 0.14],
+                "speed": [0.02] * 4,
+                "frequency": [1.0, 2.0, 1.0, 2.0],
+                "real": [-2.0, -0.5, -3.0, -0.4],
+                "imaginary": [0.1, -0.1, 0.2, -0.3],
+            }
+        ),
         "simulate/closed_loop": _runs(),
         "simulate/robust": Table(
             {"effect": effects, "steady_um": np.concatenate(list(STUDY.values())), "recovery_s": recovery}

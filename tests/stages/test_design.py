@@ -53,6 +53,17 @@ def test_the_design_says_what_it_chose_and_what_does_not_hold(designed: Demo) ->
     assert "decay rate" in words.of("design", answer, "demo.toml", verbose=True)
 
 
+def test_the_margins_are_those_of_the_loop_that_is_exported(designed: Demo) -> None:
+    found = designed[1]["design"]["margins"]
+    assert found["stable"]
+    assert {p["loop"] for p in found["points"]} == {"command", "position"}
+    assert len(found["points"]) + 2 * len(found["stuck"]) == 12
+    assert found["worst"]["position"]["delay"] == min(p["delay"] for p in found["points"] if p["loop"] == "position")
+    ratios = read_table(designed[0] / "design" / "margins.parquet")
+    assert set(ratios["loop"]) == {"command", "position"}
+    assert "margins" in words.of("design", designed[1]["design"], "demo.toml", verbose=False)
+
+
 def test_every_rate_that_is_told_is_verified(designed: Demo) -> None:
     lmi = designed[1]["design"]["lmi"]
     told = [t for t in lmi["types"] if t["rate"] is not None]

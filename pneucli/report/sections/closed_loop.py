@@ -14,6 +14,7 @@ from pneucli.report.decimate import envelope
 from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.material import Material, Table
 from pneucli.report.parts import Cell, Grid, Panel, Part, Run, Section, Series, Zoom, warnings
+from pneucli.report.sections import margins
 from pneucli.report.sections.checks import grid as checks_grid
 from pneucli.words.design import decay, matching, sector
 from pneucli.words.numbers import number, shown
@@ -38,6 +39,7 @@ def section(material: Material) -> Section | None:
         parts.append(checks_grid(own, "The checks of the pipeline file on design and simulation."))
     tolerance = _tolerance(material.table("design/gains"))
     parts.append(_design(design, tolerance))
+    parts += margins.parts(design.get("margins", {}), material.table("design/margins"))
     if "closed_loop" in answer:
         parts.append(_figures(answer["closed_loop"], answer["pid_alone"]))
     parts += _scenarios(material.table("simulate/closed_loop"), tolerance)
