@@ -28,7 +28,6 @@ from pneucli.exam.rig.sensors import Sensors
 
 Array = NDArray[np.float64]
 ASKED = ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves", "differential+5/3", "hanging-load+5/3", "return-spring")
-STEPS = round(LOOP / STEP)
 TIME = LOOP * np.arange(6000)
 LOAD = 0.1  # of the supply's force
 SETTLED = 500  # samples before the next change
@@ -36,14 +35,36 @@ SETTLED = 500  # samples before the next change
 
 @compiled()
 def period(
-    par: Parameters, k: int, s: Array, o: Array, spools: Array, line: Array, held: int, rest: float, work: Array
-) -> tuple[float, float]:
-    """Run the rig for period k of the loop with openings ``o`` (V); returns the time at rest (s) and air used (kg)."""
+    par: Parameters, first: int, steps: int, s: Array, o: Array, spools: Array, line: Array, held: int, rest: float,
+    work: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """Run the rig for ``steps`` steps with openings ``o`` (V); returns the time at rest (s) and air used (kg)."""
     air = 0.0
-    for i in range(k * STEPS, (k + 1) * STEPS):
+    for i in range(first, first + steps):
         rest, q = drive(par, i, STEP, o[0], o[1], spools, line, s, rest, held, work)
         air += STEP * (q[0] + q[2])
     return rest, air
+
+
+class Sensed:
+    """What the sensors of a rig read, a sample every ``h`` s: x, p1, p2; lag and delay of the pressures' included."""
+
+    def __init__(self, par: Parameters, sensors: Sensors, h: float, start: Array, seed: int) -> None:
+        self._par, self._sensors, self._h = par, sensors, h
+        self._rng = np.random.default_rng(seed)
+        self._noise, self._lagged = np.zeros(2), np.array([start[P1], start[P2]])
+        self._past = [self._lagged] * (round(par.pressure_skew / h) + 1)
+
+    def __call__(self, s: Array) -> Array:
+        par, sensors = self._par, self._sensors
+        share = 1.0 - np.exp(-self._h / par.pressure_lag) if par.pressure_lag > 0.0 else 1.0
+        self._lagged = self._lagged + share * (np.array([s[P1], s[P2]]) - self._lagged)
+        self._past = [*self._past[1:], self._lagged]
+        pole = sensors.pole ** (1000.0 * self._h)
+        self._noise = pole * self._noise + np.sqrt(1.0 - pole**2) * self._rng.standard_normal(2)
+        shown = par.ambient + par.pressure_scale * (self._past[0] - par.ambient) + sensors.pressure * self._noise
+        x = np.round(s[X] / sensors.position_step) * sensors.position_step
+        return np.array([x, shown[0] + par.pressure_offset, shown[1]])
 
 
 class Exported:
@@ -67,17 +88,23 @@ class Exported:
 
 
 class Trace(NamedTuple):
-    """What a loop did: true position (m) and command (V) at every sample, (n,), and the air that it drew (kg)."""
+    """What a loop did, one value a sample: true position (m), commands (V), readings of x, p1, p2; air drawn (kg)."""
 
     x: Array
     u: Array
     air: float
+    u2: Array
+    read: Array
+    supply: Array
 
 
-def driven(par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool) -> Trace:
-    """Let the controller follow a ``reference`` (m) under a ``load`` (N)."""
-    rng, s, o, work, rest = np.random.default_rng(0), np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
-    spools, line = np.zeros(4), empty_line(par, STEP)
+def driven(
+    par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool,
+    h: float = LOOP, seed: int = 0,
+) -> Trace:  # fmt: skip
+    """Let the controller follow a ``reference`` (m) under a ``load`` (N), called every ``h`` s."""
+    s, o, work, rest = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
+    spools, line, steps = np.zeros(4), empty_line(par, STEP), round(h / STEP)
     s[X] = s[XL] = reference[0]
     balanced = par.constant_force + par.spring_stiffness * (reference[0] - par.spring_rest)
     s[P1] = s[P2] = np.sqrt(par.ambient * par.supply)
@@ -85,18 +112,18 @@ def driven(par: Parameters, sensors: Sensors, control: Exported, reference: Arra
     s[P1] += par.ambient * (par.piston_area_1 - par.piston_area_2) / par.piston_area_1
     s[P2] = par.ambient if is_open else s[P2]
     s[T1] = s[T2] = par.temperature
-    s[PS], x, u, air = par.supply, np.zeros(reference.size), np.zeros(reference.size), 0.0
-    for k in range(reference.size):
-        x[k] = s[X]
-        noise = sensors.pressure * rng.standard_normal(2)
-        read = np.round(s[X] / sensors.position_step) * sensors.position_step
-        u[k], u2 = control(reference[k], read, s[P1] + noise[0], s[P2] + noise[1])
+    s[PS] = par.supply
+    sensed, n = Sensed(par, sensors, h, s, seed), reference.size
+    x, u, u2, supply, read, air = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, 3)), 0.0
+    for k in range(n):
+        x[k], supply[k], read[k] = s[X], s[PS], sensed(s)
+        u[k], u2[k] = control(reference[k], *read[k])
         o[0] = limited(par, par.command_sign * (u[k] - par.command_null))
-        o[1] = limited(par, u2 - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        o[1] = limited(par, u2[k] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = par._replace(constant_force=par.constant_force + load[k])
-        rest, used = period(loaded, k, s, o, spools, line, int(is_open), rest, work)
+        rest, used = period(loaded, k * steps, steps, s, o, spools, line, int(is_open), rest, work)
         air += used
-    return Trace(x, u, air)
+    return Trace(x, u, air, u2, read, supply)
 
 
 def figures(par: Parameters, sensors: Sensors, control: Path, is_open: bool) -> tuple[float, float, float]:

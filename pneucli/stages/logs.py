@@ -114,6 +114,7 @@ def answer_of(looked: Looked, model: Model) -> dict[str, Any]:
         "hash": looked.exported.hash,
         "precision": looked.exported.precision,
         "began": looked.replay.began,
+        "supply_told": "p_supply" in looked.replay.read,
         "foretold": _told(expected, model, looked),
         "measured": _told(came, model, looked),
     }

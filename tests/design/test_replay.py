@@ -55,6 +55,17 @@ def test_a_log_that_begins_while_the_controller_runs_is_replayed_from_its_first_
     assert np.median(np.abs(found.commands[300:, 0] - log["u"][300:])) < 0.2
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_whether_a_logged_supply_was_told_to_the_controller_is_seen_by_its_commands(told: bool) -> None:
+    scenario = axis.scenario(CONTROLLER, REFERENCE)
+    scenario = replace(scenario, supply=0.9 * scenario.supply)
+    loop = run(MODEL, CONTROLLER, scenario, replace(axis.BENCH, supply=told), seed=4)
+    log = Log(signals(loop) | {"p_supply": scenario.supply}, np.arange(TIME.size))
+    found = replayed(ENGINE, log)
+    assert ("p_supply" in found.read) == told
+    assert np.array_equal(found.commands[:, 0], loop.log[:, at.L_U1])
+
+
 def test_another_controller_is_told_by_its_commands(loop: Run) -> None:
     other = CONTROLLER.with_values(C_KP=2.0 * CONTROLLER.values["C_KP"])
     log = log_of(recorded(loop), CONTROLLER)
