@@ -18,7 +18,8 @@ from pneucli.design.closed_loop import Bench, Run, Scenario, run, run_commanded
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS
 from pneucli.design.loop import operate
-from pneucli.design.ports import lateness
+from pneucli.design.requirements import Requirements
+from pneucli.design.rules import timing_of
 from pneucli.design.scenarios import start_at
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
@@ -34,11 +35,14 @@ SHAKEN = np.array([1e-6, 100.0, 100.0])  # m, Pa: readings are shaken by it to s
 FINE = 1e-2  # of what it moves a state is the perturbation
 IMPULSE = 1e-5  # of the full command
 SMALL = 0.1  # Pa, and what follows from it: a perturbation of the axis's state
+RINGS = (layout.S_LINE1, layout.S_LINE2, layout.S_PAST1, layout.S_PAST2)
 SETTLED = 15.0  # time constants of the position loop until the piston slides steadily
 SEEN = 40  # samples of an answer, beside lags and delays
-FAINT = 2e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
+SHAKES = layout.LINE + 6  # samples over which readings are shaken: more than are remembered
+FADED = 8.0  # time constants, over what is seen, by which the first samples count more: alone, the axis may be unstable
+FAINT = 1e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
 SPEEDS = (0.05, 0.1, 0.2, 0.4)  # of the reference's limit: the slowest at which the piston slides steadily
-STEADY = 0.1  # of its speed by which it may be off then
+STEADY = 0.02  # of its speed by which it may be off then
 
 
 @dataclass(frozen=True)
@@ -116,13 +120,13 @@ def linearised(
     """
     h, quiet = controller.period, replace(bench, noise_x=0.0, noise_p=0.0, quantum_x=0.0, quantum_p=0.0)
     before = math.ceil(SETTLED / corner / h)
-    seen = SEEN + 3 * math.ceil(lateness(model) / h)
+    seen = SEEN + 3 * math.ceil(timing_of(model, Requirements(period=h)).whole / h)
     for share in SPEEDS:
         speed = direction * share * controller.values["C_V_MAX"]
-        scenario = _ramp(controller, x, speed, before, seen)
+        scenario = _ramp(controller, x, speed, before, max(seen, SHAKES))
         base = run(model, controller, scenario, quiet)
         if np.all(np.abs(base.model[before:, at.V] - speed) < STEADY * abs(speed)):
-            axis, uneven, missed = _axis(model, controller, base, before, quiet.delay)
+            axis, uneven, missed = _axis(model, controller, base, slice(before, before + seen), quiet.delay)
             law = _law(controller, base, before)
             return Linear(x, speed, h, axis, law, uneven, missed)
     return None
@@ -171,8 +175,9 @@ def _open(model: Model, controller: Controller, base: Run, k: int, delay: int) -
     return _Open(model, controller, base, k, np.vstack([late_by, commands])[: len(commands)], counted)
 
 
-def _axis(model: Model, controller: Controller, base: Run, k: int, delay: int) -> tuple[System, float, float]:
+def _axis(model: Model, controller: Controller, base: Run, over: slice, delay: int) -> tuple[System, float, float]:
     """Return the axis from the commands as computed to the readings, how uneven its answer is, and what is missed."""
+    k, n = over.start, over.stop - over.start
     loop = _open(model, controller, base, k, delay)
     rest, size, valves = loop.answer(0.0), IMPULSE * controller.values["C_U_MAX"], _valves(controller)
     pushes = [(SMALL * float(loop.counted[i]), {"state": i}, k) for i in range(len(STATES))]
@@ -180,14 +185,15 @@ def _axis(model: Model, controller: Controller, base: Run, k: int, delay: int) -
     columns, uneven, sizes = [], 0.0, []
     for off, where, first in pushes:
         up, down = (sign * (loop.answer(sign * off, **where) - rest)[first:] for sign in (1.0, -1.0))
-        both = 0.5 * (up + down)[: len(rest) - k - 1]
+        both = 0.5 * (up + down)[:n]
         most = float(np.max(np.abs(both))) or 1.0
         uneven = max(uneven, float(np.max(np.abs(up - down))) / most)
         columns.append(both / most)
         sizes.append(off / most)
-    whole, missed = realised(np.stack(columns, axis=2))
+    fading = np.exp(-FADED / n * np.arange(n))[:, None, None]
+    whole, missed = realised(fading * np.stack(columns, axis=2))
     seen, driven = loop.counted[[0, 2, 3], None] * whole.C[:3], whole.B[:, -valves:] / np.array(sizes[-valves:])
-    return late(System(whole.A, driven, seen, np.zeros((3, valves))), delay), uneven, missed
+    return late(System(whole.A * math.exp(FADED / n), driven, seen, np.zeros((3, valves))), delay), uneven, missed
 
 
 def _valves(controller: Controller) -> int:
@@ -245,7 +251,7 @@ class _Function:
         s = state.tolist()
         x, p1, p2 = (self.base.log[k, LOGGED] + off).tolist()
         operate(self.law, float(self.base.scenario.reference[k]), x, p1, p2, 0.0, 0.0, s, self.numbers)
-        return np.array(s)
+        return _unrolled(np.array(s))
 
     def until(self, k: int) -> Array:
         """Return the state before sample k, from the start on."""
@@ -257,10 +263,20 @@ class _Function:
     def shaken(self, k: int, state: Array) -> Array:
         """Return by how much each state moves from sample k on where the readings are shaken."""
         rng, plain, most = np.random.default_rng(0), state, np.zeros(layout.L_STATES)
-        for i in range(k, k + SEEN):
+        for i in range(k, k + SHAKES):
             plain, state = self.sample(i, 0.0, plain), self.sample(i, SHAKEN * rng.standard_normal(3), state)
             most = np.maximum(most, np.abs(state - plain))
         return most
+
+
+def _unrolled(state: Array) -> Array:
+    """Return a state whose rings are turned back, so that the same delay stands in the same place at every sample."""
+    turns = int(state[layout.S_TURN])
+    for ring in RINGS:
+        places = slice(ring, ring + layout.LINE)
+        state[places] = np.roll(state[places], -turns)
+    state[layout.S_TURN] = 0.0
+    return state
 
 
 def _law(controller: Controller, base: Run, k: int) -> System:
@@ -280,4 +296,12 @@ def _law(controller: Controller, base: Run, k: int) -> System:
     for off in np.diag(FINE * SHAKEN):
         columns.append((function.sample(k, off, state) - function.sample(k, -off, state)) / 2 / off.max())
     whole, n = np.stack(columns, axis=1), moved.size
-    return System(whole[moved, :n], whole[moved, n:], whole[commands, :n], whole[commands, n:])
+    return _told(System(whole[moved, :n], whole[moved, n:], whole[commands, :n], whole[commands, n:]))
+
+
+def _told(system: System) -> System:
+    """Return a system without the states that no way leads from to an output."""
+    kept = np.any(system.C != 0.0, axis=0)
+    while np.any(more := np.any(system.A[kept] != 0.0, axis=0) & ~kept):
+        kept |= more
+    return System(system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D)

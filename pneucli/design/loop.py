@@ -12,7 +12,8 @@ import math
 
 from pneucli.design.laws import LAWS
 from pneucli.design.layout import *
-from pneucli.design.operation import asked, enable, finish, follow, null_1, null_2, pause, reset, set_supply, shut
+from pneucli.design.operation import asked, enable, finish, follow, pause, reset, set_supply, shut
+from pneucli.design.spool import shut_1, shut_2
 
 
 def rounded(value, quantum):
@@ -59,5 +60,5 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     cs[row + L_SHAPED], cs[row + L_V], cs[row + L_FORCE] = cs[S_X_SHAPED], cs[S_V], cs[S_FORCE]
     late: int = k - int(cp[settings + 2])
     if late < 0:
-        return null_1(cp), null_2(cp)
+        return shut_1(cp), shut_2(cp)
     return cs[L_STATES + late * L_ROW + L_U1], cs[L_STATES + late * L_ROW + L_U2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -101,7 +102,7 @@ def rounding(engine: Engine, log: Log, replay: Replayed, steps: Mapping[str, flo
         off = np.abs(engine(shaken, replay.began)[:, layout.L_U1] - replay.commands[:, 0])
         kept = off[off <= np.percentile(off, 99.0)] if size == SMALL else off
         squares.append(float(np.mean(kept**2)) / size**2)
-    return float(np.sqrt(max(squares[0], np.mean(squares[1:]))))
+    return math.sqrt(max(squares[0], math.fsum(squares[1:]) / DRAWS))
 
 
 def _moves(values: Array) -> Array:
