@@ -23,6 +23,7 @@ from pneucli.design.controller import Controller
 from pneucli.design.layout import NODES, OUTSIDE, PLACES, SWITCHES
 from pneucli.design.requirements import Requirements
 from pneucli.design.rules import Corners, corners_of, gains, spool_values, standstill, timing_of
+from pneucli.design.spring import wished
 from pneucli.errors import InputError
 from pneucli.physics.flows import flow_functions
 from pneucli.physics.gas import flow_scale
@@ -46,6 +47,7 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     tables = [inverse_table(model, valve, way) for valve in (model.valve, model.second) for way in (1.0, -1.0)]
     axis = axis_values(model, wanted, [area for _, area in tables], sealed)
     corners, timing = corners_of(model, wanted, axis), timing_of(model, wanted)
+    axis |= wished(wanted, axis)
     limits = reference_limits(corners, axis, wanted, partial(ports.pull, model))
     values = axis | gains(corners, axis, wanted, timing) | spool_values(model, wanted, timing) | limits
     values |= standstill(corners, values, wanted)
@@ -134,6 +136,7 @@ def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], seal
         **leak_values(model),
         "C_P_LOW": (1.0 + SLACK) * ambient,
         "C_P_HIGH": (1.0 - SLACK) * supply,
+        "C_AIR_STIFFNESS": 0.0,
         "C_P_MEAN": ambient if is_open else sealed or math.sqrt(ambient * supply),
         "C_AREA_FILL": fill,
         "C_AREA_VENT": vent,
@@ -184,6 +187,7 @@ def reference_limits(
         "C_A_MAX": wanted.max_acceleration or force_rate / (2.0 * corners.position * axis["C_MASS"]),
         "C_SHAPE": 4.0 * wanted.period,
         "C_LEAD": 1.0 / corners.pressure,
+        "C_LEVEL_RATE": 0.2 * rate,
         "C_FLOW_STEP": 0.05 * rate,
     }
 

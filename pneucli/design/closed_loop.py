@@ -45,7 +45,8 @@ class Scenario:
     ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
     ``pressed``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
     ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s. ``duty``: what is
-    asked of the controller's operation, places of ``layout.DUTIES`` (None: to run).
+    asked of the controller's operation, places of ``layout.DUTIES`` (None: to run). ``level``: the mean of both
+    pressures in Pa that is set, 0 where it is as designed (None: all along).
     """
 
     name: str
@@ -56,6 +57,7 @@ class Scenario:
     lost: tuple[tuple[str, float, float], ...] = field(default=())
     pressed: bool = False
     duty: Array | None = None
+    level: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def _settings(controller: Controller, bench: Bench) -> list[float]:
 
 
 def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Array:
-    """Return the log, shape ``(n, 17)``, with the sensors' noise in it; NaN where a reading is missing."""
+    """Return the log, shape ``(n, L_ROW)``, with the sensors' noise in it; NaN where a reading is missing."""
     rows = np.zeros((time.size, layout.L_ROW))
     sigma = np.array([bench.noise_x, bench.noise_p, bench.noise_p])
     rows[:, :3] = sigma * np.random.default_rng(seed).standard_normal((time.size, 3))
@@ -176,6 +178,8 @@ def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Arr
         rows[:, layout.L_SUPPLY] = scenario.supply
     if scenario.duty is not None:
         rows[:, layout.L_DUTY] = scenario.duty
+    if scenario.level is not None:
+        rows[:, layout.L_LEVEL] = scenario.level
     return rows
 
 

@@ -59,10 +59,12 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_AHEAD_P1,
     S_AHEAD_P2,
     S_TURN,  # place of all rows where the latest stands
-) = range(51)
+    S_LEVEL,  # Pa: mean of both pressures that is kept, on its way to what is asked for; 0: not yet begun
+    S_LEVEL_SET,  # Pa: what it was set to, 0: as designed
+) = range(53)
 
 # states of LINE numbers each stand behind: rings of openings in V and of pressures seen in Pa
-S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (51 + i * LINE for i in range(4))
+S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (53 + i * LINE for i in range(4))
 
 (
     C_PERIOD,  # s
@@ -124,6 +126,8 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (51 + i * LINE for i in range(4))
     C_P_LOW,  # Pa: range of the pressure references
     C_P_HIGH,
     C_P_MEAN,  # Pa: mean of both pressures, where there are two valves
+    C_AIR_STIFFNESS,  # N/m that sets the mean pressure, 0: it is C_P_MEAN; the most in Pa/s by which it changes
+    C_LEVEL_RATE,
     C_AREA_FILL,  # m^2: largest effective areas of the paths of chamber 1, and of chamber 2
     C_AREA_VENT,
     C_AREA_FILL_2,
@@ -148,7 +152,7 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (51 + i * LINE for i in range(4))
     C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(82)
+) = range(84)
 
 _ROWS = ("S_LINE1", "S_LINE2", "S_PAST1", "S_PAST2")
 STATE = (
@@ -169,7 +173,8 @@ OWN_NUMBER = C_TABLE + 4 * NODES + len(ALONG) * PLACES
 (L_NOISE_X, L_NOISE_P1, L_NOISE_P2, L_READ_X, L_READ_P1, L_READ_P2, L_U1, L_U2) = range(8)
 (L_LOAD, L_FLOW1, L_P1_REF, L_P2_REF, L_SHAPED, L_V, L_FORCE) = range(8, 15)
 (L_SUPPLY, L_DUTY) = range(15, 17)  # measured supply pressure in Pa, 0 where it is not; what is asked of the operation
-L_STATES, L_ROW = len(STATE) + MOST_OWN, 17
+L_LEVEL = 17  # Pa: level that is set, 0: as designed
+L_STATES, L_ROW = len(STATE) + MOST_OWN, 18
 # L_DUTY counts them; "follow": the last commands were those that stand where this sample's will
 DUTIES = ("run", "hold", "off", "reset", "follow")
 
@@ -192,6 +197,8 @@ UNITS = {
     **dict.fromkeys(("C_KD", "C_P_KP", "C_OBS_V", "C_OBS_FLOW", "C_SECTOR_1", "C_SECTOR_2"), "1/s"),
     "C_KI": "1/s^3",
     "C_SECTOR_RATE": "N/(s m)",
+    "C_AIR_STIFFNESS": "N/m",
+    "C_LEVEL_RATE": "Pa/s",
     **dict.fromkeys(("C_SECTOR_SLOW", "C_SECTOR_FAST"), "N/s"),
     **dict.fromkeys(("C_PLAY", "C_PLAY_LEAST"), "V"),
     **dict.fromkeys(("C_ZERO_1", "C_ZERO_2"), "Pa"),

@@ -20,6 +20,7 @@ from pneucli.design.laws import LAWS
 from pneucli.design.loop import operate
 from pneucli.design.requirements import Requirements
 from pneucli.design.rules import timing_of
+from pneucli.design.sampled import System, late, realised, told
 from pneucli.design.scenarios import start_at
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
@@ -40,26 +41,8 @@ SETTLED = 15.0  # time constants of the position loop until the piston slides st
 SEEN = 40  # samples of an answer, beside lags and delays
 SHAKES = layout.LINE + 6  # samples over which readings are shaken: more than are remembered
 FADED = 8.0  # time constants, over what is seen, by which the first samples count more: alone, the axis may be unstable
-FAINT = 1e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
 SPEEDS = (0.05, 0.1, 0.2, 0.4)  # of the reference's limit: the slowest at which the piston slides steadily
 STEADY = 0.02  # of its speed by which it may be off then
-
-
-@dataclass(frozen=True)
-class System:
-    """A sampled linear system: ``x+ = A x + B u``, ``y = C x + D u``; u and y in SI."""
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-
-    def at(self, z: Array) -> Array:
-        """Return the transfer matrix at the complex numbers ``z`` (n,): shape (n, outputs, inputs)."""
-        if not self.A.size:
-            return np.broadcast_to(self.D.astype(complex), (z.size, *self.D.shape))
-        inner = z[:, None, None] * np.eye(len(self.A)) - self.A
-        return np.asarray(self.C @ np.linalg.solve(inner, self.B.astype(complex)[None]) + self.D)
 
 
 @dataclass(frozen=True)
@@ -200,44 +183,6 @@ def _valves(controller: Controller) -> int:
     return 2 if controller.values["C_TWO_VALVES"] > 0.5 else 1
 
 
-def realised(markov: Array) -> tuple[System, float]:
-    """Return a system whose answer to an impulse is ``markov`` (n, outputs, inputs), and what it misses of it (share).
-
-    Ho and Kalman (1966), by the singular values of the block Hankel matrix (Kung 1978); outputs and inputs are to be
-    scaled to answers of about 1.
-    """
-    n, outputs, inputs = markov.shape
-    half = n // 2
-    rows = np.arange(half)[:, None] + np.arange(half)
-    hankel, shifted = (markov[rows + i].transpose(0, 2, 1, 3).reshape(half * outputs, half * inputs) for i in (0, 1))
-    left, size, right = np.linalg.svd(hankel, full_matrices=False)
-    order = int(np.sum(size > FAINT * size[0]))
-    root = np.sqrt(size[:order])
-    U, V = left[:, :order], right[:order].T
-    A, B, C = (U / root).T @ shifted @ (V / root), (V * root).T[:, :inputs], (U * root)[:outputs]
-    missed = float(np.max(np.abs(impulse(A, B, C, n) - markov)))
-    return System(A, B, C, np.zeros((outputs, inputs))), missed
-
-
-def late(system: System, samples: int) -> System:
-    """Return a system whose inputs take effect so many samples later."""
-    m = system.B.shape[1]
-    for _ in range(samples):
-        A = np.block([[system.A, system.B], [np.zeros((m, len(system.A) + m))]])
-        B = np.vstack([np.zeros((len(system.A), m)), np.eye(m)])
-        system = System(A, B, np.hstack([system.C, np.zeros((len(system.C), m))]), system.D)
-    return system
-
-
-def impulse(A: Array, B: Array, C: Array, n: int) -> Array:
-    """Return the answer of a sampled system to an impulse, from the sample after it on: (n, outputs, inputs)."""
-    found, state = np.empty((n, len(C), B.shape[1])), B
-    for i in range(n):
-        found[i] = C @ state
-        state = A @ state
-    return np.nan_to_num(found, nan=np.inf, posinf=np.inf, neginf=-np.inf)
-
-
 @dataclass(frozen=True)
 class _Function:
     """The controller's own function, along the readings and references of a run."""
@@ -250,7 +195,7 @@ class _Function:
         """Return the state after sample k, the readings being off by that much (3,)."""
         s = state.tolist()
         x, p1, p2 = (self.base.log[k, LOGGED] + off).tolist()
-        operate(self.law, float(self.base.scenario.reference[k]), x, p1, p2, 0.0, 0.0, s, self.numbers)
+        operate(self.law, float(self.base.scenario.reference[k]), x, p1, p2, 0.0, 0.0, 0.0, s, self.numbers)
         return _unrolled(np.array(s))
 
     def until(self, k: int) -> Array:
@@ -296,12 +241,4 @@ def _law(controller: Controller, base: Run, k: int) -> System:
     for off in np.diag(FINE * SHAKEN):
         columns.append((function.sample(k, off, state) - function.sample(k, -off, state)) / 2 / off.max())
     whole, n = np.stack(columns, axis=1), moved.size
-    return _told(System(whole[moved, :n], whole[moved, n:], whole[commands, :n], whole[commands, n:]))
-
-
-def _told(system: System) -> System:
-    """Return a system without the states that no way leads from to an output."""
-    kept = np.any(system.C != 0.0, axis=0)
-    while np.any(more := np.any(system.A[kept] != 0.0, axis=0) & ~kept):
-        kept |= more
-    return System(system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D)
+    return told(System(whole[moved, :n], whole[moved, n:], whole[commands, :n], whole[commands, n:]))

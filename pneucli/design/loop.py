@@ -12,6 +12,7 @@ import math
 
 from pneucli.design.laws import LAWS
 from pneucli.design.layout import *
+from pneucli.design.level import set_level
 from pneucli.design.operation import asked, enable, finish, follow, pause, reset, set_supply, shut
 from pneucli.design.spool import shut_1, shut_2
 
@@ -26,9 +27,13 @@ def any_law(which: int, x_ref, x, p1, p2, s, c):
     tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
 
 
-def operate(which: int, x_ref, x, p1, p2, supply, duty, s, c):
-    """Run one sample of a law as a machine does: ``supply`` is measured (Pa, 0: not), ``duty`` one of DUTIES."""
+def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
+    """Run one sample of a law as a machine does: ``supply`` is measured (Pa, 0: not), ``duty`` one of DUTIES.
+
+    ``level``: the mean of both pressures that is set (Pa, 0: as designed).
+    """
     set_supply(supply, s, c)
+    set_level(level, s, c)
     enable(0.0 if duty == 2.0 else 1.0, s)
     pause(1.0 if duty == 1.0 else 0.0, s)
     if duty == 3.0:
@@ -50,10 +55,10 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     read_x = rounded(x + cs[row + L_NOISE_X], cp[settings])
     read_p1 = rounded(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
     read_p2 = rounded(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
-    supply, duty = cs[row + L_SUPPLY], cs[row + L_DUTY]
+    supply, duty, level = cs[row + L_SUPPLY], cs[row + L_DUTY], cs[row + L_LEVEL]
     if duty == 4.0:
         follow(cs[row + L_U1], cs[row + L_U2], cs, cp)
-    operate(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, supply, duty, cs, cp)
+    operate(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, supply, duty, level, cs, cp)
     cs[row + L_READ_X], cs[row + L_READ_P1], cs[row + L_READ_P2] = read_x, read_p1, read_p2
     cs[row + L_U1], cs[row + L_U2], cs[row + L_LOAD] = cs[S_U1], cs[S_U2], cs[S_LOAD]
     cs[row + L_P1_REF], cs[row + L_P2_REF], cs[row + L_FLOW1] = cs[S_P1_REF], cs[S_P2_REF], cs[S_FLOW1]

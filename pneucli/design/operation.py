@@ -65,15 +65,17 @@ def balance(s, c):
 
 
 def forget(s):
-    """Forget all but the supply, whether it is enabled, and whether it shall hold."""
+    """Forget all but the supply, the level, whether it is enabled, and whether it shall hold."""
     off = s[S_OFF]
     paused = s[S_PAUSED]
     supply = s[S_SUPPLY]
+    level = s[S_LEVEL_SET]
     for i in range(L_STATES):
         s[i] = 0.0
     s[S_OFF] = off
     s[S_PAUSED] = min(paused, 1.0)
     s[S_SUPPLY] = supply
+    s[S_LEVEL_SET] = level
 
 
 def reset(x, p1, p2, u1, u2, s, c):

@@ -18,6 +18,8 @@ UNITS = {
     "overshoot": "m",
     "tracking_error": "m",
     "stiffness": "N/m",
+    "pressure_level": "Pa",
+    "air_stiffness": "N/m",
     "pressure_bandwidth": "1/s",
     "position_bandwidth": "1/s",
     "damping": "1",
@@ -45,6 +47,9 @@ class Requirements:
     Asked of the loop, and held by :mod:`pneucli.design.gate`: ``settling_time`` of a step to 50 um, ``overshoot``,
     ``tracking_error`` (rms, on a sine), ``stiffness``: a load over the largest deviation that it makes. ``strict``:
     what is missed fails like a check.
+
+    ``pressure_level`` (Pa): mean of both pressures, where two valves drive the chambers; ``air_stiffness``: of the
+    enclosed gas, which sets that mean along the stroke (:mod:`pneucli.design.spring`).
 
     ``controller`` names the law that is exported and simulated. Of the sliding mode laws: how the line of the relay is
     found (``surface``), the weights of the squared error (1/m^2) and rate (s^2/m^2) that the LQ one stands for, whether
@@ -74,6 +79,8 @@ class Requirements:
     tracking_error: float | None = None
     stiffness: float | None = None
     strict: bool = False
+    pressure_level: float | None = None
+    air_stiffness: float | None = None
 
 
 def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
+from pneucli.design.level import level_asked
 from pneucli.design.plant import clamp, highest, sign
 
 
@@ -46,7 +47,7 @@ def pressure_wanted(p_ref, s, c):
     """Set the pressure of chamber 1 in Pa that is asked for itself; a second valve keeps the mean pressure."""
     s[S_X_REF] = p_ref
     s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], highest(s, c))
-    s[S_P2_REF] = c[C_P_MEAN] if c[C_TWO_VALVES] > 0.5 else s[S_P2]
+    s[S_P2_REF] = level_asked(0.0, s, c) if c[C_TWO_VALVES] > 0.5 else s[S_P2]
 
 
 def follow_reference(x_ref, s, c):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
+from pneucli.design.level import level_kept
 from pneucli.design.observe import arrive, begin, look_ahead, observe_motion, observe_pressures
 from pneucli.design.plant import (
     along,
@@ -69,8 +70,9 @@ def pressure_references(force, s, c):
     """Set the pressure references in Pa from the force, within what supply and ambient allow; keep what is left."""
     bias = (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]
     if c[C_TWO_VALVES] > 0.5:
-        both = (force + bias - (c[C_AREA_1] - c[C_AREA_2]) * c[C_P_MEAN]) / (c[C_AREA_1] + c[C_AREA_2])
-        s[S_P2_REF] = clamp(c[C_P_MEAN] - both, c[C_P_LOW], highest(s, c))
+        level = level_kept(force + bias, s, c)
+        both = (force + bias - (c[C_AREA_1] - c[C_AREA_2]) * level) / (c[C_AREA_1] + c[C_AREA_2])
+        s[S_P2_REF] = clamp(level - both, c[C_P_LOW], highest(s, c))
         wanted = (force + bias + c[C_AREA_2] * s[S_P2_REF]) / c[C_AREA_1]
     else:
         s[S_P2_REF] = s[S_P2]

@@ -24,14 +24,15 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 Table = Mapping[str, NDArray[Any] | list[str]]
 REPLAY, REPLAY_ST = "pneucli_replay.csv", "pneucli_replay_st.csv"
-COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty")
+COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty", "level")
 REPLAY_S = 60.0
 
 
 def replay_scenario(controller: Controller) -> Scenario:
     """Return a minute that passes through every branch.
 
-    Rest, steps, a sine, loads, drop-outs, what is out of reach; a supply that sags; hold, off, and a start from there.
+    Rest, steps, a sine, loads, drop-outs, what is out of reach; a supply that sags; another pressure level; hold, off,
+    and a start from there.
     """
     v = controller.values
     time = np.arange(0.0, REPLAY_S, controller.period)
@@ -48,14 +49,17 @@ def replay_scenario(controller: Controller) -> Scenario:
     duty[(time > 28.3) & (time < 29.2)] = layout.DUTIES.index("hold")
     duty[(time > 45.0) & (time < 46.0)] = layout.DUTIES.index("off")
     duty[np.argmax(time >= 34.0)] = layout.DUTIES.index("reset")
+    level = np.where((time > 22.0) & (time < 27.0), 0.7 * v["C_P_MEAN"] + 0.3 * v["C_P_HIGH"], 0.0)
     start = start_at(v, centre)
-    return Scenario("replay", centre + offset, force, np.asarray(supply, dtype=np.float64), start, lost, duty=duty)
+    return Scenario(
+        "replay", centre + offset, force, np.asarray(supply, dtype=np.float64), start, lost, duty=duty, level=level
+    )
 
 
 def test_vectors(result: Run) -> dict[str, Array]:
     """Return what the controller read and answered, by the columns of the replay file, each of shape ``(n,)``."""
     readings = (layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2)
-    places = (*readings, layout.L_U1, layout.L_U2, layout.L_SUPPLY, layout.L_DUTY)
+    places = (*readings, layout.L_U1, layout.L_U2, layout.L_SUPPLY, layout.L_DUTY, layout.L_LEVEL)
     logged = dict(zip(COLUMNS[1:], result.log[:, places].T, strict=True))
     return {"x_ref": result.scenario.reference, **logged}
 

@@ -4,22 +4,35 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections.abc import Callable
 from importlib.resources import files
 from types import FunctionType
+from typing import Any
 
-from pneucli.design import layout, operation
+from pneucli.design import layout
 from pneucli.design.callees import callees_first
 from pneucli.design.controller import Controller
 from pneucli.design.laws import LAWS
+from pneucli.design.level import set_level
+from pneucli.design.operation import asked, enable, finish, pause, reset, set_supply, shut
 from pneucli.export.kinds import tree_of
 from pneucli.physics import gas
 
-OPERATION = ("set_supply", "enable", "pause", "reset", "asked", "finish", "shut")  # what is called around a law
+OPERATION: tuple[Callable[..., Any], ...] = (
+    set_supply,
+    set_level,
+    enable,
+    pause,
+    reset,
+    asked,
+    finish,
+    shut,
+)  # what is called around a law
 
 
 def functions_of(law: str) -> list[FunctionType]:
     """Return the functions that a law and its operation need, each after those that it calls."""
-    roots = [LAWS[law].step, *(getattr(operation, name) for name in OPERATION)]
+    roots: list[Callable[..., Any]] = [LAWS[law].step, *OPERATION]
     return list({f.__name__: f for root in roots for f in callees_first(root)}.values())
 
 

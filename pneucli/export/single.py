@@ -54,7 +54,7 @@ def in_single(controller: Controller, vectors: Mapping[str, Array]) -> Single:
     double: Callable[..., None] = loop.operate
     numbers, state = controller.vector(), np.zeros(layout.L_STATES)
     numbers_32, state_32 = numbers.astype(np.float32), state.astype(np.float32)
-    columns = [vectors[name].tolist() for name in ("x_ref", "x", "p1", "p2", "supply", "duty")]
+    columns = [vectors[name].tolist() for name in ("x_ref", "x", "p1", "p2", "supply", "duty", "level")]
     out, off = np.zeros((len(columns[0]), 2)), []
     with np.errstate(all="ignore"):
         for k, row in enumerate(zip(*columns, strict=True)):
@@ -90,7 +90,7 @@ def rows_in_single(controller: Controller, signals: Mapping[str, Array], began: 
         for k, readings in enumerate(zip(*read, strict=True)):
             if began == "before" and k > 0:
                 world["follow"](*logged[k - 1], state, numbers)
-            world["operate"](0, *readings, supply[k], duty[k], state, numbers)
+            world["operate"](0, *readings, supply[k], duty[k], np.float32(0.0), state, numbers)
             rows[k, list(kept)] = state[list(kept.values())]
     return rows
 

@@ -242,6 +242,7 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         "C_P_LOW": pytest.approx(1.05 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.95 * rig.supply_pressure),
         "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6,
         "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0, "C_PLACES": 101.0,
+        "C_AIR_STIFFNESS": 0.0,
     }  # fmt: skip
 
 

@@ -11,8 +11,9 @@ import pytest
 from pneucli.design import closed_loop, layout, linear
 from pneucli.design.cascade import corners_of, design_cascade
 from pneucli.design.closed_loop import run
-from pneucli.design.linear import Linear, System, impulse, linearised, realised, smooth
+from pneucli.design.linear import Linear, linearised, smooth
 from pneucli.design.margins import closed, cut_open, look, margins_of, poles_of, ratio
+from pneucli.design.sampled import System, impulse, realised
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.facts import facts_of

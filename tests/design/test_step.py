@@ -20,6 +20,7 @@ ROUND = {
     "SECTOR_2": 40.0, "SECTOR_RATE": 1e5, "SECTOR_SLOW": 14.0, "SECTOR_FAST": 500.0, "LINGER": 0.02, "REACH": 1e-5,
     "OBS_X": 0.5, "OBS_V": 100.0, "OBS_LOAD": 1e5, "LOAD_STEP": 3.0, "P_KP": 100.0, "P_KI": 300.0, "OBS_P": 0.25,
     "OBS_FLOW": 20.0, "FLOW_STEP": 1e4, "P_BAND": 1e3, "P_LOW": 1.05e5, "P_HIGH": 6.5e5, "P_MEAN": 3e5,
+    "AIR_STIFFNESS": 0.0, "LEVEL_RATE": 1e6,
     "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0,
     "OBS_SEEN": 0.25, "SPOOL": 1.0, "SPOOL_MEAN": 1.0, "HURRY": 1.0, "PLAY": 0.0, "PLAY_LEAST": 0.0, "WAIT": 0.0,
     "SENSE": 1.0, "SENSE_WAIT": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "ZERO_1": 0.0, "ZERO_2": 0.0, "LEAK_1": 0.0,
@@ -721,7 +722,7 @@ def test_a_sample_reads_logs_and_commands_late() -> None:
     cs = np.zeros(at.L_STATES + 2 * at.L_ROW)
     first, second = at.L_STATES, at.L_STATES + at.L_ROW
     cs[first + at.L_NOISE_X : first + at.L_NOISE_P2 + 1] = 0.4e-4, 160.0, -160.0
-    assert loop.control(0, 0.15, 0.1, 3e5, 3.7e5, cs, cp) == (0.0, 0.0)
+    assert loop.control(0, 0.15, 0.1, 3e5, 3.7e5, cs, cp) == (-0.5, -0.5)  # shut
     assert cs[first + at.L_READ_X : first + at.L_READ_P2 + 1] == pytest.approx([0.1, 3.002e5, 3.698e5])
     assert loop.control(1, 0.15, 0.1, 3e5, 3.7e5, cs, cp) == (cs[first + at.L_U1], cs[first + at.L_U2])
     logged = {

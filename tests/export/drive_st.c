@@ -21,15 +21,15 @@ int main(int argc, char **argv)
     }
     PNEUCLI_CONTROLLER_init__(&c, 0);
     while (fgets(line, sizeof line, file) != NULL) {
-        double value[8] = {0.0};
+        double value[9] = {0.0};
         char *rest = line;
         int i;
-        for (i = 0; i < 8; ++i) {
+        for (i = 0; i < 9; ++i) {
             value[i] = strtod(rest, &rest);
             rest += *rest == ',';
         }
         c.X_REF.value = value[0], c.X.value = value[1], c.P1.value = value[2], c.P2.value = value[3];
-        c.SUPPLY.value = value[6];
+        c.SUPPLY.value = value[6], c.LEVEL.value = value[8];
         c.ENABLE.value = value[7] != 2.0, c.HOLD.value = value[7] == 1.0, c.RESET.value = value[7] == 3.0;
         c.U1_NOW.value = c.U1.value, c.U2_NOW.value = c.U2.value;
         PNEUCLI_CONTROLLER_body__(&c);

@@ -38,6 +38,11 @@ void pneucli_controller_set_supply(pneucli_controller *c, @REAL@ p)
     set_supply(p, c->state, PARAMETERS);
 }
 
+void pneucli_controller_set_level(pneucli_controller *c, @REAL@ p)
+{
+    set_level(p, c->state, PARAMETERS);
+}
+
 void pneucli_controller_enable(pneucli_controller *c, int on)
 {
     enable(on ? 1 : 0, c->state);

@@ -31,6 +31,10 @@ void pneucli_controller_step(pneucli_controller *c, @REAL@ x_ref, @REAL@ x, @REA
 /* The measured supply pressure, absolute in Pa, before a step where there is a new one. Without it, that of the design. */
 void pneucli_controller_set_supply(pneucli_controller *c, @REAL@ p);
 
+/* The mean of both pressures that shall be kept, absolute in Pa, where two valves drive the chambers: more is stiffer.
+ * 0: as designed. It moves there no faster than the valves can follow. With one valve it does nothing. */
+void pneucli_controller_set_level(pneucli_controller *c, @REAL@ p);
+
 /* off (0): steps shut the valves and control nothing. on: the next step starts from its readings, without a bump. */
 void pneucli_controller_enable(pneucli_controller *c, int on);
 

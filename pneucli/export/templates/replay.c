@@ -1,5 +1,5 @@
-/* Replay a file of test vectors through the controller: x_ref,x,p1,p2,u1,u2,supply,duty a line, one header line; the
- * last two may be left out. duty: 0 run, 1 hold, 2 not enabled, 3 reset from these readings and the last commands.
+/* Replay a file of test vectors through the controller: x_ref,x,p1,p2,u1,u2,supply,duty,level a line, one header line;
+ * the last three may be left out. duty: 0 run, 1 hold, 2 not enabled, 3 reset from these readings and the last commands.
  *
  *     cc -std=c11 -O2 pneucli_replay.c pneucli_controller.c -lm -o replay && ./replay pneucli_replay.csv
  *
@@ -20,12 +20,13 @@ static double now(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static void operate(pneucli_controller *c, const double value[8], const @REAL@ u[2])
+static void operate(pneucli_controller *c, const double value[9], const @REAL@ u[2])
 {
     int duty = (int)value[7];
     if (value[6] > 0.0) {
         pneucli_controller_set_supply(c, (@REAL@)value[6]);
     }
+    pneucli_controller_set_level(c, (@REAL@)value[8]);
     pneucli_controller_enable(c, duty != 2);
     pneucli_controller_hold(c, duty == 1);
     if (duty == 3) {
@@ -47,10 +48,10 @@ int main(int argc, char **argv)
     }
     pneucli_controller_init(&controller);
     while (fgets(line, sizeof line, file) != NULL) {
-        double value[8] = {0.0}, start, took;
+        double value[9] = {0.0}, start, took;
         char *rest = line;
         int i;
-        for (i = 0; i < 8; ++i) {
+        for (i = 0; i < 9; ++i) {
             value[i] = strtod(rest, &rest);
             rest += *rest == ',';
         }
