@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pneucli.caches import compiled
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, X
+from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, V, X, mode_at, rates
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.run import LOOP, drive, empty_line, limited
 from pneucli.exam.rig.sensors import Sensors
@@ -37,13 +37,15 @@ SETTLED = 500  # samples before the next change
 def period(
     par: Parameters, first: int, steps: int, s: Array, o: Array, spools: Array, line: Array, held: int, rest: float,
     work: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """Run the rig for ``steps`` steps with openings ``o`` (V); returns the time at rest (s) and air used (kg)."""
-    air = 0.0
+) -> tuple[float, float, float]:  # fmt: skip
+    """Run the rig for ``steps`` steps with openings ``o`` (V): time at rest (s), air (kg), acceleration (m/s^2)."""
+    air, q = 0.0, (0.0, 0.0, 0.0, 0.0)
     for i in range(first, first + steps):
         rest, q = drive(par, i, STEP, o[0], o[1], spools, line, s, rest, held, work)
         air += STEP * (q[0] + q[2])
-    return rest, air
+    t = (first + steps) * STEP
+    rates(par, t, s, mode_at(par, t, s, rest), q, held, work[1])
+    return rest, air, work[1][V]
 
 
 class Sensed:
@@ -88,7 +90,7 @@ class Exported:
 
 
 class Trace(NamedTuple):
-    """What a loop did, one value a sample: true position (m), commands (V), readings of x, p1, p2; air drawn (kg)."""
+    """What a loop did, one value a sample: true position (m), commands (V), readings of x, p1, p2, a; air (kg)."""
 
     x: Array
     u: Array
@@ -96,6 +98,7 @@ class Trace(NamedTuple):
     u2: Array
     read: Array
     supply: Array
+    a: Array
 
 
 def driven(
@@ -114,16 +117,18 @@ def driven(
     s[T1] = s[T2] = par.temperature
     s[PS] = par.supply
     sensed, n = Sensed(par, sensors, h, s, seed), reference.size
-    x, u, u2, supply, read, air = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, 3)), 0.0
+    x, u, u2, supply, a, read, air = *(np.zeros(n) for _ in range(5)), np.zeros((n, 3)), 0.0
+    rng = np.random.default_rng([seed, 1])
     for k in range(n):
         x[k], supply[k], read[k] = s[X], s[PS], sensed(s)
         u[k], u2[k] = control(reference[k], *read[k])
         o[0] = limited(par, par.command_sign * (u[k] - par.command_null))
         o[1] = limited(par, u2[k] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = par._replace(constant_force=par.constant_force + load[k])
-        rest, used = period(loaded, k * steps, steps, s, o, spools, line, int(is_open), rest, work)
+        rest, used, moved = period(loaded, k * steps, steps, s, o, spools, line, int(is_open), rest, work)
         air += used
-    return Trace(x, u, air, u2, read, supply)
+        a[min(k + 1, n - 1)] = moved
+    return Trace(x, u, air, u2, read, supply, a + sensors.acceleration * rng.standard_normal(n))
 
 
 def figures(par: Parameters, sensors: Sensors, control: Path, is_open: bool) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ of full size, and the exported C drives it from point to point and along a sine.
 commanded, at every sample) is ingested, identified, compared and diagnosed beside the old valve tests, as a user would.
 Printed: whether the verdict is right and the effect is named (or stands among those that cannot be told from a named
 one), what was foretold of the loop and what came, and u against the replayed one over its noise.
-``SEEDS`` rigs (default 2); ``CONTROLLER=unknown`` does not tell which controller ran.
+``SEEDS`` rigs (default 2); ``CONTROLLER=unknown`` does not tell which controller ran, ``ACCELEROMETER=0`` logs none.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ ASKED = (
 SECONDS = 12.0
 LOGS = (("log_1", "train"), ("log_2", "train"), ("log_3", "test"))
 CONDITIONS = Conditions()
+ACCELEROMETER = os.environ.get("ACCELEROMETER", "1") != "0"
 
 
 def main() -> None:
@@ -119,7 +120,8 @@ def write_logs(folder: Path, export: Path, case: Case, par: Parameters, controll
     document["signals"]["x_ref"] = {"column": "X_ref [mm]", "unit": "mm"}  # type: ignore[index]
     if not case.laboratory.supply_recorded:
         document["signals"].pop("p_supply", None)  # type: ignore[union-attr]
-    document["signals"].pop("a", None)  # type: ignore[union-attr]
+    if not ACCELEROMETER:
+        document["signals"].pop("a", None)  # type: ignore[union-attr]
     (folder / "logs.toml").write_text(tomlkit.dumps(document))
 
 
@@ -145,6 +147,7 @@ def columns(trace: Trace, reference: np.ndarray, par: Parameters) -> pd.DataFram
             "P2 [bar]": np.round(gauge[:, 1], 5),
             "Pos [mm]": np.round(1e3 * trace.read[:, 0], 6),
         }
+        | ({"Acc [m/s2]": np.round(trace.a, 5)} if ACCELEROMETER else {})
     )
 
 
