@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pyarrow.dataset as ds
+from threadpoolctl import threadpool_limits
 
 from pneucli.config import load_fleet
 from pneucli.exam.cases import SEALED
@@ -38,20 +39,22 @@ KILL_EVERY, CLIENT_KILLED = 20.0, 30.0  # s
 TIMES = {"seconds", "core_seconds", "stamp"}
 
 
-def made(folder: Path, rigs: int, dates: int, changed: float) -> dict[str, str]:
+def made(folder: Path, rigs: int, dates: int, changed: float, **more: Any) -> dict[str, list[str]]:
     """A fleet without reports, and what changed in it; one that is there already is taken as it is."""
     sealed = folder / SEALED / TRUTH
     if not sealed.is_file():
         with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-            write_fleet(folder, rigs, dates, changed, seed=2026, each=partial(pool.map, chunksize=4))
+            write_fleet(folder, rigs, dates, changed, seed=2026, each=partial(pool.map, chunksize=4), **more)
         with (folder / FLEET).open("a", encoding="utf-8") as file:
             file.write('reports = "none"\n')
     return dict(json.loads(sealed.read_text(encoding="utf-8")))
 
 
-def find(folder: Path, rigs: int, dates: int) -> None:
+def find(folder: Path, rigs: int, dates: int, healthy: int = 1, **more: Any) -> None:
     """Do a fleet and hold what it says against what was hidden."""
-    truth = made(folder, rigs, dates, 0.05)
+    truth = made(folder, rigs, dates, **{"changed": 0.05, **more})
+    text = [line for line in (folder / FLEET).read_text(encoding="utf-8").splitlines() if "healthy" not in line]
+    (folder / FLEET).write_text("\n".join([*text, f"healthy = {healthy}", ""]), encoding="utf-8")
     begun, before = time.perf_counter(), _children()
     command = [sys.executable, "-m", "pneucli", "fleet", folder / FLEET, "--json", "--quiet"]
     answer = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
@@ -66,7 +69,7 @@ def find(folder: Path, rigs: int, dates: int) -> None:
         f"worst {cores.max():.2f}); client: {client:.0f} s of a core"
     )
     print(f"bytes: {_size(folder / 'raw') / 1e6:.1f} MB read, {_size(Path(answer['out'])) / 1e6:.1f} MB of results")
-    _hold(answer, truth, rigs * (dates - 1), str(rows["date"].max()))
+    _hold(answer, truth, rigs * (dates - max(healthy, 1)), str(rows["date"].max()))
 
 
 def _children() -> float:
@@ -74,20 +77,23 @@ def _children() -> float:
     return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
 
 
-def _hold(answer: dict[str, Any], truth: dict[str, str], comparisons: int, last: str) -> None:
+def _hold(answer: dict[str, Any], truth: dict[str, list[str]], comparisons: int, last: str) -> None:
     """Print what was found of the truth, and what was named where nothing had changed."""
     named = {(c["rig"], c["date"]): [(one["name"], one["effect"]) for one in c["changes"]] for c in answer["changes"]}
     sets = {(c["rig"], c["date"]): {n for one in c["changes"] for n in one["indistinguishable_from"]}
             for c in answer["changes"]}  # fmt: skip
     hits = {rig: named[rig, last] for rig in truth if (rig, last) in named}
-    first = [rig for rig, names in hits.items() if truth[rig] in names[0]]
-    within = [rig for rig, names in hits.items() if truth[rig] in {n for one in names for n in one} | sets[rig, last]]
+    said = {rig: {n for one in names for n in one} | sets[rig, last] for rig, names in hits.items()}
+    first = [rig for rig, names in hits.items() if set(truth[rig]) & set(names[0])]
+    all_named = [rig for rig, names in hits.items() if all(any(t in one for one in names) for t in truth[rig])]
+    within = [rig for rig in hits if set(truth[rig]) <= said[rig]]
     false = {key: names for key, names in named.items() if key[0] not in truth or key[1] != last}
-    print(f"changed {len(truth)}: found {len(hits)}, named first {len(first)}, in the set {len(within)}")
+    print(f"changed {len(truth)}: found {len(hits)}, named first {len(first)}, all named {len(all_named)}, "
+          f"all in the set {len(within)}")  # fmt: skip
     print(f"false alarms: {len(false)} of {comparisons - len(truth)} healthy comparisons")
     for rig, change in truth.items():
-        if rig not in first:
-            print(f"  {rig}: {change} was said to be {hits.get(rig, 'nothing')}")
+        if rig not in all_named:
+            print(f"  {rig}: {change} was said to be {hits.get(rig, 'nothing')}, {sets.get((rig, last), '')}")
     for key, names in false.items():
         print(f"  {key}: nothing was said to be {names}")
 
@@ -104,36 +110,41 @@ def jobs_of(folder: Path, name: str) -> deque[Any]:
 
 
 def scale(folder: Path, rigs: int) -> None:
-    """The same rows in a plain loop and by each engine; the first row of each is not counted: it loads and compiles."""
+    """The same rows in a plain loop and by each engine, wall and processor seconds, after some that compile."""
     made(folder, rigs, 1, 0.0)
     os.environ["PNEUCLI_THREADS"] = "1"
-    rows = jobs_of(folder, "loop")
-    fleet_row.work(rows.popleft())
-    begun = time.perf_counter()
-    for job in rows:
-        fleet_row.work(job)
-    loop = time.perf_counter() - begun
-    print(f"plain loop: {loop / len(rows):.2f} s a row")
-    engines: dict[str, Any] = {
-        "1 process": lambda: Processes(1),
-        "2 processes": lambda: Processes(2),
-        "2 threads": lambda: Threads(2),
-    }
-    for name, make in engines.items():
-        engine = make()
-        took = _timed(engine, jobs_of(folder, name))
-        engine.close()
-        print(f"{name}: {took / len(rows):.2f} s a row, {loop / took:.2f} times as fast as the loop")
+    with threadpool_limits(1, user_api="blas"):  # as every worker has it
+        rows = jobs_of(folder, "loop")
+        fleet_row.work(rows.popleft())
+        begun, used = time.perf_counter(), time.process_time()
+        for job in rows:
+            fleet_row.work(job)
+        loop, core = (time.perf_counter() - begun) / len(rows), (time.process_time() - used) / len(rows)
+        print(f"plain loop: {loop:.2f} s a row, {core:.2f} s of the processor")
+        engines: dict[str, Any] = {
+            "1 process": lambda: Processes(1, fleet_row.__name__),
+            "2 processes": lambda: Processes(2, fleet_row.__name__),
+            "2 threads": lambda: Threads(2),
+        }
+        for name, make in engines.items():
+            engine = make()
+            wall, worker, client = _timed(engine, jobs_of(folder, name))
+            engine.close()
+            print(f"{name}: {wall:.2f} s a row, {loop / wall:.2f} times as fast as the loop; processor: workers "
+                  f"{worker:.2f} s a row, this process {1e3 * client:.1f} ms a row")  # fmt: skip
 
 
-def _timed(engine: Engine, jobs: deque[Any]) -> float:
-    warm = deque(jobs.popleft() for _ in range(1))
+def _timed(engine: Engine, jobs: deque[Any]) -> tuple[float, float, float]:
+    """Return seconds a row: wall, processor of workers, processor of this process."""
+    warm = deque(jobs.popleft() for _ in range(2 * engine.slots))
     for _ in stream(engine, fleet_row.work, warm):
         pass
-    begun = time.perf_counter()
+    number, worker = len(jobs), 0.0
+    begun, used = time.perf_counter(), time.process_time()
     for outcome in stream(engine, fleet_row.work, jobs):
         assert outcome.error is None
-    return time.perf_counter() - begun
+        worker += outcome.result["core_seconds"]
+    return (time.perf_counter() - begun) / number, worker / number, (time.process_time() - used) / number
 
 
 def kill(folder: Path, rigs: int) -> None:
@@ -192,13 +203,18 @@ def main() -> None:
     parser.add_argument("what", choices=["find", "scale", "kill"])
     parser.add_argument("rigs", type=int, nargs="?", default=20)
     parser.add_argument("--dates", type=int, default=2)
+    parser.add_argument("--changed", type=float, default=0.05, help="share of the rigs with a change")
+    parser.add_argument("--at-once", type=int, default=1, help="changes of such a rig")
+    parser.add_argument("--drift", type=float, default=0.0, help="of friction from date to date, relative")
+    parser.add_argument("--healthy", type=int, default=1, help="first dates that are stated to be healthy")
     parser.add_argument("--folder", type=Path)
     asked = parser.parse_args()
     with ExitStack() as stack:
         folder = asked.folder or Path(stack.enter_context(TemporaryDirectory(prefix="pneucli-fleet-")))
         folder = folder.absolute()
         if asked.what == "find":
-            find(folder, asked.rigs, asked.dates)
+            more = {key: getattr(asked, key) for key in ("healthy", "changed", "at_once", "drift")}
+            find(folder, asked.rigs, asked.dates, **more)
         else:
             {"scale": scale, "kill": kill}[asked.what](folder, asked.rigs)
 

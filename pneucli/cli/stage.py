@@ -104,6 +104,10 @@ def _diagnose(
         Path | None,
         typer.Option("--since", metavar="OLD", help="Which effect or parameter changed since this older pipeline."),
     ] = None,
+    repeat: Annotated[
+        list[Path] | None,
+        typer.Option("--repeat", metavar="OLD", help="A healthy repeat of OLD, held against it (repeatable)."),
+    ] = None,
     alarm_rate: Annotated[
         float | None,
         typer.Option("--alarm-rate", min=0.0, max=0.5, help="False alarms for each comparison (0.001), with --since."),
@@ -124,22 +128,35 @@ def _diagnose(
         json,
         quiet,
         verbose,
-        ({"exclude": sorted(set(exclude))} if exclude else {}) | _since(since, alarm_rate, quiet) | _where(executor),
+        ({"exclude": sorted(set(exclude))} if exclude else {})
+        | _since(since, alarm_rate, quiet, repeat or [])
+        | _where(executor),
     )
 
 
-def _since(old: Path | None, alarm_rate: float | None, quiet: bool) -> dict[str, Any]:
-    """Return the options that ask what changed since ``old``, a pipeline (diagnosed first) or its artifacts."""
+def _since(old: Path | None, alarm_rate: float | None, quiet: bool, repeats: list[Path]) -> dict[str, Any]:
+    """Return the options that ask what changed since ``old``, a pipeline (diagnosed first) or its artifacts.
+
+    ``repeats`` are pipelines, or their artifacts, that were held against it before.
+    """
     if old is None:
         return {}
-    from pneucli.stages.since import option
+    from pneucli.stages.since import option, repeat_in
 
+    folder = _diagnosed(old, quiet)
+    asked = option(folder, alarm_rate)
+    known = [repeat_in(one / "diagnose" if one.is_dir() else _diagnosed(one, quiet), asked) for one in repeats]
+    return option(folder, alarm_rate, known)
+
+
+def _diagnosed(old: Path, quiet: bool) -> Path:
+    """Return the folder of a diagnosis, which is brought up to date where a pipeline file is named."""
     if old.is_dir():
-        return option(old / "diagnose", alarm_rate)
+        return old / "diagnose"
     pipeline = opened(old, None)
     with console.progress(quiet) as progress:
         pipeline.bring_up(["diagnose"], None, progress, console.hush if quiet else console.say)
-    return option(pipeline.artifacts / "diagnose", alarm_rate)
+    return pipeline.artifacts / "diagnose"
 
 
 def _design(

@@ -16,7 +16,7 @@ from pneucli.document import read
 
 class FleetTable(Table):
     """``[fleet]``: ``alarm_rate`` is the share of false alarms for each rig and comparison, ``reports`` which rigs get
-    a report of their own.
+    a report of their own, ``healthy`` how many of each rig's first dates are stated to be healthy.
     """
 
     name: Name
@@ -24,6 +24,7 @@ class FleetTable(Table):
     table: Name
     alarm_rate: Annotated[float, Field(gt=0.0, le=0.5)] = 1e-3
     reports: Literal["changed", "all", "none"] = "changed"
+    healthy: Annotated[int, Field(ge=1)] = 1
 
 
 class FleetConfig(Table):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy.stats import t as student
 
 from pneucli.diagnose.evidence import effective_number
 from pneucli.diagnose.reference import Reference
+from pneucli.diagnose.repeats import LEVEL, NONE, Drift
 from pneucli.identify.least_squares import inverse
 
 Array = NDArray[np.float64]
@@ -69,11 +70,17 @@ class Tested:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two references of one model, the old one first; ``taken``: what is known to have changed, and is let free."""
+    """Two references of one model, the old one first; ``taken``: what is known to have changed, and is let free.
+
+    ``drift`` is what a healthy rig varies by from date to date, of the quantities by their ``names``: coordinates, then
+    starts.
+    """
 
     old: Reference
     new: Reference
     taken: tuple[Hypothesis, ...] = ()
+    drift: Drift = NONE
+    names: tuple[str, ...] = ()
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -110,21 +117,35 @@ class Comparison:
         were the residuals white; what they do vary by is told by the blocks.
         """
         starts = [h.start for h in (*self.taken, hypothesis) if h.start is not None]
-        if len(starts) != len(set(starts)) or len(starts) > 1:
-            return None
-        weight = inverse(_working(self.old, starts) + _working(self.new, starts))
+        if len(starts) > 1:
+            return None  # an effect that is known to have changed is in the model (Reference.beside)
+        varies, known = self.varies(starts)
+        weight = inverse(_working(self.old, starts) + _working(self.new, starts) + np.diag(varies))
         columns = np.array([_direction(h, starts, self.old) for h in (hypothesis, *self.taken)]).T
         bread = inverse(columns.T @ weight @ columns)
         contrast = (bread @ columns.T @ weight)[0]
         difference = _places(self.new, starts) - _places(self.old, starts)
         parts = np.concatenate([_parts(one, starts, contrast) for one in (self.old, self.new)])
-        error = float(np.sqrt(np.sum(parts**2)))
+        drifting = contrast**2 * varies
+        error = float(np.sqrt(np.sum(parts**2) + np.sum(drifting)))
         size = float(contrast @ difference)
         if not np.isfinite(error) or error <= 0.0:
             return None
         if hypothesis.start is not None and not self._can_be(hypothesis.start, size):
             size = 0.0
-        return Tested(hypothesis, size, error, effective_number(parts))
+        own = known[columns[:, 0] != 0.0].min()
+        return Tested(hypothesis, size, error, min(_freedom(parts, drifting, known), own))
+
+    def varies(self, starts: Sequence[int] = ()) -> tuple[Array, Array]:
+        """Return the variance that a healthy difference of two dates has beyond its error, for all coordinates and the
+        steps of ``starts`` (k + len(starts),), and its degrees of freedom.
+        """
+        k = len(self.old.coordinates)
+        named = (
+            [self.names[i] for i in (*range(k), *(k + i for i in starts))] if self.names else [""] * (k + len(starts))
+        )
+        variance, freedom = self.drift.of(named)
+        return 2.0 * variance, freedom
 
     def _can_be(self, start: int, size: float) -> bool:
         """Whether the effect is there on the side on which it would be larger: a leak does not fall below none."""
@@ -142,11 +163,20 @@ class Comparison:
             mean = float(new.mean() - old.mean())
             error = float(np.hypot(new.std(ddof=1) / np.sqrt(new.size), old.std(ddof=1) / np.sqrt(old.size)))
         blocks = float(min(np.isfinite(self.old.levels).sum(), np.isfinite(self.new.levels).sum()))
-        return Tested(Hypothesis(UNEXPLAINED), mean, float(np.hypot(error, NOISE_KNOWN)), max(blocks - 1.0, 1.0))
+        (varies,), (known,) = self.drift.of([LEVEL])
+        error = float(np.sqrt(error**2 + NOISE_KNOWN**2 + 2.0 * varies))
+        return Tested(Hypothesis(UNEXPLAINED), mean, error, min(max(blocks - 1.0, 1.0), known))
 
-    def because(self, hypothesis: Hypothesis) -> Comparison:
-        """Return the comparison in which a further thing is known to have changed."""
-        return Comparison(self.old, self.new, (*self.taken, hypothesis))
+    def because(self, *hypotheses: Hypothesis) -> Comparison:
+        """Return the comparison in which further things are known to have changed."""
+        return replace(self, taken=(*self.taken, *hypotheses))
+
+
+def _freedom(parts: Array, drifting: Array, known: Array) -> float:
+    """Return the degrees of freedom of a variance that blocks (B,) and drifts (n,) add up to (F. E. Satterthwaite)."""
+    blocks = float(np.sum(parts**2))
+    spread = blocks**2 / effective_number(parts) + float(np.sum(drifting**2 / known))
+    return (blocks + float(np.sum(drifting))) ** 2 / spread
 
 
 def _direction(hypothesis: Hypothesis, starts: Sequence[int], reference: Reference) -> Array:

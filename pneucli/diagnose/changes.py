@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
-from pneucli.diagnose.change import ALARM_RATE, UNEXPLAINED, Comparison, Hypothesis, Tested
+from pneucli.diagnose.change import ALARM_RATE, UNEXPLAINED, Comparison, Tested
+from pneucli.diagnose.naming import Naming, Taken
 from pneucli.diagnose.reference import Reference
-from pneucli.identify.effects import fit_added
+from pneucli.diagnose.repeats import NONE, Drift
 from pneucli.identify.fit import Fit
-from pneucli.identify.least_squares import inverse
 from pneucli.identify.parameters import null_value
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
@@ -70,15 +70,6 @@ class Changes:
     p_value: float
 
 
-@dataclass(frozen=True)
-class Explained:
-    """One hypothesis fitted in full: what it costs with all else as it was, and its parameters' estimates."""
-
-    hypothesis: Hypothesis
-    cost: float
-    fit: Fit | None = None
-
-
 def named_changes(
     old: Reference,
     new: Reference,
@@ -86,82 +77,26 @@ def named_changes(
     views: Sequence[View],
     effects: Mapping[str, Effect],
     alarm_rate: float = ALARM_RATE,
+    drift: Drift = NONE,
+    names: Sequence[str] = (),
 ) -> Changes:
     """Return what differs between ``old`` and the fit ``found`` of new recordings, whose reference is ``new``.
 
-    ``alarm_rate`` is the chance that anything is named where nothing changed.
+    ``alarm_rate`` is the chance that anything is named where nothing changed; ``drift`` is what the rig varies by from
+    date to date, of the quantities called by ``names``.
     """
-    comparison = Comparison(old, new)
+    comparison = Comparison(old, new, drift=drift, names=tuple(names))
     tested = comparison.tested()
     level, family = comparison.level(), len(tested) + 1
     p_value = min(1.0, family * min(t.p_value for t in [*tested, level]))
     limits = tuple(_limits(tested, new, effects, found.model, alarm_rate / family))
     if p_value > alarm_rate:
         return Changes((), limits, p_value)
-    explained = _explained(comparison, tested, found, views, effects)
-    spread = _spread(comparison, tested)
-    best = min(explained, key=lambda e: _judged(e, spread))
-    nothing = _cost(found, old, None)
-    worth = (nothing - best.cost) / spread
-    if worth < chi2.isf(alarm_rate / family, _count(best)) or not np.isfinite(worth):
+    naming = Naming(comparison, found, views, effects, alarm_rate / family)
+    chosen = naming.chosen()
+    if not chosen:
         return Changes((_unexplained(level, 1.0 - p_value),), limits, p_value)
-    first = _change(comparison, best, explained, effects, spread, 1.0 - p_value)
-    further = _further(comparison, best, alarm_rate / family, family) if best.fit is None else []
-    return Changes((first, *further), limits, p_value)
-
-
-def _explained(
-    comparison: Comparison,
-    tested: Sequence[Tested],
-    found: Fit,
-    views: Sequence[View],
-    effects: Mapping[str, Effect],
-) -> list[Explained]:
-    """Return the hypotheses that stand out, one of each name, with what they cost."""
-    first = {t.hypothesis.name: t for t in reversed(tested)}
-    out = []
-    for one in sorted(first.values(), key=lambda t: -abs(t.ratio))[:CANDIDATES]:
-        hypothesis = one.hypothesis
-        if hypothesis.start is None:
-            out.append(Explained(hypothesis, _cost(found, comparison.old, hypothesis.direction)))
-        else:
-            refitted = fit_added(found, views, effects[hypothesis.name])
-            out.append(Explained(hypothesis, _cost(refitted, comparison.old, None), refitted))
-    return out
-
-
-def _cost(fitted: Fit, old: Reference, direction: Array | None) -> float:
-    """Return the cost of a fit, its estimates held to what they were, but for a direction in which they may move."""
-    bread = inverse(fitted.jacobian.T @ fitted.jacobian)
-    mine = [[f.name for f in fitted.free].index(c.name) for c in old.coordinates]
-    scale = np.array([1.0 if f.logarithmic else f.scale for f in (fitted.free[i] for i in mine)])
-    values = [fitted[c.name].value for c in old.coordinates]
-    places = [np.log(v) if c.logarithmic else v for v, c in zip(values, old.coordinates, strict=True)]
-    moved = np.array(places) - old.places
-    weight = inverse(bread[np.ix_(mine, mine)] * np.outer(scale, scale) + old.working)
-    if direction is not None:
-        size = float(direction @ weight @ moved) / float(direction @ weight @ direction)
-        moved = moved - size * direction
-    return float(fitted.residual @ fitted.residual) + float(moved @ weight @ moved)
-
-
-def _count(one: Explained) -> int:
-    """Return how many parameters a hypothesis lets free."""
-    return 1 if one.fit is None else sum(f.name.startswith(f"{one.hypothesis.name}.") for f in one.fit.free)
-
-
-def _judged(one: Explained, spread: float) -> float:
-    return one.cost + AKAIKE * spread * _count(one)
-
-
-def _spread(comparison: Comparison, tested: Sequence[Tested]) -> float:
-    """Return by how much more than white residuals would the estimates vary: the median over the parameters."""
-    ratios = []
-    for one in tested:
-        if (direction := one.hypothesis.direction) is not None:
-            weight = inverse(comparison.old.working + comparison.new.working)
-            ratios.append(one.error**2 * float(direction @ weight @ direction))
-    return max(float(np.median(ratios)), 1.0) if ratios else 1.0
+    return Changes(tuple(_change(naming, chosen, i, p_value, family) for i in range(len(chosen))), limits, p_value)
 
 
 def _unexplained(level: Tested, confidence: float) -> Change:
@@ -171,46 +106,31 @@ def _unexplained(level: Tested, confidence: float) -> Change:
     return Change(UNEXPLAINED, None, 1.0, after, "1", (low, high), confidence, confidence)
 
 
-def _change(
-    comparison: Comparison,
-    best: Explained,
-    explained: Sequence[Explained],
-    effects: Mapping[str, Effect],
-    spread: float,
-    confidence: float,
-) -> Change:
-    likely = np.array([np.exp(-0.5 * (_judged(e, spread) - _judged(best, spread)) / spread) for e in explained])
-    shares = likely / likely.sum()
-    twins = tuple(e.hypothesis.name for e, s in zip(explained, shares, strict=True) if e is not best and s >= TWIN)
-    share = float(shares[explained.index(best)])
-    if best.fit is None:
-        return _moved(comparison, best.hypothesis, confidence, share * confidence, twins)
-    effect = effects[best.hypothesis.name]
+def _change(naming: Naming, chosen: Taken, place: int, p_value: float, family: int) -> Change:
+    """Return one of the things that changed, the first as sure as that anything did, the others by their own tests."""
+    mine = chosen[place]
+    tested = naming.test(naming.without(chosen, place), mine)
+    chance = p_value if place == 0 or tested is None else min(1.0, family * tested.p_value)
+    shares = naming.shares(chosen, place)
+    share = shares.pop(mine.name)
+    twins = tuple(name for name, other in shares.items() if other >= TWIN)
+    confidence, alone = 1.0 - chance, share * (1.0 - chance)
+    if mine.direction is not None:
+        assert tested is not None
+        return _moved(naming.comparison.old, tested, confidence, alone, twins)
+    effect, fitted = naming.effects[mine.name], naming.explained(chosen).fit
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
-    estimate = best.fit[f"{effect.name}.{leading.name}"]
-    before = null_value(leading, best.fit.model)
-    return Change(
-        estimate.name,
-        effect.name,
-        before,
-        estimate.value,
-        estimate.unit,
-        estimate.ci95,
-        confidence,
-        share * confidence,
-        twins,
-    )
+    estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
+    known = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.ci95)
+    return Change(*known, confidence, alone, twins)
 
 
-def _moved(
-    comparison: Comparison, hypothesis: Hypothesis, confidence: float, alone: float, twins: tuple[str, ...] = ()
-) -> Change:
+def _moved(old: Reference, tested: Tested, confidence: float, alone: float, twins: tuple[str, ...]) -> Change:
     """Return the change of a parameter, or of all areas of a valve by one factor, all else being as it was."""
-    tested = comparison.test(hypothesis)
-    assert tested is not None
+    hypothesis = tested.hypothesis
     assert hypothesis.direction is not None
     (places,) = np.nonzero(hypothesis.direction)
-    one = comparison.old.coordinates[places[0]]
+    one = old.coordinates[places[0]]
     place, before, unit = (one.place, one.value, one.unit) if places.size == 1 else (0.0, 1.0, "1")
     edge = norm.ppf(0.975) * tested.error
     ends = [place + tested.size + e for e in (0.0, -edge, edge)]
@@ -218,16 +138,6 @@ def _moved(
     known, _, _ = hypothesis.name.partition(".")
     effect = None if known in {"friction", "rig", "valve", "valve_2"} else known
     return Change(hypothesis.name, effect, before, after, unit, (low, high), confidence, alone, twins)
-
-
-def _further(comparison: Comparison, best: Explained, p_value: float, family: int) -> list[Change]:
-    """Return what else of the model's parameters changed, the first one being let free."""
-    beside = comparison.because(best.hypothesis)
-    tested = [t for t in beside.tested() if t.hypothesis.start is None and t.hypothesis.name != best.hypothesis.name]
-    if not tested or tested[0].p_value > p_value:
-        return []
-    sure = 1.0 - family * tested[0].p_value
-    return [_moved(beside, tested[0].hypothesis, sure, sure)]
 
 
 def _limits(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,10 @@ class Coordinate:
         """The coordinate."""
         return float(np.log(self.value)) if self.logarithmic else self.value
 
+    def moved(self, place: float) -> Coordinate:
+        """Return the parameter at another place."""
+        return replace(self, value=float(np.exp(place)) if self.logarithmic else place)
+
 
 @dataclass(frozen=True)
 class Start:
@@ -65,8 +70,9 @@ class Reference:
     were the residuals white. ``steps`` (m,): by how many of its starts each effect is wanted, ``step_influence`` (B, m)
     what each block says of it, ``power`` (m,): the inverse of its variance were the residuals white, ``bias`` (k, m):
     what a step of it, not modelled, does to the estimates. ``levels`` (B,): the logarithm of each block's mean squared
-    residual in units of noise. What is not kept for later: ``cross`` (m, B, k), by how much a step taken changes what
-    each block adds to ``influence``, and ``share`` (B, m), the part of the power that stands in each block.
+    residual in units of noise. ``gram`` (m, m): the products of the effects' changes of the residual, where known.
+    What is not kept for later: ``cross`` (m, B, k), by how much a step taken changes what each block adds to
+    ``influence``, and ``share`` (B, m), the part of the power that stands in each block.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -78,6 +84,7 @@ class Reference:
     power: Array
     bias: Array
     levels: Array
+    gram: Array | None = None
     cross: Array | None = None
     share: Array | None = None
 
@@ -101,7 +108,32 @@ class Reference:
             power=self.power[m],
             bias=self.bias[np.ix_(k, m)],
             cross=None if self.cross is None else self.cross[np.ix_(m, range(len(self.cross[0])), k)] if m else None,
+            gram=None if self.gram is None else self.gram[np.ix_(m, m)],
             share=None if self.share is None else self.share[:, m],
+        )
+
+    def beside(self, i: int) -> Reference:
+        """Return the reference with the effect of one start in the model, let free, so far as a linear step tells."""
+        if self.gram is None or self.power[i] <= 0.0:
+            return self
+        leans = self.gram[i] / self.gram[i, i]
+        gram = self.gram - np.outer(leans, self.gram[i])
+        power = np.where(np.diag(gram) > NEGLIGIBLE * self.power, np.diag(gram), 0.0)
+        inverted = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0.0)
+        scores, by_block = self.power * self.steps, self.power * self.step_influence
+        bias, places = self.bias[:, i], self.places - self.bias[:, i] * self.steps[i]
+        return replace(
+            self,
+            coordinates=tuple(c.moved(float(p)) for c, p in zip(self.coordinates, places, strict=True)),
+            influence=self.influence - np.outer(self.step_influence[:, i], bias),
+            working=self.working + np.outer(bias, bias) / self.power[i],
+            steps=(scores - leans * scores[i]) * inverted,
+            step_influence=(by_block - np.outer(by_block[:, i], leans)) * inverted,
+            power=power,
+            bias=self.bias - np.outer(bias, leans),
+            gram=gram,
+            cross=None,
+            share=None,
         )
 
 
@@ -121,15 +153,23 @@ def reference(
     reference, so that both can be compared.
     """
     found = fit(model, views, free_parameters(model, views))
+    return found, reference_at(found, views, effects, known)
+
+
+def reference_at(
+    found: Fit, views: Sequence[View], effects: Iterable[Effect], known: Sequence[Start] | None = None
+) -> Reference:
+    """Return what a fit leaves for comparisons, as :func:`reference`."""
     bread, scale = _bread(found, views), _scales(found)
     lacking = {e.name: e for e in effects}
     asked = list(_starts(lacking, found, views)) if known is None else [s for s in known if s.effect in lacking]
     bounded = [lacking[start.effect].bounds for start in asked]
     changed = zip(_changes(asked, lacking, found, views), bounded, strict=True)
     rows = [_step(found, bread, change, known=not only) for change, only in changed]
-    power, steps, step_influence, bias, cross, share = zip(*rows, strict=True) if rows else ((),) * 6
+    power, steps, step_influence, bias, cross, share, new = zip(*rows, strict=True) if rows else ((),) * 7
     count, k = int(found.blocks.max()) + 1, len(found.free)
-    return found, Reference(
+    beyond = np.array(new, dtype=np.float32).reshape(len(rows), found.residual.size)
+    return Reference(
         coordinates=tuple(_coordinate(found, name.name, name.unit, name.logarithmic) for name in found.free),
         starts=tuple(asked),
         influence=-scores(found.jacobian, found.residual, found.blocks) @ bread * scale,
@@ -139,6 +179,7 @@ def reference(
         power=np.array(power, dtype=np.float64),
         bias=np.array(bias).reshape(len(rows), k).T * scale[:, None],
         levels=_levels(found),
+        gram=np.asarray(beyond @ beyond.T, dtype=np.float64),
         cross=np.array(cross).reshape(len(rows), count, k) * scale,
         share=np.array(share).reshape(len(rows), count).T,
     )
@@ -178,9 +219,11 @@ def _changes(
         yield np.zeros(found.residual.size) if change is None else change
 
 
-def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[float, float, Array, Array, Array, Array]:
-    """Return power, step, influence of each block (B,), bias (k,), and what a step changes, of one effect's change of
-    the residual (N,). What it leaves is not ``known`` where it states bounds: within them it takes noise out as well.
+def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[Any, ...]:
+    """Return power, step, influence of each block (B,), bias (k,), what a step changes of the parameters' influence
+    (B, k), the blocks' shares (B,), and what the parameters cannot do (N,), of an effect's change of the residual (N,).
+
+    What it leaves is not ``known`` where it states bounds: within them it takes noise out as well.
     """
     count = int(found.blocks.max()) + 1
     change = np.where(np.isfinite(change), change, 0.0)
@@ -188,12 +231,13 @@ def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[floa
     new = change - found.jacobian @ bias
     power = float(new @ new)
     if power <= NEGLIGIBLE * float(change @ change):
-        return 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count)
+        none = np.zeros(change.size, dtype=np.float32)
+        return 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count), none
     cross = -scores(found.jacobian, new, found.blocks) @ bread
     share = np.bincount(found.blocks, weights=new**2, minlength=count) / power
     scored = np.bincount(found.blocks, weights=new * found.residual, minlength=count)
     kept = (cross, share) if known else (np.zeros_like(cross), np.zeros_like(share))
-    return power, -float(scored.sum()) / power, -scored / power, bias, *kept
+    return power, -float(scored.sum()) / power, -scored / power, bias, *kept, new.astype(np.float32)
 
 
 def _levels(found: Fit) -> Array:

@@ -43,12 +43,16 @@ KEYS = {
 
 @dataclass(frozen=True)
 class Axis:
-    """One rig: its number in the fleet, what changes in it at the last date ("" for nothing), and how much."""
+    """One rig: its number in the fleet, what changes in it at the last date, how much, and what it does not repeat.
+
+    ``drift``: by which part of itself friction differs from date to date, one standard deviation.
+    """
 
     number: int
-    change: str
+    changes: tuple[str, ...]
     size: float
     seed: int
+    drift: float = 0.0
 
     @property
     def name(self) -> str:
@@ -66,17 +70,20 @@ def write_fleet(
     changed: float = 0.05,
     size: float = 1.0,
     seed: int = 1,
+    at_once: int = 1,
+    drift: float = 0.0,
     each: Each = map,
-) -> dict[str, str]:
+) -> dict[str, list[str]]:
     """Write table, template, fleet file and raw files; return what changed by rig, which is sealed as well.
 
-    A share ``changed`` of the rigs, at least one where it is above 0, has a change of ``size`` times the usual.
+    A share ``changed`` of the rigs, at least one where it is above 0, has a change of ``size`` times the usual, or as
+    many of them as are ``at_once``; the friction of all differs by ``drift`` of itself from date to date.
     ``each`` is what applies the recording to every rig: ``map``, or that of a pool of processes.
     """
     rng = np.random.default_rng(seed)
     number = max(round(changed * rigs), 1) if changed > 0 else 0
-    chosen = {int(k): str(rng.choice(CHANGES)) for k in rng.permutation(rigs)[:number]}
-    axes = [Axis(k, chosen.get(k, ""), size, int(rng.integers(2**31))) for k in range(rigs)]
+    chosen = {int(k): _drawn(rng, at_once) for k in rng.permutation(rigs)[:number]}
+    axes = [Axis(k, chosen.get(k, ()), size, int(rng.integers(2**31)), drift) for k in range(rigs)]
     rows = [row for rig in each(partial(_record, directory, dates), axes) for row in rig]
     with (directory / TABLE).open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
@@ -85,11 +92,15 @@ def write_fleet(
     (directory / TEMPLATE).write_text(_template(axes[0]), encoding="utf-8")
     fleet = f'[fleet]\nname = "{directory.name}"\ntemplate = "{TEMPLATE}"\ntable = "{TABLE}"\n'
     (directory / FLEET).write_text(fleet, encoding="utf-8")
-    truth = {axis.name: axis.change for axis in axes if axis.change}
+    truth = {axis.name: list(axis.changes) for axis in axes if axis.changes}
     sealed = directory / SEALED / TRUTH
     sealed.parent.mkdir(parents=True, exist_ok=True)
     sealed.write_text(json.dumps(truth, indent=1), encoding="utf-8")
     return truth
+
+
+def _drawn(rng: np.random.Generator, at_once: int) -> tuple[str, ...]:
+    return tuple(map(str, np.atleast_1d(rng.choice(CHANGES, at_once if at_once > 1 else None, replace=False))))
 
 
 def _record(directory: Path, dates: int, axis: Axis) -> Rows:
@@ -99,6 +110,7 @@ def _record(directory: Path, dates: int, axis: Axis) -> Rows:
     for k in range(dates):
         is_last = k == dates - 1 and k > 0
         parameters = changed_by(axis, case.laboratory.parameters) if is_last else case.laboratory.parameters
+        parameters = _on_a_day(axis, parameters, k)
         day = (FIRST + timedelta(days=k)).isoformat()
         folder = Path("raw") / axis.name / day
         laboratory = replace(case.laboratory, parameters=parameters)
@@ -114,12 +126,22 @@ def _short(take: Take) -> Take:
 
 
 def changed_by(axis: Axis, par: Parameters) -> Parameters:
-    """Return the rig with its change."""
+    """Return the rig with its changes."""
     rng = np.random.default_rng([axis.seed, 3])
-    if axis.change in WORN:
-        field = axis.change.partition(".")[2]
-        return par._replace(**{field: getattr(par, field) * (1.0 + axis.size * (rng.uniform(*GROWN) - 1.0))})
-    return BY_NAME[axis.change].set(par, axis.size, rng) if axis.change else par
+    for change in axis.changes:
+        if change in WORN:
+            field = change.partition(".")[2]
+            par = par._replace(**{field: getattr(par, field) * (1.0 + axis.size * (rng.uniform(*GROWN) - 1.0))})
+        else:
+            par = BY_NAME[change].set(par, axis.size, rng)
+    return par
+
+
+def _on_a_day(axis: Axis, par: Parameters, day: int) -> Parameters:
+    """Return the rig as it is on a day: lubrication, temperature and rest are never quite the same."""
+    rng = np.random.default_rng([axis.seed, 4, day])
+    factors = {name.partition(".")[2]: float(np.exp(axis.drift * rng.standard_normal())) for name in WORN}
+    return par._replace(**{field: getattr(par, field) * factor for field, factor in factors.items()})
 
 
 def _row(axis: Axis, par: Parameters, day: str, folder: Path, takes: Sequence[Take]) -> dict[str, str]:

@@ -15,6 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pneucli.fleet.trends import Trend
+from pneucli.words.fleet import repeating
 
 _ASSETS = files("pneucli.fleet") / "assets"
 ROOM = 2_000_000  # bytes of trends: those of rigs that stand first, as far as they fit
@@ -31,6 +32,7 @@ def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], tre
     data = json.dumps(data_of(answer, results, trends), separators=(",", ":"), allow_nan=False)
     return environment.get_template("fleet.html.j2").render(
         answer=answer,
+        repeating=repeating(answer),
         style=_asset("fleet.css"),
         script=script,
         policy=_policy(script),

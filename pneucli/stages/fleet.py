@@ -9,11 +9,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from pneucli import paths
 from pneucli.config import FleetConfig, keys_at
+from pneucli.diagnose.repeats import Prior, Repeat, pooled
 from pneucli.document import read
 from pneucli.errors import InputError
 from pneucli.executors import Engine, Outcome, engine_from, stream
@@ -76,6 +78,11 @@ class Fleet:
         self.rigs: dict[str, deque[Row]] = {}
         for row in sorted(self.rows, key=lambda r: (r.rig, r.date)):
             self.rigs.setdefault(row.rig, deque()).append(row)
+        number = config.fleet.healthy
+        self.healthy = {rig: [r.key for r in [*rows][:number]] for rig, rows in self.rigs.items()} if number > 1 else {}
+        self.unknown = {key for keys in self.healthy.values() for key in keys}
+        self.learned = not self.unknown
+        self.prior: Mapping[str, Prior] = {}
         self.references: dict[str, Row] = {}
         self.done = self.renewed = 0
 
@@ -84,12 +91,23 @@ class Fleet:
         self.former = read_results(self.store, self.rows)
         for rig in self.rigs:
             self._next(rig)
+        self._learn_once()
         return bool(self.ready)
+
+    def _learn_once(self) -> None:
+        """Take from the dates that are stated to be healthy how well rigs of this kind repeat, and go on with all."""
+        if self.learned or self.unknown:
+            return
+        self.learned, self.prior = True, pooled(map(self._repeats, self.rigs))
+        for rig in self.rigs:
+            self._next(rig)
 
     def _next(self, rig: str) -> None:
         """Go on with a rig: its dates one by one until one is not bad, then all the others against that one."""
         waiting = self.rigs[rig]
         while waiting:
+            if not self.learned and waiting[0].key not in self.healthy[rig]:
+                return  # how well rigs of this kind repeat is not known yet
             job = self._job(waiting.popleft())
             result = self._known(job)
             if result is None:
@@ -102,12 +120,21 @@ class Fleet:
     def _take(self, job: Job, result: Result) -> None:
         """Note a result; the first of a rig that is not bad is what its other dates are held against."""
         self.results[job.row.key] = result
+        self.unknown.discard(job.row.key)
         self.done += 1
         if job.row.rig not in self.references and not result["bad"]:
             self.references[job.row.rig] = job.row
 
+    def _repeats(self, rig: str) -> tuple[Repeat, ...]:
+        """Return what the dates of a rig that are stated to be healthy said of its first one."""
+        first = self.references.get(rig)
+        known = [self.results[key] for key in self.healthy.get(rig, []) if key in self.results]
+        return tuple(r["repeat"] for r in known if first is not None and r["since"] == first.date and r.get("repeat"))
+
     def _job(self, row: Row) -> Job:
         first = self.references.get(row.rig)
+        stated = row.key in self.healthy.get(row.rig, ())
+        repeats = () if first is None or stated else self._repeats(row.rig)
         try:
             text = pipeline_of(self.text, row, (self.template.parent, self.table.parent))
         except (InputError, KeyError, TypeError, ValueError, StopIteration) as error:
@@ -121,6 +148,9 @@ class Fleet:
             alarm_rate=self.config.fleet.alarm_rate,
             reports=self.config.fleet.reports,
             keeps=first is None,
+            healthy=stated,
+            repeats=repeats,
+            prior=self.prior if repeats else None,
             program=self.program,
             plugins=self._plugins(text),
         )
@@ -147,6 +177,7 @@ class Fleet:
             self._take(outcome.job, self._result(outcome))
             self.renewed += not self.results[outcome.job.row.key].get("same")
             self._next(outcome.job.row.rig)
+            self._learn_once()
             share = self.done / len(self.rows)
             left = (time.monotonic() - begun) * (len(self.rows) - self.done) / max(self.done - before, 1)
             bad = sum(r["failure"] is not None for r in self.results.values())
@@ -226,6 +257,7 @@ def answer_of(fleet: Fleet, results: Sequence[Result], trends: Sequence[Trend]) 
         "failed": sum(failures.values()),
         "changed": len({c["rig"] for c in changed}),
         "alarm_rate": fleet.config.fleet.alarm_rate,
+        "repeatability": repeatability(fleet.config.fleet.healthy, results),
         "verdicts": dict(Counter(r["verdict"] for r in results if r["verdict"])),
         "missing": dict(Counter(name for r in results for name in r["missing"]).most_common()),
         "changes": sorted(changed, key=lambda c: -max(one["confidence"] for one in c["changes"])),
@@ -233,3 +265,15 @@ def answer_of(fleet: Fleet, results: Sequence[Result], trends: Sequence[Trend]) 
         "breaks": sum(bool(t.breaks) for t in trends),
         "out": str(fleet.store),
     }
+
+
+def repeatability(dates: int, results: Sequence[Result]) -> dict[str, Any] | None:
+    """Return by which part of itself each parameter differs from healthy date to healthy date, the median of rigs."""
+    last = {r["rig"]: r for r in results if r.get("repeatability")}
+    sizes: dict[str, list[float]] = {}
+    for r in last.values():
+        for name, one in r["repeatability"]["parameters"].items():
+            if value := r["parameters"].get(name, {}).get("value"):
+                sizes.setdefault(name, []).append(one["value"] / abs(value))
+    parameters = {name: round(median(mine), 5) for name, mine in sizes.items()}
+    return {"rigs": len(last), "dates": dates, "parameters": parameters} if last else None

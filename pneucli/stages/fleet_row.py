@@ -14,6 +14,7 @@ from typing import Any
 
 import tomlkit
 
+from pneucli.diagnose.repeats import Prior, Repeat
 from pneucli.errors import InputError, surroundings
 from pneucli.fleet.pipelines import files_of, folder_name
 from pneucli.fleet.table import Row
@@ -55,6 +56,8 @@ class Job:
 
     ``since`` is the date it is held against, ``reference_key`` tells which result of that date, ``program`` and
     ``plugins`` (SHA-256 by path) what the client has. Where ``keeps`` is set, later dates are held against this one.
+    A ``healthy`` date is stated to be so: nothing is named there. ``repeats`` are what such dates said of the first
+    one, ``prior`` what those of all rigs say together.
     """
 
     out: str
@@ -65,6 +68,9 @@ class Job:
     alarm_rate: float = 1e-3
     reports: str = "changed"
     keeps: bool = False
+    healthy: bool = False
+    repeats: tuple[Repeat, ...] = ()
+    prior: Mapping[str, Prior] | None = None
     program: Mapping[str, str] = field(default_factory=dict)
     plugins: Mapping[str, str] = field(default_factory=dict)
 
@@ -81,7 +87,8 @@ class Job:
     @property
     def asked(self) -> list[Any]:
         """All that the result depends on, but the files."""
-        settings = [self.since, self.reference_key, self.alarm_rate, self.reports, self.keeps]
+        settings: list[Any] = [self.since, self.reference_key, self.alarm_rate, self.reports, self.keeps]
+        settings += [self.healthy, self.repeats, self.prior]
         return [program_digest(), self.text, dict(self.plugins), settings]
 
 
@@ -224,6 +231,8 @@ def _done(job: Job, scratch: Path) -> dict[str, Any]:
     file.write_text(text, encoding="utf-8")
     pipeline = open_pipeline(file, load, scratch / "artifacts", STAGES_OF_ROW)
     answer = dict(pipeline.bring_up(["diagnose"], {"diagnose": _options(job, scratch)})["diagnose"].answer)
+    if job.healthy:
+        answer["changes"] = []
     _keep(job, pipeline)
     result = _head(job.row) | _told(answer) | {"since": job.since, "program": program_digest(), "failure": None}
     result |= {"report": _report(job, pipeline, answer), "cause": None, "again": False}
@@ -234,7 +243,7 @@ def _options(job: Job, scratch: Path) -> dict[str, Any]:
     if job.since is None:
         return {}
     old = job.store.fetched(f"{folder_of(replace(job.row, date=job.since))}/{REFERENCE}", scratch)
-    return since.option(old, job.alarm_rate)
+    return since.option(old, job.alarm_rate, job.repeats, job.prior)
 
 
 def _here(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
@@ -275,6 +284,8 @@ def _told(answer: Mapping[str, Any]) -> dict[str, Any]:
         "parameters": answer["parameters"] | effects,
         "changes": answer.get("changes", []),
         "p_value": answer.get("since", {}).get("p_value"),
+        "repeat": answer.get("since", {}).get("repeat"),
+        "repeatability": answer.get("since", {}).get("repeatability"),
         "sentence": answer["sentence"],
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pneucli.diagnose.change import ALARM_RATE
 from pneucli.diagnose.changes import Change, Changes, named_changes
 from pneucli.diagnose.reference import Coordinate, Reference, Start, aligned, reference
+from pneucli.diagnose.repeats import NONE, Drift, Prior, Repeat, drift_of, names_of, repeat_of
 from pneucli.diagnose.trial import Bench
 from pneucli.errors import InputError
 from pneucli.identify.fit import Fit
@@ -28,16 +29,38 @@ FILE = "reference.parquet"
 SCHEMA = "pneucli/diagnose/reference/1"
 
 
-def option(folder: Path, alarm_rate: float | None = None) -> dict[str, Any]:
+def option(
+    folder: Path,
+    alarm_rate: float | None = None,
+    repeats: Sequence[Repeat] = (),
+    prior: Mapping[str, Prior] | None = None,
+) -> dict[str, Any]:
     """Return the options of ``diagnose`` that ask what changed since the diagnosis in ``folder``.
 
-    Its content is part of them: another old model makes the answer stale. Raises InputError where there is none.
+    Its content is part of them: another old model makes the answer stale. ``repeats``: what healthy dates said of the
+    old model, ``prior`` what is known beforehand of how such rigs repeat. Raises InputError where there is none.
     """
     if not (folder / FILE).is_file():
         mend = "run pneucli diagnose on the old pipeline first"
         raise InputError(f"--since {folder}", f"no {FILE} in it", "what an earlier diagnosis has written", mend)
     rate = ALARM_RATE if alarm_rate is None else alarm_rate
-    return {"since": {"folder": str(folder.absolute()), "sha256": sha256_of(folder / FILE), "alarm_rate": rate}}
+    asked = {"folder": str(folder.absolute()), "sha256": sha256_of(folder / FILE), "alarm_rate": rate}
+    known = {"repeats": [dict(one) for one in repeats], "prior": None if prior is None else dict(prior)}
+    return {"since": asked | (known if repeats else {})}
+
+
+def repeat_in(folder: Path, asked: Mapping[str, Any]) -> Repeat:
+    """Return what a healthy date said of the old model of :func:`option`.
+
+    Raises InputError where the diagnosis in ``folder`` was not held against that one.
+    """
+    manifest = staleness.read(folder)
+    told = (manifest.answer or {}).get("since", {}) if manifest else {}
+    if told.get("sha256") != asked["since"]["sha256"]:
+        found = "it was not held against this old model" if told else "no comparison in it"
+        mend = "run pneucli diagnose REPEAT --since OLD first"
+        raise InputError(f"--repeat {folder}", found, "a healthy repeat of OLD", mend)
+    return dict(told["repeat"])
 
 
 def keep_reference(study: Study, bench: Bench, model: Model) -> Fit:
@@ -56,12 +79,28 @@ def since(study: Study, bench: Bench, asked: Mapping[str, Any]) -> dict[str, Any
     views: list[View] = [*bench.train, *bench.held_out]
     own = replace(bench, covered=model.valve.covers)
     found, new = reference(model, views, _lacking(own, model), old.starts)
-    old, new = aligned(old, new)
+    whole, (old, new) = old, aligned(old, new)
     if not old.coordinates:
         here = "these recordings show none of the parameters of the old model"
         raise InputError(f"--since {folder}", here, "recordings of the same kind of test")
-    changes = named_changes(old, new, found, views, bench.effects, rate)
-    return {"since": _told(folder, rate, changes), "changes": [_change(c) for c in changes.changes]}
+    repeats = asked.get("repeats", [])
+    drift = drift_of(repeats, asked.get("prior")) if repeats else NONE
+    changes = named_changes(old, new, found, views, bench.effects, rate, drift, names_of(whole, old))
+    told = _told(folder, rate, changes) | {"sha256": asked["sha256"], "repeat": repeat_of(whole, old, new)}
+    told["repeatability"] = _repeatability(drift, old, repeats)
+    return {"since": told, "changes": [_change(c) for c in changes.changes]}
+
+
+def _repeatability(drift: Drift, old: Reference, repeats: Sequence[Repeat]) -> dict[str, Any] | None:
+    """Return how well the rig repeats, one standard deviation by parameter; None where no healthy date could tell."""
+    if not repeats:
+        return None
+    sizes = {c.name: float(np.sqrt(drift.variance.get(c.name, 0.0))) for c in old.coordinates}
+    own = {c.name: sizes[c.name] * (c.value if c.logarithmic else 1.0) for c in old.coordinates}
+    return {
+        "dates": len(repeats) + 1,
+        "parameters": {c.name: {"value": own[c.name], "unit": c.unit} for c in old.coordinates},
+    }
 
 
 def _lacking(bench: Bench, model: Model) -> list[Any]:
@@ -125,6 +164,7 @@ def write_reference(study: Study, made: Reference) -> None:
             "power": np.array([*[np.nan] * k, *made.power, np.nan], dtype=np.float64),
             "vector": [*(list(map(float, v)) for v in vectors), []],
             "blocks": [list(map(float, b)) for b in blocks],
+            "gram": [*[[]] * k, *(list(map(float, row[: i + 1])) for i, row in enumerate(_gram(made))), []],
         },
         units={"value": "see column unit", "step": "1", "power": "1"},
         schema=SCHEMA,
@@ -154,7 +194,20 @@ def read_reference(path: Path) -> Reference:
         power=np.asarray(table["power"], dtype=np.float64)[theirs],
         bias=stacked("vector", theirs, k).T,
         levels=level,
+        gram=_whole([np.asarray(table["gram"][i], dtype=np.float64) for i in theirs]) if "gram" in table else None,
     )
+
+
+def _gram(made: Reference) -> NDArray[np.float64]:
+    return np.zeros((0, 0)) if made.gram is None else made.gram
+
+
+def _whole(rows: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return a symmetric matrix from its lower triangle."""
+    lower = np.zeros((len(rows), len(rows)))
+    for i, row in enumerate(rows):
+        lower[i, : i + 1] = row
+    return lower + np.tril(lower, -1).T
 
 
 def _start(table: Mapping[str, Any], i: int) -> Start:

@@ -98,7 +98,9 @@ def different(answer: Answer) -> str:
     unseen = [one for one in answer["since"]["unseen"] if one["plausible"]]
     sizes = [f"{one['name']} by {quantity(one['size'], one['unit'], 2)}" for one in unseen[:3]]
     text = f"nothing changed that {len(answer['since']['unseen'])} parameters and effects would show"
-    return f"{text}; from these sizes on a change would have been named: {joined(sizes)}" if sizes else text
+    text += f"; from these sizes on a change would have been named: {joined(sizes)}" if sizes else ""
+    unknown = "; how much the rig differs from date to date without a change is not known (--repeat)"
+    return text if answer["since"].get("repeatability") else text + unknown
 
 
 def difference(one: Answer) -> str:

@@ -39,6 +39,7 @@ def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float =
         np.array([power]),
         bias[:, None],
         np.log(by_block(residual**2) / 20),
+        np.array([[power]]),
         -np.column_stack([by_block(c * new) for c in jacobian.T])[None] @ bread,
         by_block(new**2)[:, None] / power,
     )
@@ -135,3 +136,56 @@ def test_an_effect_that_cannot_fall_below_none_is_not_named_for_doing_so() -> No
     assert chance(none, below) == 1.0
     assert chance(none, there) < 1e-6
     assert chance(there, none) < 1e-6  # it was there, and has gone
+
+
+def test_a_reference_with_an_effect_in_it_is_as_if_the_model_had_had_it() -> None:
+    """Two effects whose signatures overlap, of which one is in the new model: the other has its own step."""
+    rng = np.random.default_rng(10)
+    old, noise = two_bends(rng, (0.0, 0.0)), rng.standard_normal(20 * BLOCKS)
+    for i, size in ((0, 2.0), (1, 1.0)):
+        whole, inside = two_bends(noise, (1.0, 2.0)), two_bends(noise, (1.0, 2.0), inside=i)
+        one, beside = (r.only(["a", "b"], inside.starts) for r in (inside, whole.beside(i)))
+        assert beside.places == pytest.approx(one.places)
+        assert beside.steps == pytest.approx(one.steps)
+        assert beside.working == pytest.approx(one.working)
+        assert beside.power == pytest.approx(one.power)
+        comparison = Comparison(*aligned(old.beside(i), one))
+        tested = comparison.test(Hypothesis("other", start=0))
+        assert tested is not None
+        assert tested.size == pytest.approx(size, abs=4 * tested.error)
+        assert tested.p_value < 1e-6
+    unknown = replace(old, gram=None)  # an older version kept less
+    assert unknown.beside(0) is unknown
+
+
+def two_bends(rng: np.random.Generator | Array, sizes: tuple[float, float], inside: int | None = None) -> Reference:
+    """As :func:`linear`, with a parabola and a cubic that overlap, one of which the model may have."""
+    t = np.linspace(-1.0, 1.0, 20 * BLOCKS)
+    jacobian, bends = np.column_stack([np.ones_like(t), t]), np.column_stack([t**2 + 0.3, t**2 + t**3])
+    noise = rng if isinstance(rng, np.ndarray) else rng.standard_normal(t.size)
+    measured = jacobian @ [1.0, 2.0] + bends @ sizes + noise
+    lacking = [0, 1] if inside is None else [1 - inside]
+    jacobian, bends = np.column_stack([jacobian, *([] if inside is None else [bends[:, inside]])]), bends[:, lacking]
+    bread = np.linalg.inv(jacobian.T @ jacobian)
+    found, bias = bread @ jacobian.T @ measured, bread @ jacobian.T @ bends
+    residual, new = jacobian @ found - measured, bends - jacobian @ bias
+    block = np.repeat(np.arange(BLOCKS), 20)
+    power = np.sum(new**2, axis=0)
+
+    def by_block(rows: Array) -> Array:
+        return np.array([rows[block == b].sum(axis=0) for b in range(BLOCKS)])
+
+    return Reference(
+        tuple(Coordinate(n, "N", float(v), False, False) for n, v in zip("abc", found, strict=False)),
+        tuple(Start(f"bend{i}", {f"bend{i}.size": 1.0}) for i in lacking),
+        -by_block(jacobian * residual[:, None]) @ bread,
+        bread,
+        -(new.T @ residual) / power,
+        -by_block(new * residual[:, None]) / power,
+        power,
+        bias,
+        np.log(by_block(residual**2) / 20),
+        new.T @ new,
+        np.array([-by_block(jacobian * new[:, [i]]) @ bread for i in range(len(lacking))]),
+        by_block(new**2) / power,
+    )

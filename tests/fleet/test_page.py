@@ -48,7 +48,7 @@ def fleet(rigs: int, dates: int) -> tuple[dict[str, Any], list[dict[str, Any]], 
     ]
     failures = [{"cause": f"kind {k}", "rows": 5} for k in range(7)]
     answer = {"fleet": "plant", "rigs": rigs, "rows": len(results), "changed": 1, "failed": 7, "breaks": 0, "done": 0,
-              "alarm_rate": 1e-3, "failures": failures, "missing": {"stribeck": 9}}  # fmt: skip
+              "alarm_rate": 1e-3, "repeatability": None, "failures": failures, "missing": {"stribeck": 9}}  # fmt: skip
     return answer, results, trends
 
 
