@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 Pull = Callable[[Array], Array]
 
 WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
+STOP = 6.0  # time constants of the pressure loop that the shaped reference takes at least from full speed to rest
 SLACK = 0.05  # of ambient and supply pressure, which the pressure references keep away from
 
 
@@ -50,7 +51,7 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     axis |= wished(wanted, axis)
     limits = reference_limits(corners, axis, wanted, partial(ports.pull, model))
     values = axis | gains(corners, axis, wanted, timing) | spool_values(model, wanted, timing) | limits
-    values |= standstill(corners, values, wanted)
+    values |= standstill(corners, values, wanted, ports.bristle_stiffness(model), ports.dwelt(model))
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
     return Controller(values, fill, vent, fill_2, vent_2, along=along_stroke(model, limits["C_V_MAX"]))
 
@@ -182,10 +183,12 @@ def reference_limits(
     """Return the largest speed and acceleration of the shaped reference, and the time over which it closes in."""
     speed, rate = reachable(axis, pulls)
     force_rate = axis["C_AREA_1"] * rate
+    highest = wanted.max_speed or 0.7 * speed
+    rule = min(force_rate / (2.0 * corners.position * axis["C_MASS"]), highest * corners.pressure / STOP)
     return {
-        "C_V_MAX": wanted.max_speed or 0.7 * speed,
-        "C_A_MAX": wanted.max_acceleration or force_rate / (2.0 * corners.position * axis["C_MASS"]),
-        "C_SHAPE": 4.0 * wanted.period,
+        "C_V_MAX": highest,
+        "C_A_MAX": wanted.max_acceleration or rule,
+        "C_SHAPE": max(4.0 * wanted.period, 1.0 / corners.pressure),
         "C_LEAD": 1.0 / corners.pressure,
         "C_LEVEL_RATE": 0.2 * rate,
         "C_FLOW_STEP": 0.05 * rate,

@@ -35,6 +35,11 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_SIDE,  # sign of the error; share of the pace that is left after going too far (above 1: all)
     S_EAGER,
     S_BRAKE,  # s for which a freed piston is still stopped
+    S_ELASTIC,  # 1: the piston was seen to give way to a force that friction surely holds
+    S_WAY,  # m that it went since it last turned or rested, and the most in N that pushed it along meanwhile
+    S_PUSHED,
+    S_TRIED,  # N by which the force on an elastic piston has risen since it sticks
+    S_WIDE,  # 1: over the reach, the error that is put up with where it is elastic
     S_FORCE,  # N asked of the pressures, and what of it is integrated
     S_INTEGRAL,
     S_P1_REF,  # Pa
@@ -61,10 +66,10 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_TURN,  # place of all rows where the latest stands
     S_LEVEL,  # Pa: mean of both pressures that is kept, on its way to what is asked for; 0: not yet begun
     S_LEVEL_SET,  # Pa: what it was set to, 0: as designed
-) = range(53)
+) = range(58)
 
 # states of LINE numbers each stand behind: rings of openings in V and of pressures seen in Pa
-S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (53 + i * LINE for i in range(4))
+S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (58 + i * LINE for i in range(4))
 
 (
     C_PERIOD,  # s
@@ -110,6 +115,13 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (53 + i * LINE for i in range(4))
     C_SECTOR_RATE,  # N/(s m), N/s, N/s: integral switching term
     C_SECTOR_SLOW,
     C_SECTOR_FAST,
+    C_STIFF,  # m after which a piston surely slides, whatever is elastic in its seals
+    C_GROWTH,  # 1/s by which the force on an elastic piston that sticks grows
+    C_STICK_MOST,  # N: largest force that shall free a piston
+    C_UNLOADING,  # 1/s by which a force grows that stops one which does not stop by itself
+    C_CLOSING,  # 1/s by which it closes in
+    C_BRAKE,  # N s/m that stops it near its reference
+    C_WIDEST,  # 1: over the reach, the largest error that is put up with
     C_LINGER,  # s in which a stirring piston is noticed and stopped
     C_REACH,  # m: error at which the piston is left in peace
     C_OBS_X,  # 1, 1/s, N/m: gains of the motion observer for the innovation of position
@@ -152,7 +164,7 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (53 + i * LINE for i in range(4))
     C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(84)
+) = range(91)
 
 _ROWS = ("S_LINE1", "S_LINE2", "S_PAST1", "S_PAST2")
 STATE = (
@@ -188,7 +200,7 @@ UNITS = {
     **dict.fromkeys(("C_AMBIENT", "C_SUPPLY", "C_P_LOW", "C_P_HIGH", "C_P_MEAN", "C_P_BAND"), "Pa"),
     "C_GAMMA_R_T": "J/kg",
     "C_K_GAS": "s/m",
-    **dict.fromkeys(("C_COULOMB", "C_STATIC", "C_LOAD_STEP"), "N"),
+    **dict.fromkeys(("C_COULOMB", "C_STATIC", "C_LOAD_STEP", "C_STICK_MOST"), "N"),
     **dict.fromkeys(("C_STRIBECK", "C_V_FLOOR", "C_V_MAX"), "m/s"),
     **dict.fromkeys(("C_VISCOUS", "C_VISCOUS_BACK"), "N s/m"),
     **dict.fromkeys(("C_DRY_P1", "C_DRY_P2"), "1/Pa"),
@@ -203,6 +215,9 @@ UNITS = {
     **dict.fromkeys(("C_PLAY", "C_PLAY_LEAST"), "V"),
     **dict.fromkeys(("C_ZERO_1", "C_ZERO_2"), "Pa"),
     **dict.fromkeys(("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE"), "m^2"),
+    "C_STIFF": "m",
+    "C_BRAKE": "N s/m",
+    **dict.fromkeys(("C_GROWTH", "C_UNLOADING", "C_CLOSING"), "1/s"),
     "C_OBS_LOAD": "N/m",
     "C_FLOW_STEP": "Pa/s",
 }  # by parameter; those that are left out have none

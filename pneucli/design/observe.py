@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from pneucli.design.layout import *
-from pneucli.design.plant import along, clamp, slid, usable
+from pneucli.design.plant import along, clamp, dry_share, sign, slid, usable
 from pneucli.design.spool import (
     drift_1,
     drift_2,
@@ -38,6 +38,7 @@ def start(x_ref, x, p1, p2, s, c):
     s[S_P2_REF] = s[S_P2]
     s[S_ANCHOR] = s[S_X]
     s[S_BREAK] = c[C_STATIC]
+    s[S_WIDE] = 1.0
     s[S_U1] = shut_1(c)
     s[S_U2] = shut_2(c) if c[C_TWO_VALVES] > 0.5 else 0.0
     settle(s, c)
@@ -120,6 +121,32 @@ def pushing(x, p1, p2, s, c):
     return force_of(p1, p2, c) + along(x, 4, c) + s[S_LOAD]
 
 
+def stir(force, s, c):
+    """Tell whether the piston stirs, and whether it is elastic: driven by a force in N that friction surely holds.
+
+    A rigid one starts, and turns, only under more than dry friction. What goes on is no spring.
+    """
+    s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_LINGER], 1.0)
+    s[S_STIRS] = s[S_STIRS] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_REACH] else 0.0
+    if s[S_WAY] * s[S_V] <= 0.0:
+        s[S_WAY] = 0.0
+        s[S_PUSHED] = 0.0
+    s[S_WAY] += c[C_PERIOD] * s[S_V]
+    s[S_PUSHED] = max(s[S_PUSHED], force * sign(s[S_V]))
+    held = s[S_PUSHED] < 0.5 * c[C_COULOMB] * dry_share(s[S_X], s[S_V], s, c)
+    if held and s[S_REST] > 0.05 and math.fabs(s[S_WAY]) > 2.0 * c[C_REACH]:
+        s[S_ELASTIC] = 1.0
+    if math.fabs(s[S_WAY]) > c[C_STIFF] or (s[S_REST] > 0.05 and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_STIFF]):
+        s[S_ELASTIC] = 0.0
+
+
+def tells(s, c):
+    """Whether what is left over of the motion is a load: not while something elastic may carry a piston at rest."""
+    if s[S_STIRS] < 0.5:
+        return False
+    return s[S_REST] < 0.05 or s[S_ELASTIC] < 0.5
+
+
 def observe_motion(x, s, c):
     """Observe motion and load: the piston with set-valued friction, driven by what it leaves over (5.18-5.21).
 
@@ -127,9 +154,8 @@ def observe_motion(x, s, c):
     of the last one. While the piston is not seen to stir, friction is whatever holds it, and nothing is left over.
     """
     h = c[C_PERIOD]
-    s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(h / c[C_LINGER], 1.0)
-    s[S_STIRS] = s[S_STIRS] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_REACH] else 0.0
     force = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
+    stir(force, s, c)
     v = slid(s[S_X], s[S_V], force, h, s, c) if s[S_STIRS] > 0.5 else 0.0
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
@@ -137,7 +163,7 @@ def observe_motion(x, s, c):
         off = x - s[S_X]
         s[S_X] += c[C_OBS_X] * off
         s[S_V] += c[C_OBS_V] * off
-        if s[S_STIRS] > 0.5:
+        if tells(s, c):
             s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP], c[C_LOAD_STEP])
 
 

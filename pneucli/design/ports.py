@@ -80,6 +80,16 @@ def _dry(model: Model, way: float, x: float, p1: float, p2: float) -> float:
     return max(_product(model, "dry_factor", way, x, ambient + p1, ambient + p2, ambient), 1e-3)
 
 
+def dwelt(model: Model) -> float:
+    """Return by what factor a long rest raises the friction that holds."""
+    return max(_product(model, "static_factor", LONG), 1.0)
+
+
+def bristle_stiffness(model: Model) -> float:
+    """Return the stiffness in N/m of what gives way before the piston slides; 0 where that is rigid."""
+    return model.total("bristle_stiffness")
+
+
 def slowing(model: Model) -> float:
     """Return dry friction while slowing over Coulomb's; 1 where both branches are one."""
     return _product(model, "slowing")

@@ -30,6 +30,10 @@ HASTE = 5.0  # by which a spool is hurried: so much more command than the openin
 UNTOLD = 2.5e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it the loops still hold
 MODELLED = 0.1  # of a predicted delay, by which it may be wrong
 FIRM = 0.7  # corner of the pressure loop times what it has to stand
+CALM = 0.5  # of the pressure loop's corner, by which a load is told
+SOFT = 12.0  # supply forces over the stroke: stiffness of a soft seal, which gives way before the piston slides
+CLOSING = 10.0  # 1/s, by which a piston closes in at rest
+WIDEST = 10.0  # reaches that are put up with at most
 QUICK_SENSOR = 2.0  # corner of the pressure observer times the lag of its sensor: noise grows with it
 
 
@@ -98,14 +102,20 @@ def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float], *,
 def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements, timing: Timing) -> dict[str, float]:
     """Return the gains of both PIDs and all observers (that of motion: equal poles at exp(-corner period))."""
     h = wanted.period
-    pole = math.exp(-corners.motion_observer * h)
     return {
         **loop_gains(corners, wanted),
-        "C_OBS_X": 1.0 - pole**3,
-        "C_OBS_V": 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h,
-        "C_OBS_LOAD": axis["C_MASS"] * (1.0 - pole) ** 3 / (h * h),
+        **motion_observer(corners, axis["C_MASS"], h),
         **pressure_observer(corners, timing, h),
     }
+
+
+def motion_observer(corners: Corners, mass: float, h: float) -> dict[str, float]:
+    """Return the gains of the observer of motion; the load is told no faster than it is made up for."""
+    quick = math.exp(-corners.motion_observer * h)
+    slow = math.exp(-min(corners.motion_observer, CALM * corners.pressure) * h)
+    forward = np.array([[1.0, h, h * h / (2.0 * mass)], [0.0, 1.0, h / mass], [0.0, 0.0, 1.0]])
+    names = ("C_OBS_X", "C_OBS_V", "C_OBS_LOAD")
+    return dict(zip(names, observer_gains(forward, (quick, quick, slow)), strict=True))
 
 
 def loop_gains(corners: Corners, wanted: Requirements) -> dict[str, float]:
@@ -170,8 +180,20 @@ def spool_values(model: Model, wanted: Requirements, timing: Timing) -> dict[str
     }
 
 
-def standstill(corners: Corners, values: Mapping[str, float], wanted: Requirements) -> dict[str, float]:
-    """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force."""
+def gives_way(values: Mapping[str, float], stiffness: float) -> float:
+    """Return the way in m after which a piston surely slides, whatever is elastic in its seals."""
+    supply_force = values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"])
+    return 1.5 * values["C_COULOMB"] / (stiffness or SOFT * supply_force / values["C_STROKE"])
+
+
+def standstill(
+    corners: Corners, values: Mapping[str, float], wanted: Requirements, stiffness: float, dwelt: float
+) -> dict[str, float]:
+    """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force.
+
+    ``stiffness`` (N/m) of what gives way before the piston slides, 0 where it is not known; ``dwelt``: by what factor a
+    long rest raises what holds it.
+    """
     static = values["C_STATIC"]
     tolerance = wanted.tolerance or max(10e-6, 2.0 * wanted.quantum_x, 4.0 * wanted.noise_x)
     reach = 0.5 * tolerance
@@ -187,4 +209,11 @@ def standstill(corners: Corners, values: Mapping[str, float], wanted: Requiremen
         "C_SECTOR_FAST": 27.0 * static,
         "C_P_BAND": 0.1 * static / values["C_AREA_1"],
         "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
+        "C_STIFF": gives_way(values, stiffness),
+        "C_GROWTH": corners.pressure / 6.0,
+        "C_STICK_MOST": 3.0 * static * dwelt + values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]),
+        "C_UNLOADING": corners.pressure / 5.0,
+        "C_CLOSING": CLOSING,
+        "C_BRAKE": values["C_MASS"] * values["C_KD"],
+        "C_WIDEST": WIDEST,
     }

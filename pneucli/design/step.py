@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from pneucli.design.elastic import braking, carry
 from pneucli.design.layout import *
 from pneucli.design.level import level_kept
 from pneucli.design.observe import arrive, begin, look_ahead, observe_motion, observe_pressures
@@ -55,9 +56,16 @@ def position_law(x_ref, s, c):
     force = c[C_MASS] * (ahead * s[S_A_SHAPED] + c[C_KD] * rate + c[C_KP] * error)
     force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * s[S_V_SHAPED]
     if c[C_SWITCHING] > 0.5 and s[S_REST] > 0.05:
-        loosen(s[S_X_SHAPED] - s[S_X], s, c)
+        if s[S_ELASTIC] > 0.5:
+            carry(s[S_X_SHAPED] - s[S_X], s, c)
+            force += braking(s[S_X_SHAPED] - s[S_X], s, c)
+        else:
+            loosen(s[S_X_SHAPED] - s[S_X], s, c)
     else:
         s[S_STICK] = 0.0
+        s[S_TRIED] = 0.0
+        s[S_SIDE] = 0.0
+        s[S_WIDE] = 1.0
         s[S_EAGER] = 4.0
     force = force + ahead * dry_ahead(s, c) + s[S_STICK]
     if c[C_ESTIMATES] > 0.5:

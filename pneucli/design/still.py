@@ -46,18 +46,29 @@ def loosen(error, s, c):
         if driving * sign(error) >= factor * max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
             pace = min(c[C_SECTOR_RATE] * math.fabs(error), c[C_SECTOR_FAST])
         pace = max(pace * min(s[S_EAGER], 1.0), c[C_SECTOR_SLOW])
-        s[S_STICK] = clamp(s[S_STICK] + h * pace * side, -3.0 * c[C_STATIC], 3.0 * c[C_STATIC])
+        s[S_STICK] = clamp(s[S_STICK] + h * pace * side, -c[C_STICK_MOST], c[C_STICK_MOST])
+
+
+def settle_down(s, c):
+    """Leave the piston where it sticks: its force is half loosened, unless it is elastic and would move with it."""
+    s[S_HOLD] = 1.0
+    s[S_EAGER] = 4.0
+    s[S_FORCE] = pressure_force(s, c)
+    if s[S_ELASTIC] < 0.5:
+        s[S_FORCE] -= 0.5 * pushing(s[S_X], s[S_P1], s[S_P2], s, c)
+        s[S_STICK] = 0.0
+    s[S_TRIED] = 0.0
 
 
 def hold(x_ref, s, c):
     """Whether the piston is left where it sticks, near a resting reference; its force is then half loosened."""
     resting = s[S_REST] > 0.05 and math.fabs(s[S_V]) < c[C_V_FLOOR]
     off = math.fabs(x_ref - s[S_X])
-    if s[S_HOLD] < 0.5 and resting and off < c[C_REACH]:
-        s[S_HOLD] = 1.0
-        s[S_EAGER] = 4.0
-        s[S_FORCE] = pressure_force(s, c) - 0.5 * pushing(s[S_X], s[S_P1], s[S_P2], s, c)
-        s[S_STICK] = 0.0
-    elif not resting or off > 2.0 * c[C_REACH]:
+    reach = c[C_REACH]
+    if s[S_ELASTIC] > 0.5:
+        reach *= s[S_WIDE]
+    if s[S_HOLD] < 0.5 and resting and off < reach:
+        settle_down(s, c)
+    elif not resting or off > 2.0 * reach:
         s[S_HOLD] = 0.0
     return s[S_HOLD] > 0.5

@@ -410,6 +410,7 @@ def test_every_number_with_a_unit_has_one() -> None:
         "C_NODES",
         "C_PLACES",
         "C_SLOWING",
+        "C_WIDEST",
         "C_TABLE",
     }
     assert set(layout.PARAMETERS) - set(layout.UNITS) == none

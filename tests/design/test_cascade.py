@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pneucli.design import cascade
-from pneucli.design.cascade import axis_values, inverse_table, reachable, reference_limits
+from pneucli.design.cascade import STOP, axis_values, inverse_table, reachable, reference_limits
 from pneucli.design.layout import LINE, SWITCHES
 from pneucli.design.requirements import Requirements, requirements_from
-from pneucli.design.rules import HASTE, MODELLED, UNTOLD, Corners, Timing, corners_of, gains, standstill
+from pneucli.design.rules import CALM, HASTE, MODELLED, UNTOLD, Corners, Timing, corners_of, gains, standstill
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.valve_area import ValveArea
@@ -97,14 +97,15 @@ def test_the_position_loop_has_the_poles_of_the_rule() -> None:
     assert [1.0, found["C_KD"], found["C_KP"], found["C_KI"]] == pytest.approx(wanted)
 
 
-def test_observers_have_equal_poles() -> None:
+def test_observers_have_their_poles_that_of_the_load_a_calmer_one() -> None:
     """Of x, v and load (a double integrator with a constant disturbance), and of a pressure with a constant flow."""
     h, mass = 1e-3, 2.0
     found = gains(CORNERS, {"C_MASS": mass}, PLAIN, PROMPT)
     predict = np.array([[1.0, h, h * h / (2 * mass)], [0.0, 1.0, h / mass], [0.0, 0.0, 1.0]])
     innovation = np.array([[found["C_OBS_X"]], [found["C_OBS_V"]], [found["C_OBS_LOAD"]]])
     error = (np.eye(3) - innovation @ np.array([[1.0, 0.0, 0.0]])) @ predict
-    assert np.poly(error) == pytest.approx(np.poly([math.exp(-80.0 * h)] * 3), rel=1e-6)
+    poles = [math.exp(-80.0 * h)] * 2 + [math.exp(-CALM * 100.0 * h)]
+    assert np.poly(error) == pytest.approx(np.poly(poles), rel=1e-6)
     assert found["C_OBS_P"] == pytest.approx(1.0 - math.exp(-0.1))
     assert found["C_OBS_FLOW"] == pytest.approx((1.0 - math.exp(-0.012)) ** 2 / h)
 
@@ -121,8 +122,11 @@ def test_the_reference_keeps_to_what_the_valve_can_do() -> None:
     speed, rate = reachable(VALUES)
     found = reference_limits(CORNERS, VALUES, PLAIN)
     assert found["C_V_MAX"] == pytest.approx(0.7 * speed)
-    assert found["C_A_MAX"] == pytest.approx(VALUES["C_AREA_1"] * rate / (2 * 10.0 * VALUES["C_MASS"]))
-    assert found["C_SHAPE"] == pytest.approx(4e-3)
+    assert found["C_A_MAX"] == pytest.approx(found["C_V_MAX"] * 100.0 / STOP)
+    assert found["C_SHAPE"] == pytest.approx(1e-2)
+    fast = reference_limits(replace(CORNERS, pressure=1e4), VALUES, PLAIN)
+    assert fast["C_A_MAX"] == pytest.approx(VALUES["C_AREA_1"] * rate / (2 * 10.0 * VALUES["C_MASS"]))
+    assert fast["C_SHAPE"] == pytest.approx(4e-3)
     assert found["C_FLOW_STEP"] == pytest.approx(0.05 * rate)
     stated = reference_limits(CORNERS, VALUES, replace(PLAIN, max_speed=0.2, max_acceleration=3.0))
     assert (stated["C_V_MAX"], stated["C_A_MAX"]) == (0.2, 3.0)
@@ -177,9 +181,14 @@ def test_a_closed_chamber_2_is_an_isentropic_spring(x: float) -> None:
     assert two.tolist() == [VALUES["C_P_MEAN"]]
 
 
+KNOWN = {
+    "C_STATIC": 20.0, "C_COULOMB": 16.0, "C_V_MAX": 0.5, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5,
+    "C_STROKE": 0.2, "C_MASS": 2.0, "C_KD": 30.0,
+}  # fmt: skip
+
+
 def still(**wanted: Any) -> dict[str, float]:
-    known = {"C_STATIC": 20.0, "C_V_MAX": 0.5, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5}
-    return standstill(CORNERS, known, replace(PLAIN, **wanted))
+    return standstill(CORNERS, KNOWN, replace(PLAIN, **wanted), 0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -198,10 +207,7 @@ def test_forces_at_standstill_are_multiples_of_the_breakaway_force() -> None:
     assert found["C_SECTOR_FAST"] == pytest.approx(540.0)
     assert found["C_P_BAND"] == pytest.approx(2.0 / 8e-4)
     assert found["C_LOAD_STEP"] == pytest.approx(max(5.0, 5.6))
-    assert (
-        standstill(CORNERS, {"C_STATIC": 40.0, "C_V_MAX": 1.0, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5}, PLAIN)["C_LOAD_STEP"]
-        == 10.0
-    )
+    assert standstill(CORNERS, KNOWN | {"C_STATIC": 40.0}, PLAIN, 0.0, 1.0)["C_LOAD_STEP"] == 10.0
 
 
 @pytest.mark.parametrize(("period", "ratio", "steep"), [(1e-3, 2.0, 20.0), (1e-3, 4.0, 20.0), (0.02, 2.0, 10.0)])
@@ -355,3 +361,9 @@ def test_loops_that_predict_nothing_are_slowed_by_every_lag_as_it_is(name: str) 
     late = corners_of(known, PLAIN, axis_numbers, predicted=False)
     assert late.pressure == pytest.approx(0.7 / (0.03 + UNTOLD), rel=0.1)
     assert late.pressure < 0.8 * corners_of(known, PLAIN, axis_numbers).pressure
+
+
+def test_what_is_elastic_gives_way_by_what_dry_friction_bends_it() -> None:
+    """1.5 x 16 N over the stiffness that is known, else over 12 forces of the supply a stroke."""
+    assert standstill(CORNERS, KNOWN, PLAIN, 4e4, 1.0)["C_STIFF"] == pytest.approx(6e-4)
+    assert still()["C_STIFF"] == pytest.approx(24.0 / (12.0 * 8e-4 * 6e5 / 0.2))

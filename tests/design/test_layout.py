@@ -79,7 +79,7 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
     late = {"C_SPOOL", "C_SPOOL_MEAN", "C_HURRY", "C_WAIT", "C_SENSE", "C_SENSE_WAIT", "C_OBS_SEEN"}
     none = (
-        {"C_NODES", "C_PLACES", "C_SLOWING", "C_PRESSURE"}
+        {"C_NODES", "C_PLACES", "C_SLOWING", "C_WIDEST", "C_PRESSURE"}
         | late
         | {
             "C_SCALE_1",

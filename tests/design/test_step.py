@@ -25,7 +25,8 @@ ROUND = {
     "OBS_SEEN": 0.25, "SPOOL": 1.0, "SPOOL_MEAN": 1.0, "HURRY": 1.0, "PLAY": 0.0, "PLAY_LEAST": 0.0, "WAIT": 0.0,
     "SENSE": 1.0, "SENSE_WAIT": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "ZERO_1": 0.0, "ZERO_2": 0.0, "LEAK_1": 0.0,
     "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "VISCOUS_BACK": 50.0, "SLOWING": 1.0,
-    "DRY_P1": 0.0, "DRY_P2": 0.0, "LEAD": 0.0, "PLACES": 2.0, "NODES": float(NODES),
+    "DRY_P1": 0.0, "DRY_P2": 0.0, "LEAD": 0.0, "STIFF": 5e-4, "GROWTH": 10.0, "UNLOADING": 50.0, "CLOSING": 10.0,
+    "BRAKE": 100.0, "STICK_MOST": 60.0, "WIDEST": 10.0, "PLACES": 2.0, "NODES": float(NODES),
 }  # fmt: skip
 ALONG = (1.0, 1.0, 1.0, 1.0, *6 * (0.0,))  # friction alike all over the stroke, nothing else
 FILL, VENT = (1.0, 2.0, 4.0, 7.0, 10.0), (-2.0, -3.0, -5.0, -7.0, -9.0)
@@ -39,7 +40,17 @@ def settings(**changed: float) -> np.ndarray:
 
 def state(**given: float) -> np.ndarray:
     s = np.zeros(len(at.STATE))
-    known = {"STARTED": 1.0, "X": 0.1, "P1": 3e5, "P2": 3e5, "BREAK": 20.0, "ANCHOR": 0.1, "STIRS": 5.0, "EAGER": 4.0}
+    known = {
+        "STARTED": 1.0,
+        "X": 0.1,
+        "P1": 3e5,
+        "P2": 3e5,
+        "BREAK": 20.0,
+        "ANCHOR": 0.1,
+        "STIRS": 5.0,
+        "EAGER": 4.0,
+        "WIDE": 1.0,
+    }
     known |= {"SEEN1": 3e5, "SEEN2": 3e5}
     for name, value in (known | given).items():
         s[at.STATE.index(f"S_{name}")] = value
@@ -419,7 +430,7 @@ def test_the_pace_is_eagers_share_of_it_and_never_more_than_all() -> None:
     assert of(loosened(1e-3, EAGER=4.0), "STICK") == pytest.approx([0.5])
 
 
-def test_it_pushes_by_no_more_than_three_times_static_friction() -> None:
+def test_it_pushes_by_no_more_than_its_largest_force() -> None:
     assert of(loosened(1e-3, STICK=59.9), "STICK") == [60.0]
     assert of(loosened(-1e-3, STICK=-59.9, SIDE=-1.0), "STICK") == [-60.0]
 

@@ -172,7 +172,7 @@ def test_in_single_precision_it_gives_the_commands_that_were_foreseen(single: tu
 def test_what_single_precision_costs_is_measured(single: tuple[Path, dict[str, float]]) -> None:
     """Of a range of 20 V; a decision that falls one sample earlier may cost all of it, in that sample."""
     _, off = single
-    assert 0.0 < off["rms_v"] < off["p99_v"] < 0.02
+    assert 0.0 < off["rms_v"] < off["p99_v"] < 0.1
     assert off["p99_v"] < off["largest_v"] <= 20.0
 
 

@@ -1,0 +1,104 @@
+"""A piston whose seals are elastic: how it is told from one that sticks rigidly, and what is then done near rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.design import elastic, observe, still
+from pneucli.design.cascade import design_cascade
+from pneucli.design.closed_loop import run
+from pneucli.physics.effects import catalogue
+from pneucli.simulate import layout as sim
+from tests.design import axis
+from tests.design.test_step import C, balanced, of, state
+
+COULOMB, REACH = 10.0, 1e-5
+
+
+def stirred(force: float, way: float, **given: float) -> np.ndarray:
+    s = state(**({"REST": 1.0, "V": 1e-3, "WAY": way, "X_SHAPED": 0.1} | given))
+    observe.stir(force, s, C)
+    return s
+
+
+@pytest.mark.parametrize(
+    ("force", "way", "given", "told"),
+    [
+        (0.4 * COULOMB, 3 * REACH, {}, 1.0),
+        (-0.4 * COULOMB, -3 * REACH, {"V": -1e-3}, 1.0),
+        (0.6 * COULOMB, 3 * REACH, {}, 0.0),  # a rigid one may slide on
+        (0.4 * COULOMB, 3 * REACH, {"PUSHED": 1.1 * COULOMB}, 0.0),  # it was pushed loose before
+        (0.4 * COULOMB, 1 * REACH, {}, 0.0),  # noise goes as far
+        (0.4 * COULOMB, 3 * REACH, {"REST": 0.0}, 0.0),  # it shall move
+        (0.4 * COULOMB, 6e-4, {"ELASTIC": 1.0}, 0.0),  # no spring gives way so far
+        (0.4 * COULOMB, 3 * REACH, {"ELASTIC": 1.0, "X_SHAPED": 0.101}, 0.0),  # a load took it away
+    ],
+)
+def test_what_moves_under_a_force_that_friction_surely_holds_is_elastic(
+    force: float, way: float, given: dict[str, float], told: float
+) -> None:
+    assert of(stirred(force, way, **given), "ELASTIC") == [told]
+
+
+def test_the_way_counts_from_where_it_last_turned() -> None:
+    assert of(stirred(1.0, 3 * REACH, V=-1e-3), "WAY", "PUSHED") == pytest.approx([-1e-6, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "tells"),
+    [
+        ({"REST": 1.0}, False),
+        ({"REST": 0.0}, True),
+        ({"REST": 1.0, "ELASTIC": 0.0}, True),
+        ({"REST": 0.0, "STIRS": 0.0}, False),
+    ],
+)
+def test_an_elastic_piston_near_its_rest_tells_no_load(given: dict[str, float], tells: bool) -> None:
+    assert bool(observe.tells(state(**({"ELASTIC": 1.0, "X_SHAPED": 0.1} | given)), C)) == tells
+
+
+def test_the_force_on_one_that_sticks_grows_in_proportion_to_what_it_has_grown_by() -> None:
+    """10 1/s of 8 N, and at least twice static friction a second."""
+    s = state(STIRS=0.0, TRIED=8.0)
+    elastic.carry(2e-5, s, C)
+    assert of(s, "STICK", "TRIED") == pytest.approx([0.08, 8.08])
+    s = state(STIRS=0.0)
+    elastic.carry(-2e-5, s, C)
+    assert of(s, "STICK") == pytest.approx([-0.04])
+
+
+def test_each_landing_on_the_other_side_puts_up_with_half_as_much_again() -> None:
+    s = state(SIDE=1.0)
+    elastic.carry(-2e-5, s, C)
+    assert of(s, "WIDE") == [1.5]
+    s = state(SIDE=1.0, WIDE=9.0)
+    elastic.carry(-2e-5, s, C)
+    assert of(s, "WIDE") == [10.0]
+
+
+def test_what_moves_past_closing_in_is_braked_by_no_more_than_twice_dry_friction() -> None:
+    assert elastic.braking(1e-4, state(V=5e-4), C) == 0.0  # slower than 10 1/s x 0.1 mm
+    assert elastic.braking(1e-4, state(V=3e-3), C) == pytest.approx(-100.0 * 2e-3)
+    assert elastic.braking(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
+
+
+def test_held_an_elastic_piston_keeps_its_force() -> None:
+    s = balanced(8.0, REST=1.0, V=0.0, ELASTIC=1.0, STICK=3.0)
+    assert still.hold(0.1, s, C)
+    assert of(s, "FORCE", "STICK") == pytest.approx([8.0, 3.0])
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_an_axis_with_elastic_seals_comes_to_rest_known_or_not(known: bool) -> None:
+    """40 kN/m, 0.5 mm before it slides."""
+    model, time = axis.model(), 1e-3 * np.arange(4000)
+    values = {"presliding.stiffness": 4e4, "presliding.damping": 80.0}
+    actual = replace(model, effects=(*model.effects, catalogue()["presliding"])).with_values(values)
+    c = design_cascade(actual if known else model, axis.REQUIREMENTS, axis.SEALED)
+    found = run(actual, c, axis.scenario(c, np.where(time < 0.5, 0.1, 0.13)), axis.BENCH)
+    x = found.model[-500:, sim.X]
+    assert np.abs(x - 0.13).max() < 50e-6
+    assert np.ptp(x) < 5e-6
