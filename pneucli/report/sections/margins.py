@@ -46,7 +46,8 @@ def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
         for loop, worst in answer["worst"].items():
             axes.plot(-math.cos(worst["phase"]), -math.sin(worst["phase"]), "o", color=COLOURS[loop], markersize=4)
         axes.set_xlim(-1.0 - EXTENT, -1.0 + EXTENT)
-        axes.set_ylim(-EXTENT, EXTENT)
+        near = table["imaginary"][np.hypot(table["real"] + 1.0, table["imaginary"]) < EXTENT]
+        axes.set_ylim(np.min(near, initial=-1.0) - 0.15, np.max(near, initial=1.0) + 0.15)
         axes.set_aspect("equal")
         one.canvas.legend(loc="outside upper center", ncols=len(named))
     return one
