@@ -61,7 +61,8 @@ def data_of(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], tre
         mine.setdefault(trend.rig, []).append(trend)
     ranked = sorted(by_rig, key=lambda rig: (-_evidence(by_rig[rig]), not _broken(mine.get(rig, [])), rig))
     rows = [_rig(rig, by_rig[rig], words, mine.get(rig, [])) for rig in ranked]
-    return {"rigs": rows, "words": list(words), "trends": _trends(ranked, mine, words), "failures": answer["failures"],
+    panels = _trends(ranked, mine, words)  # their words are among all words
+    return {"rigs": rows, "words": list(words), "trends": panels, "failures": answer["failures"],
             "missing": answer["missing"], "changes": _counted(results)}  # fmt: skip
 
 

@@ -85,6 +85,13 @@ def test_the_page_carries_what_changed_with_a_link_and_what_failed_with_its_caus
     assert found["changes"] == {"piston-leak.area": 3}
 
 
+def test_a_trend_says_from_when_to_when_it_goes_of_which_parameter_in_which_unit() -> None:
+    found = data(to_html(*fleet(3, 4)))
+    named = [[found["words"][i] for i in panel[1:5]] for panel in found["trends"]]
+    assert named[0] == ["friction.coulomb", "N", "2026-11-01", "2026-11-04"]
+    assert len(named) == 9
+
+
 @pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", '"><img src=x>'])
 def test_a_name_cannot_break_out_of_the_page(name: str) -> None:
     answer, results, trends = fleet(1, 1)
