@@ -39,7 +39,7 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_WAY,  # m that it went since it last turned or rested, and the most in N that pushed it along meanwhile
     S_PUSHED,
     S_TRIED,  # N by which the force on an elastic piston has risen since it sticks
-    S_WIDE,  # 1: over the reach, the error that is put up with where it is elastic
+    S_WIDE,  # 1: over the reach, the error that is put up with after going too far
     S_FORCE,  # N asked of the pressures, and what of it is integrated
     S_INTEGRAL,
     S_P1_REF,  # Pa

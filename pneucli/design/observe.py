@@ -140,7 +140,7 @@ def stir(force, s, c):
         s[S_ELASTIC] = 0.0
 
 
-def tells(s, c):
+def tells(s):
     """Whether what is left over of the motion is a load: not while something elastic may carry a piston at rest."""
     if s[S_STIRS] < 0.5:
         return False
@@ -163,7 +163,7 @@ def observe_motion(x, s, c):
         off = x - s[S_X]
         s[S_X] += c[C_OBS_X] * off
         s[S_V] += c[C_OBS_V] * off
-        if tells(s, c):
+        if tells(s):
             s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP], c[C_LOAD_STEP])
 
 

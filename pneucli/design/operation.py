@@ -98,11 +98,12 @@ def reset(x, p1, p2, u1, u2, s, c):
 def asked(x_ref, x, p1, p2, s, c):
     """Return what the law is asked for: the reference, or where the axis shall hold.
 
-    An axis that was off starts; one that starts within reach of its reference has no way to go.
+    An axis that was off starts; one that starts as near to its reference as one that is held has no way to go.
     """
     if s[S_RESET] > 1.5:
         reset(x, p1, p2, shut_1(c), shut_2(c), s, c)
-    if s[S_RESET] > 0.5 and math.fabs(x_ref - s[S_X]) < c[C_REACH]:
+    if s[S_RESET] > 0.5 and math.fabs(x_ref - s[S_X]) < 2.0 * c[C_REACH]:
+        s[S_HOLD] = 1.0
         s[S_X_SHAPED] = x_ref
         s[S_X_REF] = x_ref
     if s[S_PAUSED] > 0.5 and s[S_PAUSED] < 1.5:

@@ -24,13 +24,16 @@ def loosen(error, s, c):
 
     Up to a little below what it took last it rises fast, then slowly; as soon as the piston stirs near the
     reference, the force is taken away and friction stops it. From the third time on that it lands on the other side,
-    all goes at half the pace each time, so that what is not modelled does not keep up a limit cycle.
+    all goes at half the pace each time, and half as much again is put up with, so that what is
+    not modelled does not keep up a limit cycle.
     """
     h = c[C_PERIOD]
     driving = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
     factor = max(dry_share(s[S_X], error, s, c), 0.1)
     if error * s[S_SIDE] < 0.0:
         s[S_EAGER] = max(0.5 * s[S_EAGER], 0.03)
+        if s[S_EAGER] < 1.0:
+            s[S_WIDE] = min(1.5 * s[S_WIDE], c[C_WIDEST])
     s[S_SIDE] = sign(error)
     if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
         if s[S_STIRS] == 1.0:
@@ -64,9 +67,7 @@ def hold(x_ref, s, c):
     """Whether the piston is left where it sticks, near a resting reference; its force is then half loosened."""
     resting = s[S_REST] > 0.05 and math.fabs(s[S_V]) < c[C_V_FLOOR]
     off = math.fabs(x_ref - s[S_X])
-    reach = c[C_REACH]
-    if s[S_ELASTIC] > 0.5:
-        reach *= s[S_WIDE]
+    reach = c[C_REACH] * s[S_WIDE]
     if s[S_HOLD] < 0.5 and resting and off < reach:
         settle_down(s, c)
     elif not resting or off > 2.0 * reach:
