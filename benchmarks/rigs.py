@@ -53,8 +53,6 @@ def model_of(par: Parameters, effects: tuple[str, ...] = ()) -> Model:
     commands = (*(-u for u in reversed(opened)), *opened)
     valve = ValveArea(commands, tuple(area(abs(u)) for u in commands), overlap, overlap)
     values = {"friction.coulomb": par.coulomb, "friction.viscous": par.viscous}
-    if "dead-volume" in effects:
-        pass  # it comes on top of the rig's own
     for name in effects:
         values |= {f"{name}.{key}": value for key, value in BY_NAME[name].truth(par).items()}
     return Model(rig, tuple(catalogue()[name] for name in effects), values, valve)

@@ -36,4 +36,4 @@ def scores(jacobian: Array, residual: Array, labels: NDArray[np.int64]) -> Array
     """Return the sums of derivatives (N, k) times residuals (N,) over the samples of each label (N,), shape (B, k)."""
     runs = np.flatnonzero(np.diff(labels, prepend=-1))  # a label stays for many samples
     sums = [np.bincount(labels[runs], weights=np.add.reduceat(column * residual, runs)) for column in jacobian.T]
-    return np.array(sums, dtype=np.float64).reshape(jacobian.shape[1], -1).T
+    return np.array(sums, dtype=np.float64).reshape(jacobian.shape[1], int(labels.max()) + 1).T

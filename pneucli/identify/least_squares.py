@@ -78,7 +78,7 @@ def minimise(
     r, j = residuals(z), jacobian(z) if at_start is None else at_start
     each_round(_cost(r))
     for done in range(1, rounds + 1):
-        new, fall = True, -1.0  # no step
+        new, fall = True, np.inf
         while (step := _step(residuals, z, r, j, bounds, damping, TRIES if new else 1)) is not None:
             fall = 1.0 - _cost(step.residual) / _cost(r)
             z, r, damping = step.z, step.residual, step.damping
@@ -86,10 +86,12 @@ def minimise(
                 break
             new = False
         each_round(_cost(r))
-        if new and fall < tolerance:
+        if new and step is None:
             return Solution(z, r, j, done)
         del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
+        if new and fall < tolerance:
+            return Solution(z, r, j, done)
     return Solution(z, r, j, rounds)
 
 

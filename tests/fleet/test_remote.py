@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import http.server
-import os
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -28,9 +27,6 @@ def store() -> Iterator[str]:
     """An S3-like store with one file in it; yields its URL without the file's name, and the endpoint as its query."""
     server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
-    keys = {"AWS_ACCESS_KEY_ID": "nobody", "AWS_SECRET_ACCESS_KEY": "nothing", "AWS_EC2_METADATA_DISABLED": "true"}
-    before = {name: os.environ.get(name) for name in keys}
-    os.environ.update(keys)
     host, port = server.get_host_and_port()
     query = f"endpoint_override={host}:{port}&scheme=http&region=us-east-1&allow_bucket_creation=true"
     system, _ = fs.FileSystem.from_uri(f"s3://rigs?{query}")
@@ -39,8 +35,6 @@ def store() -> Iterator[str]:
         file.write(CONTENT)
     yield f"s3://rigs/{{}}?{query}"
     server.stop()
-    for name, value in before.items():
-        os.environ.pop(name) if value is None else os.environ.update({name: value})
 
 
 @pytest.fixture(scope="module")

@@ -176,6 +176,10 @@ def test_scores_of_a_block_add_up_before_they_are_squared() -> None:
     assert (scored.T @ scored).tolist() == [[4.0, 8.0], [8.0, 16.0]]
 
 
+def test_without_a_free_parameter_each_block_has_no_score() -> None:
+    assert scores(np.zeros((4, 0)), np.ones(4), np.array([0, 0, 1, 1])).shape == (2, 0)
+
+
 def test_a_block_may_come_back_and_another_be_empty() -> None:
     """Channels follow one another, each through the blocks anew."""
     scored = scores(np.ones((5, 1)), np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([0, 2, 2, 0, 2]))
