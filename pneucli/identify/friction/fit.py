@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.blocks import scores
 from pneucli.identify.friction.values import Z95, Samples, Value
 from pneucli.identify.least_squares import minimise
 from pneucli.physics.friction import stribeck
@@ -129,7 +130,7 @@ def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array
     inside = np.abs(r) <= HUBER * scale
     clipped = np.clip(r, -HUBER * scale, HUBER * scale)
     _, block = np.unique(s.block, return_inverse=True)
-    sums = np.column_stack([np.bincount(block, weights=clipped * column) for column in jacobian.T])
+    sums = scores(jacobian, clipped, block)
     bread = np.linalg.pinv((jacobian * inside[:, None]).T @ jacobian)
     few = len(sums) / max(len(sums) - theta.size, 1)
     return FittedLaw(names, theta, few * bread @ (sums.T @ sums) @ bread, float(scale))
