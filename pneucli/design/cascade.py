@@ -51,7 +51,7 @@ def design_cascade(model: Model, wanted: Requirements, sealed: float | None = No
     axis |= wished(wanted, axis)
     limits = reference_limits(corners, axis, wanted, partial(ports.pull, model))
     values = axis | gains(corners, axis, wanted, timing) | spool_values(model, wanted, timing) | limits
-    values |= standstill(corners, values, wanted, ports.bristle_stiffness(model), ports.dwelt(model))
+    values |= standstill(corners, values, wanted, ports.bristle_stiffness(model), ports.dwell(model))
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
     return Controller(values, fill, vent, fill_2, vent_2, along=along_stroke(model, limits["C_V_MAX"]))
 

@@ -30,6 +30,7 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_HOLD,  # 1 while the piston is left where it sticks
     S_ANCHOR,  # m: where the piston lately was, and samples since it began to stir from there
     S_STIRS,
+    S_STILL,  # s for which it had not stirred before it last began to
     S_BREAK,  # N beyond the load that last set it free, and that is applied to do so
     S_STICK,
     S_SIDE,  # sign of the error; share of the pace that is left after going too far (above 1: all)
@@ -38,8 +39,11 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_ELASTIC,  # 1: the piston was seen to give way to a force that friction surely holds
     S_WAY,  # m that it went since it last turned or rested, and the most in N that pushed it along meanwhile
     S_PUSHED,
+    S_SOFT,  # 1: share of the loop's firmness that is left after it swung on its seals
     S_TRIED,  # N by which the force on an elastic piston has risen since it sticks
     S_WIDE,  # 1: over the reach, the error that is put up with after going too far
+    S_FREED,  # m: where the piston was last set free, and how far it went the time before
+    S_JUMP,
     S_FORCE,  # N asked of the pressures, and what of it is integrated
     S_INTEGRAL,
     S_P1_REF,  # Pa
@@ -66,10 +70,10 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_TURN,  # place of all rows where the latest stands
     S_LEVEL,  # Pa: mean of both pressures that is kept, on its way to what is asked for; 0: not yet begun
     S_LEVEL_SET,  # Pa: what it was set to, 0: as designed
-) = range(58)
+) = range(62)
 
 # states of LINE numbers each stand behind: rings of openings in V and of pressures seen in Pa
-S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (58 + i * LINE for i in range(4))
+S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (62 + i * LINE for i in range(4))
 
 (
     C_PERIOD,  # s
@@ -115,6 +119,7 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (58 + i * LINE for i in range(4))
     C_SECTOR_RATE,  # N/(s m), N/s, N/s: integral switching term
     C_SECTOR_SLOW,
     C_SECTOR_FAST,
+    C_BREAK_MOST,  # N: the most that the piston is expected to be held by after a short rest
     C_STIFF,  # m after which a piston surely slides, whatever is elastic in its seals
     C_GROWTH,  # 1/s by which the force on an elastic piston that sticks grows
     C_STICK_MOST,  # N: largest force that shall free a piston
@@ -164,7 +169,7 @@ S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (58 + i * LINE for i in range(4))
     C_NODES,  # of each inverse table; they follow: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(91)
+) = range(92)
 
 _ROWS = ("S_LINE1", "S_LINE2", "S_PAST1", "S_PAST2")
 STATE = (
@@ -200,7 +205,7 @@ UNITS = {
     **dict.fromkeys(("C_AMBIENT", "C_SUPPLY", "C_P_LOW", "C_P_HIGH", "C_P_MEAN", "C_P_BAND"), "Pa"),
     "C_GAMMA_R_T": "J/kg",
     "C_K_GAS": "s/m",
-    **dict.fromkeys(("C_COULOMB", "C_STATIC", "C_LOAD_STEP", "C_STICK_MOST"), "N"),
+    **dict.fromkeys(("C_COULOMB", "C_STATIC", "C_LOAD_STEP", "C_STICK_MOST", "C_BREAK_MOST"), "N"),
     **dict.fromkeys(("C_STRIBECK", "C_V_FLOOR", "C_V_MAX"), "m/s"),
     **dict.fromkeys(("C_VISCOUS", "C_VISCOUS_BACK"), "N s/m"),
     **dict.fromkeys(("C_DRY_P1", "C_DRY_P2"), "1/Pa"),

@@ -39,6 +39,7 @@ def start(x_ref, x, p1, p2, s, c):
     s[S_ANCHOR] = s[S_X]
     s[S_BREAK] = c[C_STATIC]
     s[S_WIDE] = 1.0
+    s[S_SOFT] = 1.0
     s[S_U1] = shut_1(c)
     s[S_U2] = shut_2(c) if c[C_TWO_VALVES] > 0.5 else 0.0
     settle(s, c)
@@ -128,7 +129,13 @@ def stir(force, s, c):
     """
     s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_LINGER], 1.0)
     s[S_STIRS] = s[S_STIRS] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_REACH] else 0.0
+    if s[S_STIRS] < 0.5:
+        s[S_STILL] += c[C_PERIOD]
+    elif s[S_STIRS] > 1.5:
+        s[S_STILL] = 0.0
     if s[S_WAY] * s[S_V] <= 0.0:
+        if s[S_ELASTIC] > 0.5 and s[S_REST] > 0.05 and math.fabs(s[S_WAY]) > 2.0 * c[C_REACH]:
+            s[S_SOFT] = max(0.7 * s[S_SOFT], 0.05)
         s[S_WAY] = 0.0
         s[S_PUSHED] = 0.0
     s[S_WAY] += c[C_PERIOD] * s[S_V]
@@ -138,6 +145,7 @@ def stir(force, s, c):
         s[S_ELASTIC] = 1.0
     if math.fabs(s[S_WAY]) > c[C_STIFF] or (s[S_REST] > 0.05 and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_STIFF]):
         s[S_ELASTIC] = 0.0
+        s[S_SOFT] = 1.0
 
 
 def tells(s):

@@ -20,6 +20,7 @@ SETTLED = 400  # steps of the valve's answer to a step of the command
 STEP = 1e-3  # s, of that answer
 STAIRS = 2000  # of a slow way to and fro of the command
 LONG = 1e6  # s, after which all has settled
+SOON = 1e-3  # s, of rest: too short for anything to settle
 BAR = 1e5  # Pa
 
 
@@ -80,9 +81,18 @@ def _dry(model: Model, way: float, x: float, p1: float, p2: float) -> float:
     return max(_product(model, "dry_factor", way, x, ambient + p1, ambient + p2, ambient), 1e-3)
 
 
-def dwelt(model: Model) -> float:
-    """Return by what factor a long rest raises the friction that holds."""
-    return max(_product(model, "static_factor", LONG), 1.0)
+@dataclass(frozen=True)
+class Dwell:
+    """What a rest makes of the friction that holds: its factor after a long one, and the rate in 1/s it begins with."""
+
+    most: float
+    rate: float
+
+
+def dwell(model: Model) -> Dwell:
+    """Return how the friction that holds grows while the piston rests."""
+    least, soon, late = (_product(model, "static_factor", t) for t in (0.0, SOON, LONG))
+    return Dwell(max(late, 1.0), max((soon - least) / SOON, 0.0))
 
 
 def bristle_stiffness(model: Model) -> float:

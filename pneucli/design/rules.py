@@ -27,12 +27,13 @@ if TYPE_CHECKING:  # names the laws, which rest on the rules
 Array = NDArray[np.float64]
 
 HASTE = 5.0  # by which a spool is hurried: so much more command than the opening that is asked for
-UNTOLD = 2.5e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it the loops still hold
+UNTOLD = 2.5e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it most loops still hold
 MODELLED = 0.1  # of a predicted delay, by which it may be wrong
 FIRM = 0.7  # corner of the pressure loop times what it has to stand
 CALM = 0.5  # of the pressure loop's corner, by which a load is told
 SOFT = 12.0  # supply forces over the stroke: stiffness of a soft seal, which gives way before the piston slides
 CLOSING = 10.0  # 1/s, by which a piston closes in at rest
+AHEAD_OF_DWELL = 5.0  # by which a force rises faster than a rest raises what holds the piston
 WIDEST = 10.0  # reaches that are put up with at most
 QUICK_SENSOR = 2.0  # corner of the pressure observer times the lag of its sensor: noise grows with it
 
@@ -187,12 +188,11 @@ def gives_way(values: Mapping[str, float], stiffness: float) -> float:
 
 
 def standstill(
-    corners: Corners, values: Mapping[str, float], wanted: Requirements, stiffness: float, dwelt: float
+    corners: Corners, values: Mapping[str, float], wanted: Requirements, stiffness: float, dwell: ports.Dwell
 ) -> dict[str, float]:
     """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force.
 
-    ``stiffness`` (N/m) of what gives way before the piston slides, 0 where it is not known; ``dwelt``: by what factor a
-    long rest raises what holds it.
+    ``stiffness`` (N/m) of what gives way before the piston slides, 0 where it is not known.
     """
     static = values["C_STATIC"]
     tolerance = wanted.tolerance or max(10e-6, 2.0 * wanted.quantum_x, 4.0 * wanted.noise_x)
@@ -205,13 +205,14 @@ def standstill(
         "C_SECTOR_1": steep / wanted.sector_ratio,
         "C_SECTOR_2": steep,
         "C_SECTOR_RATE": 0.15 * static / reach,
-        "C_SECTOR_SLOW": 0.7 * static,
+        "C_SECTOR_SLOW": max(0.7, AHEAD_OF_DWELL * dwell.rate) * static,
         "C_SECTOR_FAST": 27.0 * static,
+        "C_BREAK_MOST": static if dwell.rate > 0.0 else 2.0 * static,
         "C_P_BAND": 0.1 * static / values["C_AREA_1"],
         "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
         "C_STIFF": gives_way(values, stiffness),
         "C_GROWTH": corners.pressure / 6.0,
-        "C_STICK_MOST": 3.0 * static * dwelt + values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]),
+        "C_STICK_MOST": 3.0 * static * dwell.most + values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]),
         "C_UNLOADING": corners.pressure / 5.0,
         "C_CLOSING": CLOSING,
         "C_BRAKE": values["C_MASS"] * values["C_KD"],

@@ -53,12 +53,12 @@ def position_law(x_ref, s, c):
     if c[C_HOLD] > 0.5 and hold(x_ref, s, c):
         return s[S_FORCE]
     ahead = c[C_AHEAD]
-    force = c[C_MASS] * (ahead * s[S_A_SHAPED] + c[C_KD] * rate + c[C_KP] * error)
-    force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * s[S_V_SHAPED]
+    force = c[C_MASS] * (ahead * s[S_A_SHAPED] + s[S_SOFT] * (c[C_KD] * rate + c[C_KP] * error))
+    force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * (s[S_V_SHAPED] + c[C_LEAD] * s[S_A_SHAPED])
     if c[C_SWITCHING] > 0.5 and s[S_REST] > 0.05:
         if s[S_ELASTIC] > 0.5:
             carry(s[S_X_SHAPED] - s[S_X], s, c)
-            force += braking(s[S_X_SHAPED] - s[S_X], s, c)
+            force += s[S_SOFT] * braking(s[S_X_SHAPED] - s[S_X], s, c)
         else:
             loosen(s[S_X_SHAPED] - s[S_X], s, c)
     else:
@@ -66,7 +66,10 @@ def position_law(x_ref, s, c):
         s[S_TRIED] = 0.0
         s[S_SIDE] = 0.0
         s[S_WIDE] = 1.0
+        s[S_SOFT] = 1.0
         s[S_EAGER] = 4.0
+        s[S_BRAKE] = 0.0
+        s[S_JUMP] = 0.0
     force = force + ahead * dry_ahead(s, c) + s[S_STICK]
     if c[C_ESTIMATES] > 0.5:
         return force - s[S_LOAD] - along(s[S_AHEAD_X], 4, c)

@@ -8,7 +8,7 @@ import math
 
 from pneucli.design.layout import *
 from pneucli.design.observe import pressure_force, pushing
-from pneucli.design.plant import clamp, dry_share, sign
+from pneucli.design.plant import clamp, dry_share, highest, sign
 
 
 def switching(error, rate, c):
@@ -19,13 +19,32 @@ def switching(error, rate, c):
     return (s1 + s2) / total if total > 0.0 else 0.0
 
 
+def landed(error, s, c):
+    """Put up with half of a jump over the reference that half the pace did not shorten, once the piston has landed."""
+    if s[S_BRAKE] <= 0.0 or s[S_BRAKE] > c[C_PERIOD]:
+        return
+    jump = math.fabs(s[S_X] - s[S_FREED])
+    if s[S_EAGER] < 1.0 and jump > math.fabs(error) and jump > 0.7 * s[S_JUMP]:
+        s[S_WIDE] = clamp(0.5 * jump / c[C_REACH], s[S_WIDE], min(1.5 * s[S_WIDE], c[C_WIDEST]))
+    s[S_JUMP] = jump
+
+
+def at_its_end(error, s, c):
+    """Whether more force toward the reference cannot be had: the pressures are as high, or low, as they may be."""
+    two = c[C_TWO_VALVES] > 0.5
+    if error > 0.0:
+        return s[S_P1_REF] >= highest(s, c) and (not two or s[S_P2_REF] <= c[C_P_LOW])
+    return s[S_P1_REF] <= c[C_P_LOW] and (not two or s[S_P2_REF] >= highest(s, c))
+
+
 def loosen(error, s, c):
     """Set the force in N beyond the load that shall free the piston where it sticks off the reference.
 
     Up to a little below what it took last it rises fast, then slowly; as soon as the piston stirs near the
     reference, the force is taken away and friction stops it. From the third time on that it lands on the other side,
     all goes at half the pace each time, and half as much again is put up with, so that what is
-    not modelled does not keep up a limit cycle.
+    not modelled does not keep up a limit cycle. Where half the pace did not shorten the jump, another one would bring
+    the piston no nearer than half of it: that is put up with.
     """
     h = c[C_PERIOD]
     driving = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
@@ -36,14 +55,16 @@ def loosen(error, s, c):
             s[S_WIDE] = min(1.5 * s[S_WIDE], c[C_WIDEST])
     s[S_SIDE] = sign(error)
     if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
-        if s[S_STIRS] == 1.0:
-            s[S_BREAK] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], 2.0 * c[C_STATIC])
+        if s[S_STIRS] == 1.0 and s[S_STILL] > 0.5 * c[C_LINGER]:
+            s[S_BREAK] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], c[C_BREAK_MOST])
+            s[S_FREED] = s[S_X]
         if math.fabs(error) < 2.0 * c[C_REACH] or error * s[S_STICK] < 0.0:
             s[S_STICK] = 0.0
             s[S_BRAKE] = c[C_LINGER]
         return
+    landed(error, s, c)
     s[S_BRAKE] -= h
-    if s[S_BRAKE] <= 0.0:
+    if s[S_BRAKE] <= 0.0 and not at_its_end(error, s, c):
         side = switching(error, -s[S_V], c)
         pace = c[C_SECTOR_FAST]
         if driving * sign(error) >= factor * max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):

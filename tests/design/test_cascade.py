@@ -12,6 +12,7 @@ import pytest
 from pneucli.design import cascade
 from pneucli.design.cascade import STOP, axis_values, inverse_table, reachable, reference_limits
 from pneucli.design.layout import LINE, SWITCHES
+from pneucli.design.ports import Dwell
 from pneucli.design.requirements import Requirements, requirements_from
 from pneucli.design.rules import CALM, HASTE, MODELLED, UNTOLD, Corners, Timing, corners_of, gains, standstill
 from pneucli.errors import InputError
@@ -188,7 +189,7 @@ KNOWN = {
 
 
 def still(**wanted: Any) -> dict[str, float]:
-    return standstill(CORNERS, KNOWN, replace(PLAIN, **wanted), 0.0, 1.0)
+    return standstill(CORNERS, KNOWN, replace(PLAIN, **wanted), 0.0, Dwell(1.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -207,7 +208,15 @@ def test_forces_at_standstill_are_multiples_of_the_breakaway_force() -> None:
     assert found["C_SECTOR_FAST"] == pytest.approx(540.0)
     assert found["C_P_BAND"] == pytest.approx(2.0 / 8e-4)
     assert found["C_LOAD_STEP"] == pytest.approx(max(5.0, 5.6))
-    assert standstill(CORNERS, KNOWN | {"C_STATIC": 40.0}, PLAIN, 0.0, 1.0)["C_LOAD_STEP"] == 10.0
+    assert standstill(CORNERS, KNOWN | {"C_STATIC": 40.0}, PLAIN, 0.0, Dwell(1.0, 0.0))["C_LOAD_STEP"] == 10.0
+
+
+def test_a_force_rises_faster_than_a_known_dwell_raises_what_holds_and_expects_no_more_than_static_friction() -> None:
+    """Twice as much after a long rest, at 2/s to begin with: five times that rate is 200 N/s."""
+    dwells, not_ = (standstill(CORNERS, KNOWN, PLAIN, 0.0, d) for d in (Dwell(2.0, 2.0), Dwell(1.0, 0.0)))
+    assert (dwells["C_SECTOR_SLOW"], dwells["C_BREAK_MOST"]) == pytest.approx((200.0, 20.0))
+    assert not_["C_BREAK_MOST"] == 40.0
+    assert dwells["C_STICK_MOST"] - not_["C_STICK_MOST"] == pytest.approx(60.0)
 
 
 @pytest.mark.parametrize(("period", "ratio", "steep"), [(1e-3, 2.0, 20.0), (1e-3, 4.0, 20.0), (0.02, 2.0, 10.0)])
@@ -365,5 +374,5 @@ def test_loops_that_predict_nothing_are_slowed_by_every_lag_as_it_is(name: str) 
 
 def test_what_is_elastic_gives_way_by_what_dry_friction_bends_it() -> None:
     """1.5 x 16 N over the stiffness that is known, else over 12 forces of the supply a stroke."""
-    assert standstill(CORNERS, KNOWN, PLAIN, 4e4, 1.0)["C_STIFF"] == pytest.approx(6e-4)
+    assert standstill(CORNERS, KNOWN, PLAIN, 4e4, Dwell(1.0, 0.0))["C_STIFF"] == pytest.approx(6e-4)
     assert still()["C_STIFF"] == pytest.approx(24.0 / (12.0 * 8e-4 * 6e5 / 0.2))

@@ -48,6 +48,32 @@ def test_the_way_counts_from_where_it_last_turned() -> None:
 
 
 @pytest.mark.parametrize(
+    ("way", "given", "soft"),
+    [
+        (-3 * REACH, {}, 0.7),  # it turned: the loop swings on the seals
+        (-3 * REACH, {"SOFT": 0.06}, 0.05),
+        (3 * REACH, {}, 1.0),  # it goes on
+        (-REACH, {}, 1.0),  # noise turns as well
+        (-3 * REACH, {"ELASTIC": 0.0}, 1.0),
+        (-3 * REACH, {"REST": 0.0}, 1.0),
+        (0.0, {"X_SHAPED": 0.101, "SOFT": 0.2}, 1.0),  # a load took it away: all firmness is needed
+    ],
+)
+def test_a_loop_that_swings_on_elastic_seals_loses_firmness_at_each_turn(
+    way: float, given: dict[str, float], soft: float
+) -> None:
+    assert of(stirred(1.0, way, **({"ELASTIC": 1.0} | given)), "SOFT") == pytest.approx([soft])
+
+
+def test_how_long_it_had_not_stirred_is_kept_for_the_first_sample_in_which_it_does() -> None:
+    still_, begins, goes_on = (
+        stirred(0.0, 0.0, STIRS=stirs, STILL=0.05, ANCHOR=anchor)
+        for stirs, anchor in ((0.0, 0.1), (0.0, 0.099), (1.0, 0.099))
+    )
+    assert [of(s, "STILL")[0] for s in (still_, begins, goes_on)] == pytest.approx([0.051, 0.05, 0.0])
+
+
+@pytest.mark.parametrize(
     ("given", "tells"),
     [
         ({"REST": 1.0}, False),
