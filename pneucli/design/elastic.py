@@ -14,6 +14,11 @@ from pneucli.design.layout import *
 from pneucli.design.plant import clamp, dry_share, sign
 
 
+def behind(s, c):
+    """Whether the pressures are still behind what is asked of them: then no more force is put on."""
+    return c[C_AREA_1] * math.fabs(s[S_P1_REF] - s[S_P1]) > c[C_STATIC]
+
+
 def carry(error, s, c):
     """Set the force in N beyond the load that brings an elastic piston to its reference.
 
@@ -26,7 +31,9 @@ def carry(error, s, c):
         s[S_TRIED] = 0.0
     s[S_SIDE] = sign(error)
     rate = c[C_MASS] * c[C_KI] * math.fabs(left)
-    if s[S_STIRS] < 0.5:
+    if behind(s, c):
+        rate = 0.0
+    elif s[S_STIRS] < 0.5:
         rate = max(rate, c[C_GROWTH] * s[S_TRIED])
         rate = max(rate, 2.0 * c[C_STATIC])
         s[S_TRIED] = min(s[S_TRIED] + c[C_PERIOD] * rate, c[C_STICK_MOST])

@@ -1,7 +1,8 @@
 """The rules for the gains: how fast each loop and observer may be, each overruled by a requirement that is stated.
 
-- Pressure loop: corner 0.3 / period, at most 0.7 over what of the lags and delays is not predicted.
-- Observers: those of pressure have the same corner, that of motion 0.3 / period, at most
+- Pressure loop: corner 0.7 over what of the lags and delays is not predicted, half a sample of the hold included, at
+  most 0.8 / period.
+- Observers: those of pressure have the same corner, that of motion 1 / period, at most
   ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x does not make a load of a tenth of the dry friction.
 - Position loop: corner of the pressure loop / 8.5, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``.
 - Sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sector`.
@@ -27,8 +28,9 @@ if TYPE_CHECKING:  # names the laws, which rest on the rules
 Array = NDArray[np.float64]
 
 HASTE = 5.0  # by which a spool is hurried: so much more command than the opening that is asked for
-UNTOLD = 2.5e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it most loops still hold
+UNTOLD = 2e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it most loops still hold
 MODELLED = 0.1  # of a predicted delay, by which it may be wrong
+SAMPLED = 0.8  # of an error of pressure, at most, that one sample takes away
 FIRM = 0.7  # corner of the pressure loop times what it has to stand
 CALM = 0.5  # of the pressure loop's corner, by which a load is told
 SOFT = 12.0  # supply forces over the stroke: stiffness of a soft seal, which gives way before the piston slides
@@ -89,7 +91,7 @@ def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float], *,
     """Return the corner frequencies by the rules above, for loops that predict what is late or (False) do not."""
     timing = timing_of(model, wanted)
     left = timing.left if predicted else timing.whole
-    pressure = min(0.3 / wanted.period, FIRM / left if left > 0.0 else math.inf)
+    pressure = min(SAMPLED / wanted.period, FIRM / (left + 0.5 * wanted.period))
     if wanted.pressure_bandwidth is not None:
         pressure = 2.0 * math.pi * wanted.pressure_bandwidth
     position = pressure / 8.5
@@ -97,7 +99,7 @@ def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float], *,
         position = 2.0 * math.pi * wanted.position_bandwidth
     noise = math.hypot(wanted.noise_x, wanted.quantum_x / math.sqrt(12.0))
     quiet = math.sqrt(0.1 * axis["C_COULOMB"] / (axis["C_MASS"] * noise)) if noise and axis["C_COULOMB"] else math.inf
-    return Corners(pressure, position, min(0.3 / wanted.period, quiet), pressure / 7.5)
+    return Corners(pressure, position, min(pressure, quiet), pressure / 7.5)
 
 
 def gains(corners: Corners, axis: Mapping[str, float], wanted: Requirements, timing: Timing) -> dict[str, float]:

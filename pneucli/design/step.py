@@ -42,7 +42,8 @@ def dry_ahead(s, c):
     level = dry_friction(math.fabs(v), s, c)
     if s[S_A_SHAPED] * v < 0.0 and c[C_SLOWING] < 1.0:
         level = min(level, c[C_COULOMB] * c[C_SLOWING])
-    return level * dry_share(s[S_X_SHAPED] + c[C_LEAD] * v, v, s, c) * clamp(v / c[C_V_FLOOR], -1.0, 1.0)
+    floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference is known however coarse the sensor
+    return level * dry_share(s[S_X_SHAPED] + c[C_LEAD] * v, v, s, c) * clamp(v / floor, -1.0, 1.0)
 
 
 def position_law(x_ref, s, c):

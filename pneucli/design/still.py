@@ -76,7 +76,6 @@ def loosen(error, s, c):
 def settle_down(s, c):
     """Leave the piston where it sticks: its force is half loosened, unless it is elastic and would move with it."""
     s[S_HOLD] = 1.0
-    s[S_EAGER] = 4.0
     s[S_FORCE] = pressure_force(s, c)
     if s[S_ELASTIC] < 0.5:
         s[S_FORCE] -= 0.5 * pushing(s[S_X], s[S_P1], s[S_P2], s, c)
@@ -93,4 +92,6 @@ def hold(x_ref, s, c):
         settle_down(s, c)
     elif not resting or off > 2.0 * reach:
         s[S_HOLD] = 0.0
+    elif s[S_STILL] > 10.0 * c[C_LINGER]:  # it rests indeed: what sets it off next is something new
+        s[S_EAGER] = 4.0
     return s[S_HOLD] > 0.5

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.design import elastic, observe, still
+from pneucli.design import layout as at
 from pneucli.design.cascade import design_cascade
 from pneucli.design.closed_loop import run
 from pneucli.physics.effects import catalogue
@@ -45,6 +46,15 @@ def test_what_moves_under_a_force_that_friction_surely_holds_is_elastic(
 
 def test_the_way_counts_from_where_it_last_turned() -> None:
     assert of(stirred(1.0, 3 * REACH, V=-1e-3), "WAY", "PUSHED") == pytest.approx([-1e-6, 0.0])
+
+
+def test_no_more_force_is_put_on_while_the_pressures_are_behind() -> None:
+    """By more than static friction: 20 N on 8 cm^2 are 25 kPa."""
+    for ahead, grows in ((26e3, False), (24e3, True)):
+        s = balanced(8.0, REST=1.0, V=0.0, STIRS=0.0, ELASTIC=1.0, STICK=3.0)
+        s[at.STATE.index("S_P1_REF")] = of(s, "P1")[0] + ahead
+        elastic.carry(1e-4, s, C)
+        assert (of(s, "STICK")[0] > 3.0) == grows
 
 
 @pytest.mark.parametrize(

@@ -508,14 +508,20 @@ def test_a_piston_that_moves_against_its_push_is_not_freed_by_it() -> None:
 
 
 def held(x_ref: float = 0.1, **given: float) -> tuple[bool, np.ndarray]:
-    s = balanced(**({"force": 30.0, "REST": 0.06, "LOAD": 4.0, "STICK": 9.0, "EAGER": 1.0} | given))
+    s = balanced(**({"force": 30.0, "STILL": 0.0, "REST": 0.06, "LOAD": 4.0, "STICK": 9.0, "EAGER": 1.0} | given))
     return bool(still.hold(x_ref, s, C)), s
 
 
 def test_near_a_resting_reference_it_is_held_and_half_of_its_force_is_loosened() -> None:
     found, s = held(0.1 + 0.9e-5)
     assert found
-    assert of(s, "HOLD", "EAGER", "STICK", "FORCE") == pytest.approx([1.0, 4.0, 0.0, 13.0])
+    assert of(s, "HOLD", "EAGER", "STICK", "FORCE") == pytest.approx([1.0, 1.0, 0.0, 13.0])
+
+
+def test_only_a_piston_that_rested_for_long_is_set_free_at_the_full_pace_again() -> None:
+    """Ten times the 20 ms in which a stirring piston is noticed."""
+    assert of(held(HOLD=1.0, STILL=0.19)[1], "EAGER") == [1.0]
+    assert of(held(HOLD=1.0, STILL=0.21)[1], "EAGER") == [4.0]
 
 
 @pytest.mark.parametrize("given", [{"x_ref": 0.1 + 1.1e-5}, {"REST": 0.05}, {"V": 2.1e-3}, {"V": -2.1e-3}])
