@@ -4,7 +4,7 @@
   most 0.8 / period.
 - Observers: those of pressure have the same corner, that of motion 1 / period, at most
   ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x does not make a load of a tenth of the dry friction.
-- Position loop: corner of the pressure loop / 8.5, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``.
+- Position loop: corner of the pressure loop / 10, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``.
 - Sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sector`.
 """
 
@@ -32,6 +32,7 @@ UNTOLD = 2e-3  # s, what a valve takes that no model tells; with 5 ms and bristl
 MODELLED = 0.1  # of a predicted delay, by which it may be wrong
 SAMPLED = 0.8  # of an error of pressure, at most, that one sample takes away
 FIRM = 0.7  # corner of the pressure loop times what it has to stand
+APART = 10.0  # between the corners of the pressure loop and the position loop around it
 CALM = 0.5  # of the pressure loop's corner, by which a load is told
 SOFT = 12.0  # supply forces over the stroke: stiffness of a soft seal, which gives way before the piston slides
 CLOSING = 10.0  # 1/s, by which a piston closes in at rest
@@ -94,7 +95,7 @@ def corners_of(model: Model, wanted: Requirements, axis: Mapping[str, float], *,
     pressure = min(SAMPLED / wanted.period, FIRM / (left + 0.5 * wanted.period))
     if wanted.pressure_bandwidth is not None:
         pressure = 2.0 * math.pi * wanted.pressure_bandwidth
-    position = pressure / 8.5
+    position = pressure / APART
     if wanted.position_bandwidth is not None:
         position = 2.0 * math.pi * wanted.position_bandwidth
     noise = math.hypot(wanted.noise_x, wanted.quantum_x / math.sqrt(12.0))

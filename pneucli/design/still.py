@@ -24,7 +24,7 @@ def landed(error, s, c):
     if s[S_BRAKE] <= 0.0 or s[S_BRAKE] > c[C_PERIOD]:
         return
     jump = math.fabs(s[S_X] - s[S_FREED])
-    if s[S_EAGER] < 1.0 and jump > math.fabs(error) and jump > 0.7 * s[S_JUMP]:
+    if s[S_EAGER] < 0.5 and jump > math.fabs(error) and jump > 0.7 * s[S_JUMP]:
         s[S_WIDE] = clamp(0.5 * jump / c[C_REACH], s[S_WIDE], min(1.5 * s[S_WIDE], c[C_WIDEST]))
     s[S_JUMP] = jump
 
@@ -90,7 +90,7 @@ def hold(x_ref, s, c):
     reach = c[C_REACH] * s[S_WIDE]
     if s[S_HOLD] < 0.5 and resting and off < reach:
         settle_down(s, c)
-    elif not resting or off > 2.0 * reach:
+    elif not resting or off > 1.8 * reach:
         s[S_HOLD] = 0.0
     elif s[S_STILL] > 10.0 * c[C_LINGER]:  # it rests indeed: what sets it off next is something new
         s[S_EAGER] = 4.0

@@ -43,7 +43,7 @@ def test_loops_stand_half_a_sample_of_the_hold_beside_what_no_model_tells_of_a_v
     """2 ms that no model tells: 0.7 / (2 + 0.5) ms at 1 ms, 0.7 / (2 + 1) ms at 2 ms."""
     assert (corners().pressure, corners(period=2e-3).pressure) == pytest.approx((280.0, 700.0 / 3.0))
     found = corners(period=2e-3)
-    assert found == Corners(found.pressure, found.pressure / 8.5, found.pressure, found.pressure / 7.5)
+    assert found == Corners(found.pressure, found.pressure / 10.0, found.pressure, found.pressure / 7.5)
 
 
 def test_a_sample_takes_away_at_most_four_fifths_of_an_error_of_pressure() -> None:
@@ -77,7 +77,7 @@ def test_a_delay_longer_than_what_is_remembered_counts_whole(name: str, over: fl
 def test_stated_bandwidths_overrule() -> None:
     both = corners(pressure_bandwidth=20.0, position_bandwidth=3.0)
     assert (both.pressure, both.position) == (pytest.approx(40 * math.pi), pytest.approx(6 * math.pi))
-    assert corners(pressure_bandwidth=20.0).position == pytest.approx(40 * math.pi / 8.5)
+    assert corners(pressure_bandwidth=20.0).position == pytest.approx(40 * math.pi / 10.0)
 
 
 @pytest.mark.parametrize(("noise_x", "quantum_x"), [(1e-5, 0.0), (0.0, 12**0.5 * 1e-5), (0.6e-5, 0.8 * 12**0.5 * 1e-5)])
