@@ -29,6 +29,7 @@ from pneucli.recording import Rig
 from pneucli.stages.ingest_looks import looked_at
 from pneucli.stages.ingest_tables import Ingested, column_of, row_of, write_tables
 from pneucli.units import factor_and_offset, unit_as
+from pneucli.words.ingest import place
 
 NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
 FEWEST = 8  # samples that noise is estimated from
@@ -261,7 +262,7 @@ def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
     seen = {name for one in done for name in one.signals}
     unused = [name for name in config.signals.present() if name not in seen]
     repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
-    warnings = [f"{r['recording']}, {r['signal']}: {r['message']}" for r in repairs if r["kind"] in WARNINGS]
+    warnings = [f"{place(r)}: {r['message']}" for r in repairs if r["kind"] in WARNINGS]
     warnings += [f"[signals] {name}: no recording takes it from a column" for name in unused]
     return {
         "schema": "pneucli/ingest/1",

@@ -25,7 +25,11 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     for text in answer.get("left_out", []):
         yield from labelled("left out", text)
     for one in answer["repairs"]:
-        place = ", ".join(filter(None, (one["recording"], one["signal"])))
-        yield from labelled("repair", f"{place}: {one['message']}")
+        yield from labelled("repair", f"{place(one)}: {one['message']}")
     yield from warnings(answer)
     yield from labelled("do", f"pneucli compare {file}")
+
+
+def place(repair: Mapping[str, Any]) -> str:
+    """Return where something was repaired: the recording, and the signal where it is one."""
+    return ", ".join(filter(None, (repair["recording"], repair["signal"])))

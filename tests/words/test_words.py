@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pneucli import words
-from pneucli.words import compare, diagnose, history, plausibility, simulate
+from pneucli.words import compare, diagnose, history, ingest, plausibility, simulate
 from pneucli.words import run as summary
 
 
@@ -232,3 +232,8 @@ def test_the_controller_is_told_by_its_worst_figures() -> None:
 )
 def test_a_scenario_fails_that_misses_the_tolerance_or_never_recovers(broken: dict[str, float | None]) -> None:
     assert simulate.missed({**LOOP, "closed_loop": {"load": broken}}) == ["load"]
+
+
+@pytest.mark.parametrize(("signal", "told"), [("", "driven_1"), ("p1", "driven_1, p1")])
+def test_a_repair_of_a_whole_file_names_no_signal(signal: str, told: str) -> None:
+    assert ingest.place({"recording": "driven_1", "signal": signal}) == told
