@@ -73,7 +73,8 @@ def evidence_of(bench: Bench, last: State, trial: Trial) -> Evidence:
     """Return what tells the effect of a trial, as it is in the ``last`` state, from a stand-in."""
     facts = facts_of(last.model, [view.experiment for view in bench.train])
     size = magnitude(last.fit, trial.effect, facts)
-    return Evidence(explained(trial.before, trial.state), size.over_error, size.over_typical)
+    imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
+    return Evidence(explained(trial.before, trial.state), size.over_error, size.over_typical, imposed)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

@@ -25,12 +25,14 @@ class Evidence(NamedTuple):
     """What tells an effect from a stand-in.
 
     ``share``: part of the squares beyond noise that it explains on all readings. ``significance``: its size over its
-    standard error. ``size``: that over the largest typical one.
+    standard error. ``size``: that over the largest typical one. ``imposed``: it is seen only where the motion is
+    imposed and its force measured, so that what is unknown does not pile up over time.
     """
 
     share: float
     significance: float
     size: float
+    imposed: bool = False
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -39,8 +41,9 @@ class Evidence(NamedTuple):
         return (
             1.0,
             math.log(share / (1.0 - share)),
-            _decades(self.significance, 1.0, 100.0),
+            _decades(self.significance, 1.0, 300.0),
             _decades(self.size, 0.03, 1.0),
+            float(self.imposed),
         )
 
 
@@ -49,10 +52,12 @@ def _decades(value: float, low: float, high: float) -> float:
 
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-WEIGHTS = (-2.13, 0.66, 1.8, 3.45)
+WEIGHTS = (-4.13, 0.61, 2.29, 2.79, 1.49)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
-REFUSED: dict[Reason, float] = {"explained-by-unknown": 0.07, "immaterial": 0.04, "at-bound": 0.04, "needless": 0.03}
-OTHERWISE = 0.002  # of all other reasons together
+REFUSED: dict[Reason, float] = {
+    "explained-by-unknown": 0.07, "raises-error": 0.06, "at-bound": 0.05, "immaterial": 0.03, "needless": 0.02,
+}  # fmt: skip
+OTHERWISE = 0.001  # of all other reasons together
 
 
 def probability(evidence: Evidence) -> float:

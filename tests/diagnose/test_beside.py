@@ -110,11 +110,34 @@ def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
     last = state(140.0, fit="last fit", model="last model")
     tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
-    where: Any = SimpleNamespace(train=[SimpleNamespace(experiment="fitted")])
+    view = SimpleNamespace(experiment="fitted", feels=lambda effect: True)
+    where: Any = SimpleNamespace(train=[view])
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): Magnitude(20.0, 0.5)}
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
     assert evidence_of(where, last, tried) == pytest.approx(Evidence(0.75, 20.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("views", "imposed"),
+    [([(Imposed, True)], True), ([(Imposed, True), (Forces, True)], False), ([(Imposed, True), (Forces, False)], True)],
+)
+def test_an_effect_that_is_seen_only_where_the_motion_is_imposed_says_so(
+    views: list[tuple[type, bool]], imposed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def view(kind: type, feels: bool) -> Any:
+        one = object.__new__(kind)
+        object.__setattr__(one, "experiment", "fitted")
+        monkeypatch.setattr(kind, "feels", lambda self, effect: felt[id(self)], raising=False)
+        felt[id(one)] = feels
+        return one
+
+    felt: dict[int, bool] = {}
+    where: Any = SimpleNamespace(train=[view(*each) for each in views])
+    monkeypatch.setattr(beside, "facts_of", lambda model, experiments: None)
+    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: Magnitude(20.0, 0.5))
+    tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
+    assert evidence_of(where, state(140.0, fit="fit", model="model"), tried).imposed == imposed
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ WITHIN: dict[str, list[float]] = {
 }
 BEYOND: dict[str, list[tuple[float, float]]] = {
     "share": [(0.02, -0.5), (0.98, 1.0)],
-    "significance": [(1.0, 0.0), (100.0, 1e9)],
+    "significance": [(1.0, 0.0), (300.0, 1e9)],
     "size": [(0.03, 0.0), (1.0, 100.0)],
 }
 
@@ -41,12 +41,16 @@ def test_beyond_what_exams_have_shown_the_law_says_no_more(feature: str, end: fl
     assert sure(feature, beyond) == sure(feature, end)
 
 
+def test_where_the_motion_is_imposed_the_same_evidence_is_surer() -> None:
+    assert probability(MIDDLING._replace(imposed=True)) > probability(MIDDLING)
+
+
 def test_each_feature_has_its_weight() -> None:
     assert len(MIDDLING.features) == len(WEIGHTS)
 
 
 def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
-    best = Evidence(share=0.98, significance=100.0, size=1.0)
+    best = Evidence(share=0.98, significance=300.0, size=1.0)
     worst = Evidence(share=0.02, significance=2.0, size=0.1)
     assert 1.0 > probability(best) > 0.9
     assert NAMED > 0.1 > probability(worst) > 0.0
