@@ -1,9 +1,12 @@
 """Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
 
-    pneucli exam E1 --condition messy --cases 66 --nulls 26 --seed 6201 --answer
-    pneucli exam E2 --condition usual --cases 20 --nulls 8 --seed 6202 --answer
-    pneucli exam E3 --size 0.3333 --cases 16 --nulls 4 --seed 6204 --answer
-    python -m benchmarks.confidence E1 E2 E3
+    pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
+    pneucli exam E2 --condition usual --condition messy --cases 24 --nulls 12 --seed 3061778563
+    pneucli exam E3 --size 0.3333 --cases 12 --nulls 0 --seed 3061778563
+    pneucli exam E4 --condition imposed+messy --condition imposed --cases 20 --nulls 8 --seed 9
+    pneucli exam E5 --condition imposed+rough --cases 30 --nulls 10 --seed 5501
+    (each once more with --answer)
+    python -m benchmarks.confidence E1 E2 E3 E4 E5
 
 The law is fitted with a small ridge and judged case by case, each by a law that has not seen it.
 """

@@ -16,7 +16,6 @@ or the tolerance of 10 um. Figures that break this are listed at the end.
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import tempfile
 from functools import cache
@@ -28,6 +27,7 @@ import tomlkit
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from benchmarks.exam_loop import designed
 from benchmarks.rigs import driven, model_of
 from pneucli import config
 from pneucli.design.cascade import design_cascade
@@ -145,10 +145,7 @@ def recorded(seed: int, name: str) -> tuple[Parameters, Model, Model]:
 
 def identified(folder: Path) -> Model:
     """Return the model that ``pneucli identify`` finds for a folder's pipeline."""
-    command = [sys.executable, "-m", "pneucli", "identify", "pipeline.toml", "--out", "out", "--quiet"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode > 1:
-        raise RuntimeError(done.stderr.strip())
+    designed(folder, ["identify"])
     settings = config.load(folder / "pipeline.toml")
     return load_model(folder / "out/identify", settings.to_rig(), select(settings.model.effects, catalogue()))
 

@@ -57,9 +57,12 @@ def test_a_supply_that_sags_costs_less_where_it_is_measured() -> None:
     c = made["best"]
     sine = 0.1 + 0.02 * np.sin(np.pi * TIME)
     scenario = replace(axis.scenario(c, sine), supply=np.full(TIME.size, 4.5e5))
-    told, not_told = (run(model, c, scenario, replace(axis.BENCH, supply=supply)) for supply in (True, False))
-    errors = [float(np.sqrt(np.mean((r.model[1000:, sim.X] - sine[1000:]) ** 2))) for r in (told, not_told)]
-    assert errors[0] < 0.95 * errors[1]
+    errors = [
+        [float(np.sqrt(np.mean((run(model, c, scenario, bench, seed).model[1000:, sim.X] - sine[1000:]) ** 2)))
+         for seed in range(6)]  # of the noise, which decides how it sticks as it turns
+        for bench in (replace(axis.BENCH, supply=supply) for supply in (True, False))
+    ]  # fmt: skip
+    assert np.mean(errors[0]) < 0.9 * np.mean(errors[1])
 
 
 def test_a_position_that_is_read_every_fourth_sample_is_enough() -> None:

@@ -128,8 +128,9 @@ def test_what_is_foretold_is_what_comes_where_the_model_is_right_and_not_where_i
         pair = (foretold(MODEL, CONTROLLER, log, axis.BENCH), measured(MODEL, CONTROLLER, log, replayed(ENGINE, log)))
         errors.append([measure(r, MODEL, CONTROLLER).tracking_rms_um for r in pair])
     (told, came), (told_too, came_late) = errors
-    # over seeds of the noise this loop's error is 47 to 101 um: how it sticks as the sine turns
-    assert 0.5 * told < came < 2.0 * told
+    again = (run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, REFERENCE), axis.BENCH, seed) for seed in range(20, 27))
+    drawn = [came, *(measure(one, MODEL, CONTROLLER).tracking_rms_um for one in again)]  # noise decides how it sticks
+    assert float(np.median(drawn)) == pytest.approx(told, rel=0.3)
     assert told_too == pytest.approx(told, rel=0.3)
     assert came_late > 4.0 * told_too
 
