@@ -35,7 +35,7 @@ Pull = Callable[[Array], Array]
 
 WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
 STOP = 6.0  # time constants of the pressure loop that the shaped reference takes at least from full speed to rest
-SLACK = 0.05  # of ambient and supply pressure, which the pressure references keep away from
+SLACK = 0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
 
 
 def design_cascade(model: Model, wanted: Requirements, sealed: float | None = None) -> Controller:

@@ -258,7 +258,7 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         **dict.fromkeys(("C_SCALE_1", "C_SCALE_2"), pytest.approx(1.0)), "C_ZERO_1": pytest.approx(0.0, abs=1e-6),
         "C_ZERO_2": pytest.approx(0.0, abs=1e-6),
         **dict.fromkeys(("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE"), 0.0),
-        "C_P_LOW": pytest.approx(1.05 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.95 * rig.supply_pressure),
+        "C_P_LOW": pytest.approx(1.01 * rig.ambient_pressure), "C_P_HIGH": pytest.approx(0.99 * rig.supply_pressure),
         "C_P_MEAN": 2.5e5, "C_AREA_FILL": 2e-6, "C_AREA_VENT": 1e-6, "C_AREA_FILL_2": 4e-6,
         "C_AREA_VENT_2": 3e-6, "C_MIRRORED": 0.0, "C_NODES": 201.0, "C_PLACES": 101.0,
         "C_AIR_STIFFNESS": 0.0,

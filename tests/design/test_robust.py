@@ -95,7 +95,7 @@ def test_on_a_dask_cluster_the_rows_are_the_same(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     few = study(runs=4)
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0", protocol="tcp"
     ) as cluster:
         address = cluster.scheduler_address.replace("tcp://", "dask://")
         with engine_from(address) as engine:
