@@ -33,12 +33,18 @@ RIDGES = (0.1, 0.3, 1.0, 3.0)
 def told(exams: list[Path]) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,)."""
     rows = [
-        (Evidence(**c["evidence"]).features, is_there(g, c), i)
+        (evidence_of(g, c).features, is_there(g, c), i)
         for i, g in enumerate(g for exam in exams for g in graded_cases(exam, exam / "answers"))
         for c in g.answer.get("candidates", [])
         if c.get("evidence")
     ]
     return np.array([r[0] for r in rows]), np.array([r[1] for r in rows], float), np.array([r[2] for r in rows])
+
+
+def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
+    """Return what a candidate rests on, of whatever program: what later ones call its share all have told."""
+    imposed = "imposed" in graded.conditions
+    return Evidence(**candidate["evidence"] | {"share": candidate["share"], "imposed": imposed})
 
 
 def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]

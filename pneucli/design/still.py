@@ -8,7 +8,7 @@ import math
 
 from pneucli.design.layout import *
 from pneucli.design.observe import pressure_force, pushing
-from pneucli.design.plant import clamp, dry_share, highest, sign
+from pneucli.design.plant import clamp, dry_share, highest, sign, slid
 
 
 def switching(error, rate, c):
@@ -17,6 +17,23 @@ def switching(error, rate, c):
     s2 = rate + c[C_SECTOR_2] * error
     total = math.fabs(s1) + math.fabs(s2)
     return (s1 + s2) / total if total > 0.0 else 0.0
+
+
+def coasts(driving, s, c):
+    """Return how far in m the piston goes on when what drives it, in N, is taken away as fast as the pressure loop can.
+
+    From its speed when a command arrives; over four times that loop's time.
+    """
+    h = 0.1 / c[C_P_KP]
+    v = s[S_AHEAD_V]
+    way = 0.0
+    driving *= 0.95  # in the middle of the first step
+    for i in range(40):  # noqa: B007 - structured text knows no name that begins with _
+        faster = slid(s[S_AHEAD_X], v, driving, h, s, c)
+        way += 0.5 * h * (v + faster)
+        v = faster
+        driving *= 0.9
+    return way
 
 
 def landed(error, s, c):
@@ -58,7 +75,8 @@ def loosen(error, s, c):
         if s[S_STIRS] == 1.0 and s[S_STILL] > 0.5 * c[C_LINGER]:
             s[S_BREAK] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], c[C_BREAK_MOST])
             s[S_FREED] = s[S_X]
-        if math.fabs(error) < 2.0 * c[C_REACH] or error * s[S_STICK] < 0.0:
+        left = (error - coasts(driving, s, c)) * sign(s[S_STICK])
+        if left < 2.0 * c[C_REACH]:
             s[S_STICK] = 0.0
             s[S_BRAKE] = c[C_LINGER]
         return

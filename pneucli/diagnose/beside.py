@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pneucli.diagnose.confidence import NAMED, Evidence, probability
 from pneucli.diagnose.decision import Decision, Reason
+from pneucli.diagnose.errors import taken_away
 from pneucli.diagnose.evidence import disagreement
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
@@ -35,7 +36,8 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) 
     if examined(bench, trial.effect):
         known = probability(evidence) >= NAMED
     else:
-        known = not left or told(bench, evidence.share, agreement(bench, last, trial.effect.name), left)
+        share = explained(trial.before, trial.state)
+        known = not left or told(bench, share, agreement(bench, last, trial.effect.name), left)
     failed: list[tuple[bool, Reason]] = [
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (not (known and lawful(trial.effect, left)), "explained-by-unknown"),
@@ -74,7 +76,8 @@ def evidence_of(bench: Bench, last: State, trial: Trial) -> Evidence:
     facts = facts_of(last.model, [view.experiment for view in bench.train])
     size = magnitude(last.fit, trial.effect, facts)
     imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
-    return Evidence(explained(trial.before, trial.state), size.over_error, size.over_typical, imposed)
+    share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
+    return Evidence(share, size.over_error, size.over_typical, imposed)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

@@ -24,12 +24,13 @@ NAMED = 0.5  # an effect that is less sure is not named: it is more likely absen
 class Evidence(NamedTuple):
     """What tells an effect from a stand-in.
 
-    ``share``: part of the squares beyond noise that it explains on all readings. ``significance``: its size over its
-    standard error. ``size``: that over the largest typical one. ``imposed``: it is seen only where the motion is
-    imposed and its force measured, so that what is unknown does not pile up over time.
+    ``share``: part of the squared error of ``compare`` beyond noise that it takes away, on held-out recordings where
+    there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
+    over the largest typical one. ``imposed``: it is seen only where the motion is imposed and its force measured, so
+    that what is unknown does not pile up over time.
     """
 
-    share: float
+    share: float | None
     significance: float
     size: float
     imposed: bool = False
@@ -37,7 +38,7 @@ class Evidence(NamedTuple):
     @property
     def features(self) -> tuple[float, ...]:
         """The terms of the law: each within the range that exams have shown; more than typical is no likelier."""
-        share = min(max(self.share, 0.02), 0.98)
+        share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
         return (
             1.0,
             math.log(share / (1.0 - share)),
@@ -52,7 +53,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-WEIGHTS = (-4.13, 0.61, 2.29, 2.79, 1.49)
+WEIGHTS = (-4.08, 0.59, 2.46, 2.78, 1.32)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.07, "raises-error": 0.06, "at-bound": 0.05, "immaterial": 0.03, "needless": 0.02,

@@ -32,3 +32,24 @@ class ShownErrors:
         results = [result for experiment, expected in pairs for result in compare(model, experiment, expected).results]
         self._known.append((model, {use: overall_error(results, use) for use in ("train", "test")}))
         return self._known[-1][1]
+
+
+def told(errors: Errors) -> float | None:
+    """Return the error that speaks for itself: that of held-out recordings, where there are any."""
+    return errors["train"] if errors["test"] is None else errors["test"]
+
+
+def left_over(first: Errors, last: Errors) -> float | None:
+    """Return the part of the squared error beyond noise that remains; None where there is no error."""
+    before, after = told(first), told(last)
+    if before is None or after is None:
+        return None
+    if before <= 1.0:
+        return 0.0
+    return min(max((after**2 - 1.0) / (before**2 - 1.0), 0.0), 1.0)
+
+
+def taken_away(first: Errors, last: Errors) -> float | None:
+    """Return the part of the squared error beyond noise that goes; None where there is no such error."""
+    before, left = told(first), left_over(first, last)
+    return None if before is None or before <= 1.0 or left is None else 1.0 - left

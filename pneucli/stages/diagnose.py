@@ -12,7 +12,7 @@ from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
 from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.discrepancy import Discrepancy
-from pneucli.diagnose.errors import ShownErrors
+from pneucli.diagnose.errors import ShownErrors, left_over, taken_away, told
 from pneucli.diagnose.manoeuvres import separation
 from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench, Errors, State
@@ -120,7 +120,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         "missing": list(found.missing),
         "ladder": ladder,
         "candidates": candidates,
-        "unexplained_share": _left(rungs[0], rungs[-1]),
+        "unexplained_share": left_over(rungs[0], rungs[-1]),
         "next_experiment": following or _next(bench, found),
         "sentence": sentence(found, rungs),
         "detectable": [_detectable(d) for d in found.detectable],
@@ -163,10 +163,6 @@ def _discrepancy(one: Discrepancy) -> dict[str, Any]:
     }
 
 
-def _error(errors: Errors) -> float | None:
-    return errors["train"] if errors["test"] is None else errors["test"]
-
-
 def _parameters(study: Study, found: Fit, effect: str) -> dict[str, Any]:
     mine = [as_ratio(e, study) for e in found.estimates if e.name.startswith(f"{effect}.")]
     return {name.partition(".")[2]: value for name, value in parameter_answer(mine).items()}
@@ -187,15 +183,15 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, settled: Fit, decis
     said = {
         "effect": name,
         "title": decision.effect.title,
-        "error_before": _error(before),
-        "error_after": _error(after) if trial or unchanged else None,
+        "error_before": told(before),
+        "error_after": told(after) if trial or unchanged else None,
         "parameters": _parameters(study, settled if name in found.missing else state.fit, name),
         "indistinguishable_from": _alike(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
         "confidence": round(found.confidence[name].of_set, 4) if name in found.confidence else None,
         "confidence_alone": round(found.confidence[name].alone, 4) if name in found.confidence else None,
-        "share": None if trial is None else _share(before, after),
+        "share": None if trial is None else taken_away(before, after),
         "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
     return said | {"why": why(said, found.missing, held_out(bench), decision.effect.looks_like)}
@@ -211,22 +207,6 @@ def _alike(found: Diagnosis, name: str) -> list[str]:
 def held_out(bench: Bench) -> str:
     """Return how recordings were held out: apart, by turns, or none."""
     return "apart" if bench.held_out else "by turns" if bench.turns else "none"
-
-
-def _share(before: Errors, after: Errors) -> float | None:
-    """The part of the squared error beyond noise that goes, on held-out recordings where there are any."""
-    left = _left(before, after)
-    return None if left is None else 1.0 - left
-
-
-def _left(first: Errors, last: Errors) -> float | None:
-    """The share of the squared error beyond noise that remains."""
-    before, after = _error(first), _error(last)
-    if before is None or after is None:
-        return None
-    if before <= 1.0:
-        return 0.0
-    return min(max((after**2 - 1.0) / (before**2 - 1.0), 0.0), 1.0)
 
 
 def _tell_apart(bench: Bench, found: Diagnosis, name: str, other: str) -> str:
@@ -259,7 +239,7 @@ def _next(bench: Bench, found: Diagnosis) -> str | None:
 
 def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
     """Return the verdict as an engineer would say it."""
-    before, after = _number(_error(rungs[0])), _number(_error(rungs[-1]))
+    before, after = _number(told(rungs[0])), _number(told(rungs[-1]))
     titles = {e.name: e.title.lower() for e in found.found.last.model.effects}
     named = " and ".join(f"{titles[n]} ({n})" for n in found.missing)
     if found.verdict == "adequate":

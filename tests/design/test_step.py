@@ -465,6 +465,37 @@ def test_a_piston_that_turns_has_not_broken_away() -> None:
     assert of(freed(1e-3, 1.0, STILL=0.0101), "BREAK", "FREED") == pytest.approx([22.0, 0.1])
 
 
+# a piston of 2 kg, dry friction of 10 N at any speed, no damping; pressures that follow at 100 1/s, steps of 1 ms
+COASTING = settings(MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=100.0, STRIBECK=1e-6, SLOWING=1.0)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_nothing_drives_coasts_until_friction_has_taken_its_speed(way: float) -> None:
+    """From 0.1 m/s against 10 N: 2 kg x (0.1 m/s)^2 / (2 x 10 N) = 1 mm."""
+    s = state(V=0.1 * way, BREAK=10.0)
+    assert still.coasts(0.0, s, COASTING) == pytest.approx(1e-3 * way, rel=1e-3)
+
+
+def test_what_drives_it_fades_as_the_pressures_follow() -> None:
+    """40 N e^(-100 t) against 10 N: at rest again where 0.4 N s (1 - e^-q) = 0.1 N s q, that is at q = 3.92.
+
+    There 2 kg have come by half of (4 (q - 1 + e^-q) - 0.5 q^2) mm; steps of 1 ms find a tenth less.
+    """
+    q = 3.92069
+    way = (4e-3 * (q - 1.0 + math.exp(-q)) - 5e-4 * q * q) / 2.0
+    assert 4.0 * (1.0 - math.exp(-q)) == pytest.approx(q, rel=1e-4)
+    assert still.coasts(40.0, state(BREAK=10.0), COASTING) == pytest.approx(way, rel=0.12)
+
+
+def test_a_freed_piston_is_let_go_where_it_coasts_to_its_reference() -> None:
+    """It coasts 1 mm; within twice the reach of 10 um of that its force is taken away."""
+    s = {"V": 0.1, "force": 0.0, "STICK": 15.0, "STIRS": 2.0, "BREAK": 10.0}
+    for error, kept in ((1.03e-3, 15.0), (1.01e-3, 0.0), (-1e-3, 0.0)):
+        still.loosen(error, found := balanced(**s), COASTING)
+        assert of(found, "STICK") == [kept]
+        assert of(found, "BRAKE") == pytest.approx([0.0 if kept else COASTING[at.C_LINGER]])
+
+
 @pytest.mark.parametrize(
     ("eager", "error", "before", "wide"),
     [(0.25, 40e-6, 0.0, 1.5), (0.25, 40e-6, 1.5e-4, 1.0), (0.5, 40e-6, 0.0, 1.0), (0.25, 101e-6, 0.0, 1.0)],

@@ -107,15 +107,26 @@ def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
     assert explained(state(300.0), state(350.0)) == pytest.approx(-0.25)
 
 
-def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
+def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any) -> Evidence:
     last = state(140.0, fit="last fit", model="last model")
-    tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
+    tried: Any = SimpleNamespace(
+        before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
+    )
     view = SimpleNamespace(experiment="fitted", feels=lambda effect: True)
-    where: Any = SimpleNamespace(train=[view])
+    where: Any = SimpleNamespace(train=[view], shown=shown)
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): Magnitude(20.0, 0.5)}
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    assert evidence_of(where, last, tried) == pytest.approx(Evidence(0.75, 20.0, 0.5))
+    return evidence_of(where, last, tried)
+
+
+def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
+    assert evidence(monkeypatch, errors.__getitem__) == pytest.approx(Evidence(0.5, 20.0, 0.5))
+
+
+def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert evidence(monkeypatch, None).share is None
 
 
 @pytest.mark.parametrize(
@@ -133,7 +144,7 @@ def test_an_effect_that_is_seen_only_where_the_motion_is_imposed_says_so(
         return one
 
     felt: dict[int, bool] = {}
-    where: Any = SimpleNamespace(train=[view(*each) for each in views])
+    where: Any = SimpleNamespace(train=[view(*each) for each in views], shown=None)
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: None)
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: Magnitude(20.0, 0.5))
     tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])

@@ -41,6 +41,10 @@ def test_beyond_what_exams_have_shown_the_law_says_no_more(feature: str, end: fl
     assert sure(feature, beyond) == sure(feature, end)
 
 
+def test_a_share_that_is_not_known_speaks_neither_for_nor_against() -> None:
+    assert probability(MIDDLING._replace(share=None)) == probability(MIDDLING._replace(share=0.5))
+
+
 def test_where_the_motion_is_imposed_the_same_evidence_is_surer() -> None:
     assert probability(MIDDLING._replace(imposed=True)) > probability(MIDDLING)
 

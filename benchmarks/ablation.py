@@ -1,0 +1,256 @@
+"""Does each rule of the search earn its place? ``python -m benchmarks.ablation EXAM [CASE ...]``
+
+Each case of an exam that ``pneucli exam`` wrote is diagnosed by the program as it is, and noted is which rules acted:
+where one did, the case is diagnosed once more without it. Where it did not act the answer is the same, so what a
+rule is worth is the difference over the cases in which it acted. A rule that costs nothing to leave out goes.
+``RULES=name,name`` takes some of them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.config import load
+from pneucli.exam.graded import Graded
+from pneucli.exam.grading import graded_cases
+from pneucli.pipeline.context import Context
+from pneucli.stages import diagnose, ingest
+
+Watch = tuple[str, Callable[..., bool]]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule: ``watch`` tells by a function's result and its arguments whether it acted, ``without`` leaves it out.
+
+    Functions and constants are named by module and attribute below ``pneucli``; what takes a function's place is made
+    from it.
+    """
+
+    what: str
+    watch: Watch
+    without: Mapping[str, Any]
+
+
+def always(value: Any) -> Callable[[Any], Any]:
+    """Return what makes of a function one that returns a value."""
+    return lambda _: lambda *_, **__: value
+
+
+def refusal(reason: str) -> Watch:
+    return "diagnose.judge:_reason", lambda found, *_: found == reason
+
+
+RULES = {
+    "family of tests": Rule("chance adjusted for all that could be named", refusal("not-significant"),
+                            {"diagnose.judge:holm": lambda _: lambda p, _n: list(p)}),
+    "chance": Rule("an effect must be significant at all", refusal("not-significant"),
+                   {"diagnose.judge:holm": lambda _: lambda p, _n: [0.0] * len(p)}),
+    "held out": Rule("recordings that were not fitted must gain for certain", refusal("not-on-held-out"),
+                     {"diagnose.judge:_rarely_shown": always(True)}),
+    "matters": Rule("the cost must fall by a share", refusal("immaterial"),
+                    {"diagnose.judge:MATERIAL": lambda _: 0.0, "diagnose.judge:AT_NOISE": lambda _: 0.0,
+                     "diagnose.search:MATERIAL": lambda _: 0.0}),
+    "below a sample": Rule("a time shorter than half a sample is the clock's", refusal("below-resolution"),
+                           {"diagnose.judge:_too_short": always(False)}),
+    "at a bound": Rule("a value at its bound is not believed", refusal("at-bound"),
+                       {"diagnose.judge:_ends": lambda f: lambda t: [e for e in f(t) if e != "bound"]}),
+    "user's error": Rule("the error of compare must not rise",
+                         ("diagnose.trial:Bench.raises", lambda found, *_: found),
+                         {"diagnose.trial:Bench.raises": always(False), "diagnose.trial:Bench.falls": always(True)}),
+    "lesser explanations": Rule("where the foremost is refused only its equals may come in its place",
+                                ("diagnose.search:as_good", lambda found, *_: not found),
+                                {"diagnose.search:as_good": always(True)}),
+    "explains all": Rule("what leaves nothing over needs no family",
+                         ("diagnose.search:_explaining_all", lambda found, *_: found is not None),
+                         {"diagnose.search:_explaining_all": always(None)}),
+    "pairs": Rule("pairs where single effects lead nowhere",
+                  ("diagnose.search:_pairs", lambda found, _b, rungs, *_: found[0] is not rungs),
+                  {"diagnose.search:_pairs": lambda _: lambda _b, rungs, rounds: (rungs, rounds)}),
+    "needless": Rule("what later effects make needless goes",
+                     ("diagnose.search:_without_needless", lambda found, *_: bool(found[1])),
+                     {"diagnose.search:_without_needless": lambda _: lambda _b, _s, last: (last, [])}),
+    "swaps": Rule("better rivals take an effect's place",
+                  ("diagnose.search:_rivals", lambda found, *_: found[1] is not None),
+                  {"diagnose.search:_rivals": lambda f: lambda *a: (f(*a)[0], None)}),
+    "fewest parameters": Rule("of equals the one with the fewest parameters leads",
+                              ("diagnose.search:foremost", lambda found, able: found is not least(able)),
+                              {"diagnose.search:foremost": lambda _: least}),
+    "bounds": Rule("an effect that states bounds explains nothing there",
+                   ("diagnose.trial:statements", lambda found, *_: bool(np.any(found != 1.0))),
+                   {"diagnose.trial:statements": lambda f: lambda *a: np.ones_like(f(*a))}),
+    "no force beside": Rule("bounds are not named where a force is left",
+                            ("diagnose.beside:lawful", lambda found, *_: not found),
+                            {"diagnose.beside:lawful": always(True), "diagnose.search:lawful": always(True)}),
+    "replay": Rule("a model that does not replay is not adequate",
+                   ("diagnose.diagnosis:astray", lambda found, *_: bool(found)),
+                   {"diagnose.diagnosis:astray": always([])}),
+    "probability": Rule("what is less likely than not is not named",
+                        ("diagnose.beside:probability", lambda found, *_: found < 0.5),
+                        {"diagnose.beside:probability": always(1.0)}),
+    "direct reading": Rule("samples at ambient refute an offset",
+                           ("diagnose.beside:contradicted", lambda found, *_: found),
+                           {"diagnose.beside:contradicted": always(False)}),
+    "profile over time": Rule("a time is sought over its whole range",
+                              ("identify.effects:lower_elsewhere", lambda found, *_: found is not None),
+                              {"identify.effects:lower_elsewhere": always(None)}),
+    "noise of the model": Rule("what a right model shows of noise is put back",
+                               ("diagnose.trial:allowed", lambda *_: True),
+                               {"diagnose.trial:allowed": lambda _: lambda _v, _d, residual: residual}),
+    "starts": Rule("starts may err",
+                   ("identify.views.chambers:carried", lambda *_: True),
+                   {"identify.views.chambers:carried": always({})}),
+}  # fmt: skip
+
+
+def least(able: Sequence[Any]) -> Any:
+    """Return the trial that costs least."""
+    return min(able, key=lambda t: t.state.cost)
+
+
+def place(name: str) -> tuple[Any, str]:
+    """Return the module or class, and the attribute of it."""
+    module, _, path = name.partition(":")
+    owner: Any = importlib.import_module(f"pneucli.{module}")
+    *classes, attribute = path.split(".")
+    for one in classes:
+        owner = getattr(owner, one)
+    return owner, attribute
+
+
+@contextmanager
+def replaced(what: Mapping[str, Callable[[Any], Any]]) -> Iterator[None]:
+    """Put other functions and constants in the place of some."""
+    before = [(*place(name), getattr(*place(name))) for name in what]
+    try:
+        for (owner, attribute, original), make in zip(before, what.values(), strict=True):
+            setattr(owner, attribute, make(original))
+        yield
+    finally:
+        for owner, attribute, original in before:
+            setattr(owner, attribute, original)
+
+
+def watching(rules: Mapping[str, Rule], acted: set[str]) -> dict[str, Callable[[Any], Any]]:
+    """Return functions that do what they did, and note which rules acted."""
+    by_function: dict[str, list[tuple[str, Callable[..., bool]]]] = {}
+    for name, rule in rules.items():
+        by_function.setdefault(rule.watch[0], []).append((name, rule.watch[1]))
+
+    def watched(original: Any, tells: Sequence[tuple[str, Callable[..., bool]]]) -> Any:
+        @wraps(original)
+        def noting(*args: Any, **more: Any) -> Any:
+            found = original(*args, **more)
+            acted.update(name for name, tell in tells if tell(found, *args))
+            return found
+
+        return noting
+
+    return {name: lambda f, tells=tells: watched(f, tells) for name, tells in by_function.items()}
+
+
+def answered(path: Path, folder: Path, answer: Mapping[str, Any]) -> tuple[dict[str, Any], float]:
+    """Diagnose a case whose recordings were read into ``folder``; return the answer and its processor seconds."""
+    begun = time.process_time()
+    with tempfile.TemporaryDirectory() as out:
+        found = diagnose.run(Context(path, load(path), Path(out), folder, answers={"ingest": answer}))
+    return found, time.process_time() - begun
+
+
+def studied(case: Path, rules: Mapping[str, Rule]) -> dict[str, tuple[dict[str, Any], float]]:
+    """Return the answers by rule left out; under "" that of the program as it is."""
+    path = case / "pipeline.toml"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "ingest").mkdir()
+        read = ingest.run(Context(path, load(path), folder / "ingest", folder))
+        acted: set[str] = set()
+        with replaced(watching(rules, acted)):
+            out = {"": answered(path, folder, read)}
+        for rule in (r for r in rules if r in acted):
+            with replaced(rules[rule].without):
+                out[rule] = answered(path, folder, read)
+    return out
+
+
+@dataclass
+class Count:
+    """What came of cases, or what a rule changed in them."""
+
+    cases: int = 0
+    changed: int = 0
+    right: int = 0
+    exact: int = 0
+    wrong: int = 0
+    accused: int = 0
+    unflagged: int = 0
+    seconds: float = 0.0
+    known: int = 0
+
+    def add(self, g: Graded, seconds: float, sign: int = 1) -> None:
+        """Count one answer, or take it off."""
+        self.cases += sign > 0
+        self.known += sign * bool(g.hidden)
+        self.right += sign * (bool(g.hidden) and g.hidden <= g.covered)
+        self.exact += sign * (bool(g.hidden) and g.hidden == g.missing)
+        self.wrong += sign * len(g.missing - g.hidden)
+        self.accused += sign * (g.is_null and bool(g.missing))
+        self.unflagged += sign * (bool(g.stranger) and g.verdict != "unexplained")
+        self.seconds += sign * seconds
+
+
+HEAD = "| {:20} | {:>5} | {:>7} | {:>5} | {:>5} | {:>11} | {:>13} | {:>15} | {:>7} | {}"
+
+
+def shown(name: str, c: Count, what: str) -> str:
+    return HEAD.format(name, c.cases, c.changed, f"{c.right:+d}", f"{c.exact:+d}", f"{c.wrong:+d}", f"{c.accused:+d}",
+                       f"{c.unflagged:+d}", f"{c.seconds:+.0f}", what)  # fmt: skip
+
+
+def judged(exam: Path, cases: Sequence[Graded], rules: Mapping[str, Rule]) -> tuple[Count, dict[str, Count]]:
+    """Diagnose cases; return what came of them, and by rule what leaving it out changed. Ctrl-C ends with the last."""
+    whole, without = Count(), {name: Count() for name in rules}
+    with suppress(KeyboardInterrupt):
+        for i, g in enumerate(cases, 1):
+            found = studied(exam / g.case, rules)
+            answer, seconds = found.pop("")
+            as_it_is = Graded(g.case, g.truth, answer, None)
+            whole.add(as_it_is, seconds)
+            for name, (other, spent) in found.items():
+                one, count = Graded(g.case, g.truth, other, None), without[name]
+                count.changed += any(getattr(one, k) != getattr(as_it_is, k) for k in ("verdict", "missing", "covered"))
+                count.add(one, spent)
+                count.add(as_it_is, seconds, -1)
+            print(f"{i} of {len(cases)}: {g.case}", file=sys.stderr, flush=True)
+    return whole, without
+
+
+def main(exam: Path, only: Sequence[str]) -> None:
+    """Diagnose the cases, each without every rule that acted in it, and print the table."""
+    os.environ["PNEUCLI_THREADS"] = "1"
+    rules = {n: RULES[n] for n in os.environ.get("RULES", ",".join(RULES)).split(",")}
+    cases = [g for g in graded_cases(exam, exam / "answers") if not only or g.case in only]
+    random.Random(0).shuffle(cases)  # so that the first are as good as any
+    whole, without = judged(exam, cases, rules)
+    print(HEAD.format("without", "acted", "changed", "right", "exact", "wrong names", "nulls accused",
+                      "unknown missed", "seconds", "the rule |"))  # fmt: skip
+    print(shown("(all rules)", whole, f"of {whole.known} with effects |"))
+    for name, count in without.items():
+        print(shown(name, count, f"{rules[name].what} |"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])
