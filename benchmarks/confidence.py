@@ -5,16 +5,22 @@
     pneucli exam E3 --size 0.3333 --cases 12 --nulls 0 --seed 3061778563
     pneucli exam E4 --condition imposed+messy --condition imposed --cases 20 --nulls 8 --seed 9
     pneucli exam E5 --condition imposed+rough --cases 30 --nulls 10 --seed 5501
+    pneucli exam E6 --size 0.3333 --cases 60 --nulls 0 --seed 334663411
+    pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of docs/exam.md
     (each once more with --answer)
-    python -m benchmarks.confidence E1 E2 E3 E4 E5
+    for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
+        pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
+    python -m benchmarks.confidence --real REAL E1 E2 E3 E4 E5 E6 E7
 
 The law is fitted with a small ridge and judged case by case, each by a law that has not seen it.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import json
 from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,13 +34,34 @@ from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
 RIDGES = (0.1, 0.3, 1.0, 3.0)
+FEATURES = ("share", "significance", "size", "complete", "imposed")
 
 
-def told(exams: list[Path]) -> tuple[Array, Array, NDArray[np.int64]]:
+# what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of
+# 1.3 % of p A (scale of load cell or area), directions that differ
+PUBLISHED = {
+    "zillen-o-ring": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "zillen-pk": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "zillen-kdn": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "zillen-x-ring257": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "emps": {"friction-asymmetry"},
+}
+
+
+def real(folder: Path) -> list[Graded]:
+    """Return the answers to real recordings as cases, with what was published of them."""
+    cases = []
+    for name, effects in PUBLISHED.items():
+        truth = {"hidden": {e: {} for e in effects}, "outside_the_catalogue": "", "conditions": ["imposed"]}
+        cases.append(Graded(name, truth, json.loads((folder / f"{name}.json").read_text()), None))
+    return cases
+
+
+def told(cases: Sequence[Graded]) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,)."""
     rows = [
         (evidence_of(g, c).features, is_there(g, c), i)
-        for i, g in enumerate(g for exam in exams for g in graded_cases(exam, exam / "answers"))
+        for i, g in enumerate(cases)
         for c in g.answer.get("candidates", [])
         if c.get("evidence")
     ]
@@ -42,9 +69,10 @@ def told(exams: list[Path]) -> tuple[Array, Array, NDArray[np.int64]]:
 
 
 def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
-    """Return what a candidate rests on, of whatever program: what later ones call its share all have told."""
-    imposed = "imposed" in graded.conditions
-    return Evidence(**candidate["evidence"] | {"share": candidate["share"], "imposed": imposed})
+    """Return what a candidate rests on, by what the answers of all programs have told."""
+    told = candidate["evidence"]
+    complete, imposed = graded.verdict != "unexplained", "imposed" in graded.conditions
+    return Evidence(candidate["share"], told["significance"], told["size"], complete, imposed)
 
 
 def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
@@ -75,10 +103,10 @@ def log_score(p: Array, y: Array) -> float:
     return float(-np.mean(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0))))
 
 
-def refusals(exams: list[Path]) -> dict[str, tuple[int, int]]:
+def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
     """Return by reason how many effects that were refused for it were there, and of how many."""
     of, there = Counter[str](), Counter[str]()
-    for g in (g for exam in exams for g in graded_cases(exam, exam / "answers")):
+    for g in cases:
         for c in g.answer.get("candidates", []):
             if not c["supported"]:
                 of[c["reason"]] += 1
@@ -87,19 +115,30 @@ def refusals(exams: list[Path]) -> dict[str, tuple[int, int]]:
 
 
 def main() -> None:
-    """Print the law, its reliability and the frequencies of refused effects."""
-    exams = [Path(name) for name in sys.argv[1:]]
-    x, y, case = told(exams)
+    """Print the law, what each of its terms is worth, its reliability, and the frequencies of refused effects."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("exams", nargs="+", type=Path)
+    parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
+    asked = parser.parse_args()
+    exams = [g for exam in asked.exams for g in graded_cases(exam, exam / "answers")]
+    recorded = real(asked.real) if asked.real else []
+    x, y, case = told([*exams, *recorded])
     ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r), y))
     p = left_out(x, y, case, ridge)
     print("WEIGHTS =", tuple(round(float(w), 2) for w in fitted(x, y, ridge)), f"ridge {ridge}, {y.size} effects")
     print(
+        f"{len(exams)} cases of exams, {len(recorded)} real ones; {int(y.sum())} effects were there; "
         f"Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, each by a law that has not seen its case"
     )
+    for i, name in enumerate(FEATURES, 1):
+        print(f"without {name}: log score {log_score(left_out(np.delete(x, i, 1), y, case, ridge), y):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():
             print(f"{low:g} to {high:g}: stated {p[mine].mean():.2f}, there {int(y[mine].sum())} of {mine.sum()}")
+    for i, one in zip(case, p, strict=True):
+        if i >= len(exams):
+            print(f"{recorded[i - len(exams)].case}: {one:.2f}")
     for reason, (there, of) in sorted(refusals(exams).items()):
         print(f"{reason}: {there} of {of}")
 

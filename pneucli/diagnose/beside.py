@@ -32,7 +32,7 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) 
     What is more likely a stand-in for something unknown is not named; where no exam tells how likely that is, only
     beside something that is ``left``.
     """
-    evidence = evidence_of(bench, last, trial)
+    evidence = evidence_of(bench, last, trial, complete=not left)
     if examined(bench, trial.effect):
         known = probability(evidence) >= NAMED
     else:
@@ -71,13 +71,16 @@ def told(bench: Bench, share: float, disagreement: float, left: Sequence[Remaind
     return share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
 
 
-def evidence_of(bench: Bench, last: State, trial: Trial) -> Evidence:
-    """Return what tells the effect of a trial, as it is in the ``last`` state, from a stand-in."""
+def evidence_of(bench: Bench, last: State, trial: Trial, *, complete: bool) -> Evidence:
+    """Return what tells the effect of a trial, as it is in the ``last`` state, from a stand-in.
+
+    ``complete``: the last state leaves nothing but noise.
+    """
     facts = facts_of(last.model, [view.experiment for view in bench.train])
     size = magnitude(last.fit, trial.effect, facts)
     imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
-    return Evidence(share, size.over_error, size.over_typical, imposed)
+    return Evidence(share, size.over_error, size.over_typical, complete, imposed)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

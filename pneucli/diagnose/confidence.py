@@ -26,13 +26,15 @@ class Evidence(NamedTuple):
 
     ``share``: part of the squared error of ``compare`` beyond noise that it takes away, on held-out recordings where
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
-    over the largest typical one. ``imposed``: it is seen only where the motion is imposed and its force measured, so
-    that what is unknown does not pile up over time.
+    over the largest typical one. ``complete``: with it and the others nothing is left that is more than noise; where
+    something is, a stand-in may have a share of it. ``imposed``: it is seen only where the motion is imposed and its
+    force measured, so that what is left does not pile up over time.
     """
 
     share: float | None
     significance: float
     size: float
+    complete: bool = False
     imposed: bool = False
 
     @property
@@ -44,7 +46,8 @@ class Evidence(NamedTuple):
             math.log(share / (1.0 - share)),
             _decades(self.significance, 1.0, 300.0),
             _decades(self.size, 0.03, 1.0),
-            float(self.imposed),
+            float(self.complete),
+            float(self.imposed and not self.complete),
         )
 
 
@@ -53,7 +56,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-WEIGHTS = (-4.08, 0.59, 2.46, 2.78, 1.32)
+WEIGHTS = (-4.1, 0.47, 2.39, 2.93, 2.59, 1.47)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.07, "raises-error": 0.06, "at-bound": 0.05, "immaterial": 0.03, "needless": 0.02,

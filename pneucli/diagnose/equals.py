@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import ALPHA, material
+from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.simulate.facts import facts_of
 
 ONE_PARAMETER = 3.84  # chi-square of one degree of freedom, exceeded by chance once in 20
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
+SMALL = 0.1  # of the largest typical size: sizes are known within a decade
 
 
-def foremost(trials: Sequence[Trial]) -> Trial:
+def foremost(trials: Sequence[Trial], plausible: Callable[[Trial], bool]) -> Trial:
     """Return the trial that leaves least, or the simplest of those that leave as little.
 
-    A sensor's fault comes last of equals: sensors are calibrated, rigs are not.
+    Of equals one of a plausible size comes first, and a sensor's fault last: sensors are calibrated, rigs are not.
     """
     best = min(trials, key=lambda t: t.state.cost)
     alike = [t for t in trials if as_good(t.state, best.state) or simpler(t, best)]
-    return min(alike, key=lambda t: (len(t.effect.parameters), t.effect.part == "sensor", t.state.cost))
+    return min(
+        alike,
+        key=lambda t: (len(t.effect.parameters), not plausible(t), t.effect.part == "sensor", t.state.cost),
+    )
+
+
+def plausible(bench: Bench, trial: Trial) -> bool:
+    """Whether an effect is not far smaller than a rig shows it: a tenth of a usual one stands in for its twin."""
+    facts = facts_of(trial.state.model, [view.experiment for view in bench.train])
+    return magnitude(trial.state.fit, trial.effect, facts).over_typical > SMALL
 
 
 def as_good(state: State, best: State) -> bool:

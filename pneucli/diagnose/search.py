@@ -10,7 +10,7 @@ import numpy as np
 
 from pneucli.diagnose.beside import lawful
 from pneucli.diagnose.decision import Decision, Reason, passed
-from pneucli.diagnose.equals import as_good, foremost, replaces
+from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
@@ -140,7 +140,7 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
     same remainder would but stand in for it.
     """
     while able := passed(decisions):
-        first = foremost(able)
+        first = foremost(able, lambda t: plausible(bench, t))
         if hides(bench, first):
             decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
             continue
@@ -213,7 +213,7 @@ def _rivals(
         named = bench.trial(before, last, bench.effects[name])
         better = [t for t in rivals[name] if t.effect.name not in barred and replaces(bench, t, named)]
         if better:
-            return rivals, foremost(better)
+            return rivals, foremost(better, lambda t: plausible(bench, t))
     return rivals, None
 
 

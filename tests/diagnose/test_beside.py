@@ -29,14 +29,14 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The decision about an effect with evidence, a reading that contradicts it, and the error that the user sees."""
 
     def reason(evidence: Evidence, *, unknown: bool, contradicted: bool = False, falls: bool = True) -> str:
-        monkeypatch.setattr(beside, "evidence_of", lambda *_: evidence)
+        monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: evidence._replace(complete=complete))
         monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: contradicted)
         errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
         monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
         decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left)
         assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
-        assert rests_on == evidence
+        assert rests_on == evidence._replace(complete=not unknown)
         return decision.reason
 
     return reason
@@ -107,7 +107,7 @@ def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
     assert explained(state(300.0), state(350.0)) == pytest.approx(-0.25)
 
 
-def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any) -> Evidence:
+def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False) -> Evidence:
     last = state(140.0, fit="last fit", model="last model")
     tried: Any = SimpleNamespace(
         before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
@@ -117,12 +117,14 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any) -> Evidence:
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): Magnitude(20.0, 0.5)}
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    return evidence_of(where, last, tried)
+    return evidence_of(where, last, tried, complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
-    assert evidence(monkeypatch, errors.__getitem__) == pytest.approx(Evidence(0.5, 20.0, 0.5))
+    for complete in (True, False):
+        found = evidence(monkeypatch, errors.__getitem__, complete=complete)
+        assert found == pytest.approx(Evidence(0.5, 20.0, 0.5, complete))
 
 
 def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,7 +150,7 @@ def test_an_effect_that_is_seen_only_where_the_motion_is_imposed_says_so(
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: None)
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: Magnitude(20.0, 0.5))
     tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
-    assert evidence_of(where, state(140.0, fit="fit", model="model"), tried).imposed == imposed
+    assert evidence_of(where, state(140.0, fit="fit", model="model"), tried, complete=False).imposed == imposed
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,8 +45,14 @@ def test_a_share_that_is_not_known_speaks_neither_for_nor_against() -> None:
     assert probability(MIDDLING._replace(share=None)) == probability(MIDDLING._replace(share=0.5))
 
 
-def test_where_the_motion_is_imposed_the_same_evidence_is_surer() -> None:
+def test_where_nothing_is_left_the_same_evidence_is_surer() -> None:
+    assert probability(MIDDLING._replace(complete=True)) > probability(MIDDLING)
+
+
+def test_where_something_is_left_it_is_surer_of_an_imposed_motion() -> None:
     assert probability(MIDDLING._replace(imposed=True)) > probability(MIDDLING)
+    complete = MIDDLING._replace(complete=True)
+    assert probability(complete._replace(imposed=True)) == probability(complete)
 
 
 def test_each_feature_has_its_weight() -> None:

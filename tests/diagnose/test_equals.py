@@ -6,12 +6,18 @@ from dataclasses import replace
 
 import pytest
 
-from pneucli.diagnose.equals import as_good, equal, foremost, replaces, simpler
+from pneucli.diagnose import equals
+from pneucli.diagnose.equals import as_good, equal, foremost, plausible, replaces, simpler
+from pneucli.diagnose.magnitude import Magnitude
 from pneucli.diagnose.trial import Trial
 from tests.diagnose.trials import bench, shaky, state, trial
 
 BEFORE = state(cost=400_000.0)
 CONSTANT = trial("constant-force", 100_000.0, before=BEFORE)
+
+
+def usual(_: Trial) -> bool:
+    return True
 
 
 def rival(effect: str, fall: float, scatter: float = 0.0, than: Trial = CONSTANT) -> Trial:
@@ -23,22 +29,35 @@ def test_a_spring_does_not_lead_by_what_the_force_leaves_of_small_imperfections(
     """300 of the 300 000 that the force takes, the same in every block: sure, and no reason for one parameter more."""
     spring = rival("spring-force", 300.0)
     assert not as_good(CONSTANT.state, spring.state)
-    assert foremost([spring, CONSTANT]) is CONSTANT
+    assert foremost([spring, CONSTANT], usual) is CONSTANT
 
 
 def test_a_spring_leads_where_it_leaves_much_less():
     spring = rival("spring-force", 40_000.0)
-    assert foremost([CONSTANT, spring]) is spring
+    assert foremost([CONSTANT, spring], usual) is spring
 
 
 def test_of_equals_with_as_many_parameters_a_sensor_comes_last():
     offset = rival("pressure-offset", 0.0)
-    assert foremost([offset, CONSTANT]) is CONSTANT
+    assert foremost([offset, CONSTANT], usual) is CONSTANT
+
+
+def test_of_equals_one_that_is_too_small_for_a_rig_comes_after_a_sensor():
+    offset = rival("pressure-offset", 0.0)
+    assert foremost([CONSTANT, offset], lambda t: t is offset) is offset
+    assert foremost([CONSTANT, offset], lambda t: False) is CONSTANT
+
+
+@pytest.mark.parametrize(("size", "can_be"), [(0.11, True), (0.09, False), (3.0, True)])
+def test_a_tenth_of_a_usual_size_is_still_one(size: float, can_be: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(equals, "facts_of", lambda model, experiments: "facts")
+    monkeypatch.setattr(equals, "magnitude", lambda fit, effect, facts: Magnitude(50.0, size))
+    assert plausible(bench(), CONSTANT) == can_be
 
 
 def test_a_sensor_that_is_surely_better_is_no_equal():
     offset = rival("pressure-offset", 300.0)
-    assert foremost([offset, CONSTANT]) is offset
+    assert foremost([offset, CONSTANT], usual) is offset
 
 
 def test_less_than_matters_is_a_part_of_the_cost_and_of_what_the_effect_takes():

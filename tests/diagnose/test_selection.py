@@ -20,6 +20,11 @@ from tests.diagnose.toys import Toys, adding, effect
 
 
 @pytest.fixture(autouse=True)
+def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(selection, "plausible", lambda bench, trial: True)
+
+
+@pytest.fixture(autouse=True)
 def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left of a state is its cost over its samples."""
 

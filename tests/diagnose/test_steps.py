@@ -17,6 +17,11 @@ from tests.diagnose.trials import bench, state, trial
 BEFORE = state()
 
 
+@pytest.fixture(autouse=True)
+def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "plausible", lambda bench, trial: True)
+
+
 def decision(tried: Trial) -> Decision:
     return Decision(tried.effect, "supported", tried)
 
