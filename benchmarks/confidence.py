@@ -6,11 +6,12 @@
     pneucli exam E4 --condition imposed+messy --condition imposed --cases 20 --nulls 8 --seed 9
     pneucli exam E5 --condition imposed+rough --cases 30 --nulls 10 --seed 5501
     pneucli exam E6 --size 0.3333 --cases 60 --nulls 0 --seed 334663411
-    pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of docs/exam.md
+    pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of the first twelve, and
+    pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/diagnosis.md
     (each once more with --answer)
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.confidence --real REAL E1 E2 E3 E4 E5 E6 E7
+    python -m benchmarks.confidence --real REAL E1 E2 E3 E4 E5 E6 E7 E8 E9
 
 The law is fitted with a small ridge and judged case by case, each by a law that has not seen it.
 """

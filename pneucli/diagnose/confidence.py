@@ -56,12 +56,12 @@ def _decades(value: float, low: float, high: float) -> float:
 
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-WEIGHTS = (-4.1, 0.47, 2.39, 2.93, 2.59, 1.47)
+WEIGHTS = (-4.26, 0.32, 2.52, 2.7, 2.92, 1.59)
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {
-    "explained-by-unknown": 0.07, "raises-error": 0.06, "at-bound": 0.05, "immaterial": 0.03, "needless": 0.02,
+    "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,
 }  # fmt: skip
-OTHERWISE = 0.001  # of all other reasons together
+OTHERWISE = 0.003  # of all other reasons together
 
 
 def probability(evidence: Evidence) -> float:
