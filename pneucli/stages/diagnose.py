@@ -191,7 +191,7 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, settled: Fit, decis
         "reason": decision.reason,
         "confidence": round(found.confidence[name].of_set, 4) if name in found.confidence else None,
         "confidence_alone": round(found.confidence[name].alone, 4) if name in found.confidence else None,
-        "share": None if trial is None else taken_away(before, after),
+        "share": None if trial is None or told(before) is None else taken_away(before, after) or 0.0,
         "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
     return said | {"why": why(said, found.missing, held_out(bench), decision.effect.looks_like)}
