@@ -40,6 +40,7 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) 
         known = not left or told(bench, share, agreement(bench, last, trial.effect.name), left)
     failed: list[tuple[bool, Reason]] = [
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
+        (unseen_force(bench.train, trial.effect), "cannot-show"),
         (not (known and lawful(trial.effect, left)), "explained-by-unknown"),
         (bool(left) and not bench.falls(trial.before, trial.state), "raises-error"),
     ]
@@ -50,6 +51,21 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) 
 def lawful(effect: Effect, left: Sequence[Remainder]) -> bool:
     """Whether an effect states a force wherever one is left over; bounds alone would keep any force within them."""
     return not (effect.bounds and any(r.kind.states_force for r in left))
+
+
+def unseen_force(views: Sequence[View], effect: Effect) -> bool:
+    """Whether an effect shows only in balances of forces of which a pressure that acts on the piston was not recorded.
+
+    Chamber 2 is shut or driven and p2 is missing: its force is missing too, and a spring would stand in for it.
+    """
+    felt = [view for view in views if view.feels(effect)]
+    return bool(felt) and all(lacks_p2(view) for view in felt)
+
+
+def lacks_p2(view: View) -> bool:
+    """Whether a view is of the forces on a piston of whose shut or driven chamber 2 no pressure was recorded."""
+    e = view.experiment
+    return isinstance(view, Forces) and e.recording.chamber_2 in ("closed", "valve") and "p2" not in e.raw
 
 
 def examined(bench: Bench, effect: Effect) -> bool:

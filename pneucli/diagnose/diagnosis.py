@@ -80,7 +80,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     alike = [Decision(t.effect, "supported", t) for trials in twins.values() for t in trials]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
-    evidence = {d.effect.name: e for d, e in weights}
+    evidence = {d.effect.name: e for d, e in weights if d.reason != "cannot-show"}
     sure = _confidence(bench, found, decisions, evidence, twins)
     unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
     moved = tuple(_moved(start.fit, found.last.fit))

@@ -8,6 +8,7 @@ from typing import Any
 
 from pneucli.config.sources import plugin_files
 from pneucli.diagnose import elsewhere
+from pneucli.diagnose.beside import lacks_p2
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
 from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
@@ -33,6 +34,7 @@ from pneucli.words.diagnose import why
 
 BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
 THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
+NO_P2 = "{}: chamber 2 is shut or driven and p2 was not recorded, so what acts on the piston cannot be told: record p2"
 NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted recordings alone"
 
 
@@ -82,6 +84,8 @@ def _bench(study: Study) -> tuple[Bench, list[str]]:
     train, test = (study.views(use, whitened=True) for use in ("train", "test"))
     turns = () if test else turns_of(train)
     warnings = [] if test else [BY_TURNS if turns else NONE_HELD_OUT]
+    if blind := [view.experiment.recording.name for view in train if lacks_p2(view)]:
+        warnings.append(NO_P2.format(", ".join(blind)))
     excluded = study.context.options.get("exclude", [])
     for name in excluded:
         if name not in study.known_effects:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import beside
-from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, told, weighed
+from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, told, unseen_force, weighed
 from pneucli.diagnose.confidence import Evidence, probability
 from pneucli.diagnose.magnitude import Magnitude
 from pneucli.diagnose.remainder import Remainder
@@ -61,6 +61,20 @@ def test_beside_something_unknown_the_error_that_the_user_sees_must_fall(judged:
 @pytest.mark.parametrize("unknown", [False, True])
 def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
     assert judged(STRONG, unknown=unknown, contradicted=True) == "contradicted-by-reading"
+
+
+@pytest.mark.parametrize(
+    ("chamber_2", "signals", "unseen"),
+    [("closed", {"p1"}, True), ("valve", {"p1"}, True), ("open", {"p1"}, False), ("closed", {"p1", "p2"}, False)],
+)
+def test_a_force_that_nobody_recorded_names_nothing(chamber_2: str, signals: set[str], unseen: bool) -> None:
+    """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
+    view = object.__new__(Forces)
+    recorded_so = SimpleNamespace(raw=dict.fromkeys(signals), recording=SimpleNamespace(chamber_2=chamber_2),
+                                  parts={"cylinder"})  # fmt: skip
+    object.__setattr__(view, "experiment", recorded_so)
+    assert unseen_force([view], catalogue()["spring-force"]) == unseen
+    assert not unseen_force([], catalogue()["spring-force"])
 
 
 # --- where no exam tells
