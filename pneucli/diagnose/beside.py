@@ -15,7 +15,7 @@ from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.identify.views import Chambers, Forces, Imposed, View
+from pneucli.identify.views import Chambers, Forces, Imposed, Inferred, View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.facts import facts_of
 
@@ -65,7 +65,7 @@ def unseen_force(views: Sequence[View], effect: Effect) -> bool:
 def lacks_p2(view: View) -> bool:
     """Whether a view is of the forces on a piston of whose shut or driven chamber 2 no pressure was recorded."""
     e = view.experiment
-    return isinstance(view, Forces) and e.recording.chamber_2 in ("closed", "valve") and "p2" not in e.raw
+    return type(view) is Forces and e.recording.chamber_2 in ("closed", "valve") and "p2" not in e.raw
 
 
 def examined(bench: Bench, effect: Effect) -> bool:
@@ -74,7 +74,7 @@ def examined(bench: Bench, effect: Effect) -> bool:
     They have no force alone, and always a recording that was held out.
     """
     return bench.checked and all(
-        type(view) in (Chambers, Forces, Imposed) for view in bench.train if view.feels(effect)
+        type(view) in (Chambers, Forces, Imposed, Inferred) for view in bench.train if view.feels(effect)
     )
 
 

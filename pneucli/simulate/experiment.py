@@ -19,6 +19,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
 from pneucli.simulate.flags import flags_of
 from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
+from pneucli.simulate.stand_ins import stand_in
 
 Array = NDArray[np.float64]
 
@@ -88,6 +89,12 @@ class Experiment:
         """What stands on the bench and can show."""
         recorded = "p_supply" in self.recording
         return self.recording.kind.parts(cylinder_known=self.rig.has_cylinder, supply_recorded=recorded)
+
+    @cached_property
+    def infers_p2(self) -> bool:
+        """Whether no sensor reads p2, though it acts: it follows from the model, the motion and the commands."""
+        shut = self.recording.chamber_2 in ("closed", "valve") and "p2" not in self.raw
+        return shut and self.recording.kind.valve and not self.vessel and "x" in self.raw
 
     @cached_property
     def step(self) -> float:
@@ -229,7 +236,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
         inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
     if rig.sense(recording.chamber) < 0.0:
         inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
-    _stand_ins(inputs, recording, rig)
+    stand_in(inputs, recording, rig)
     flags, once = flags_of(recording, rig, raw, noise), restarts(recording.time, None)
     ready = Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, once, flags, low_pass, still)
     return ready.with_restarts(horizon)
@@ -262,17 +269,6 @@ def smooth_motion(
     if "v" in raw:
         return x, raw["v"]
     return x, smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
-
-
-def _stand_ins(inputs: Array, recording: Recording, rig: Rig) -> None:
-    """Fill in what was not measured: ambient pressure, the regulator's setting."""
-    for column, name, value in (
-        (at.IN_P1, "p1", rig.ambient_pressure),
-        (at.IN_P2, "p2", rig.ambient_pressure),
-        (at.IN_SUPPLY, "p_supply", rig.supply_pressure or rig.ambient_pressure),
-    ):
-        if name not in recording:
-            inputs[:, column] = value
 
 
 def longest_step(rig: Rig, period: float) -> float:

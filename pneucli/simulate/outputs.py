@@ -11,6 +11,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed import imposed_force
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import simulate
+from pneucli.simulate.unread import with_settled_p2
 
 Array = NDArray[np.float64]
 
@@ -24,5 +25,7 @@ def outputs(
     """
     if experiment.recording.imposed == "motion":
         return {"force": experiment.filtered(imposed_force(model, experiment, noise))}
+    if experiment.infers_p2:
+        inputs = with_settled_p2(model, experiment, experiment.inputs if inputs is None else inputs)
     raw = simulate(model, experiment, inputs)
     return {channel: experiment.filtered(raw[channel].copy()) for channel in experiment.channels}

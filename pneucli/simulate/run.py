@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,7 +15,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import OUTPUTS, Experiment
+from pneucli.simulate.experiment import OUTPUTS, Experiment, restarts
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -39,12 +40,32 @@ def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) 
 
 def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:
     """Return the kernel's whole output, shape (n, 10) in the order of :mod:`pneucli.simulate.layout`."""
+    inputs = experiment.inputs if inputs is None else inputs
+    return _run(model, experiment, with_p2(model, experiment, inputs))
+
+
+def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
+    """Return inputs (n, 8) that have p2 also where no sensor reads it: as the model has it with the measured motion.
+
+    It starts from what ``inputs`` say of it first, and after each gap in the record.
+    """
+    if not experiment.infers_p2:
+        return inputs
+    flags = experiment.flags.copy()
+    flags[at.MECHANICS] = 0.0
+    once = replace(experiment, flags=flags, restarts=restarts(experiment.time, None))
+    inputs = inputs.copy()
+    inputs[:, at.IN_P2] = _run(model, once, inputs)[:, at.R2]
+    return inputs
+
+
+def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
     kernel = kernel_for(model.effects)
     active = experiment.active(model.effects)
     out = np.zeros((experiment.time.size, at.OUTPUTS))
     kernel.run(
         experiment.time,
-        experiment.inputs if inputs is None else inputs,
+        inputs,
         experiment.restarts,
         base_vector(model, experiment),
         kernel.vector(model.effect_values()),

@@ -23,6 +23,7 @@ from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Fit
 from pneucli.identify.intervals import with_intervals
 from pneucli.identify.start import first_guess
+from pneucli.identify.views import Inferred, View
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.identity import identity
 from pneucli.stages import history
@@ -34,6 +35,7 @@ from pneucli.words.diagnose import why
 
 BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
 THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
+INFERRED_P2 = "{}: p2 was not recorded and follows from the model; a force like that of a spring can hide in its start"
 NO_P2 = "{}: chamber 2 is shut or driven and p2 was not recorded, so what acts on the piston cannot be told: record p2"
 NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted recordings alone"
 
@@ -80,12 +82,18 @@ def _thinned(study: Study) -> dict[str, int] | None:
     return {"samples": samples, "used": used} if used < samples else None
 
 
+def unread_p2(views: Sequence[View]) -> list[str]:
+    """Return what is to be said of views of a shut or driven chamber 2 whose pressure was not recorded."""
+    inferred = [view.experiment.recording.name for view in views if isinstance(view, Inferred)]
+    blind = [view.experiment.recording.name for view in views if lacks_p2(view)]
+    return [text.format(", ".join(names)) for text, names in ((INFERRED_P2, inferred), (NO_P2, blind)) if names]
+
+
 def _bench(study: Study) -> tuple[Bench, list[str]]:
     train, test = (study.views(use, whitened=True) for use in ("train", "test"))
     turns = () if test else turns_of(train)
     warnings = [] if test else [BY_TURNS if turns else NONE_HELD_OUT]
-    if blind := [view.experiment.recording.name for view in train if lacks_p2(view)]:
-        warnings.append(NO_P2.format(", ".join(blind)))
+    warnings += unread_p2(train)
     excluded = study.context.options.get("exclude", [])
     for name in excluded:
         if name not in study.known_effects:

@@ -2,9 +2,10 @@
 
 ``Chambers``: the pressures are simulated with the measured motion, so friction has no say. ``Forces``: the measured
 motion and pressures leave a friction force, which is held against the model's set of possible ones, so the gas has no
-say. ``Imposed``: the force that the model needs for the given motion against the measured one. ``Whole``: all channels
-simulated, where a subsystem lacks a signal. Each view is smooth in its parameters, which a free run with stick and
-slip is not. One module each; a new subsystem is one more, and a line in :func:`views_of`.
+say. ``Inferred``: the same where p2 was not recorded, with that of the model. ``Imposed``: the force that the model
+needs for the given motion against the measured one. ``Whole``: all channels simulated, where a subsystem lacks a
+signal. Each view is smooth in its parameters, which a free run with stick and slip is not. One module each; a new
+subsystem is one more, and a line in :func:`views_of`.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from typing import Any
 
 from pneucli.identify.views.chambers import Chambers
 from pneucli.identify.views.forces import Forces
+from pneucli.identify.views.inferred import Inferred
 from pneucli.identify.views.view import View
 from pneucli.identify.views.whole import Imposed, Whole
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
-__all__ = ["Chambers", "Forces", "Imposed", "View", "Whole", "views_of", "weighted"]
+__all__ = ["Chambers", "Forces", "Imposed", "Inferred", "View", "Whole", "views_of", "weighted"]
 
 
 def views_of(experiments: Sequence[Experiment], *, whitened: bool = False) -> list[View]:
@@ -39,7 +41,7 @@ def _of(e: Experiment, *, whitened: bool) -> list[View]:
         return [Forces(e)]
     given = e.flags.copy()
     given[at.MECHANICS] = 0.0
-    return [Forces(e), Chambers(replace(e, flags=given), whitened)]
+    return [Inferred(e) if e.infers_p2 else Forces(e), Chambers(replace(e, flags=given), whitened)]
 
 
 def weighted(views: Sequence[View], weights: Mapping[Any, float]) -> list[View]:

@@ -41,6 +41,10 @@ class Forces(View):
         """Return what the balance leaves over by channel, see :meth:`balance`."""
         return self.balance(model, self.experiment.inputs)
 
+    def known(self, model: Model, inputs: Array) -> Array:
+        """Return inputs (n, 8) with what they lack."""
+        return inputs
+
     @cached_property
     def noise(self) -> dict[str, float]:
         """The standard deviation of each channel that the sensors alone would give."""
@@ -55,7 +59,8 @@ class Forces(View):
 
         The accelerometer at rest reads its own noise, whatever the model.
         """
-        e, nominal = self.experiment, self.residual(model)
+        e = self.experiment
+        nominal = self.balance(model, e.inputs)
         bare = self.balance(model, e.inputs, noise=np.zeros(2))
         power = {c: float(np.mean(((nominal[c] - bare[c]) / self.noise[c]) ** 2)) for c in self.channels}
         for inputs, loads in self._drawn(draws, seed):
@@ -140,7 +145,7 @@ class Forces(View):
         out, gap = np.zeros(e.time.size), np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
-            inputs,
+            self.known(model, inputs),
             a,
             rough,
             leaving,
