@@ -82,9 +82,11 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
     evidence = {d.effect.name: e for d, e in weights if d.reason != "cannot-show"}
     sure = _confidence(bench, found, decisions, evidence, twins)
-    unknown = unknown_of(bench, found, left, named=bool(missing)) if left else None
+    shown = found.last if left and missing else found.rungs[_known([d for d, _ in weights])]
+    unexplained = left if shown is found.last else too_much(*remains(bench, shown)) or left
+    unknown = describe(shown.model, [*bench.train, *bench.held_out], unexplained[0]) if unexplained else None
     moved = tuple(_moved(start.fit, found.last.fit))
-    verdict = _verdict(bench, left, missing, sizes)
+    verdict = _verdict(bench, unexplained, missing, sizes)
     remaining = discrepancies(found.last.model, [*bench.train, *bench.held_out], [*found.test, *found.train])
     return Diagnosis(
         verdict=verdict,
@@ -145,11 +147,9 @@ def _one_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:
     return tuple(first.values())
 
 
-def unknown_of(bench: Bench, found: Search, left: Sequence[Remainder], *, named: bool) -> Unknown:
-    """Describe what the last rung leaves over (``left``); where nothing is named, what the first one does."""
-    state = found.last if named else found.rungs[0]
-    worst = left if state is found.last else too_much(*remains(bench, state)) or left
-    return describe(state.model, [*bench.train, *bench.held_out], worst[0])
+def _known(added: Sequence[Decision]) -> int:
+    """Return how many of the effects added are named before the first that is not: what it took is unexplained."""
+    return next((i for i, d in enumerate(added) if not d.supported), len(added))
 
 
 def _moved(before: Fit, after: Fit) -> list[Moved]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.evidence import holm
+from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.parameters import absent_value
 
@@ -41,6 +42,7 @@ def _reason(bench: Bench, before: State, trial: Trial, p_value: float) -> Reason
         (bool(ends) and set(ends) == {"null"}, "vanishes"),
         ("bound" in ends, "at-bound"),
         (_too_short(bench, trial), "below-resolution"),
+        (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (not unlikely, "at-bound" if _at_any_bound(trial) else "not-significant"),
         (not trial.train.total > material(before) * float(before.train.sum()), "immaterial"),
         (not certain and not _rarely_shown(trial, p_value), "not-on-held-out"),

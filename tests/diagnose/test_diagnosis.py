@@ -45,7 +45,7 @@ class Diagnosed:
         def weighed(bench: Any, last: Any, step: Trial, left: Any) -> tuple[Decision, Evidence]:
             unknown = bool(left)
             self.steps.append((step.effect.name, step.before.names, step.state.names, unknown))
-            stands = step.effect.name in standing or not unknown
+            stands = step.effect.name in standing or not (unknown or step.effect.name in given.get("doubted", ()))
             reason: Reason = "supported" if stands else "explained-by-unknown"
             return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
 
@@ -105,6 +105,16 @@ def test_where_nothing_stands_what_the_first_rung_leaves_is_described(monkeypatc
     d = Diagnosed(monkeypatch, left=[MUCH], standing=set())
     assert (d.result.verdict, d.result.missing) == ("unexplained", ())
     assert [names for names, _ in d.described] == [[]]
+
+
+@pytest.mark.parametrize(("doubted", "missing", "described"), [("ab", (), []), ("b", ("a",), ["a"])])
+def test_what_an_effect_took_that_is_not_named_is_unexplained(
+    monkeypatch: pytest.MonkeyPatch, doubted: str, missing: tuple[str, ...], described: list[str]
+) -> None:
+    """With it nothing but noise is left; without it, as the answer has it, the model errs."""
+    d = Diagnosed(monkeypatch, standing=set(), doubted=doubted)
+    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", missing, "unknown")
+    assert [names for names, _ in d.described] == [described]
 
 
 def test_nothing_found_and_nothing_left_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from pneucli.diagnose import judge
 from pneucli.diagnose.judge import judged, supported
 from tests.diagnose.trials import UNSURE, bench, state, trial
 
@@ -45,6 +46,13 @@ def test_a_bound_of_what_means_nothing_alone_counts_only_where_the_effect_is_not
 @pytest.mark.parametrize(("delay", "said"), [(0.4e-3, "below-resolution"), (0.6e-3, "supported")])
 def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float, said: str):
     assert reason("line-delay", ends={"delay": (delay, False)}) == said
+
+
+def test_what_a_reading_refutes_does_not_stand_in_the_way_of_its_twin(monkeypatch: pytest.MonkeyPatch):
+    """A force that looks like an offset of a pressure: were the offset refused only at the end, none was named."""
+    monkeypatch.setattr(judge, "contradicted", lambda model, effect, views: effect.name == "pressure-offset")
+    assert reason("pressure-offset", ends={"offset": (16e3, False)}) == "contradicted-by-reading"
+    assert reason("constant-force", ends={"force": (17.0, False)}) == "supported"
 
 
 @pytest.mark.parametrize(("p_value", "said"), [(3.9e-4, "supported"), (4.1e-4, "not-significant")])

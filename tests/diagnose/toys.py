@@ -20,7 +20,7 @@ def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: An
     known = [
         SimpleNamespace(name=f"p{k}", unit="1", null=0.0, lower=-9.0, upper=9.0, **more) for k in range(parameters)
     ]
-    return SimpleNamespace(name=name, parameters=tuple(known), part=part, bounds=False)
+    return SimpleNamespace(name=name, parameters=tuple(known), part=part, bounds=False, ports={})
 
 
 class Toys:
