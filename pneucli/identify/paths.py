@@ -113,11 +113,19 @@ def _paths(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> P
     volume, growth = _volume(e, rig, chamber, vessel_volume)
     gas = rig.gas_constant * rig.gas_temperature
     flow = (slope * volume + exponent * p * growth) / (exponent * gas)
-    k = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
-    supply, ambient, b = e.inputs[:, at.IN_SUPPLY], rig.ambient_pressure, critical_ratio_of(rig.heat_capacity_ratio)
-    upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, ambient)
-    per_area = np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, b, k, k)
+    per_area = flow_per_area(rig, opening, e.inputs[:, at.IN_SUPPLY], p)
     return Paths(e, opening, flow, per_area, *np.broadcast_arrays(volume, growth, p)[:2])
+
+
+def flow_per_area(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
+    """Return the mass flow per area in kg/(s m^2) into a chamber at p, filled or vented as an opening (V) does.
+
+    Pressures in Pa, all (n,).
+    """
+    k = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
+    b = critical_ratio_of(rig.heat_capacity_ratio)
+    upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, rig.ambient_pressure)
+    return np.asarray(np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, b, k, k))
 
 
 def _volume(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array | float, Array | float]:

@@ -55,6 +55,22 @@ def test_a_command_that_was_held_to_the_next_sample_stays(seed: int) -> None:
     assert between(seen) == pytest.approx(seen.raw["u"])
 
 
+SINCE = TIME % 0.35
+RINGING = (
+    np.resize([4.0, -2.5, 6.0, -3.0], 23)[np.floor(TIME / 0.35).astype(int)]
+    * np.exp(-SINCE / 0.2)
+    * np.cos(2 * np.pi * 9.0 * SINCE)
+)
+
+
+@pytest.mark.parametrize("every", [5, 10])
+def test_where_commands_jump_and_ring_the_way_between_them_is_told_all_the_same(every: int) -> None:
+    """A reference that steps: smoothing blurs the jumps, and a jump tells nothing of the other commands."""
+    rung, stood = logged(RINGING, every), logged(np.repeat(RINGING[::every], every), every)
+    assert between(rung)[:-1] == pytest.approx(0.5 * (rung.raw["u"][1:] + rung.raw["u"][:-1]))
+    assert between(stood) == pytest.approx(stood.raw["u"])
+
+
 def test_late_flow_is_no_held_command_and_no_changed_one() -> None:
     """Commands that come ten milliseconds late are a lag's: the recorded ones stay as they are."""
     late = logged(np.append(np.zeros(10), SWING[:-10]))
