@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,22 @@ Array = NDArray[np.float64]
 LOOP = 1e-3  # s: loops of pneumatic axes are no faster, and a logger that is not slower shows every command
 CHANGING = 0.5  # of the samples at which a command changes: below, it is a step that is held
 NODES = 16  # of the area over the opening, at equal shares of the samples
+INSTANTS = np.linspace(0.0, 1.0, 21)  # of a sampling period
+
+
+class Between(NamedTuple):
+    """What one recording shows of one chamber between its samples, each (n - 1,) but for the ``opening`` (n,) at them.
+
+    ``flow`` is the mean mass flow in kg/s into the chamber by the readings themselves: smoothing would blur what is
+    asked for; ``supply`` and ``p`` in Pa; ``column`` is that of the command among the inputs.
+    """
+
+    experiment: Experiment
+    column: int
+    opening: Array
+    flow: Array
+    supply: Array
+    p: Array
 
 
 def with_commands(experiments: Sequence[Experiment], rig: Rig) -> list[Experiment]:
@@ -30,36 +47,56 @@ def with_commands(experiments: Sequence[Experiment], rig: Rig) -> list[Experimen
     """
     moving = [e for e in driven(experiments) if e.recording.period > 1.5 * LOOP and _changes(e.inputs[:, at.IN_U])]
     known = rig.vessel_volume is not None or not any(e.vessel for e in moving)
-    if not moving or not known or not _on_the_way(moving, rig):
+    if not moving or not known:
         return list(experiments)
-    return [_averaged(e) if any(e is one for one in moving) else e for e in experiments]
+    shown = _shown(moving, rig)
+    if not _on_the_way(shown):
+        return list(experiments)
+    return [_on_its_way(e, shown) if any(e is one for one in moving) else e for e in experiments]
 
 
 def _changes(u: Array) -> bool:
     return bool(np.mean(np.diff(u) != 0.0) > CHANGING)
 
 
-def _on_the_way(moving: Sequence[Experiment], rig: Rig) -> bool:
-    """Whether the shift (in samples) that explains the flows best is nearer to a loop's than to held commands."""
+def _shown(moving: Sequence[Experiment], rig: Rig) -> list[Between]:
     chambers: tuple[Chamber, ...] = (1, 2)
-    seen = [(one, c) for c in chambers for one in paths(moving, rig, c, rig.vessel_volume or 1.0)]
-    later, held, middle = np.sum([_left(one, c) for one, c in seen] or [np.zeros(3)], axis=0)
+    return [_between(one, c) for c in chambers for one in paths(moving, rig, c, rig.vessel_volume or 1.0)]
+
+
+def _between(one: Paths, chamber: Chamber) -> Between:
+    e = one.experiment
+    name, column = PRESSURES[1 if e.vessel else chamber]
+    exponent, p = e.rig.polytropic_exponent or e.rig.heat_capacity_ratio, e.inputs[:, column]
+    rise, pushed = _means(one.volume) * np.diff(e.raw[name]), exponent * _means(p) * np.diff(one.volume)
+    flow = (rise + pushed) / (exponent * e.rig.gas_constant * e.rig.gas_temperature * np.diff(e.time))
+    own = chamber == 2 and not e.vessel and e.flags[at.CHAMBER_2] == at.VALVE_2
+    supply = e.inputs[:, at.IN_SUPPLY]
+    return Between(e, at.IN_U2 if own else at.IN_U, one.opening, flow, _means(supply), _means(p))
+
+
+def _means(values: Array) -> Array:
+    """Return the means of each value and the next (n - 1,)."""
+    return np.asarray(0.5 * (values[1:] + values[:-1]))
+
+
+def _on_the_way(shown: Sequence[Between]) -> bool:
+    """Whether the shift (in samples) that explains the flows best is nearer to a loop's than to held commands."""
+    later, held, middle = np.sum([_left(one) for one in shown] or [np.zeros(3)], axis=0)
     curvature = later - 2.0 * held + middle
-    of_loop = -0.5 * LOOP / float(np.median([e.recording.period for e in moving]))
+    of_loop = -0.5 * LOOP / float(np.median([one.experiment.recording.period for one in shown] or [LOOP]))
     return bool(curvature > 0.0 and 0.25 * (later - middle) / curvature - 0.5 > 0.5 * (of_loop - 0.5))
 
 
-def _left(one: Paths, chamber: Chamber) -> Array:
+def _left(one: Between) -> Array:
     """Return the share of the flow's power that is unexplained by commands half a sample later, held, their mean (3,).
 
-    Flows are those of the readings themselves from one sample to the next: smoothing would blur what is asked for.
+    Nothing is left of what is not finite: it tells nothing of one way or another.
     """
-    e, u, flow = one.experiment, one.opening, _entering(one, chamber)
-    supply, p = (_means(e.inputs[:, c]) for c in (at.IN_SUPPLY, PRESSURES[1 if e.vessel else chamber][1]))
-    ways, told = (_means(np.append(u[0], u[:-1])), u[:-1], _means(u)), ~_jumps(u)
-    per_area = [flow_per_area(e.rig, way, supply, p) for way in ways]
-    left = [_unexplained(flow[told], f[told], way[told]) for f, way in zip(per_area, ways, strict=True)]
-    return np.array(left) / max(float(np.sum(flow[told] ** 2)), 1e-300)
+    u, told = one.opening, ~_jumps(one.opening)
+    ways = (_means(np.append(u[0], u[:-1])), u[:-1], _means(u))
+    left = [float(np.sum((one.flow - _explained(one, way, way))[told] ** 2)) for way in ways]
+    return np.nan_to_num(left) / max(float(np.nansum(one.flow[told] ** 2)), 1e-300)
 
 
 def _jumps(u: Array) -> NDArray[np.bool_]:
@@ -68,36 +105,43 @@ def _jumps(u: Array) -> NDArray[np.bool_]:
     At some instant between two samples: that says nothing of how it changes else.
     """
     change = np.abs(np.diff(u))
-    return np.asarray(change > np.append(0.0, change[:-1]) + np.append(change[1:], 0.0))
+    return np.asarray(change > np.append(np.inf, change[:-1]) + np.append(change[1:], np.inf))
 
 
-def _entering(one: Paths, chamber: Chamber) -> Array:
-    """Return the mean mass flow in kg/s into the chamber between two samples (n - 1,), by the base model's balance."""
-    e = one.experiment
-    name, column = PRESSURES[1 if e.vessel else chamber]
-    exponent, p = e.rig.polytropic_exponent or e.rig.heat_capacity_ratio, e.inputs[:, column]
-    rise, pushed = _means(one.volume) * np.diff(e.raw[name]), exponent * _means(p) * np.diff(one.volume)
-    return np.asarray((rise + pushed) / (exponent * e.rig.gas_constant * e.rig.gas_temperature * np.diff(e.time)))
+def _explained(one: Between, way: Array, opening: Array) -> Array:
+    """Return the flow (n - 1,) at openings, by areas that explain it best were the commands on their ``way``.
+
+    The area is linear between nodes; jumps have no say in it.
+    """
+    told, nodes = ~_jumps(one.opening), np.unique(np.quantile(way, np.linspace(0.0, 1.0, NODES)))
+    hats = np.column_stack([np.interp(way, nodes, unit) for unit in np.eye(nodes.size)])
+    rig = one.experiment.rig
+    design, flow = (hats * flow_per_area(rig, way, one.supply, one.p)[:, None])[told], one.flow[told]
+    if not np.all(np.isfinite(design)) or not np.all(np.isfinite(flow)):
+        return np.full(one.flow.size, np.nan)
+    areas = np.interp(opening, nodes, np.linalg.lstsq(design, flow)[0])
+    return np.asarray(areas * flow_per_area(rig, opening, one.supply, one.p))
 
 
-def _means(values: Array) -> Array:
-    """Return the means of each value and the next (n - 1,)."""
-    return np.asarray(0.5 * (values[1:] + values[:-1]))
-
-
-def _unexplained(flow: Array, per_area: Array, opening: Array) -> float:
-    """Return the sum of squares of the flow that no area over the opening explains, the area linear between nodes."""
-    nodes = np.unique(np.quantile(opening, np.linspace(0.0, 1.0, NODES)))
-    if nodes.size < 2 or not np.all(np.isfinite(flow * per_area)):
-        return 0.0  # nothing tells one way from another
-    hats = np.column_stack([np.interp(opening, nodes, unit) for unit in np.eye(nodes.size)])
-    design = hats * per_area[:, None]
-    return float(np.sum((flow - design @ np.linalg.lstsq(design, flow)[0]) ** 2))
-
-
-def _averaged(e: Experiment) -> Experiment:
+def _on_its_way(e: Experiment, shown: Sequence[Between]) -> Experiment:
     inputs = e.inputs.copy()
     for column in (at.IN_U, at.IN_U2):
-        u = inputs[:, column]
-        inputs[:, column] = 0.5 * (u + np.append(u[1:], u[-1]))
+        u, mine = inputs[:, column], [one for one in shown if one.experiment is e and one.column == column]
+        inputs[:-1, column] = u[:-1] + _share_of_the_way(u, mine) * np.diff(u)
     return replace(e, inputs=inputs)
+
+
+def _share_of_the_way(u: Array, shown: Sequence[Between]) -> Array:
+    """Return how far a command (n,) went on its way to the next one in the mean between both (n - 1,): half of it.
+
+    Where it jumped, the mean over all instants at which it may have done so, as likely as the flows then make them.
+    """
+    jumps, chance = _jumps(u), np.zeros((INSTANTS.size, u.size - 1))
+    for one in shown:
+        way = _means(one.opening)
+        steps = one.opening[:-1] + INSTANTS[:, None] * np.diff(one.opening)
+        left = np.array([one.flow - _explained(one, way, step) for step in steps])
+        usual = np.mean((one.flow - _explained(one, way, way))[~jumps] ** 2)
+        chance -= np.nan_to_num(0.5 * left**2 / usual)
+    weights = np.exp(chance - chance.max(axis=0))
+    return np.where(jumps, INSTANTS @ weights / weights.sum(axis=0), 0.5)
