@@ -94,7 +94,7 @@ class Experiment:
     def infers_p2(self) -> bool:
         """Whether no sensor reads p2, though it acts: it follows from the model, the motion and the commands."""
         shut = self.recording.chamber_2 in ("closed", "valve") and "p2" not in self.raw
-        return shut and self.recording.kind.valve and not self.vessel and "x" in self.raw
+        return shut and self.recording.kind.valve and not self.vessel and "x" in self.raw and self.rig.areas[1] > 0.0
 
     @cached_property
     def step(self) -> float:

@@ -46,6 +46,7 @@ def test_only_a_pressure_that_acts_and_that_no_sensor_reads_is_inferred(unread: 
     assert not prepare(read, e.rig, 0.5).infers_p2
     assert not prepare(replace(e.recording, chamber_2="open"), e.rig, 0.5).infers_p2
     assert not replace(e, raw=still).infers_p2
+    assert not replace(e, rig=replace(e.rig, piston_area_1=None, piston_area_2=None)).infers_p2
     assert next(type(v) for v in views_of([e])) is Inferred
     assert next(type(v) for v in views_of([prepare(read, e.rig, 0.5)])) is Forces
 
