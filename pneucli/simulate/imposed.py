@@ -45,6 +45,8 @@ def imposed_force(model: Model, experiment: Experiment, noise: Mapping[str, Arra
     kernel = kernel_for(model.effects)
     inputs = experiment.inputs.copy()
     inputs[:, at.IN_X], inputs[:, at.IN_V], a = motion(experiment, noise)
+    if "a" in experiment.raw:
+        a = a - resting_reading(model, experiment)
     still = v_still(experiment, inputs[:, at.IN_V])
     out = np.zeros(experiment.time.size)
     base, th = base_vector(model, experiment), kernel.vector(model.effect_values())
@@ -59,3 +61,12 @@ def v_still(experiment: Experiment, v: Array) -> float:
     period = experiment.recording.period
     noise = experiment.noise["x"].rms / period if "x" in experiment.noise else 0.0
     return float(min(max(noise, 1e-6), 0.05 * np.max(np.abs(v)) + 1e-9))
+
+
+def resting_reading(model: Model, experiment: Experiment) -> float:
+    """Return what the model's accelerometer reads at rest in m/s^2."""
+    reading = 0.0
+    for effect in model.effects:
+        if "read_a" in effect.ports and effect.name in experiment.active((effect,)):
+            reading = float(effect.ports["read_a"](reading, *model.own(effect)))  # type: ignore[arg-type]
+    return reading

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, restarts
-from pneucli.simulate.imposed import v_still
+from pneucli.simulate.imposed import resting_reading, v_still
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for, with_p2
 
@@ -38,7 +38,8 @@ def with_settled_p2(model: Model, experiment: Experiment, inputs: Array) -> Arra
 def _lacking_force(model: Model, e: Experiment, inputs: Array) -> Array:
     """Return the force (n,) in N toward +x that the model lacks for the measured motion."""
     kernel, out = kernel_for(model.effects), np.zeros(e.time.size)
-    a = e.raw["a"] if "a" in e.raw else np.gradient(inputs[:, at.IN_V], e.time)
+    measured = "a" in e.raw
+    a = e.raw["a"] - resting_reading(model, e) if measured else np.gradient(inputs[:, at.IN_V], e.time)
     values, on = kernel.vector(model.effect_values()), kernel.switches(e.active(model.effects))
     still = v_still(e, inputs[:, at.IN_V])
     kernel.functions.run_imposed(e.time, inputs, a, still, True, base_vector(model, e), values, on, out)

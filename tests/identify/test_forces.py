@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pneucli.identify.views import Forces
-from pneucli.identify.views.forces import resting_reading
 from pneucli.noise import NoiseModel
 from pneucli.simulate import layout as at
+from pneucli.simulate.imposed import resting_reading
 from tests.simulate.benches import RIG, bench, clock, model
 
 TIME = clock(1.0)

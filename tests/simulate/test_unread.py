@@ -12,6 +12,7 @@ from pneucli.identify.views import Forces, Inferred, views_of
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.imposed import imposed_force
 from pneucli.simulate.outputs import outputs
 from pneucli.simulate.run import run, with_p2
 from pneucli.simulate.unread import with_settled_p2
@@ -61,6 +62,19 @@ def test_the_with_settled_p2_follows_from_the_balance_of_forces(unread: tuple[Ex
         wrong = with_settled_p2(true, e, wrong)
     assert wrong[0, at.IN_P2] == pytest.approx(SHUT_IN, rel=0.005)
     assert with_p2(true, e, wrong)[:, at.IN_P2] == pytest.approx(p2, rel=0.005)
+
+
+def test_what_the_accelerometer_reads_at_rest_is_no_force(unread: tuple[Experiment, np.ndarray]):
+    """A known bias of 0.5 m/s^2, 1.1 N of this mass, changes neither the start of p2 nor an imposed force."""
+    e, _ = unread
+    true = TRUE[e.recording.chamber_2]
+    biased = model(["constant-force", "acceleration-bias"], {**LOAD, "acceleration-bias.bias": 0.5})
+    tilted = replace(e, raw=e.raw | {"a": e.raw["a"] + 0.5})
+    assert with_settled_p2(biased, tilted, e.inputs) == pytest.approx(with_settled_p2(true, e, e.inputs))
+    assert with_settled_p2(true, tilted, e.inputs) != pytest.approx(with_settled_p2(true, e, e.inputs))
+    assert imposed_force(biased, replace(tilted, fusion=None)) == pytest.approx(
+        imposed_force(true, replace(e, fusion=None))
+    )
 
 
 def test_p2_starts_anew_only_after_a_gap_in_the_record(unread: tuple[Experiment, np.ndarray]):

@@ -16,7 +16,8 @@ from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
 from pneucli.simulate.ends import contact
-from pneucli.simulate.experiment import Experiment, smooth, smooth_motion
+from pneucli.simulate.experiment import smooth, smooth_motion
+from pneucli.simulate.imposed import resting_reading
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for
 
@@ -162,12 +163,3 @@ class Forces(View):
             return {"force": out, "gap": gap}
         resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
         return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
-
-
-def resting_reading(model: Model, experiment: Experiment) -> float:
-    """Return what the model's accelerometer reads at rest in m/s^2."""
-    reading = 0.0
-    for effect in model.effects:
-        if "read_a" in effect.ports and effect.name in experiment.active((effect,)):
-            reading = float(effect.ports["read_a"](reading, *model.own(effect)))  # type: ignore[arg-type]
-    return reading
