@@ -95,7 +95,7 @@ def _left(one: Between) -> Array:
     """
     u, told = one.opening, ~_jumps(one.opening)
     ways = (_means(np.append(u[0], u[:-1])), u[:-1], _means(u))
-    left = [float(np.sum((one.flow - _explained(one, way, way))[told] ** 2)) for way in ways]
+    left = [float(np.sum(_unexplained(one, _areas(one, way), way)[told] ** 2)) for way in ways]
     return np.nan_to_num(left) / max(float(np.nansum(one.flow[told] ** 2)), 1e-300)
 
 
@@ -108,19 +108,24 @@ def _jumps(u: Array) -> NDArray[np.bool_]:
     return np.asarray(change > np.append(np.inf, change[:-1]) + np.append(change[1:], np.inf))
 
 
-def _explained(one: Between, way: Array, opening: Array) -> Array:
-    """Return the flow (n - 1,) at openings, by areas that explain it best were the commands on their ``way``.
+def _areas(one: Between, way: Array) -> tuple[Array, Array]:
+    """Return nodes of the opening (V) and the areas there (m^2) that explain the flow best, were commands on this way.
 
-    The area is linear between nodes; jumps have no say in it.
+    The area is linear between nodes; jumps have no say in it. NaN where a reading is beyond all numbers.
     """
     told, nodes = ~_jumps(one.opening), np.unique(np.quantile(way, np.linspace(0.0, 1.0, NODES)))
     hats = np.column_stack([np.interp(way, nodes, unit) for unit in np.eye(nodes.size)])
-    rig = one.experiment.rig
-    design, flow = (hats * flow_per_area(rig, way, one.supply, one.p)[:, None])[told], one.flow[told]
+    per_area = flow_per_area(one.experiment.rig, way, one.supply, one.p)
+    design, flow = (hats * per_area[:, None])[told], one.flow[told]
     if not np.all(np.isfinite(design)) or not np.all(np.isfinite(flow)):
-        return np.full(one.flow.size, np.nan)
-    areas = np.interp(opening, nodes, np.linalg.lstsq(design, flow)[0])
-    return np.asarray(areas * flow_per_area(rig, opening, one.supply, one.p))
+        return nodes, np.full(nodes.size, np.nan)
+    return nodes, np.asarray(np.linalg.lstsq(design, flow)[0], dtype=np.float64)
+
+
+def _unexplained(one: Between, areas: tuple[Array, Array], opening: Array) -> Array:
+    """Return what such areas leave of the flow (n - 1,) at openings."""
+    per_area = flow_per_area(one.experiment.rig, opening, one.supply, one.p)
+    return np.asarray(one.flow - np.interp(opening, *areas) * per_area)
 
 
 def _on_its_way(e: Experiment, shown: Sequence[Between]) -> Experiment:
@@ -139,9 +144,10 @@ def _share_of_the_way(u: Array, shown: Sequence[Between]) -> Array:
     jumps, chance = _jumps(u), np.zeros((INSTANTS.size, u.size - 1))
     for one in shown:
         way = _means(one.opening)
+        areas = _areas(one, way)
         steps = one.opening[:-1] + INSTANTS[:, None] * np.diff(one.opening)
-        left = np.array([one.flow - _explained(one, way, step) for step in steps])
-        usual = np.mean((one.flow - _explained(one, way, way))[~jumps] ** 2)
+        left = np.array([_unexplained(one, areas, step) for step in steps])
+        usual = np.mean(_unexplained(one, areas, way)[~jumps] ** 2)
         chance -= np.nan_to_num(0.5 * left**2 / usual)
     weights = np.exp(chance - chance.max(axis=0))
     return np.where(jumps, INSTANTS @ weights / weights.sum(axis=0), 0.5)

@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 def stand_in(inputs: Array, recording: Recording, rig: Rig) -> None:
     """Fill in what was not measured, in inputs (n, 8): ambient pressure, the regulator's setting, a shut chamber's p2.
 
-    That of a shut chamber follows its volume: where the rest of a chamber 2 is known, p2 is that of a gas which has
-    been shut in, as much of it as the forces on the moving piston say.
+    p2 of a shut chamber is that of a gas shut in, as much of it as the forces on the moving piston ask for; behind a
+    valve it is held at what carries the piston at the start. Either needs p1, x and the areas, the former the stroke.
     """
     for column, name, value in (
         (at.IN_P1, "p1", rig.ambient_pressure),
