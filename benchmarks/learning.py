@@ -6,7 +6,8 @@ steps of 15 % of the stroke, how far the piston moves there, rms error on a sine
 largest error at rest under 50 N (scaled by the area over 8 cm^2), and after how long in s it is rejected to 50 um; the
 command's rms above 50 Hz in V.
 ``PERIOD`` (ms), ``SEEDS``, ``UNTOLD=1`` (presliding of 40 kN/m, 5 ms of lag, 0.1 V of play that no model knows; at
-rest 100 um count as held), ``RECORDED=1`` (models identified by ``pneucli identify`` from recordings of each rig).
+rest 100 um count as held), ``RECORDED=1`` (models identified by ``pneucli identify`` from recordings of each rig; in
+the folder ``MODELS`` they are kept for the next controller).
 
 Learning pays where it acts and costs nothing elsewhere: where a rig is at least 20 % worse with the effect than
 without it (medians over the seeds), the design that knows it must be better; elsewhere it may be worse by at most 10 %
@@ -16,6 +17,7 @@ or the tolerance of 10 um. Figures that break this are listed at the end.
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import tempfile
 from functools import cache
@@ -129,23 +131,37 @@ def exact(seed: int, name: str) -> tuple[Parameters, Model, Model]:
 def recorded(seed: int, name: str) -> tuple[Parameters, Model, Model]:
     """Return the same with both models identified from the rig's recordings, by the program's own command."""
     hidden = () if name == "none" else (name,)
+    par = prepare_case("rig", "axis", hidden, "", 1.0, seed, Conditions()).laboratory.parameters
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        generate_case(folder, "axis", hidden, "", 1.0, seed)
-        par = prepare_case("rig", "axis", hidden, "", 1.0, seed, Conditions()).laboratory.parameters
-        without = identified(folder)
-        if not hidden:
-            return par, without, without
-        document: Any = tomlkit.parse((folder / "pipeline.toml").read_text())
-        model = document.setdefault("model", tomlkit.table())
-        model["effects"] = sorted({*model.get("effects", []), name})
-        (folder / "pipeline.toml").write_text(tomlkit.dumps(document))
-        return par, without, identified(folder)
+        folder = Path(os.environ.get("MODELS", place)) / f"{name}-{seed}"
+        without = kept(folder / "without", seed, hidden)
+        return par, without, kept(folder / "known", seed, hidden, hidden) if hidden else without
+
+
+def kept(folder: Path, seed: int, hidden: tuple[str, ...], known: tuple[str, ...] = ()) -> Model:
+    """Return the model that ``pneucli identify`` found for recordings of a rig, which are made where it has not yet."""
+    if (folder / "out/identify/model.parquet").exists():
+        return loaded(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    generate_case(folder, "axis", hidden, "", 1.0, seed)
+    file = folder / "pipeline.toml"
+    document: Any = tomlkit.parse(file.read_text())
+    model = document.setdefault("model", tomlkit.table())
+    model["effects"] = sorted({*model.get("effects", []), *known})
+    file.write_text(tomlkit.dumps(document))
+    found = identified(folder)
+    shutil.rmtree(folder / "raw")
+    return found
 
 
 def identified(folder: Path) -> Model:
     """Return the model that ``pneucli identify`` finds for a folder's pipeline."""
     designed(folder, ["identify"])
+    return loaded(folder)
+
+
+def loaded(folder: Path) -> Model:
+    """Return the model that was identified."""
     settings = config.load(folder / "pipeline.toml")
     return load_model(folder / "out/identify", settings.to_rig(), select(settings.model.effects, catalogue()))
 

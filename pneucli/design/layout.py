@@ -20,9 +20,10 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_RATE2,
     S_FLOW1,  # Pa/s: filtered estimate of what changes the pressures beside that
     S_FLOW2,
-    S_X_REF,  # m: last reference, its last rate and its filtered rate in m/s
+    S_X_REF,  # m: last reference, its last rate and its filtered rate in m/s, how that changes in m/s^2
     S_RAW,
     S_V_REF,
+    S_A_REF,
     S_X_SHAPED,  # m, m/s, m/s^2: the reference that the axis is able to follow
     S_V_SHAPED,
     S_A_SHAPED,
@@ -70,10 +71,10 @@ OUTSIDE = 1e3  # m^3: an open chamber 2 is a closed one of this size, whose pres
     S_TURN,  # place of all rows where the latest stands
     S_LEVEL,  # Pa: mean of both pressures that is kept, on its way to what is asked for; 0: not yet begun
     S_LEVEL_SET,  # Pa: what it was set to, 0: as designed
-) = range(62)
+) = range(63)
 
 # states of LINE numbers each stand behind: rings of openings in V and of pressures seen in Pa
-S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (62 + i * LINE for i in range(4))
+S_LINE1, S_LINE2, S_PAST1, S_PAST2 = (63 + i * LINE for i in range(4))
 
 (
     C_PERIOD,  # s

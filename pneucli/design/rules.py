@@ -37,6 +37,10 @@ CALM = 0.5  # of the pressure loop's corner, by which a load is told
 SOFT = 12.0  # supply forces over the stroke: stiffness of a soft seal, which gives way before the piston slides
 CLOSING = 10.0  # 1/s, by which a piston closes in at rest
 AHEAD_OF_DWELL = 5.0  # by which a force rises faster than a rest raises what holds the piston
+FREEING = 10.0  # times of the pressure loop in which the force on a piston that sticks rises by a breakaway force
+CREEPING = (
+    400.0  # the same near where it breaks away: what it rises by until the loop answers drives the piston too far
+)
 WIDEST = 10.0  # reaches that are put up with at most
 QUICK_SENSOR = 2.0  # corner of the pressure observer times the lag of its sensor: noise grows with it
 
@@ -201,15 +205,16 @@ def standstill(
     tolerance = wanted.tolerance or max(10e-6, 2.0 * wanted.quantum_x, 4.0 * wanted.noise_x)
     reach = 0.5 * tolerance
     steep = min(0.2 / wanted.period, corners.pressure / 5.0)
+    slow = corners.pressure / CREEPING * static  # N/s
     return {
         "C_REACH": reach,
         "C_V_FLOOR": max(2.0 * wanted.quantum_x / wanted.period, 0.01 * values["C_V_MAX"]),
         "C_LINGER": 6.0 / corners.pressure,
         "C_SECTOR_1": steep / wanted.sector_ratio,
         "C_SECTOR_2": steep,
-        "C_SECTOR_RATE": 0.15 * static / reach,
-        "C_SECTOR_SLOW": max(0.7, AHEAD_OF_DWELL * dwell.rate) * static,
-        "C_SECTOR_FAST": 27.0 * static,
+        "C_SECTOR_RATE": slow / (5.0 * reach),
+        "C_SECTOR_SLOW": max(slow, AHEAD_OF_DWELL * dwell.rate * static),
+        "C_SECTOR_FAST": corners.pressure / FREEING * static,
         "C_BREAK_MOST": static if dwell.rate > 0.0 else 2.0 * static,
         "C_P_BAND": 0.1 * static / values["C_AREA_1"],
         "C_LOAD_STEP": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),

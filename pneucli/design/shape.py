@@ -12,29 +12,38 @@ from pneucli.design.plant import clamp, highest, sign
 
 
 def reference_rate(x_ref, s, c):
-    """Return the reference's filtered rate in m/s; a sample at which the rate itself jumps is passed over."""
-    raw = (x_ref - s[S_X_REF]) / c[C_PERIOD]
-    if math.fabs(raw - s[S_RAW]) < 10.0 * c[C_A_MAX] * c[C_PERIOD]:
-        s[S_V_REF] += (raw - s[S_V_REF]) * min(c[C_PERIOD] / c[C_SHAPE], 1.0)
+    """Return the reference's filtered rate in m/s; a sample at which the rate itself jumps is passed over.
+
+    Both poles of the filter lie at the shaping time; it does not lag behind a steady acceleration.
+    """
+    h = c[C_PERIOD]
+    raw = (x_ref - s[S_X_REF]) / h
+    if math.fabs(raw - s[S_RAW]) < 10.0 * c[C_A_MAX] * h:
+        share = min(h / c[C_SHAPE], 1.0)
+        off = raw - s[S_V_REF] - h * s[S_A_REF]
+        s[S_V_REF] += h * s[S_A_REF] + share * (2.0 - share) * off
+        s[S_A_REF] += share * share * off / h
     s[S_RAW] = raw
     s[S_X_REF] = x_ref
-    return s[S_V_REF]
+    return s[S_V_REF] + 0.5 * h * s[S_A_REF]
 
 
 def shape_reference(x_ref, s, c):
     """Follow the reference within limits of closing speed and acceleration, exactly where it keeps to them.
 
-    Discrete time-optimal control (Han's fhan) of the distance to the reference and of its rate.
+    Discrete time-optimal control (Han's fhan) of the distance to the reference and of its rate, both of the sample
+    before, while the reference's acceleration goes ahead.
     """
     h = c[C_PERIOD]
     v_ref = reference_rate(x_ref, s, c)
+    v_last = v_ref - h * s[S_A_REF]
     linear = c[C_A_MAX] * c[C_SHAPE] * c[C_SHAPE]
-    lead = c[C_SHAPE] * (s[S_V_SHAPED] - v_ref)
-    total = s[S_X_SHAPED] - x_ref + lead
+    lead = c[C_SHAPE] * (s[S_V_SHAPED] - v_last)
+    total = s[S_X_SHAPED] - (x_ref - 0.5 * h * (v_last + v_ref)) + lead
     a = lead + total
     if math.fabs(total) >= linear:
         a = lead + 0.5 * sign(total) * (math.sqrt(linear * (linear + 8.0 * math.fabs(total))) - linear)
-    v = s[S_V_SHAPED] - h * c[C_A_MAX] * clamp(a / linear, -1.0, 1.0)
+    v = s[S_V_SHAPED] + h * c[C_A_MAX] * clamp(s[S_A_REF] / c[C_A_MAX] - clamp(a / linear, -1.0, 1.0), -1.0, 1.0)
     v = clamp(v, v_ref - c[C_V_MAX], v_ref + c[C_V_MAX])
     s[S_A_SHAPED] = (v - s[S_V_SHAPED]) / h
     s[S_X_SHAPED] += 0.5 * h * (s[S_V_SHAPED] + v)
