@@ -61,9 +61,14 @@ def rig(seed: int, effect: str = "none") -> Parameters:
 
 
 def untold(par: Parameters) -> Parameters:
-    """Return a rig with what any has: bristles, a slow spool and play."""
+    """Return a rig with what any has: bristles, a slow spool and play.
+
+    No bristles where an effect would vanish with them: the rig's have neither two branches nor a memory of rest.
+    """
     stiffness = 4e4 * par.piston_area_1 / 8e-4
-    more = {"bristle_stiffness": stiffness, "bristle_damping": 2e-3 * stiffness} if not par.bristle_stiffness else {}
+    rigid = par.drop > 0.0 or par.dwell_gain > 0.0
+    known = rigid or par.bristle_stiffness > 0.0
+    more = {} if known else {"bristle_stiffness": stiffness, "bristle_damping": 2e-3 * stiffness}
     return par._replace(valve_lag=max(par.valve_lag, 5e-3), valve_half_width=max(par.valve_half_width, 0.1), **more)
 
 

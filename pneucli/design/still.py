@@ -79,6 +79,9 @@ def loosen(error, s, c):
         if left < 2.0 * c[C_REACH]:
             s[S_STICK] = 0.0
             s[S_BRAKE] = c[C_LINGER]
+        elif math.fabs(s[S_V]) < c[C_CLOSING] * math.fabs(error):  # it creeps: the error is integrated
+            more = h * clamp(c[C_MASS] * c[C_KI] * error, -c[C_SECTOR_FAST], c[C_SECTOR_FAST])
+            s[S_STICK] = clamp(s[S_STICK] + more, -c[C_STICK_MOST], c[C_STICK_MOST])
         return
     landed(error, s, c)
     s[S_BRAKE] -= h
