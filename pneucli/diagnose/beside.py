@@ -64,8 +64,7 @@ def unseen_force(views: Sequence[View], effect: Effect) -> bool:
 
 def lacks_p2(view: View) -> bool:
     """Whether a view is of the forces on a piston of whose shut or driven chamber 2 no pressure was recorded."""
-    e = view.experiment
-    return type(view) is Forces and e.recording.chamber_2 in ("closed", "valve") and "p2" not in e.raw
+    return type(view) is Forces and view.experiment.lacks_p2
 
 
 def examined(bench: Bench, effect: Effect) -> bool:

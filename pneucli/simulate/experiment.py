@@ -90,11 +90,21 @@ class Experiment:
         recorded = "p_supply" in self.recording
         return self.recording.kind.parts(cylinder_known=self.rig.has_cylinder, supply_recorded=recorded)
 
+    @property
+    def lacks_p2(self) -> bool:
+        """Whether no sensor reads p2, though it acts."""
+        return self.recording.chamber_2 in ("closed", "valve") and "p2" not in self.raw
+
     @cached_property
     def infers_p2(self) -> bool:
-        """Whether no sensor reads p2, though it acts: it follows from the model, the motion and the commands."""
-        shut = self.recording.chamber_2 in ("closed", "valve") and "p2" not in self.raw
-        return shut and self.recording.kind.valve and not self.vessel and "x" in self.raw and self.rig.areas[1] > 0.0
+        """Whether a p2 that no sensor reads follows from the model, the motion and the commands."""
+        return (
+            self.lacks_p2
+            and self.recording.kind.valve
+            and not self.vessel
+            and "x" in self.raw
+            and self.rig.areas[1] > 0.0
+        )
 
     @cached_property
     def step(self) -> float:

@@ -150,7 +150,7 @@ def _present(source: Source, file: Opened | Several) -> tuple[list[str], set[str
         columns = ", ".join(f'"{column}"' for column in file.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
         mend += ONE_SPOOL if name == "u2" else ""
-        wanted = f"{name}, which a {table.experiment} recording needs (columns: {columns})"
+        wanted = f'{name}, which experiment = "{table.experiment}" needs (columns: {columns})'
         raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
     return [name for name in SIGNALS if name in present], set(file.positions) - {"time"}
 

@@ -44,6 +44,10 @@ def test_only_a_pressure_that_acts_and_that_no_sensor_reads_is_inferred(unread: 
     read = replace(e.recording, signals={**e.recording.signals, "p2": p2})
     still = {n: y for n, y in e.recording.signals.items() if n != "x"}
     assert e.infers_p2
+    assert [replace(e, recording=replace(e.recording, chamber_2=c)).lacks_p2 for c in ("closed", "valve", "open")] == [
+        True, True, False,
+    ]  # fmt: skip
+    assert not prepare(read, e.rig, 0.5).lacks_p2
     assert not prepare(read, e.rig, 0.5).infers_p2
     assert not prepare(replace(e.recording, chamber_2="open"), e.rig, 0.5).infers_p2
     assert not replace(e, raw=still).infers_p2
