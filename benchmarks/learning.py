@@ -174,9 +174,14 @@ def loaded(folder: Path) -> Model:
 
 @cache
 def healthy(seed: int, period: float) -> tuple[float, ...]:
-    """Return the figures of a rig without any effect, designed with exact parameters."""
-    par = rig(seed)
-    return tuple(figures(untold(par) if os.environ.get("UNTOLD") else par, design(model_of(par), par, period)))
+    """Return the figures of a rig without any effect, its model as exact as the others."""
+    par, model, _ = models(seed, "none")
+    return tuple(figures(untold(par) if os.environ.get("UNTOLD") else par, design(model, par, period)))
+
+
+def models(seed: int, name: str) -> tuple[Parameters, Model, Model]:
+    """Return a rig and its two models, exact or, with ``RECORDED``, identified."""
+    return (recorded if os.environ.get("RECORDED") else exact)(seed, name)
 
 
 def broken(name: str, without: Array, known: Array, none: Array) -> list[str]:
@@ -198,7 +203,6 @@ def main() -> None:
     asked = sys.argv[1:] or WORST
     if asked == ["all"]:
         asked = ["none", *(e.name for e in CATALOGUE if "axis" in e.kinds or "friction" in e.kinds)]
-    models = recorded if os.environ.get("RECORDED") else exact
     held, count, worse = np.zeros(2, dtype=int), 0, []
     for name in asked:
         rows: list[list[list[float]]] = [[], []]

@@ -13,16 +13,14 @@ from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
+from pneucli.diagnose.promise import promising
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Array, Bench, State, Trial
 from pneucli.identify.least_squares import inverse
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
-REFITS = 6  # of the effects that the screen ranks highest
 PAIRS = 3
-WORTH = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
-HOPELESS = 0.01  # of what the best signature promises
 CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
 Round = list[Decision]  # about the effects that a rung lacks
@@ -121,14 +119,12 @@ def _explaining_all(bench: Bench, before: State, decisions: Round) -> Trial | No
 
 def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
     """Decide on every effect that the state lacks: the best of the screen are refitted and come first."""
-    screened = [(e, s) for e, s in bench.screen(state) if e.name not in without]
-    least = max(WORTH, HOPELESS * screened[0][1][0].gain) if screened else WORTH
-    likely = [pair for pair in screened if pair[1][0].gain > least][:REFITS]
+    likely = promising(bench, state, [(e, s) for e, s in bench.screen(state) if e.name not in without])
     trials = bench.added(state, [effect for effect, _ in likely], [found for _, found in likely])
-    least = min((t.state.cost for t in trials), default=0.0)
-    enough = MATERIAL * float(state.train.sum())
-    promising = [t for t in trials if t.state.cost < CLOSE * least and t.train.total > enough]
-    ended = {t.effect.name: t for t in [*trials, *bench.polished(promising)]}
+    close = CLOSE * min((t.state.cost for t in trials), default=0.0)
+    matter = [t for t in trials if t.train.total > MATERIAL * bench.felt(state, t.effect)[0]]
+    polished = bench.polished([t for t in matter if t.state.cost < close])
+    ended = {t.effect.name: t for t in [*trials, *polished]}
     others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in {*without, *ended}]
     return judged(bench, state, sorted(ended.values(), key=lambda t: t.state.cost)) + others
 

@@ -15,7 +15,7 @@ from pneucli.diagnose.refits import Refit, Refits, here
 from pneucli.diagnose.remainder import drawn_rms
 from pneucli.diagnose.turns import held_out_by_turns
 from pneucli.experiments import Part
-from pneucli.identify.blocks import block_numbers
+from pneucli.identify.blocks import block_numbers, rows_of
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit
 from pneucli.identify.problem import Problem
@@ -71,6 +71,15 @@ class Bench:
         if effect.part in self.covered or not any(view.feels(effect) for view in self.train):
             return False
         return effect.sides != READING or any({"p1", "p2"} & view.experiment.raw.keys() for view in self.train)
+
+    def felt(self, state: State, effect: Effect) -> tuple[float, int]:
+        """Return the fitted cost of what the effect acts in, and how many residuals are behind it.
+
+        What it cannot act in says nothing of it, however much is left there.
+        """
+        rows = rows_of(self.train, np.array([view.feels(effect) for view in self.train]))
+        blocks = np.unique(state.fit.blocks[rows])
+        return float(state.train[blocks].sum()), int(np.count_nonzero(state.fit.residual[rows]))
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
+from pneucli.simulate.extent import Extent
 from pneucli.simulate.flags import flags_of
 from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 from pneucli.simulate.stand_ins import stand_in
@@ -36,18 +36,6 @@ SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves 
 STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
 FILLING = 200.0  # while a vessel would be filled at the highest rate seen
 PARTS = 4.0  # of a sampling period, where neither is known
-
-
-class Extent(NamedTuple):
-    """How far one recording's signals go, SI: what a rig's scales are worked out from; 0 for what was not recorded."""
-
-    command: float
-    pressure: float
-    force: float
-    speed: float
-    low: float
-    high: float
-    period: float
 
 
 @dataclass(frozen=True)

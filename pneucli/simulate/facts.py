@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.physics.scales import NAN, Facts
-from pneucli.simulate.experiment import Experiment, Extent
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.extent import Extent
 from pneucli.simulate.model import Model
 
 LEAKING = 0.1  # of a recording in which nothing but a leak flows: the time in which a leak worth naming would empty it

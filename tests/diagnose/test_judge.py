@@ -6,6 +6,7 @@ import pytest
 
 from pneucli.diagnose import judge
 from pneucli.diagnose.judge import judged, supported
+from pneucli.diagnose.trial import Bench
 from tests.diagnose.trials import UNSURE, bench, state, trial
 
 INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
@@ -74,6 +75,13 @@ def test_four_thousandths_of_a_cost_beyond_noise_matter(fall: float, said: str):
 def test_where_noise_is_left_two_hundredths_matter_for_the_first_effect_too(fall: float, said: str):
     """A cost of 4000 from 4000 samples: what is left is noise, and a hundredth of it no finding."""
     assert reason("friction-asymmetry", 4000.0 - fall, before=state(cost=4000.0), ends=INSIDE) == said
+
+
+def test_what_matters_is_a_share_of_what_the_effect_acts_in(monkeypatch: pytest.MonkeyPatch):
+    """31 of 8000 are too little; of 1000 in the views that feel it they are not, but where noise is left there, 2 %."""
+    for felt, said in (((1000.0, 500), "supported"), ((1500.0, 1500), "supported"), ((1600.0, 1600), "immaterial")):
+        monkeypatch.setattr(Bench, "felt", lambda *_, felt=felt: felt)
+        assert reason("friction-asymmetry", 8000.0 - 31.0, ends=INSIDE) == said
 
 
 def test_what_does_not_hold_on_data_not_seen_says_so():

@@ -15,7 +15,9 @@ from pneucli.physics.effects import catalogue
 from tests.simulate.benches import model
 
 VIEW = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
-BENCH: Any = SimpleNamespace(hypotheses=50, checked=True, train=[VIEW], given=())
+BENCH: Any = SimpleNamespace(
+    hypotheses=50, checked=True, train=[VIEW], given=(), felt=lambda state, _: (float(state.train.sum()), 2000)
+)
 BEFORE: Any = SimpleNamespace(train=np.full(40, 100.0), cost=8000.0, samples=4000, names=[])
 SURELY = Gain(400.0, 300.0, 1e-9, 30.0)
 RARELY = Gain(90.0, 0.0, 0.16, 1.0)  # one block of many

@@ -206,6 +206,17 @@ def test_and_a_hundredth_of_the_best() -> None:
     assert set(order(Screened({"a": 10000.0, "b": 101.0}))) == {"a", "b"}
 
 
+def test_of_the_share_that_the_best_promises_of_what_it_acts_in() -> None:
+    """A tenth of little counts as much as a tenth of much that it does not act in."""
+
+    class Apart(Screened):
+        def felt(self, state: State, one: Any) -> tuple[float, int]:
+            return (1e6, 100) if one.name == "a" else (1e3, 100)
+
+    assert set(order(Apart({"a": 1e5, "b": 100.0, "c": 13.0}))) == {"a", "b", "c"}
+    assert order(Apart({"a": 2e3, "b": 500.0})) == ["b"]
+
+
 def test_an_effect_may_be_left_out_and_then_the_next_is_the_best() -> None:
     assert order(Screened({"a": 10000.0, "b": 99.0}), ("a",)) == ["b"]
     assert order(Screened({"a": 10000.0}), ("a",)) == []

@@ -185,6 +185,18 @@ def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
     assert found.hypotheses == 1
 
 
+def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
+    """Two views of 4 samples, in blocks of two; one residual of the second does not count."""
+    views = [seen("one", "two"), seen("one")]
+    for view in views:
+        view.experiment, view.channels = SimpleNamespace(time=np.zeros(4)), ("force",)
+    fit: Any = SimpleNamespace(blocks=np.arange(8) // 2, residual=np.array([1.0] * 7 + [0.0]))
+    costs = np.array([1.0, 2.0, 4.0, 8.0])
+    found = bench(train=views, effects={})
+    assert found.felt(State(fit, costs, np.zeros(0), costs, 7), ONE) == (15.0, 7)
+    assert found.felt(State(fit, costs, np.zeros(0), costs, 7), TWO) == (3.0, 4)
+
+
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
     promised = {"one": [5.0, 1.0], "two": [9.0], "three": []}
     monkeypatch.setattr(

@@ -77,6 +77,9 @@ class Toys:
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
+    def felt(self, state: State, one: Any) -> tuple[float, int]:
+        return float(state.train.sum()), TRAIN * SAMPLES
+
     def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
         self.added_names += [(*state.names, one.name) for one in effects]
         return [self.trial(state, self.state([*state.names, one.name]), one) for one in effects]

@@ -30,7 +30,9 @@ def costing(fitted: Any, costs: np.ndarray) -> State:
 
 def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
     """A fit with effects that costs the same in every block."""
-    fitted: Any = SimpleNamespace(model=model(names), estimates=())
+    fitted: Any = SimpleNamespace(
+        model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
+    )
     costs = np.full(BLOCKS, cost / BLOCKS)
     return State(fitted, costs, np.zeros(0), costs, SAMPLES)
 

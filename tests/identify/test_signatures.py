@@ -27,7 +27,7 @@ from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.physics.scales import Facts
-from pneucli.simulate.experiment import Extent
+from pneucli.simulate.extent import Extent
 from pneucli.simulate.facts import facts_of
 from tests.simulate.benches import RIG, bench, clock, model
 
