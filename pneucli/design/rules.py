@@ -38,9 +38,7 @@ SOFT = 12.0  # supply forces over the stroke: stiffness of a soft seal, which gi
 CLOSING = 10.0  # 1/s, by which a piston closes in at rest
 AHEAD_OF_DWELL = 5.0  # by which a force rises faster than a rest raises what holds the piston
 FREEING = 10.0  # times of the pressure loop in which the force on a piston that sticks rises by a breakaway force
-CREEPING = (
-    400.0  # the same near where it breaks away: what it rises by until the loop answers drives the piston too far
-)
+CREEPING = 400.0  # the same near where it breaks away: what is put on until the loop answers throws the piston
 WIDEST = 10.0  # reaches that are put up with at most
 QUICK_SENSOR = 2.0  # corner of the pressure observer times the lag of its sensor: noise grows with it
 
