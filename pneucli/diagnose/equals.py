@@ -45,7 +45,7 @@ def simpler(trial: Trial, best: Trial) -> bool:
     However certain: one parameter more takes up what the true law leaves of the rig's imperfections.
     """
     more = trial.state.cost - best.state.cost
-    matters = min(material(best.state) * best.state.cost, SLIGHTLY * (trial.before.cost - trial.state.cost))
+    matters = min(material(best.state.cost, best.state.samples), SLIGHTLY * (trial.before.cost - trial.state.cost))
     return len(trial.effect.parameters) < len(best.effect.parameters) and more < matters
 
 
@@ -58,7 +58,7 @@ def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
         return as_good(trial.state, named.state) or simpler(trial, named)
     better = gain(named.state.costs, trial.state.costs)
     sure = better.certain and better.p_value * bench.hypotheses < ALPHA
-    return sure and better.total > material(named.state) * named.state.cost
+    return sure and better.total > material(named.state.cost, named.state.samples)
 
 
 def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:

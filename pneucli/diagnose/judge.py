@@ -13,7 +13,6 @@ from pneucli.diagnose.evidence import holm
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.parameters import absent_value
-from pneucli.physics.declaration import Effect
 
 ALPHA = 0.02  # of naming any effect where none is, before it is held out
 SURE = 1e-4  # the same for what shows so rarely that the data held out cannot be certain
@@ -45,7 +44,7 @@ def _reason(bench: Bench, before: State, trial: Trial, p_value: float) -> Reason
         (_too_short(bench, trial), "below-resolution"),
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (not unlikely, "at-bound" if _at_any_bound(trial) else "not-significant"),
-        (not trial.train.total > _enough(bench, before, trial.effect), "immaterial"),
+        (not trial.train.total > material(*bench.felt(before, trial.effect)), "immaterial"),
         (not certain and not _rarely_shown(trial, p_value), "not-on-held-out"),
     ]
     return next((reason for fails, reason in failed if fails), "supported")
@@ -77,20 +76,18 @@ def _at_any_bound(trial: Trial) -> bool:
     return any(e.at_bound and e.name.startswith(f"{trial.effect.name}.") for e in trial.state.fit.estimates)
 
 
-def material(before: State) -> float:
-    """Return the share of the cost that an effect must take to matter."""
-    return AT_NOISE if at_noise(before) else MATERIAL
-
-
-def _enough(bench: Bench, before: State, effect: Effect) -> float:
-    """Return by how much the cost of what an effect acts in must fall for it to matter there."""
-    cost, samples = bench.felt(before, effect)
-    return (AT_NOISE if cost < NOISE * samples else MATERIAL) * cost
+def material(cost: float, samples: int) -> float:
+    """Return by how much a cost of so many residuals must fall for it to matter."""
+    return (AT_NOISE if _noise_alone(cost, samples) else MATERIAL) * cost
 
 
 def at_noise(state: State) -> bool:
     """Whether sensors' noise alone would leave about as much."""
-    return state.cost < NOISE * state.samples
+    return _noise_alone(state.cost, state.samples)
+
+
+def _noise_alone(cost: float, samples: int) -> bool:
+    return cost < NOISE * samples
 
 
 def _too_short(bench: Bench, trial: Trial) -> bool:

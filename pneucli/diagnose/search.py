@@ -233,7 +233,7 @@ def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Ro
 
 def _missed(before: State, last: State) -> bool:
     missed = gain(before.costs, last.costs)
-    return missed.certain and missed.total > material(before) * before.cost
+    return missed.certain and missed.total > material(before.cost, before.samples)
 
 
 def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> tuple[list[State], Round]:
