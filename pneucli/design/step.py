@@ -38,9 +38,13 @@ def dry_ahead(s, c):
 
     It is that of when the force arrives: a turn is led by the time that the pressure loop takes. A piston that broke
     away and runs at more than twice the speed has the friction of half its own: what drives it on falls, as that does.
+    One that stays behind, at less than half the speed, has that of twice its own: what holds it has to be overcome.
     """
     v = s[S_V_SHAPED] + c[C_LEAD] * s[S_A_SHAPED]
-    level = dry_friction(max(math.fabs(v), 0.5 * math.fabs(s[S_V])), s, c)
+    speed = max(math.fabs(v), 0.5 * math.fabs(s[S_V]))
+    if (s[S_X_SHAPED] - s[S_X]) * v > 0.0:
+        speed = min(speed, 2.0 * math.fabs(s[S_V]))
+    level = dry_friction(speed, s, c)
     if s[S_A_SHAPED] * v < 0.0 and c[C_SLOWING] < 1.0:
         level = min(level, c[C_COULOMB] * c[C_SLOWING])
     floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference is known however coarse the sensor

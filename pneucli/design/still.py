@@ -9,6 +9,7 @@ import math
 from pneucli.design.layout import *
 from pneucli.design.observe import pressure_force, pushing
 from pneucli.design.plant import clamp, dry_share, highest, sign, slid
+from pneucli.design.spool import gradient_1, gradient_2, space_1, space_2
 
 
 def switching(error, rate, c):
@@ -19,20 +20,56 @@ def switching(error, rate, c):
     return (s1 + s2) / total if total > 0.0 else 0.0
 
 
-def coasts(driving, s, c):
-    """Return how far in m the piston goes on when what drives it, in N, is taken away as fast as the pressure loop can.
+def air_spring(s, c):
+    """Return the stiffness in N/m of the enclosed gas."""
+    one = c[C_AREA_1] * c[C_AREA_1] * s[S_AHEAD_P1] / space_1(s[S_AHEAD_X], c)
+    return c[C_GAMMA] * (one + c[C_AREA_2] * c[C_AREA_2] * s[S_AHEAD_P2] / space_2(s[S_AHEAD_X], c))
 
-    From its speed when a command arrives; over four times that loop's time.
+
+def relief(way, s, c):
+    """Return by how much in N/s valves that open fully change the force of the pressures toward ``way``.
+
+    Not less than what moves the pressure level: near ambient or supply pressure there is no force left to take away.
     """
-    h = 0.1 / c[C_P_KP]
+    nodes: int = int(c[C_NODES])
+    first: int = C_TABLE + nodes - 1 if way > 0.0 else C_TABLE + 2 * nodes - 1
+    second: int = first
+    if c[C_TWO_VALVES] > 0.5:
+        second = C_TABLE + 4 * nodes - 1 if way > 0.0 else C_TABLE + 3 * nodes - 1
+    rate_1 = gradient_1(c[first], s[S_AHEAD_P1], space_1(s[S_AHEAD_X], c), s, c)
+    rate_2 = gradient_2(c[second], s[S_AHEAD_P2], space_2(s[S_AHEAD_X], c), s, c)
+    return max(math.fabs(c[C_AREA_1] * rate_1 - c[C_AREA_2] * rate_2), c[C_AREA_1] * c[C_LEVEL_RATE])
+
+
+def coming(s, c):
+    """Return all that drives the piston but friction when a command arrives, in N."""
+    return pushing(s[S_AHEAD_X], s[S_AHEAD_P1], s[S_AHEAD_P2], s, c)
+
+
+def coasts(s, c):
+    """Return how far in m the piston goes on when what drives it is taken away as fast as can be.
+
+    From when a command arrives: by the pressure loop, no faster than spool, valves and the gas that expands allow.
+    """
+    driving = coming(s, c)
+    most = relief(-driving, s, c)
+    stiff = air_spring(s, c)
+    h = 0.1 / c[C_P_KP] + 0.1 * math.fabs(driving) / most
+    share = min(h * c[C_P_KP], 1.0)
+    spool = h / (h + c[C_PERIOD] * (1.0 / c[C_SPOOL] - 1.0))
+    opened = 0.0
     v = s[S_AHEAD_V]
-    way = 0.0
-    driving *= 0.95  # in the middle of the first step
+    way = s[S_AHEAD_X] - s[S_X]
     for i in range(40):  # noqa: B007 - structured text knows no name that begins with _
-        faster = slid(s[S_AHEAD_X], v, driving, h, s, c)
+        opened += spool * (1.0 - opened)
+        let = h * opened * most
+        gone = 0.5 * h * (v + slid(s[S_AHEAD_X], v, driving - 0.5 * clamp(share * driving, -let, let), h, s, c))
+        let += stiff * math.fabs(gone)
+        taken = clamp(share * driving, -let, let)
+        faster = slid(s[S_AHEAD_X], v, driving - 0.5 * taken, h, s, c)  # at the middle of the step
         way += 0.5 * h * (v + faster)
         v = faster
-        driving *= 0.9
+        driving -= taken
     return way
 
 
@@ -75,7 +112,7 @@ def loosen(error, s, c):
         if s[S_STIRS] == 1.0 and s[S_STILL] > 0.5 * c[C_LINGER]:
             s[S_BREAK] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], c[C_BREAK_MOST])
             s[S_FREED] = s[S_X]
-        left = (error - coasts(driving, s, c)) * sign(s[S_STICK])
+        left = (error - coasts(s, c)) * sign(s[S_STICK])
         if left < 2.0 * c[C_REACH]:
             s[S_STICK] = 0.0
             s[S_BRAKE] = c[C_LINGER]
@@ -88,7 +125,7 @@ def loosen(error, s, c):
     if s[S_BRAKE] <= 0.0 and not at_its_end(error, s, c):
         side = switching(error, -s[S_V], c)
         pace = c[C_SECTOR_FAST]
-        if driving * sign(error) >= factor * max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
+        if coming(s, c) * sign(error) >= factor * max(0.92 * s[S_BREAK], 0.7 * c[C_STATIC]):
             pace = min(c[C_SECTOR_RATE] * math.fabs(error), c[C_SECTOR_FAST])
         pace = max(pace * min(s[S_EAGER], 1.0), c[C_SECTOR_SLOW])
         s[S_STICK] = clamp(s[S_STICK] + h * pace * side, -c[C_STICK_MOST], c[C_STICK_MOST])

@@ -99,7 +99,7 @@ def test_the_pid_is_error_rate_and_integral_and_nothing_ahead() -> None:
 
 def test_with_feed_forward_the_references_own_force_comes_on_top() -> None:
     alone, ahead = (
-        pid.pid_force(state(X_SHAPED=0.101, V_SHAPED=0.02, A_SHAPED=0.7), numbers(law))
+        pid.pid_force(state(X_SHAPED=0.101, V_SHAPED=0.02, A_SHAPED=0.7, V=0.02), numbers(law))
         for law in ("pid", "pid-feedforward")
     )
     assert ahead - alone == pytest.approx(MASS * 0.7 + by_equation(0.02))
