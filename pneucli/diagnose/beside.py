@@ -95,7 +95,7 @@ def evidence_of(bench: Bench, last: State, trial: Trial, *, complete: bool) -> E
     size = magnitude(last.fit, trial.effect, facts)
     imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
-    return Evidence(share, size.over_error, size.over_typical, complete, imposed)
+    return Evidence(share, size.over_error, size.over_usual, complete, imposed)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

@@ -26,7 +26,7 @@ class Evidence(NamedTuple):
 
     ``share``: part of the squared error of ``compare`` beyond noise that it takes away, on held-out recordings where
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
-    over the largest typical one. ``complete``: with it and the others nothing is left that is more than noise; where
+    over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where
     something is, a stand-in may have a share of it. ``imposed``: it is seen only where the motion is imposed and its
     force measured, so that what is left does not pile up over time.
     """

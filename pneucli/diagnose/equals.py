@@ -12,7 +12,7 @@ from pneucli.simulate.facts import facts_of
 
 ONE_PARAMETER = 3.84  # chi-square of one degree of freedom, exceeded by chance once in 20
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
-SMALL = 0.1  # of the largest typical size: sizes are known within a decade
+SMALL = 0.1  # of the usual size: sizes are known within a decade
 
 
 def foremost(trials: Sequence[Trial], plausible: Callable[[Trial], bool]) -> Trial:
@@ -31,7 +31,7 @@ def foremost(trials: Sequence[Trial], plausible: Callable[[Trial], bool]) -> Tri
 def plausible(bench: Bench, trial: Trial) -> bool:
     """Whether an effect is not far smaller than a rig shows it: a tenth of a usual one stands in for its twin."""
     facts = facts_of(trial.state.model, [view.experiment for view in bench.train])
-    return magnitude(trial.state.fit, trial.effect, facts).over_typical > SMALL
+    return magnitude(trial.state.fit, trial.effect, facts).over_usual > SMALL
 
 
 def as_good(state: State, best: State) -> bool:
