@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pneucli.diagnose.confidence import NAMED, Evidence, probability
 from pneucli.diagnose.decision import Decision, Reason
 from pneucli.diagnose.errors import taken_away
-from pneucli.diagnose.evidence import disagreement
+from pneucli.diagnose.evidence import disagreement, significance
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.remainder import Remainder
@@ -92,10 +92,10 @@ def evidence_of(bench: Bench, last: State, trial: Trial, *, complete: bool) -> E
     ``complete``: the last state leaves nothing but noise.
     """
     facts = facts_of(last.model, [view.experiment for view in bench.train])
-    size = magnitude(last.fit, trial.effect, facts)
+    size, sure = magnitude(last.fit, trial.effect, facts), significance(last.fit, trial.effect)
     imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
-    return Evidence(share, size.over_error, size.over_usual, complete, imposed)
+    return Evidence(share, sure, size, complete, imposed)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

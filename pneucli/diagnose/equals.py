@@ -31,7 +31,7 @@ def foremost(trials: Sequence[Trial], plausible: Callable[[Trial], bool]) -> Tri
 def plausible(bench: Bench, trial: Trial) -> bool:
     """Whether an effect is not far smaller than a rig shows it: a tenth of a usual one stands in for its twin."""
     facts = facts_of(trial.state.model, [view.experiment for view in bench.train])
-    return magnitude(trial.state.fit, trial.effect, facts).over_usual > SMALL
+    return magnitude(trial.state.fit, trial.effect, facts) > SMALL
 
 
 def as_good(state: State, best: State) -> bool:

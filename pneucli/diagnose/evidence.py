@@ -6,6 +6,7 @@ than the residual's memory (:func:`pneucli.identify.blocks.block_numbers`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 
 RESAMPLES = 2000
 SEED = 7
+TINY = 1e-300
 
 
 def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
@@ -74,17 +76,30 @@ def effective_number(parts: Array) -> float:
     return max(3.0 * float(squares.sum()) ** 2 / fourth - 2.0, 1.0) if fourth > 0.0 else 1.0
 
 
-def wald(found: Fit, effect: Effect) -> float:
-    """Return the chance of the effect's fitted values where its nulls are true; NaN where it has no null.
+@dataclass(frozen=True)
+class Distance:
+    """How far an effect's parameters are from their nulls, and what the noise of blocks makes of that by chance.
 
-    A Wald test with the covariance of blocks, halved where the null is a bound that can be left to one side only. Where
-    the null is infinite the reciprocal is tested. Parameters without a null are held at their values: where the effect
-    is absent they mean nothing (Davies, Biometrika 74, 1987).
+    ``squared`` is the distance d^T C^-1 d with the covariance C of blocks, ``number`` of how many parameters,
+    ``freedom`` of how many blocks; ``bounded``: all nulls are bounds that can be left to one side only.
+    """
+
+    squared: float
+    number: int
+    freedom: float
+    bounded: bool
+
+
+def distance(found: Fit, effect: Effect) -> Distance | None:
+    """Return the distance of the effect's fitted values from their nulls; None where it has no null.
+
+    Where the null is infinite the reciprocal counts. Parameters without a null are held at their values: where the
+    effect is absent they mean nothing (Davies, Biometrika 74, 1987).
     """
     held = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
     free = [f for f in found.free if f.name not in held]
     names = [f.name for f in free]
-    rows, distance, bounded = [], [], True
+    rows, away, bounded = [], [], True
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
         if name not in names:
@@ -94,22 +109,40 @@ def wald(found: Fit, effect: Effect) -> float:
         if isinstance(p.null, str) and p.null in names:
             row[names.index(p.null)] = -1.0
         rows.append(row)
-        distance.append(value - null if null is not None else 1.0 / value)
+        away.append(value - null if null is not None else 1.0 / value)
         bounded &= null is None or p.lower == null
     if not rows:
-        return float("nan")
+        return None
     contrast = np.array(rows) * [f.slope(value_of(found.model, f.name)) for f in free]
     jacobian = found.jacobian[:, [f.name not in held for f in found.free]]
-    return _tail(found, jacobian, contrast, np.array(distance)) / (2.0 if bounded and len(rows) == 1 else 1.0)
-
-
-def _tail(found: Fit, jacobian: Array, contrast: Array, distance: Array) -> float:
-    """Return the chance of a distance (q,) or a larger one; contrast (q, k) of the coordinates of jacobian (N, k)."""
     influence = jacobian @ (inverse(jacobian.T @ jacobian) @ contrast.T)
     scored = scores(influence, found.residual, found.blocks)
-    tested = inverse(scored.T @ scored) @ distance
-    statistic = float(distance @ tested) / len(distance)
-    return float(fisher.sf(statistic, len(distance), effective_number(scored @ tested)))
+    tested = inverse(scored.T @ scored) @ np.array(away)
+    return Distance(float(np.array(away) @ tested), len(away), effective_number(scored @ tested), bounded)
+
+
+def wald(found: Fit, effect: Effect) -> float:
+    """Return the chance of the effect's fitted values where its nulls are true; NaN where it has no null.
+
+    A Wald test, halved where the null is a bound that can be left to one side only.
+    """
+    away = distance(found, effect)
+    if away is None:
+        return float("nan")
+    chance = float(fisher.sf(away.squared / away.number, away.number, away.freedom))
+    return chance / (2.0 if away.bounded and away.number == 1 else 1.0)
+
+
+def significance(found: Fit, effect: Effect) -> float:
+    """Return how far an effect is from where it is absent, over its standard error.
+
+    Of an effect that no value makes absent it is its first parameter over its own.
+    """
+    away = distance(found, effect)
+    if away is not None:
+        return math.sqrt(max(away.squared, 0.0))
+    first = next((e for e in found.estimates if e.name == f"{effect.name}.{effect.parameters[0].name}"), None)
+    return abs(first.value) / max(first.error, TINY) if first is not None else 0.0
 
 
 def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> float:

@@ -11,7 +11,6 @@ import pytest
 from pneucli.diagnose import beside
 from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, told, unseen_force, weighed
 from pneucli.diagnose.confidence import Evidence, probability
-from pneucli.diagnose.magnitude import Magnitude
 from pneucli.diagnose.remainder import Remainder
 from pneucli.identify.views import Forces, Imposed, Whole
 from pneucli.physics.effects import catalogue
@@ -124,7 +123,10 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     view = SimpleNamespace(experiment="fitted", feels=lambda effect: True)
     where: Any = SimpleNamespace(train=[view], shown=shown)
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: (model, *experiments))
-    sizes = {("last fit", "extra-mass", ("last model", "fitted")): Magnitude(20.0, 0.5)}
+    sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
+    monkeypatch.setattr(
+        beside, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
+    )
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
     return evidence_of(where, last, tried, complete=complete)
 
@@ -157,7 +159,8 @@ def test_an_effect_that_is_seen_only_where_the_motion_is_imposed_says_so(
     felt: dict[int, bool] = {}
     where: Any = SimpleNamespace(train=[view(*each) for each in views], shown=None)
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: None)
-    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: Magnitude(20.0, 0.5))
+    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5)
+    monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0)
     tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
     assert evidence_of(where, state(140.0, fit="fit", model="model"), tried, complete=False).imposed == imposed
 

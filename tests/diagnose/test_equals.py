@@ -8,7 +8,6 @@ import pytest
 
 from pneucli.diagnose import equals
 from pneucli.diagnose.equals import as_good, equal, foremost, plausible, replaces, simpler
-from pneucli.diagnose.magnitude import Magnitude
 from pneucli.diagnose.trial import Trial
 from tests.diagnose.trials import bench, shaky, state, trial
 
@@ -51,7 +50,7 @@ def test_of_equals_one_that_is_too_small_for_a_rig_comes_after_a_sensor():
 @pytest.mark.parametrize(("size", "can_be"), [(0.11, True), (0.09, False), (3.0, True)])
 def test_a_tenth_of_a_usual_size_is_still_one(size: float, can_be: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equals, "facts_of", lambda model, experiments: "facts")
-    monkeypatch.setattr(equals, "magnitude", lambda fit, effect, facts: Magnitude(50.0, size))
+    monkeypatch.setattr(equals, "magnitude", lambda fit, effect, facts: size)
     assert plausible(bench(), CONSTANT) == can_be
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.evidence import block_costs, disagreement, effective_number, gain, holm, wald
+from pneucli.diagnose.evidence import block_costs, disagreement, effective_number, gain, holm, significance, wald
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import effect_parameters
 from pneucli.physics.declaration import Effect
@@ -77,6 +77,7 @@ def test_what_has_no_meaning_without_the_effect_does_not_hide_it():
     wave = np.sin(np.arange(N) / 40.0)
     traded = fitted(dwell, {"gain": 0.5, "time_constant": 0.3}, np.column_stack([wave, -wave]))
     assert wald(traded, dwell) < 1e-12
+    assert significance(traded, dwell) > 20.0
 
 
 @pytest.mark.parametrize(("sensitivity", "seen"), [(1.0, True), (0.03, False)])

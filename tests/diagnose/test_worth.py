@@ -15,7 +15,7 @@ from pneucli.diagnose import detectable as visible
 from pneucli.diagnose import trial as trials
 from pneucli.diagnose.diagnosis import Moved, _moved, how_to_tell
 from pneucli.diagnose.equals import equal
-from pneucli.diagnose.evidence import Gain, disagreement, effective_number, gain, holm, wald
+from pneucli.diagnose.evidence import Gain, disagreement, effective_number, gain, holm, significance, wald
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.identify.parameters import Free, effect_parameters
@@ -97,6 +97,7 @@ def test_a_parameter_is_tested_by_its_distance_from_null_over_the_error_of_block
     statistic = distance**2 / float(scores @ scores)
     wanted = half * fisher.sf(statistic, 1, effective_number(scores))
     assert wald(found, catalogue()[name]) == pytest.approx(wanted, rel=1e-6)
+    assert significance(found, catalogue()[name]) == pytest.approx(math.sqrt(statistic), rel=1e-6)
 
 
 def test_two_parameters_are_tested_together() -> None:
@@ -132,7 +133,15 @@ def test_a_null_that_is_another_parameter_moves_with_it_where_that_is_fitted_too
 
 def test_an_effect_without_fitted_parameters_has_no_test() -> None:
     found = replace(ended("constant-force", {"force": 1.0}, np.ones((N, 1)), np.ones(N)), free=())
-    assert math.isnan(wald(replace(found, jacobian=np.zeros((N, 0))), catalogue()["constant-force"]))
+    found = replace(found, jacobian=np.zeros((N, 0)))
+    assert math.isnan(wald(found, catalogue()["constant-force"]))
+    assert significance(found, catalogue()["constant-force"]) == 0.0
+
+
+def test_an_effect_that_no_value_makes_absent_stands_over_its_own_error() -> None:
+    found = ended("heat-transfer", {"conductance": 0.6}, np.ones((N, 1)), np.ones(N))
+    estimate = Estimate("heat-transfer.conductance", "W/K", 0.6, 0.1, (0.4, 0.8), False)
+    assert significance(replace(found, estimates=(estimate,)), catalogue()["heat-transfer"]) == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("scale", [5.0, 40.0])
