@@ -28,13 +28,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.diagnose.confidence import Evidence
+from pneucli.diagnose.confidence import WEIGHTS, Evidence
 from pneucli.exam.calibration import EDGES
 from pneucli.exam.graded import Graded
 from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
-RIDGES = (0.1, 0.3, 1.0, 3.0)
+RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 FEATURES = ("share", "significance", "size", "complete", "imposed")
 
 
@@ -81,21 +81,21 @@ def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
     return bool(graded.hidden & {candidate["effect"], *candidate["indistinguishable_from"]})
 
 
-def fitted(x: Array, y: Array, ridge: float) -> Array:
-    """Return the weights (k,) of the most likely logistic law, the constant free."""
-    w, penalty = np.zeros(x.shape[1]), np.diag([0.0, *[ridge] * (x.shape[1] - 1)])
+def fitted(x: Array, y: Array, ridge: float, known: Array) -> Array:
+    """Return the weights (k,) of the most likely logistic law, drawn toward the ``known`` one, the constant free."""
+    w, penalty = known.copy(), np.diag([0.0, *[ridge] * (x.shape[1] - 1)])
     for _ in range(50):
         p = 1.0 / (1.0 + np.exp(-x @ w))
-        w = w + np.linalg.solve((x.T * (p * (1.0 - p) + 1e-9)) @ x + penalty, x.T @ (y - p) - penalty @ w)
+        w = w + np.linalg.solve((x.T * (p * (1.0 - p) + 1e-9)) @ x + penalty, x.T @ (y - p) - penalty @ (w - known))
     return w
 
 
-def left_out(x: Array, y: Array, case: NDArray[np.int64], ridge: float) -> Array:
+def left_out(x: Array, y: Array, case: NDArray[np.int64], ridge: float, known: Array) -> Array:
     """Return the probability (n,) of each effect by the law of all other cases."""
     p = np.zeros(y.size)
     for one in np.unique(case):
         mine = case == one
-        p[mine] = 1.0 / (1.0 + np.exp(-x[mine] @ fitted(x[~mine], y[~mine], ridge)))
+        p[mine] = 1.0 / (1.0 + np.exp(-x[mine] @ fitted(x[~mine], y[~mine], ridge, known)))
     return p
 
 
@@ -120,19 +120,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("exams", nargs="+", type=Path)
     parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
+    parser.add_argument("--anew", action="store_true", help="forget the law as it is")
     asked = parser.parse_args()
     exams = [g for exam in asked.exams for g in graded_cases(exam, exam / "answers")]
     recorded = real(asked.real) if asked.real else []
     x, y, case = told([*exams, *recorded])
-    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r), y))
-    p = left_out(x, y, case, ridge)
-    print("WEIGHTS =", tuple(round(float(w), 2) for w in fitted(x, y, ridge)), f"ridge {ridge}, {y.size} effects")
+    known = np.zeros(x.shape[1]) if asked.anew else np.array(WEIGHTS)
+    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r, known), y))
+    p = left_out(x, y, case, ridge, known)
+    print(
+        "WEIGHTS =", tuple(round(float(w), 2) for w in fitted(x, y, ridge, known)), f"ridge {ridge}, {y.size} effects"
+    )
     print(
         f"{len(exams)} cases of exams, {len(recorded)} real ones; {int(y.sum())} effects were there; "
         f"Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, each by a law that has not seen its case"
     )
+    print(f"the law as it is: log score {log_score(1.0 / (1.0 + np.exp(-x @ np.array(WEIGHTS))), y):.3f}")
     for i, name in enumerate(FEATURES, 1):
-        print(f"without {name}: log score {log_score(left_out(np.delete(x, i, 1), y, case, ridge), y):.3f}")
+        lesser = left_out(np.delete(x, i, 1), y, case, ridge, np.delete(known, i))
+        print(f"without {name}: log score {log_score(lesser, y):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():
