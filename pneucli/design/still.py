@@ -62,10 +62,11 @@ def coasts(s, c):
     way = s[S_AHEAD_X] - s[S_X]
     for i in range(40):  # noqa: B007 - structured text knows no name that begins with _
         opened += spool * (1.0 - opened)
-        let = h * opened * most
-        gone = 0.5 * h * (v + slid(s[S_AHEAD_X], v, driving - 0.5 * clamp(share * driving, -let, let), h, s, c))
-        let += stiff * math.fabs(gone)
-        taken = clamp(share * driving, -let, let)
+        limit = h * opened * most
+        taken = clamp(share * driving, -limit, limit)
+        gone = 0.5 * h * (v + slid(s[S_AHEAD_X], v, driving - 0.5 * taken, h, s, c))  # by which the gas expands
+        limit += stiff * math.fabs(gone)
+        taken = clamp(share * driving, -limit, limit)
         faster = slid(s[S_AHEAD_X], v, driving - 0.5 * taken, h, s, c)  # at the middle of the step
         way += 0.5 * h * (v + faster)
         v = faster
