@@ -29,14 +29,20 @@ def foremost(trials: Sequence[Trial], plausible: Callable[[Trial], bool]) -> Tri
 
 
 def plausible(bench: Bench, trial: Trial) -> bool:
-    """Whether an effect is not far smaller than a rig shows it: a tenth of a usual one stands in for its twin."""
+    """Whether an effect is neither far smaller nor far larger than rigs show it: such a one stands in for its twin."""
     facts = facts_of(trial.state.model, [view.experiment for view in bench.train])
-    return magnitude(trial.state.fit, trial.effect, facts) > SMALL
+    return SMALL < magnitude(trial.state.fit, trial.effect, facts) < 1.0 / SMALL
 
 
 def as_good(state: State, best: State) -> bool:
-    """Whether the data cannot tell that ``state`` explains them less well than ``best``."""
-    return not gain(state.costs, best.costs).certain
+    """Whether the data cannot tell that ``state`` explains them less well than ``best``.
+
+    It costs no more for certain or, in units of the variance that is left, no more than one parameter takes up by
+    chance: twins differ by the last digits of their fits, which is certain in every block.
+    """
+    more = state.cost - best.cost
+    within_chance = more < ONE_PARAMETER * max(best.cost / max(best.samples, 1), 1.0)
+    return within_chance or not gain(state.costs, best.costs).certain
 
 
 def simpler(trial: Trial, best: Trial) -> bool:
@@ -64,11 +70,9 @@ def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
 def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
     """Whether the data cannot tell an effect's rival from it.
 
-    It costs no more for certain; or, in units of the variance that is left, no more than one parameter takes up by
-    chance; or, where noise alone is left, so little more that what is known of the noise and of the state at each
-    restart does not decide.
+    It is as good; or, where noise alone is left, it costs so little more that what is known of the noise and of the
+    state at each restart does not decide.
     """
     more, gained = rival.state.cost - best.cost, rival.before.cost - rival.state.cost
     slight = more < SLIGHTLY * min(best.cost, gained + more)
-    within_chance = more < ONE_PARAMETER * max(best.cost / max(best.samples, 1), 1.0)
-    return within_chance or as_good(rival.state, best) or (noise_alone and slight)
+    return as_good(rival.state, best) or (noise_alone and slight)

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
 from pneucli.diagnose.beside import lawful
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
@@ -15,8 +13,8 @@ from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
 from pneucli.diagnose.promise import promising
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
-from pneucli.diagnose.trial import Array, Bench, State, Trial
-from pneucli.identify.least_squares import inverse
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.identify.effects import Signature
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
@@ -259,35 +257,26 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
 
 
 def _pairs(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
-    """Try the pairs that promise most together, where single effects led nowhere."""
+    """Try pairs where single effects led nowhere: beside each of the best fits what promises most there.
+
+    A base that lacks two bends to both, and hides the signature of the one under what the other bent.
+    """
     base = rungs[0]
-    ranked = bench.screen(base)[:8]
-    new = [base.fit.beyond(found[0].change) for _, found in ranked]
-    promised = sorted(
-        ((_joint(base.fit.unexplained, new[i], new[j]), i, j) for i in range(len(new)) for j in range(i)), reverse=True
-    )
+    fitted = [d.trial for d in rounds[0] if d.trial is not None and d.effect.name not in rungs[-1].names]
     best = rungs
-    for _, i, j in promised[:PAIRS]:
-        way = _both(bench, base, ranked[i][0], ranked[j][0])
-        if way is not None and gain(best[-1].costs, way[-1].costs).certain:
-            best = way
+    for first in sorted(fitted, key=lambda t: float(t.state.train.sum()))[:PAIRS]:
+        for other, found in bench.screen(first.state)[:1]:
+            way = _both(bench, base, first, other, found)
+            if way is not None and gain(best[-1].costs, way[-1].costs).certain:
+                best = way
     if best is rungs:
         return rungs, rounds
     return _forward(bench, best, rounds[:1])
 
 
-def _joint(target: Array, a: Array, b: Array) -> float:
-    """Return the fall of the cost that two signatures promise together, all three without what the base can do."""
-    both = np.column_stack([a, b])
-    score = both.T @ target
-    return float(score @ inverse(both.T @ both) @ score)
-
-
-def _both(bench: Bench, base: State, a: Effect, b: Effect) -> list[State] | None:
-    """Return the way over both effects, the better one first, where each is supported beside the other."""
-    first = min(bench.added(base, [a, b]), key=lambda t: t.state.cost)
-    other = b if first.effect is a else a
-    (second,) = bench.added(first.state, [other])
+def _both(bench: Bench, base: State, first: Trial, other: Effect, found: Sequence[Signature]) -> list[State] | None:
+    """Return the way over both effects, where each is supported beside the other."""
+    (second,) = bench.added(first.state, [other], [found])
     if not supported(bench, first.state, [second]):
         return None
     (without,) = bench.without(second.state, [first.effect])

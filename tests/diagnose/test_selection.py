@@ -142,6 +142,18 @@ def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
     assert result.adequate
 
 
+def test_the_second_of_a_pair_is_what_promises_most_beside_the_first() -> None:
+    """Beside the base b promises nothing, c and d much; beside a, which held-out data refuse, it leaves nothing."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        single = max((0.3, "a" in chosen), (0.2, "c" in chosen), (0.1, "d" in chosen), key=lambda one: one[0] * one[1])
+        return 1.0 if {"a", "b"} <= chosen else single[0] * single[1]
+
+    toys = Toys([A, B, C, D], takes, unseen=lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0)
+    assert names(found(toys)) == {"a", "b"}
+    assert ("c", "d") not in toys.added_names
+
+
 def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
     def takes(chosen: frozenset[str]) -> float:
         pair = 0.3 * ("b" in chosen) + 0.7 * ("c" in chosen)
@@ -229,12 +241,6 @@ def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to
     slight = Screened({"a": 50.0}, {"a": 9970.0})
     order(slight)
     assert slight.polished_names == []  # 0.3 % of the cost
-
-
-def test_two_signatures_promise_together_what_their_span_explains() -> None:
-    target = np.array([3.0, 4.0, 12.0])
-    assert selection._joint(target, np.array([2.0, 0, 0]), np.array([0, 5.0, 0])) == pytest.approx(25.0)
-    assert selection._joint(target, np.array([1.0, 0, 0]), np.array([2.0, 0, 0])) == pytest.approx(9.0)
 
 
 def test_a_search_knows_what_was_added_to_what() -> None:
