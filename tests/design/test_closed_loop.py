@@ -62,15 +62,12 @@ def test_held_it_leaves_the_valve_alone() -> None:
 
 
 def test_what_the_valve_cannot_do_saturates_and_is_recovered_from() -> None:
-    """100 N pull the piston where the air spring and the supply cannot hold it; afterwards it comes back.
-
-    To 10 um, and half as much again where it landed on the other side three times.
-    """
+    """100 N pull the piston where the air spring and the supply cannot hold it; afterwards it comes back."""
     pull = 1000.0 * ((TIME >= 1.0) & (TIME < 2.0))
     result = run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, np.full(TIME.size, 0.1), pull), axis.BENCH)
     assert np.abs(result.log[:, layout.L_U1]).max() == CONTROLLER.values["C_U_MAX"]
     assert result.model[1900, at.X] > 0.12
-    assert np.abs(result.model[-500:, at.X] - 0.1).max() <= 15e-6
+    assert np.abs(result.model[-500:, at.X] - 0.1).max() <= 10e-6
 
 
 @pytest.mark.parametrize("lost", ["x", "p1", "p2"])
