@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
+from functools import cache
 from types import FunctionType
 
 from pneucli.design import layout, loop
@@ -14,6 +15,7 @@ from pneucli.physics import gas
 DISPATCH = "any_law"  # of :mod:`pneucli.design.loop`
 
 
+@cache
 def controller_text() -> str:
     """Return all laws as text for the kernel: constants, functions, and the choice between them."""
     roots = [*(law.step for law in LAWS.values()), loop.control]
