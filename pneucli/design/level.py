@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pneucli.design.layout import *
 from pneucli.design.plant import clamp, highest, usable
-from pneucli.design.spool import space_1, space_2
+from pneucli.design.spool import spring_1, spring_2
 
 
 def set_level(p, s, c):
@@ -28,8 +28,8 @@ def level_asked(even, s, c):
         return s[S_LEVEL_SET]
     if c[C_AIR_STIFFNESS] <= 0.0:
         return c[C_P_MEAN]
-    one = c[C_AREA_1] * c[C_AREA_1] / space_1(s[S_X], c)
-    two = c[C_AREA_2] * c[C_AREA_2] / space_2(s[S_X], c)
+    one = spring_1(s[S_X], c)
+    two = spring_2(s[S_X], c)
     unequal = (c[C_AREA_1] - c[C_AREA_2]) / (c[C_AREA_1] + c[C_AREA_2])
     wanted = c[C_AIR_STIFFNESS] / c[C_GAMMA] - even * (one - two)
     return wanted / (one * (1.0 - unequal) + two * (1.0 + unequal))

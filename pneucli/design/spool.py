@@ -112,6 +112,16 @@ def space_2(x, c):
     return c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - x)
 
 
+def spring_1(x, c):
+    """Return what chamber 1 adds to the stiffness of the enclosed gas, in m: times gamma and its pressure, N/m."""
+    return c[C_AREA_1] * c[C_AREA_1] / space_1(x, c)
+
+
+def spring_2(x, c):
+    """Return that of chamber 2."""
+    return c[C_AREA_2] * c[C_AREA_2] / space_2(x, c)
+
+
 def drift_1(x, v, p1, p2, c):
     """Return dp1/dt in Pa/s by motion and leaks, the valve aside."""
     volume = space_1(x, c)

@@ -9,7 +9,7 @@ import math
 from pneucli.design.layout import *
 from pneucli.design.observe import pressure_force, pushing
 from pneucli.design.plant import clamp, dry_share, highest, sign, slid
-from pneucli.design.spool import gradient_1, gradient_2, space_1, space_2
+from pneucli.design.spool import gradient_1, gradient_2, space_1, space_2, spring_1, spring_2
 
 
 def switching(error, rate, c):
@@ -21,9 +21,9 @@ def switching(error, rate, c):
 
 
 def air_spring(s, c):
-    """Return the stiffness in N/m of the enclosed gas."""
-    one = c[C_AREA_1] * c[C_AREA_1] * s[S_AHEAD_P1] / space_1(s[S_AHEAD_X], c)
-    return c[C_GAMMA] * (one + c[C_AREA_2] * c[C_AREA_2] * s[S_AHEAD_P2] / space_2(s[S_AHEAD_X], c))
+    """Return the stiffness in N/m of the enclosed gas when a command arrives."""
+    x = s[S_AHEAD_X]
+    return c[C_GAMMA] * (spring_1(x, c) * s[S_AHEAD_P1] + spring_2(x, c) * s[S_AHEAD_P2])
 
 
 def relief(way, s, c):
@@ -102,7 +102,6 @@ def loosen(error, s, c):
     the piston no nearer than half of it: that is put up with.
     """
     h = c[C_PERIOD]
-    driving = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
     factor = max(dry_share(s[S_X], error, s, c), 0.1)
     if error * s[S_SIDE] < 0.0:
         s[S_EAGER] = max(0.5 * s[S_EAGER], 0.03)
@@ -111,6 +110,7 @@ def loosen(error, s, c):
     s[S_SIDE] = sign(error)
     if s[S_STIRS] > 0.5 and s[S_BRAKE] <= 0.0 and s[S_STICK] * s[S_V] > 0.0:
         if s[S_STIRS] == 1.0 and s[S_STILL] > 0.5 * c[C_LINGER]:
+            driving = pushing(s[S_X], s[S_P1], s[S_P2], s, c)
             s[S_BREAK] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], c[C_BREAK_MOST])
             s[S_FREED] = s[S_X]
         left = (error - coasts(s, c)) * sign(s[S_STICK])

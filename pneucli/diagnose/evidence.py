@@ -65,7 +65,7 @@ def gain(before: Array, after: Array) -> Gain:
     drawn = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
     freedom = effective_number(fall - fall.mean())
-    p_value = float(student.sf(total / max(spread, 1e-300), freedom))
+    p_value = float(student.sf(total / max(spread, TINY), freedom))
     return Gain(total, float(np.quantile(drawn, 0.05)), p_value, freedom)
 
 
@@ -117,8 +117,9 @@ def distance(found: Fit, effect: Effect) -> Distance | None:
     jacobian = found.jacobian[:, [f.name not in held for f in found.free]]
     influence = jacobian @ (inverse(jacobian.T @ jacobian) @ contrast.T)
     scored = scores(influence, found.residual, found.blocks)
-    tested = inverse(scored.T @ scored) @ np.array(away)
-    return Distance(float(np.array(away) @ tested), len(away), effective_number(scored @ tested), bounded)
+    from_null = np.array(away)
+    tested = inverse(scored.T @ scored) @ from_null
+    return Distance(float(from_null @ tested), len(away), effective_number(scored @ tested), bounded)
 
 
 def wald(found: Fit, effect: Effect) -> float:

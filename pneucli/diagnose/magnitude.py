@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from pneucli.diagnose.evidence import TINY
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import null_value, value_of
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import Facts
-
-TINY = 1e-300
 
 
 def magnitude(found: Fit, effect: Effect, facts: Facts) -> float:

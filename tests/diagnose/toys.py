@@ -58,8 +58,6 @@ class Toys:
             estimates=estimates,
             free=(),
             residual=np.ones(TRAIN * SAMPLES),
-            unexplained=np.ones(4),
-            beyond=lambda change: change,
         )
         if not self.held_out:
             return State(fit, train, np.zeros(0), train, TRAIN * SAMPLES)
@@ -71,8 +69,8 @@ class Toys:
             for e in self.effects.values()
         ]
         found = [
-            (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0, change=np.eye(4)[i % 4])])
-            for i, (e, p) in enumerate(promised)
+            (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0)])
+            for e, p in promised
             if e.name not in state.names
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
