@@ -13,7 +13,8 @@
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
     python -m benchmarks.confidence --real REAL E1 E2 E3 E4 E5 E6 E7 E8 E9
 
-The law is fitted with a small ridge and judged case by case, each by a law that has not seen it.
+The law is fitted, drawn toward the one that it renews (``--anew``: toward none), and judged case by case, each by a law
+that has not seen it.
 """
 
 from __future__ import annotations
