@@ -10,15 +10,14 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.diagnose.evidence import Gain, block_costs, gain, wald
+from pneucli.diagnose.costs import fitted_costs, unseen_costs
+from pneucli.diagnose.evidence import Gain, gain, wald
 from pneucli.diagnose.refits import Refit, Refits, here
-from pneucli.diagnose.remainder import drawn_rms
-from pneucli.diagnose.turns import held_out_by_turns
+from pneucli.diagnose.turns import models_by_turn
 from pneucli.experiments import Part
-from pneucli.identify.blocks import block_numbers, rows_of
+from pneucli.identify.blocks import rows_of
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit
-from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
@@ -27,9 +26,7 @@ Array = NDArray[np.float64]
 
 
 ROUNDS = 5  # of a first fit, which only ranks
-KNOWN = 0.8  # of the noise's power, at least
 RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts; a fall by as much is chance too
-LEAST = 0.02  # of the readings: a model that states less is charged no more
 READING = frozenset({"pressure sensor"})  # faults of it cannot show where no pressure is recorded
 Screened = tuple[Effect, list[Signature]]
 Errors = Mapping[str, float | None]
@@ -83,20 +80,15 @@ class Bench:
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        drawn, said = drawn_noise(found.model, self.train), statements(found.model, self.train)
-        train = costs(self.train, drawn, said * found.residual, found.errors)
-        seen = int(np.count_nonzero(found.residual))
+        train, samples = fitted_costs(found, self.train)
+        if not self.held_out and not self.turns:
+            return State(found, train, np.zeros(0), train, samples)
         if self.turns:
-            turned = costs(self.train, drawn, said * held_out_by_turns(found, self.train, self.turns), found.errors)
-            return State(found, train, turned, turned, seen)
-        if not self.held_out:
-            return State(found, train, np.zeros(0), train, seen)
-        problem = Problem(found.model, self.held_out, ())
-        residual = np.concatenate(problem.data(found.model))
-        said = statements(found.model, self.held_out)
-        test = costs(self.held_out, drawn_noise(found.model, self.held_out), said * residual, problem.errors)
-        samples = seen + int(np.count_nonzero(residual))
-        return State(found, train, test, np.concatenate([train, test]), samples)
+            test, _ = unseen_costs(models_by_turn(found, self.train, self.turns), self.train, found.errors)
+            return State(found, train, test, test, samples)
+        starts = [view.carried(found.model) for view in self.held_out]
+        test, more = unseen_costs([found.model] * len(starts), self.held_out, starts)
+        return State(found, train, test, np.concatenate([train, test]), samples + more)
 
     def lacking(self, state: State) -> list[Effect]:
         """Return the effects that a state lacks and that can show."""
@@ -174,57 +166,6 @@ class Bench:
             gain(before.test, after.test),
             train.p_value if np.isnan(p_value) else p_value,
         )
-
-
-def drawn_noise(model: Model, views: Sequence[View]) -> list[dict[str, float]]:
-    """Return for each view the rms by channel that a correct model of this kind would show of noise."""
-    return [drawn_rms(model, view, view.carried(model)) for view in views]
-
-
-def costs(
-    views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array, errors: Sequence[Mapping[str, Array]]
-) -> Array:
-    """Return the cost by block of residuals (N,): their squares, and the volume of what the starts may err by."""
-    blocks = block_numbers(views)
-    volume = np.concatenate([view.volume(mine) for view, mine in zip(views, errors, strict=True)])
-    return block_costs(allowed(views, drawn, residual), blocks) + np.bincount(blocks, weights=volume)
-
-
-def allowed(views: Sequence[View], drawn: Sequence[Mapping[str, float]], residual: Array) -> Array:
-    """Return residuals (N,) scaled, channel by channel, for what a correct model of this kind would show of noise.
-
-    A model that undoes a lag amplifies noise, one that smooths over it (a lag in the balance of forces, a delay by half
-    a sample) shows less; without the allowance a wrong one could leave less. The noise is no more than what is left; a
-    channel is made smaller than the sensors' noise only so far as that is not known better.
-    """
-    parts, first = [], 0
-    for view, noises in zip(views, drawn, strict=True):
-        for channel in view.channels:
-            part = residual[first : first + view.experiment.time.size]
-            first += part.size
-            cost, noise = float(part @ part), float(np.count_nonzero(part))
-            more = max(noises[channel] ** 2, KNOWN)
-            fair = max(cost - (more - 1.0) * min(noise, cost / more), KNOWN * min(cost, noise))
-            parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
-    return np.concatenate(parts)
-
-
-def statements(model: Model, views: Sequence[View]) -> Array:
-    """Return by how much each residual (N,) counts: those at which the model states no force but bounds, not at all,
-    and the others of the channel so much more.
-
-    Where a model states only bounds it explains nothing: such a reading costs what the others cost on average.
-    """
-    parts = []
-    for view in views:
-        n, bounded = view.experiment.time.size, any(effect.bounds for effect in model.effects)
-        residual = view.residual(model) if bounded and view.states_force else {}
-        for channel in view.channels:
-            stated = 1.0 - residual["gap"] if channel == "force" and "gap" in residual else np.ones(n)
-            seen = residual[channel] != 0.0 if "gap" in residual else np.ones(n, dtype=bool)
-            share = max(float(np.mean(stated[seen])), LEAST) if seen.any() else 1.0
-            parts.append(np.sqrt(stated / share))
-    return np.concatenate(parts)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import absent_value, value_of
-from pneucli.identify.problem import Problem, scaled
+from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
+from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
@@ -26,14 +27,13 @@ def turns_of(views: Sequence[View]) -> tuple[int, ...]:
     return tuple(each[name] for name in names) if len(each) > 1 else ()
 
 
-def held_out_by_turns(found: Fit, views: Sequence[View], turns: Sequence[int]) -> Array:
-    """Return the residuals (N,) of all views, each as the model fitted without its turn leaves it."""
+def models_by_turn(found: Fit, views: Sequence[View], turns: Sequence[int]) -> list[Model]:
+    """Return for each view the model as it is fitted without the view's turn."""
     problem = Problem(found.model, views, found.free, found.errors)
     sizes = [view.experiment.time.size * len(view.channels) for view in views]
     rows = np.repeat(np.asarray(turns), sizes)
     models = {turn: problem.model_at(without(found, problem, rows == turn)) for turn in set(turns)}
-    jobs = zip(views, turns, found.errors, strict=True)
-    return np.concatenate([scaled(view, models[turn], errors) for view, turn, errors in jobs])
+    return [models[turn] for turn in turns]
 
 
 def without(found: Fit, problem: Problem, out: NDArray[np.bool_]) -> Array:

@@ -124,7 +124,11 @@ class Problem:
 
 def scaled(view: View, model: Model, errors: Mapping[str, Array]) -> Array:
     """Return a view's residuals in units of noise, times their weights, whitened for ``errors`` of starts."""
-    residual = view.residual(model, errors)
+    return in_units(view, view.residual(model, errors))
+
+
+def in_units(view: View, residual: Mapping[str, Array]) -> Array:
+    """Return a view's residuals by channel in units of noise, times their weights, channel after channel (N,)."""
     return np.concatenate([view.weights.get(c, 1.0) * (residual[c] / view.noise[c]) for c in view.channels])
 
 

@@ -34,7 +34,7 @@ def start_errors(experiment: Experiment) -> dict[str, tuple[float, float]]:
 
 
 def carried(model: Model, experiment: Experiment, errors: dict[str, tuple[float, float]]) -> dict[str, Array]:
-    """Return by pressure what errors of the starts become in what is read, (n,) each in units of the sensor's noise.
+    """Return by pressure what errors of the starts become in what is read, (1, n) each in units of the sensor's noise.
 
     ``errors`` is what :func:`start_errors` gives; a start from readings whose lag is undone errs by their rate too.
     """
@@ -45,29 +45,47 @@ def carried(model: Model, experiment: Experiment, errors: dict[str, tuple[float,
     for channel in (c for c in COLUMNS if c in e.smoothers and c in e.channels and e.noise[c].rms):
         value, rate = errors[channel]
         error = float(np.hypot(value, model.total("sensor_lag") * rate)) / e.noise[channel].rms
-        out[channel] = error * (moved[channel] - plain[channel]) / nudge
+        out[channel] = error * (moved[channel] - plain[channel])[None] / nudge
     return out
 
 
-def whitened(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (n,) whitened for the ``error`` (n,) that a start's becomes, in units of the noise.
+def whitened(residual: Array, errors: Array, restarts: NDArray[np.int64]) -> Array:
+    """Return a residual (n,) whitened for ``errors`` (k, n), what errors of a start or of a stretch become.
 
-    In each stretch the covariance is that of the noise times I + e e'; its inverse square root takes away a share of
-    what the residual has along e.
+    All in units of the noise. In each stretch the covariance is that of the noise times I + sum of e e'; one error
+    after the other, its inverse square root takes away a share of what the residual has along it.
     """
-    power = np.add.reduceat(error * error, restarts)
-    along = np.add.reduceat(error * residual, restarts)
-    share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
-    return np.asarray(residual - np.repeat(share * along, lengths(restarts, residual.size)) * error)
+    for error in _apart(errors, restarts):
+        residual = _without(residual, error, restarts)
+    return residual
 
 
-def volume(error: Array, restarts: NDArray[np.int64]) -> Array:
+def volume(errors: Array, restarts: NDArray[np.int64]) -> Array:
     """Return the logarithm of the determinant of that covariance, spread evenly over each stretch (n,).
 
     What a likelihood adds to the sum of squares: a model whose starts err more must not gain by the allowance.
     """
-    logarithms, samples = np.log1p(np.add.reduceat(error * error, restarts)), lengths(restarts, error.size)
-    return np.repeat(logarithms / samples, samples)
+    n = errors.shape[-1]
+    samples, total = lengths(restarts, n), np.zeros(n)
+    for error in _apart(errors, restarts):
+        total += np.repeat(np.log1p(np.add.reduceat(error * error, restarts)) / samples, samples)
+    return total
+
+
+def _apart(errors: Array, restarts: NDArray[np.int64]) -> list[Array]:
+    """Return errors (k, n), each as whitening for those before it leaves it."""
+    if len(errors) < 2:
+        return list(errors)
+    first, *others = errors
+    return [first, *_apart(np.array([_without(other, first, restarts) for other in others]), restarts)]
+
+
+def _without(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
+    """Return a residual (n,) without a share of what it has along an error (n,)."""
+    power = np.add.reduceat(error * error, restarts)
+    along = np.add.reduceat(error * residual, restarts)
+    share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
+    return np.asarray(residual - np.repeat(share * along, lengths(restarts, residual.size)) * error)
 
 
 def lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:

@@ -275,47 +275,6 @@ def test_the_ladder_falls_where_the_mean_of_both_errors_does(train: float, test:
     assert bench().falls(OLD, NEW)
 
 
-def view_of(n: int = 500) -> Any:
-    e = SimpleNamespace(time=1e-3 * np.arange(n))
-    return SimpleNamespace(
-        experiment=e, channels=("p1", "p2"), carried=lambda _: {}, volume=lambda _: np.full(2 * n, 0.1)
-    )
-
-
-def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
-    monkeypatch.setattr(trials, "drawn_rms", lambda model, view, errors: dict.fromkeys(view.channels, 1.0))
-    residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
-    drawn = trials.drawn_noise(model(), [view_of()])
-    found = trials.costs([view_of()], drawn, residual, [{"each": 0.1}])  # type: ignore[dict-item]
-    assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
-
-
-@pytest.mark.parametrize(
-    ("drawn", "level", "left"),
-    [
-        (1.0, 3.0, 3.0),  # as much noise as the sensors': nothing is allowed
-        (2.0, 3.0, np.sqrt(9.0 - 3.0)),  # four times the power: the sensors' and three more
-        (2.0, 1.0, np.sqrt(1.0 - 0.75)),  # no more noise than what is left
-        (0.95, 3.0, np.sqrt(9.0 + 0.0975)),  # less than the sensors' is shown: the difference is added
-        (0.5, 3.0, np.sqrt(9.0 + 0.2)),  # but no more than a fifth of the power
-    ],
-)
-def test_residuals_are_allowed_what_the_model_makes_of_the_noise(
-    monkeypatch: pytest.MonkeyPatch, drawn: float, level: float, left: float
-) -> None:
-    monkeypatch.setattr(trials, "drawn_rms", lambda model, view, errors: {"p1": drawn, "p2": 1.0})
-    residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
-    found = trials.allowed([view_of()], trials.drawn_noise(model(), [view_of()]), residual)
-    assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
-    assert np.ptp(found[:500]) == pytest.approx(0.0)
-    assert found[500:] == pytest.approx(np.full(500, 7.0))
-
-
-def test_what_is_zero_stays_zero() -> None:
-    assert not trials.allowed([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
-
-
 # --- the verdict
 
 

@@ -265,7 +265,7 @@ def covariance(first: int, last: int) -> np.ndarray:
 
 def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance() -> None:
     residual = np.random.default_rng(1).standard_normal(1000)
-    found = restarts.whitened(residual, ERROR, STARTS)
+    found = restarts.whitened(residual, ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         values, vectors = np.linalg.eigh(covariance(first, last))
         root = vectors @ np.diag(values**-0.5) @ vectors.T
@@ -273,11 +273,30 @@ def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance
 
 
 def test_the_volume_is_the_log_determinant_spread_over_the_stretch() -> None:
-    found = restarts.volume(ERROR, STARTS)
+    found = restarts.volume(ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         determinant = np.linalg.slogdet(covariance(first, last))[1]
         assert found[first:last].sum() == pytest.approx(determinant, abs=1e-9)
         assert np.ptp(found[first:last]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_with_several_errors_the_squares_are_those_of_the_inverse_covariance_and_the_volume_its_determinant() -> None:
+    """Errors that are far from orthogonal: R'R of the whitened residual R is r' C^-1 r with C = I + sum of e e'."""
+    rng = np.random.default_rng(2)
+    several = np.vstack([ERROR, 3.0 * ERROR + rng.standard_normal(1000), rng.standard_normal(1000)])
+    residual = rng.standard_normal(1000)
+    found, volume = restarts.whitened(residual, several, STARTS), restarts.volume(several, STARTS)
+    for first, last in ((0, 300), (300, 700), (700, 1000)):
+        e, r = several[:, first:last], residual[first:last]
+        covariance = np.eye(last - first) + e.T @ e
+        assert found[first:last] @ found[first:last] == pytest.approx(r @ np.linalg.solve(covariance, r), rel=1e-9)
+        assert volume[first:last].sum() == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
+
+
+def test_without_any_error_nothing_is_whitened() -> None:
+    none, residual = np.zeros((0, 1000)), np.arange(1000.0)
+    assert restarts.whitened(residual, none, STARTS) == pytest.approx(residual)
+    assert not restarts.volume(none, STARTS).any()
 
 
 def test_lengths_of_stretches_go_to_the_next_restart() -> None:
@@ -326,11 +345,11 @@ def test_an_error_of_a_start_is_carried_as_far_as_the_model_keeps_it(monkeypatch
     )  # fmt: skip
     errors = {"p1": (100.0, 0.0), "p2": (100.0, 0.0)}
     found = restarts.carried(model(), Read(), errors)  # type: ignore[arg-type]
-    assert found["p1"] == pytest.approx(np.full(4000, 0.5 * 100.0 / 50.0))
-    assert found["p2"] == pytest.approx(np.zeros(4000))
+    assert found["p1"] == pytest.approx(np.full((1, 4000), 0.5 * 100.0 / 50.0))
+    assert found["p2"] == pytest.approx(np.zeros((1, 4000)))
     late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.03})
     errors = {"p1": (40.0, 1000.0), "p2": (0.0, 0.0)}
-    assert restarts.carried(late, Read(), errors)["p1"][0] == pytest.approx(0.5)  # type: ignore[arg-type]
+    assert restarts.carried(late, Read(), errors)["p1"][0, 0] == pytest.approx(0.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from pneucli.identify.flow import flow_errors
 from pneucli.identify.restarts import carried, start_errors, volume, whitened
 from pneucli.identify.views.view import Array, View, difference
 from pneucli.physics.declaration import Side
@@ -43,6 +44,10 @@ class Chambers(View):
     def carried(self, model: Model) -> dict[str, Array]:
         """Return what errors of the starts become, in units of noise (:mod:`pneucli.identify.restarts`)."""
         return carried(model, self.experiment, self._start_errors) if self.whitened else {}
+
+    def flow_errors(self, model: Model) -> dict[str, Array]:
+        """Return what relative errors of the flow become, in units of noise (:mod:`pneucli.identify.flow`)."""
+        return flow_errors(model, self.experiment)
 
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals whitened for such errors."""

@@ -72,7 +72,11 @@ class View(ABC):
         """
 
     def carried(self, model: Model) -> dict[str, Array]:
-        """Return what errors of the starts become, in units of noise; nothing where the view has no such starts."""
+        """Return what errors of the starts become (k, n), in units of noise; nothing where it has no such starts."""
+        return {}
+
+    def flow_errors(self, model: Model) -> dict[str, Array]:
+        """Return what relative errors of the flow become, in units of noise; nothing where the view has no flow."""
         return {}
 
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:

@@ -1,0 +1,121 @@
+"""What recordings cost, those that were fitted and those that were not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import costs as counted
+from pneucli.diagnose.costs import allowed, costs, unseen_costs
+from pneucli.diagnose.flow import most_likely, with_flow
+from pneucli.identify.views import Chambers
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import prepare
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import simulate
+from tests.simulate.benches import bench, clock, model, steps_of_command
+
+NOISE = 500.0  # Pa
+
+
+def view_of(n: int = 500) -> Any:
+    e = SimpleNamespace(time=1e-3 * np.arange(n))
+    return SimpleNamespace(experiment=e, channels=("p1", "p2"), volume=lambda _: np.full(2 * n, 0.1))
+
+
+def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by() -> None:
+    """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
+    residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
+    found = costs([view_of()], [{"p1": 1.0, "p2": 1.0}], residual, [{}])
+    assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "level", "left"),
+    [
+        (1.0, 3.0, 3.0),  # as much noise as the sensors': nothing is allowed
+        (2.0, 3.0, np.sqrt(9.0 - 3.0)),  # four times the power: the sensors' and three more
+        (2.0, 1.0, np.sqrt(1.0 - 0.75)),  # no more noise than what is left
+        (0.95, 3.0, np.sqrt(9.0 + 0.0975)),  # less than the sensors' is shown: the difference is added
+        (0.5, 3.0, np.sqrt(9.0 + 0.2)),  # but no more than a fifth of the power
+    ],
+)
+def test_residuals_are_allowed_what_the_model_makes_of_the_noise(drawn: float, level: float, left: float) -> None:
+    residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
+    found = allowed([view_of()], [{"p1": drawn, "p2": 1.0}], residual)
+    assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
+    assert np.ptp(found[:500]) == pytest.approx(0.0)
+    assert found[500:] == pytest.approx(np.full(500, 7.0))
+
+
+def test_what_is_zero_stays_zero() -> None:
+    assert not allowed([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
+
+
+# --- the flow in recordings that were not fitted
+
+
+def chamber(fill: float = 1.0, vent: float = 1.0) -> Chambers:
+    """A chamber that is filled and vented by commands so many times those recorded, restarted every 0.5 s."""
+    time, rng = clock(2.0), np.random.default_rng(2)
+    stated = steps_of_command(time, [2.0, -2.0, 1.0, -1.0], 0.5)
+    acting = np.where(stated > 0.0, fill, vent) * stated
+    given = {"x": np.full(time.size, 0.1)}
+    exact = bench("axis", time, {**given, "u": acting, "v": np.zeros(time.size), "p1": 2e5}, chamber_2="open")
+    exact.flags[at.MECHANICS] = 0.0
+    readings = simulate(model(), exact)["p1"] + rng.normal(scale=NOISE, size=time.size)
+    recording = replace(exact.recording, signals={**given, "u": stated, "p1": readings})
+    ready = prepare(recording, exact.rig, 0.5)
+    ready.flags[at.MECHANICS] = 0.0
+    return Chambers(ready, whitened=True)
+
+
+def size_of_flow(view: Chambers, of: Model) -> float:
+    """The standard deviation of the flow's relative error over that by which a command of its own size errs."""
+    starts = [view.carried(of)]
+    (errors,) = with_flow([of], [view], [view.residual(of, {})], starts)
+    flow = view.flow_errors(of)["p1"]
+    return float(np.linalg.norm(errors["p1"][1:]) / np.linalg.norm(flow)) if len(errors["p1"]) > 1 else 0.0
+
+
+def test_a_flow_that_is_as_in_the_model_has_no_error_worth_the_name() -> None:
+    assert size_of_flow(chamber(), model()) < 2e-3
+
+
+@pytest.mark.parametrize(("fill", "vent"), [(1.05, 1.0), (1.0, 1.05), (0.95, 0.95)])
+def test_a_gain_that_is_another_one_is_seen_as_such(fill: float, vent: float) -> None:
+    assert 0.01 < size_of_flow(chamber(fill, vent), model()) < 0.1
+
+
+def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise costs 1 a sample; 5 % of the gain cost more than 10 of them without the allowance."""
+    view = chamber(1.05)
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
+    found, samples = unseen_costs([model()], [view], [view.carried(model())])
+    assert samples == 2001
+    plain = view.residual(model())["p1"] / view.noise["p1"]
+    assert plain @ plain > 10.0 * samples
+    assert found.sum() < 1.2 * samples
+
+
+def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drift of 20 times the noise while the valve is shut, which no error of a flow makes."""
+    view = chamber()
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
+    drifting = view.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * view.experiment.time)
+    view.experiment.raw["p1"][:] = drifting
+    found, samples = unseen_costs([model()], [view], [view.carried(model())])
+    assert found.sum() > 100.0 * samples
+
+
+def test_the_most_likely_size_is_that_of_what_was_drawn() -> None:
+    """Powers of 1e4, sizes of 0.1: the residual along them varies by P + s^2 P^2."""
+    rng, power = np.random.default_rng(4), np.full(4000, 1e4)
+    along = rng.normal(size=4000) * np.sqrt(power + 0.01 * power**2)
+    assert most_likely(np.array([power, along])) == pytest.approx(0.1, rel=0.04)
+    assert most_likely(np.array([power, np.sqrt(0.5 * power)])) == 0.0
+    assert most_likely(np.zeros((2, 0))) == 0.0
