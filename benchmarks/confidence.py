@@ -29,14 +29,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.diagnose.confidence import WEIGHTS, Evidence
+from pneucli.diagnose.confidence import BESIDE, COMPLETE, Evidence
 from pneucli.exam.calibration import EDGES
 from pneucli.exam.graded import Graded
 from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
 RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-FEATURES = ("share", "significance", "size", "complete", "imposed")
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of
@@ -59,22 +59,24 @@ def real(folder: Path) -> list[Graded]:
     return cases
 
 
-def told(cases: Sequence[Graded]) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,)."""
+def told(cases: Sequence[Graded], *, complete: bool) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,).
+
+    Of cases in which nothing but noise is left, or of the others; what has no place in the last model tells nothing.
+    """
     rows = [
         (evidence_of(g, c).features, is_there(g, c), i)
         for i, g in enumerate(cases)
         for c in g.answer.get("candidates", [])
-        if c.get("evidence")
+        if c.get("evidence") and complete == (g.verdict != "unexplained")
     ]
     return np.array([r[0] for r in rows]), np.array([r[1] for r in rows], float), np.array([r[2] for r in rows])
 
 
 def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
-    """Return what a candidate rests on, by what the answers of all programs have told."""
-    told = candidate["evidence"]
-    complete, imposed = graded.verdict != "unexplained", "imposed" in graded.conditions
-    return Evidence(candidate["share"], told["significance"], told["size"], complete, imposed)
+    """Return what a candidate rests on."""
+    complete = graded.verdict != "unexplained"
+    return Evidence(**{**candidate["evidence"], "complete": complete})
 
 
 def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
@@ -116,8 +118,37 @@ def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
     return {reason: (there[reason], of[reason]) for reason in of}
 
 
+def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew: bool) -> None:
+    """Print a law, what each of its terms is worth, and its reliability; the first ``exams`` cases are of exams."""
+    x, y, case = told(cases, complete=complete)
+    if len(set(y)) < 2:
+        return
+    now = np.array(COMPLETE if complete else BESIDE)
+    known = np.zeros(x.shape[1]) if anew else now
+    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r, known), y))
+    p = left_out(x, y, case, ridge, known)
+    print(
+        f"{name} =", tuple(round(float(w), 2) for w in fitted(x, y, ridge, known)), f"ridge {ridge}, {y.size} effects"
+    )
+    print(
+        f"{int(y.sum())} effects were there; Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, "
+        "each by a law that has not seen its case"
+    )
+    print(f"the law as it is: log score {log_score(1.0 / (1.0 + np.exp(-x @ now)), y):.3f}")
+    for i, feature in enumerate(FEATURES[complete], 1):
+        lesser = left_out(np.delete(x, i, 1), y, case, ridge, np.delete(known, i))
+        print(f"without {feature}: log score {log_score(lesser, y):.3f}")
+    for low, high in pairwise(EDGES):
+        mine = (p >= low) & (p <= high)
+        if mine.any():
+            print(f"{low:g} to {high:g}: stated {p[mine].mean():.2f}, there {int(y[mine].sum())} of {mine.sum()}")
+    for i, one in zip(case, p, strict=True):
+        if i >= exams:
+            print(f"{cases[i].case}: {one:.2f}")
+
+
 def main() -> None:
-    """Print the law, what each of its terms is worth, its reliability, and the frequencies of refused effects."""
+    """Print the laws, what each of its terms is worth, its reliability, and the frequencies of refused effects."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("exams", nargs="+", type=Path)
     parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
@@ -125,28 +156,9 @@ def main() -> None:
     asked = parser.parse_args()
     exams = [g for exam in asked.exams for g in graded_cases(exam, exam / "answers")]
     recorded = real(asked.real) if asked.real else []
-    x, y, case = told([*exams, *recorded])
-    known = np.zeros(x.shape[1]) if asked.anew else np.array(WEIGHTS)
-    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r, known), y))
-    p = left_out(x, y, case, ridge, known)
-    print(
-        "WEIGHTS =", tuple(round(float(w), 2) for w in fitted(x, y, ridge, known)), f"ridge {ridge}, {y.size} effects"
-    )
-    print(
-        f"{len(exams)} cases of exams, {len(recorded)} real ones; {int(y.sum())} effects were there; "
-        f"Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, each by a law that has not seen its case"
-    )
-    print(f"the law as it is: log score {log_score(1.0 / (1.0 + np.exp(-x @ np.array(WEIGHTS))), y):.3f}")
-    for i, name in enumerate(FEATURES, 1):
-        lesser = left_out(np.delete(x, i, 1), y, case, ridge, np.delete(known, i))
-        print(f"without {name}: log score {log_score(lesser, y):.3f}")
-    for low, high in pairwise(EDGES):
-        mine = (p >= low) & (p <= high)
-        if mine.any():
-            print(f"{low:g} to {high:g}: stated {p[mine].mean():.2f}, there {int(y[mine].sum())} of {mine.sum()}")
-    for i, one in zip(case, p, strict=True):
-        if i >= len(exams):
-            print(f"{recorded[i - len(exams)].case}: {one:.2f}")
+    print(f"{len(exams)} cases of exams, {len(recorded)} real ones")
+    for name, complete in (("COMPLETE", True), ("BESIDE", False)):
+        law(name, [*exams, *recorded], len(exams), complete=complete, anew=asked.anew)
     for reason, (there, of) in sorted(refusals(exams).items()):
         print(f"{reason}: {there} of {of}")
 

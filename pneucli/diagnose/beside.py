@@ -13,6 +13,7 @@ from pneucli.diagnose.errors import taken_away
 from pneucli.diagnose.evidence import disagreement, significance
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
+from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.views import Chambers, Forces, Imposed, Inferred, View
@@ -26,22 +27,25 @@ EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict i
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 
 
-def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder]) -> tuple[Decision, Evidence]:
-    """Return the decision about an effect that was added, and what it rests on.
+def weighed(
+    bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], place: Place | None
+) -> tuple[Decision, Evidence]:
+    """Return the decision about an effect that was added, and what it rests on, its ``place`` in the last model too.
 
     What is more likely a stand-in for something unknown is not named; where no exam tells how likely that is, only
     beside something that is ``left``.
     """
-    evidence = evidence_of(bench, last, trial, complete=not left)
+    evidence = evidence_of(bench, last, trial, place, complete=not left)
     if examined(bench, trial.effect):
         known = probability(evidence) >= NAMED
     else:
         share = explained(trial.before, trial.state)
-        known = not left or told(bench, share, agreement(bench, last, trial.effect.name), left)
+        agree = agreement(bench, last, trial.effect.name)
+        known = not left or (lawful(trial.effect, left) and told(bench, share, agree, left))
     failed: list[tuple[bool, Reason]] = [
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (unseen_force(bench.train, trial.effect), "cannot-show"),
-        (not (known and lawful(trial.effect, left)), "explained-by-unknown"),
+        (not known, "explained-by-unknown"),
         (bool(left) and not bench.falls(trial.before, trial.state), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
@@ -86,7 +90,7 @@ def told(bench: Bench, share: float, disagreement: float, left: Sequence[Remaind
     return share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
 
 
-def evidence_of(bench: Bench, last: State, trial: Trial, *, complete: bool) -> Evidence:
+def evidence_of(bench: Bench, last: State, trial: Trial, place: Place | None, *, complete: bool) -> Evidence:
     """Return what tells the effect of a trial, as it is in the ``last`` state, from a stand-in.
 
     ``complete``: the last state leaves nothing but noise.
@@ -95,7 +99,7 @@ def evidence_of(bench: Bench, last: State, trial: Trial, *, complete: bool) -> E
     size, sure = magnitude(last.fit, trial.effect, facts), significance(last.fit, trial.effect)
     imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
-    return Evidence(share, sure, size, complete, imposed)
+    return Evidence(share, sure, size, complete, imposed, 1.0 if place is None else place.left(bench))
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

@@ -28,7 +28,8 @@ class Evidence(NamedTuple):
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
     over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where
     something is, a stand-in may have a share of it. ``imposed``: it is seen only where the motion is imposed and its
-    force measured, so that what is left does not pile up over time.
+    force measured, so that what is left does not pile up over time. ``left``: part of the squares beyond noise, of what
+    it acts in, that is left with it in its place.
     """
 
     share: float | None
@@ -36,19 +37,16 @@ class Evidence(NamedTuple):
     size: float
     complete: bool = False
     imposed: bool = False
+    left: float = 1.0
 
     @property
     def features(self) -> tuple[float, ...]:
         """The terms of the law: each within the range that exams have shown; more than typical is no likelier."""
-        share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
-        return (
-            1.0,
-            math.log(share / (1.0 - share)),
-            _decades(self.significance, 1.0, 300.0),
-            _decades(self.size, 0.03, 1.0),
-            float(self.complete),
-            float(self.imposed and not self.complete),
-        )
+        significance, size = _decades(self.significance, 1.0, 300.0), _decades(self.size, 0.03, 1.0)
+        if self.complete:
+            share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
+            return 1.0, significance, size, math.log(share / (1.0 - share))
+        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), float(self.imposed)
 
 
 def _decades(value: float, low: float, high: float) -> float:
@@ -56,7 +54,8 @@ def _decades(value: float, low: float, high: float) -> float:
 
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-WEIGHTS = (-4.26, 0.32, 2.52, 2.7, 2.92, 1.59)
+COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
+BESIDE = (-1.65, 1.18, 5.31, -1.56, 0.0)  # beside something unknown
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,
@@ -66,7 +65,8 @@ OTHERWISE = 0.003  # of all other reasons together
 
 def probability(evidence: Evidence) -> float:
     """Return the probability that an effect with this evidence is there."""
-    exponent = sum(w * x for w, x in zip(WEIGHTS, evidence.features, strict=True))
+    weights = COMPLETE if evidence.complete else BESIDE
+    exponent = sum(w * x for w, x in zip(weights, evidence.features, strict=True))
     return 1.0 / (1.0 + math.exp(-exponent))
 
 

@@ -26,16 +26,16 @@ KNOWN = 0.8  # of the noise's power, at least
 LEAST = 0.02  # of the readings: a model that states less is charged no more
 
 
-def fitted_costs(found: Fit, views: Sequence[View]) -> tuple[Array, int]:
-    """Return the cost by block of the views that a model was fitted to, and how many residuals are behind it."""
+def fitted_costs(found: Fit, views: Sequence[View]) -> tuple[Array, Array]:
+    """Return the cost by block of the views that a model was fitted to, and how many residuals are behind each."""
     drawn = [drawn_rms(found.model, view, view.carried(found.model)) for view in views]
     said = np.concatenate([statements(found.model, view) for view in views])
-    return costs(views, drawn, said * found.residual, found.errors), int(np.count_nonzero(found.residual))
+    return costs(views, drawn, said * found.residual, found.errors), _counts(views, found.residual)
 
 
 def unseen_costs(
     models: Sequence[Model], views: Sequence[View], starts: Sequence[Mapping[str, Array]]
-) -> tuple[Array, int]:
+) -> tuple[Array, Array]:
     """Return the same of views that were not fitted, each by its model; ``starts`` are the errors of their starts.
 
     The flow through the valve may err there besides (:mod:`pneucli.diagnose.flow`).
@@ -46,7 +46,11 @@ def unseen_costs(
     drawn = [drawn_rms(m, v, e) for m, v, e in zip(models, views, errors, strict=True)]
     said = np.concatenate([statements(model, view) for model, view in zip(models, views, strict=True)])
     residual = np.concatenate(settled)
-    return costs(views, drawn, said * residual, errors), int(np.count_nonzero(residual))
+    return costs(views, drawn, said * residual, errors), _counts(views, residual)
+
+
+def _counts(views: Sequence[View], residual: Array) -> Array:
+    return block_costs((residual != 0.0).astype(np.float64), block_numbers(views))
 
 
 def costs(

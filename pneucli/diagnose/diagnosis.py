@@ -14,7 +14,6 @@ from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
 from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
-from pneucli.diagnose.equals import equal
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.replay import astray
 from pneucli.diagnose.search import Search, remains, search
@@ -51,7 +50,7 @@ class Confidence(NamedTuple):
 class Diagnosis:
     """What the recordings say, and what they cannot say.
 
-    ``missing`` in the order to add them; ``equals`` names for each what explains these recordings equally well.
+    ``missing`` in the order to add them; ``equals`` names for each that was added what explains as much.
     ``decisions``: one for every effect that the model lacked, those that were added first.
     """
 
@@ -73,10 +72,12 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     start = bench.state(base)
     found = search(bench, start)
     left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
-    weights = [weighed(bench, found.last, trial, left) for trial in _trials(bench, found)]
+    places = found.places
+    weights = [weighed(bench, found.last, t, left, places.get(t.effect.name)) for t in _trials(bench, found)]
     missing = [d.effect.name for d, _ in weights if d.supported]
-    twins = {n: [t for t in found.rivals.get(n, ()) if equal(t, found.last, noise_alone=not left)] for n in missing}
-    equals = {n: tuple(t.effect.name for t in trials) for n, trials in twins.items()}
+    alike_of = {name: place.alike(bench, complete=not left) for name, place in places.items()}
+    equals = {n: tuple(t.effect.name for t in trials) for n, trials in alike_of.items()}
+    twins = {n: alike_of.get(n, []) for n in missing}
     alike = [Decision(t.effect, "supported", t) for trials in twins.values() for t in trials]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])

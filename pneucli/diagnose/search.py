@@ -11,6 +11,7 @@ from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
+from pneucli.diagnose.place import Place
 from pneucli.diagnose.promise import promising
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Bench, State, Trial
@@ -28,12 +29,12 @@ Round = list[Decision]  # about the effects that a rung lacks
 class Search:
     """The way taken: ``rungs`` from the model as it is to the last, each with one effect more.
 
-    ``rivals`` holds for every effect named what passed in its place; ``decisions`` what became of the others that were
-    screened, one for each.
+    ``places`` holds every effect of the last model with what was tried in its place; ``decisions`` what became of the
+    others that were screened, one for each.
     """
 
     rungs: tuple[State, ...]
-    rivals: dict[str, tuple[Trial, ...]]
+    places: dict[str, Place]
     decisions: tuple[Decision, ...]
     train: tuple[Remainder, ...]
     test: tuple[Remainder, ...]
@@ -65,11 +66,11 @@ def search(bench: Bench, base: State) -> Search:
             rungs = [*rungs, whole.state]
         elif len(rungs) <= 2:
             rungs, rounds = _pairs(bench, rungs, rounds)
-    rungs, rivals, refused = _revise(bench, rungs, rounds)
+    rungs, places, refused = _revise(bench, rungs, rounds)
     if rungs[-1] is not judged_by:
         left = remains(bench, rungs[-1])
     decisions = decided(rounds, refused, rungs[-1].names)
-    return Search(tuple(rungs), rivals, decisions, tuple(left[0]), tuple(left[1]))
+    return Search(tuple(rungs), places, decisions, tuple(left[0]), tuple(left[1]))
 
 
 def decided(rounds: Sequence[Round], refused: Sequence[Decision], names: Sequence[str]) -> tuple[Decision, ...]:
@@ -170,20 +171,20 @@ def unseen(bench: Bench, trial: Trial) -> Reason | None:
     return "immaterial" if at_noise(trial.before) and not bench.lowers(trial.before, trial.state) else None
 
 
-def _revise(
-    bench: Bench, rungs: list[State], rounds: list[Round]
-) -> tuple[list[State], dict[str, tuple[Trial, ...]], Round]:
-    """Drop what later additions made needless, put better rivals in place of effects, and keep the equals.
+def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], dict[str, Place], Round]:
+    """Drop what later additions made needless, and put better rivals in place of effects.
 
-    Returns the rungs, what passed in place of each effect, and what was refused after it was taken.
+    Returns the rungs, the place of each effect, and what was refused after it was taken.
     """
     base = rungs[0]
-    last, refused = _without_needless(bench, base, rungs[-1])
-    rungs, raising = _ladder(bench, base, last, rungs)
-    refused += raising
+    last, needless = _without_needless(bench, base, rungs[-1])
+    ladder, raising = _ladder(bench, base, last, rungs)
+    before = [state for state in rungs if not {d.effect.name for d in raising} & set(state.names)]
+    # what made others needless and may not stay itself gives them back
+    rungs, refused = (before, raising) if raising and len(before) > len(ladder) else (ladder, needless + raising)
     for swaps in range(SWAPS + 1):
         known = rounds[0] if swaps == 0 else None
-        rivals, better = _rivals(bench, base, rungs[-1], known, [d.effect.name for d in refused])
+        places, better = _places(bench, base, rungs[-1], known, [d.effect.name for d in refused])
         if better is None or swaps == SWAPS:
             break
         swapped, raising = _ladder(bench, base, better.state, rungs)
@@ -191,24 +192,24 @@ def _revise(
             refused.append(Decision(better.effect, "raises-error", better))
         else:
             rungs = swapped
-    return rungs, rivals, refused
+    return rungs, places, refused
 
 
-def _rivals(
+def _places(
     bench: Bench, base: State, last: State, known: Round | None, barred: Sequence[str]
-) -> tuple[dict[str, tuple[Trial, ...]], Trial | None]:
-    """Return what passes in place of each effect, up to the first one that should stand there itself."""
-    rivals: dict[str, tuple[Trial, ...]] = {}
+) -> tuple[dict[str, Place], Trial | None]:
+    """Return the place of each effect, up to the first one in which another one should stand."""
+    places: dict[str, Place] = {}
     names = last.names[len(base.names) :]
     for name in names:
         before = base if len(names) == 1 else bench.without(last, [bench.effects[name]])[0]
         decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name])
-        rivals[name] = tuple(t for t in passed(decisions) if t.effect.name != name)
-        named = bench.trial(before, last, bench.effects[name])
-        better = [t for t in rivals[name] if t.effect.name not in barred and replaces(bench, t, named)]
+        rivals = tuple(t for t in passed(decisions) if t.effect.name != name)
+        place = places[name] = Place(bench.trial(before, last, bench.effects[name]), rivals)
+        better = [t for t in place.rivals if t.effect.name not in barred and replaces(bench, t, place.named)]
         if better:
-            return rivals, foremost(better, lambda t: plausible(bench, t))
-    return rivals, None
+            return places, foremost(better, lambda t: plausible(bench, t))
+    return places, None
 
 
 def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round]:

@@ -15,7 +15,7 @@ from pneucli.diagnose.evidence import Gain, gain, wald
 from pneucli.diagnose.refits import Refit, Refits, here
 from pneucli.diagnose.turns import models_by_turn
 from pneucli.experiments import Part
-from pneucli.identify.blocks import rows_of
+from pneucli.identify.blocks import block_numbers
 from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
 from pneucli.identify.fit import Fit
 from pneucli.identify.views import View
@@ -74,21 +74,39 @@ class Bench:
 
         What it cannot act in says nothing of it, however much is left there.
         """
-        rows = rows_of(self.train, np.array([view.feels(effect) for view in self.train]))
-        blocks = np.unique(state.fit.blocks[rows])
-        return float(state.train[blocks].sum()), int(np.count_nonzero(state.fit.residual[rows]))
+        felt = self.acts_in(effect)[: state.train.size]
+        return float(state.train[felt].sum()), int(state.counts[: state.train.size][felt].sum())
+
+    def beyond(self, state: State, effect: Effect) -> float:
+        """Return the squares beyond noise of what the effect acts in, held out where it is."""
+        felt = self.acts_in(effect)
+        return float(state.costs[felt].sum() - state.counts[felt].sum())
+
+    def acts_in(self, effect: Effect) -> NDArray[np.bool_]:
+        """Return in which blocks of a state's costs the effect acts (B,)."""
+        return np.repeat([view.feels(effect) for view in self.views], self.blocks)
+
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """The fitted views, then those held out."""
+        return (*self.train, *self.held_out)
+
+    @cached_property
+    def blocks(self) -> tuple[int, ...]:
+        """How many blocks of time each of these views has."""
+        return tuple(int(block_numbers([view])[-1]) + 1 for view in self.views)
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""
-        train, samples = fitted_costs(found, self.train)
+        train, counts = fitted_costs(found, self.train)
         if not self.held_out and not self.turns:
-            return State(found, train, np.zeros(0), train, samples)
+            return State(found, train, np.zeros(0), train, counts)
         if self.turns:
             test, _ = unseen_costs(models_by_turn(found, self.train, self.turns), self.train, found.errors)
-            return State(found, train, test, test, samples)
+            return State(found, train, test, test, counts)
         starts = [view.carried(found.model) for view in self.held_out]
         test, more = unseen_costs([found.model] * len(starts), self.held_out, starts)
-        return State(found, train, test, np.concatenate([train, test]), samples + more)
+        return State(found, train, test, np.concatenate([train, test]), np.concatenate([counts, more]))
 
     def lacking(self, state: State) -> list[Effect]:
         """Return the effects that a state lacks and that can show."""
@@ -172,15 +190,20 @@ class Bench:
 class State:
     """A fitted model and what it leaves over, as costs by block: ``train`` as fitted, ``test`` held out.
 
-    ``costs`` counts each reading once, held out where it is; ``samples`` are the residuals behind them, zeros of what
-    does not count left out.
+    ``costs`` counts each reading once, held out where it is; ``counts`` are the residuals behind each of them, zeros of
+    what does not count left out.
     """
 
     fit: Fit
     train: Array
     test: Array
     costs: Array
-    samples: int
+    counts: Array
+
+    @property
+    def samples(self) -> int:
+        """How many residuals are behind the costs: what noise alone would cost."""
+        return int(self.counts.sum())
 
     @property
     def model(self) -> Model:

@@ -119,7 +119,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
     ]
     settled = with_intervals(_settled(found).fit, bench.train)
     candidates = [_candidate(study, bench, found, settled, decision) for decision in found.decisions]
-    pairs = [(n, other) for n in found.missing for other in found.equals[n]]
+    pairs = [(n, other) for n in found.missing for other in found.equals.get(n, ())]
     following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
         "schema": "pneucli/diagnose/1",
@@ -210,10 +210,11 @@ def _candidate(study: Study, bench: Bench, found: Diagnosis, settled: Fit, decis
 
 
 def _alike(found: Diagnosis, name: str) -> list[str]:
-    """Return what explains the recordings as well as an effect that is named, or that stands beside a named one."""
-    if name in found.missing:
+    """Return what explains the recordings as well as an effect that was added, or that stands beside a named one."""
+    if name in found.equals:
         return list(found.equals[name])
-    return next(([n, *(e for e in equals if e != name)] for n, equals in found.equals.items() if name in equals), [])
+    sets = ([n, *(e for e in found.equals[n] if e != name)] for n in found.missing if name in found.equals.get(n, ()))
+    return next(sets, [])
 
 
 def held_out(bench: Bench) -> str:
@@ -224,7 +225,7 @@ def held_out(bench: Bench) -> str:
 def _tell_apart(bench: Bench, found: Diagnosis, name: str, other: str) -> str:
     """What separates two effects: as declared, and the manoeuvre in which both fitted models differ most."""
     text = how_to_tell(bench.effects[name], bench.effects[other])
-    rival = next(t.state.model for t in found.found.rivals[name] if t.effect.name == other)
+    rival = next(t.state.model for t in found.found.places[name].rivals if t.effect.name == other)
     best = separation(found.found.last.model, rival, [*bench.train, *bench.held_out])
     if best is None:
         return f"{text} No manoeuvre that both fitted models were run through separates them by more than noise."
@@ -264,7 +265,7 @@ def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
     if found.verdict == "missing-effect":
         what = "it" if len(found.missing) == 1 else "them"
         text = f"The model lacks {named}: with {what} the error goes from {before} to {after} times the noise."
-        equals = sorted({e for n in found.missing for e in found.equals[n]})
+        equals = sorted({e for n in found.missing for e in found.equals.get(n, ())})
         return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
     assert found.unknown is not None
     text = f"{found.unknown.character.capitalize()}, something remains that no effect of the catalogue accounts for: "

@@ -18,7 +18,7 @@ from tests.diagnose.trials import bench, trial
 from tests.simulate.benches import bench as recorded
 from tests.simulate.benches import clock
 
-STRONG = Evidence(share=0.98, significance=100.0, size=1.0)
+STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
 WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
 TRIED = trial("extra-mass")
 
@@ -33,7 +33,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
         errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
         monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
-        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left)
+        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left, None)
         assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
         return decision.reason
@@ -128,14 +128,15 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         beside, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    return evidence_of(where, last, tried, complete=complete)
+    place: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
+    return evidence_of(where, last, tried, place, complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
     for complete in (True, False):
         found = evidence(monkeypatch, errors.__getitem__, complete=complete)
-        assert found == pytest.approx(Evidence(0.5, 20.0, 0.5, complete))
+        assert found == pytest.approx(Evidence(0.5, 20.0, 0.5, complete, left=0.2))
 
 
 def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,7 +163,8 @@ def test_an_effect_that_is_seen_only_where_the_motion_is_imposed_says_so(
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5)
     monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0)
     tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
-    assert evidence_of(where, state(140.0, fit="fit", model="model"), tried, complete=False).imposed == imposed
+    found = evidence_of(where, state(140.0, fit="fit", model="model"), tried, None, complete=False)
+    assert (found.imposed, found.left) == (imposed, 1.0)
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,14 +35,21 @@ class Diagnosed:
             rung.fit.estimates[:] = []  # type: ignore[index]
         self.steps: list[tuple[str, list[str], list[str], bool]] = []
         self.described: list[tuple[list[str], Remainder]] = []
-        none = Gain(1.0, 0.0, 1.0, 1.0)
+        none, left = Gain(1.0, 0.0, 1.0, 1.0), given.get("left", [])
         rival = Trial(given.get("equals", A), self.rungs[0], self.rungs[-1], none, none, 0.0)
-        rivals = {"b": (rival,), "a": ()}
-        left = given.get("left", [])
-        found = Search(self.rungs, rivals, tuple(given.get("refused", ())), tuple(left), ())
+        places: Any = {
+            name: SimpleNamespace(
+                alike=lambda bench, *, complete, found=found: (
+                    found if complete != bool(left or given.get("astray")) else None
+                )
+            )
+            for name, found in (("a", []), ("b", [rival]))
+        }
+        found = Search(self.rungs, places, tuple(given.get("refused", ())), tuple(left), ())
         standing = given.get("standing", {"a", "b"})
 
-        def weighed(bench: Any, last: Any, step: Trial, left: Any) -> tuple[Decision, Evidence]:
+        def weighed(bench: Any, last: Any, step: Trial, left: Any, place: Any) -> tuple[Decision, Evidence]:
+            assert place is places[step.effect.name]
             unknown = bool(left)
             self.steps.append((step.effect.name, step.before.names, step.state.names, unknown))
             stands = step.effect.name in standing or not (unknown or step.effect.name in given.get("doubted", ()))

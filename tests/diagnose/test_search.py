@@ -27,7 +27,7 @@ WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
 
 def trial(test: Gain, p_value: float) -> Trial:
     fitted: Any = SimpleNamespace(estimates=(), free=(), model=model(["dwell-breakaway"]))
-    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), 4000)
+    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), np.full(40, 100.0))
     return Trial(catalogue()["dwell-breakaway"], BEFORE, state, SURELY, test, p_value)
 
 

@@ -127,13 +127,27 @@ def test_a_better_rival_takes_the_place_of_an_effect() -> None:
     assert {d.effect.name: d.reason for d in refused.decisions} == {"b": "raises-error"}
 
 
+def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
+    """Beside b, which explains more and raises the error that the user sees, a has nothing left to explain."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        return 0.9 if {"a", "b"} <= chosen else 0.89 if "b" in chosen else 0.5 * ("a" in chosen)
+
+    way = [["a"], ["a", "b"]]
+    bench = Toys([A, B], takes, worse={"b"})
+    rungs = [bench.state(()), *(bench.state(names) for names in way)]
+    kept, _, refused = selection._revise(bench, rungs, [[]])  # type: ignore[arg-type]
+    assert kept[-1].names == ["a"]
+    assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
+
+
 def test_equals_of_an_effect_are_its_rivals() -> None:
     def takes(chosen: frozenset[str]) -> float:
         return 1.0 if chosen & {"a", "b"} else 0.0
 
     result = found(Toys([A, B, C], takes))
     (name,) = result.added
-    assert {t.effect.name for t in result.rivals[name]} == {"a", "b"} - {name}
+    assert {t.effect.name for t in result.places[name].rivals} == {"a", "b"} - {name}
 
 
 def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
@@ -176,7 +190,7 @@ CERTAIN = Gain(400.0, 300.0, 1e-9, 30.0)
 
 def costing(cost: float) -> State:
     fit: Any = SimpleNamespace(estimates=[], free=(), model=SimpleNamespace(values={}, effects=()))
-    return State(fit, np.full(40, cost / 40.0), np.zeros(0), np.full(40, cost / 40.0), 10000)
+    return State(fit, np.full(40, cost / 40.0), np.zeros(0), np.full(40, cost / 40.0), np.full(40, 250.0))
 
 
 BEFORE = costing(10000.0)

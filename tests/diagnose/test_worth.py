@@ -166,7 +166,8 @@ def test_recordings_of_which_one_knows_nothing_agree() -> None:
 
 def state(train: list[float], test: list[float] | None = None, **more: Any) -> State:
     fit: Any = SimpleNamespace(residual=np.array([1.0, 0.0, 2.0]), model=SimpleNamespace(effects=()), **more)
-    return State(fit, np.array(train), np.array(test or []), np.array([*train, *(test or [])]), 3)
+    costs = np.array([*train, *(test or [])])
+    return State(fit, np.array(train), np.array(test or []), costs, np.ones(costs.size))
 
 
 def bench(**given: Any) -> Bench:
@@ -195,15 +196,18 @@ def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
 
 
 def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
-    """Two views of 4 samples, in blocks of two; one residual of the second does not count."""
-    views = [seen("one", "two"), seen("one")]
-    for view in views:
-        view.experiment, view.channels = SimpleNamespace(time=np.zeros(4)), ("force",)
-    fit: Any = SimpleNamespace(blocks=np.arange(8) // 2, residual=np.array([1.0] * 7 + [0.0]))
-    costs = np.array([1.0, 2.0, 4.0, 8.0])
-    found = bench(train=views, effects={})
-    assert found.felt(State(fit, costs, np.zeros(0), costs, 7), ONE) == (15.0, 7)
-    assert found.felt(State(fit, costs, np.zeros(0), costs, 7), TWO) == (3.0, 4)
+    """Two fitted views of two blocks and one held out of one block."""
+    views = [seen("one", "two"), seen("one"), seen("two")]
+    for view, end in zip(views, (0.3, 0.3, 0.1), strict=True):
+        view.experiment, view.channels = SimpleNamespace(time=np.array([0.0, end])), ("force",)
+    found = bench(train=views[:2], held_out=views[2:], effects={})
+    train, test = np.array([1.0, 2.0, 4.0, 8.0]), np.array([16.0])
+    fitted = State(None, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]))  # type: ignore[arg-type]
+    assert found.acts_in(ONE).tolist() == [True] * 4 + [False]
+    assert found.felt(fitted, ONE) == (15.0, 10)
+    assert found.felt(fitted, TWO) == (3.0, 7)
+    assert found.beyond(fitted, ONE) == 15.0 - 10
+    assert found.beyond(fitted, TWO) == 1.0 + 2.0 + 16.0 - (4 + 3 + 9)
 
 
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,7 +289,7 @@ def rival(cost: float, gained: float) -> Trial:
 
 def test_chance_is_counted_in_units_of_what_is_left() -> None:
     """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
-    best = replace(state([5e4, 5e4]), samples=1000)
+    best = replace(state([5e4, 5e4]), counts=np.full(2, 500.0))
     assert equal(rival(1e5 + 300.0, 5e5), best, noise_alone=False)
     assert not equal(rival(1e5 + 500.0, 5e5), best, noise_alone=False)
 
@@ -305,7 +309,7 @@ def test_chance_is_counted_in_units_of_what_is_left() -> None:
 def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
     more: float, gained: float, noise: bool, equals: bool
 ) -> None:
-    best = replace(state([500.0, 500.0]), samples=1000)
+    best = replace(state([500.0, 500.0]), counts=np.full(2, 500.0))
     assert equal(rival(1000.0 + more, gained), best, noise_alone=noise) == equals
 
 

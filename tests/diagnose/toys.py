@@ -60,8 +60,8 @@ class Toys:
             residual=np.ones(TRAIN * SAMPLES),
         )
         if not self.held_out:
-            return State(fit, train, np.zeros(0), train, TRAIN * SAMPLES)
-        return State(fit, train, test, np.concatenate([train, test]), (TRAIN + TEST) * SAMPLES)
+            return State(fit, train, np.zeros(0), train, np.full(TRAIN, SAMPLES))
+        return State(fit, train, test, np.concatenate([train, test]), np.full(TRAIN + TEST, SAMPLES))
 
     def screen(self, state: State) -> list[Any]:
         promised = [

@@ -14,10 +14,13 @@ from pneucli.physics.effects import catalogue
 from tests.simulate.benches import model
 
 BLOCKS, SAMPLES = 40, 4000
+COUNTS = np.full(BLOCKS, SAMPLES / BLOCKS)
 SURE = Gain(400.0, 300.0, 1e-9, 30.0)
 UNSURE = Gain(90.0, -10.0, 0.16, 30.0)
 VIEW: Any = SimpleNamespace(
-    experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3, name="one"), time=np.zeros(SAMPLES)),
+    experiment=SimpleNamespace(
+        recording=SimpleNamespace(period=1e-3, name="one"), time=np.arange(SAMPLES) * 0.25 * BLOCKS / SAMPLES
+    ),
     channels=("force",),
     feels=lambda effect: True,
 )
@@ -25,7 +28,7 @@ VIEW: Any = SimpleNamespace(
 
 def costing(fitted: Any, costs: np.ndarray) -> State:
     """A state with these costs by block."""
-    return State(fitted, costs, np.zeros(0), costs, SAMPLES)
+    return State(fitted, costs, np.zeros(0), costs, COUNTS)
 
 
 def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
@@ -34,14 +37,14 @@ def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
         model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
     )
     costs = np.full(BLOCKS, cost / BLOCKS)
-    return State(fitted, costs, np.zeros(0), costs, SAMPLES)
+    return State(fitted, costs, np.zeros(0), costs, COUNTS)
 
 
 def shaky(before: State, fall: float, scatter: float, names: Sequence[str] = ()) -> State:
     """A state that costs less in all, by some blocks' falls and other blocks' rises."""
     turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
     costs = before.costs - fall / BLOCKS - turns
-    return State(state(names).fit, costs, np.zeros(0), costs, SAMPLES)
+    return State(state(names).fit, costs, np.zeros(0), costs, COUNTS)
 
 
 def trial(
@@ -70,7 +73,7 @@ def trial(
             for name, (value, at_bound) in ended.items()
         ),
     )
-    after = State(fitted, after.train, after.test, after.costs, after.samples)
+    after = State(fitted, after.train, after.test, after.costs, after.counts)
     fall = before.cost - cost
     return Trial(catalogue()[effect], before, after, train or Gain(fall, 0.9 * fall, p_value, 30.0), test, p_value)
 

@@ -1,0 +1,43 @@
+"""An effect in its place beside the others that were found: what it leaves there, and what is not told from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pneucli.diagnose.equals import equal
+from pneucli.diagnose.trial import Bench, Trial
+
+LEAST = 0.005  # of what there was: what is left beyond noise is not known better
+ALIKE = 1.5  # times what the named one leaves: what is unknown besides may as well have taken it off the other
+
+
+@dataclass(frozen=True)
+class Place:
+    """One effect of the last model: ``named``, the step to it from the model without, and what passed all tests there
+    in its place.
+    """
+
+    named: Trial
+    rivals: tuple[Trial, ...]
+
+    def alike(self, bench: Bench, *, complete: bool) -> list[Trial]:
+        """Return the rivals that the data cannot tell from the named effect.
+
+        Where it is not ``complete``, what is left is no noise that would average out: of two that leave about as much,
+        the one may be ahead by what is unknown.
+        """
+        return [
+            t
+            for t in self.rivals
+            if equal(t, self.named.state, noise_alone=complete)
+            or (not complete and self.left(bench, t) < ALIKE * self.left(bench))
+        ]
+
+    def left(self, bench: Bench, trial: Trial | None = None) -> float:
+        """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.
+
+        Of what the named effect acts in; of what is held out where anything is, as it is there.
+        """
+        before = max(bench.beyond(self.named.before, self.named.effect), 1.0)
+        after = bench.beyond((trial or self.named).state, self.named.effect)
+        return min(max(after / before, LEAST), 1.0 / LEAST)
