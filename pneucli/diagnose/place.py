@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pneucli.diagnose.equals import equal
+from pneucli.diagnose.judge import NOISE
 from pneucli.diagnose.trial import Bench, Trial
 
 LEAST = 0.005  # of what there was: what is left beyond noise is not known better
@@ -36,8 +37,10 @@ class Place:
     def left(self, bench: Bench, trial: Trial | None = None) -> float:
         """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.
 
-        Of what the named effect acts in; of what is held out where anything is, as it is there.
+        Of what the named effect acts in. Of the fitted recordings or of those held out, of which it leaves more: a
+        stand-in takes up the ones and not the others.
         """
-        before = max(bench.beyond(self.named.before, self.named.effect), 1.0)
-        after = bench.beyond((trial or self.named).state, self.named.effect)
-        return min(max(after / before, LEAST), 1.0 / LEAST)
+        effect, state = self.named.effect, (trial or self.named).state
+        pairs = zip(bench.parts(self.named.before, effect), bench.parts(state, effect), strict=True)
+        left = [(after - n) / (before - n) for (before, n), (after, _) in pairs if before > NOISE * n]
+        return min(max([LEAST, *left]), 1.0 / LEAST) if left else 1.0

@@ -77,10 +77,15 @@ class Bench:
         felt = self.acts_in(effect)[: state.train.size]
         return float(state.train[felt].sum()), int(state.counts[: state.train.size][felt].sum())
 
-    def beyond(self, state: State, effect: Effect) -> float:
-        """Return the squares beyond noise of what the effect acts in, held out where it is."""
-        felt = self.acts_in(effect)
-        return float(state.costs[felt].sum() - state.counts[felt].sum())
+    def parts(self, state: State, effect: Effect) -> list[tuple[float, float]]:
+        """Return the cost of what the effect acts in and how many residuals are behind it: fitted, and held out apart.
+
+        Held out by turns it is one part.
+        """
+        felt, edge = self.acts_in(effect), state.train.size
+        parts = (slice(0, edge), slice(edge, state.costs.size))
+        sums = [(float(state.costs[p][felt[p]].sum()), float(state.counts[p][felt[p]].sum())) for p in parts]
+        return [(cost, count) for cost, count in sums if count]
 
     def acts_in(self, effect: Effect) -> NDArray[np.bool_]:
         """Return in which blocks of a state's costs the effect acts (B,)."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from pneucli.diagnose.place import ALIKE, LEAST, Place
-from pneucli.diagnose.trial import Trial
-from tests.diagnose.trials import SAMPLES, bench, state, trial
+from pneucli.diagnose.trial import State, Trial
+from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
 
 BENCH = bench(held_out=False)
 BEFORE = state(cost=SAMPLES + 10000.0)  # 10000 beyond noise
@@ -26,6 +29,24 @@ def test_what_is_left_is_a_part_of_what_there_was_beyond_noise() -> None:
     assert place(2500.0).left(BENCH) == pytest.approx(0.25)
     assert place(0.0).left(BENCH) == LEAST
     assert place(-500.0).left(BENCH) == LEAST
+
+
+def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_which_more_is() -> None:
+    """A stand-in takes all of the ones and half of the others; where no more than noise was, nothing is asked."""
+
+    def costing(fitted: float, held_out: float) -> Trial:
+        costs = np.repeat([100.0 + fitted, 100.0 + held_out], BLOCKS)
+        counts = np.full(2 * BLOCKS, 100.0)
+        one = leaving("stribeck", 0.0)
+        return replace(one, state=State(one.state.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
+
+    def left(before: tuple[float, float], after: tuple[float, float]) -> float:
+        return Place(replace(costing(*after), before=costing(*before).state), ()).left(bench())
+
+    assert left((50.0, 50.0), (0.0, 25.0)) == pytest.approx(0.5)
+    assert left((50.0, 50.0), (25.0, 5.0)) == pytest.approx(0.5)
+    assert left((50.0, 4.0), (10.0, 8.0)) == pytest.approx(0.2)
+    assert left((4.0, 4.0), (0.0, 0.0)) == 1.0
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.01 * ALIKE, False), (0.99 * ALIKE, True)])

@@ -206,8 +206,8 @@ def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
     assert found.acts_in(ONE).tolist() == [True] * 4 + [False]
     assert found.felt(fitted, ONE) == (15.0, 10)
     assert found.felt(fitted, TWO) == (3.0, 7)
-    assert found.beyond(fitted, ONE) == 15.0 - 10
-    assert found.beyond(fitted, TWO) == 1.0 + 2.0 + 16.0 - (4 + 3 + 9)
+    assert found.parts(fitted, ONE) == [(15.0, 10.0)]
+    assert found.parts(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
 
 
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
