@@ -9,6 +9,7 @@ rule is worth is the difference over the cases in which it acted. A rule that co
 from __future__ import annotations
 
 import importlib
+import operator
 import os
 import random
 import sys
@@ -84,8 +85,8 @@ RULES = {
                      ("diagnose.search:_without_needless", lambda found, *_: bool(found[1])),
                      {"diagnose.search:_without_needless": lambda _: lambda _b, _s, last: (last, [])}),
     "swaps": Rule("better rivals take an effect's place",
-                  ("diagnose.search:_rivals", lambda found, *_: found[1] is not None),
-                  {"diagnose.search:_rivals": lambda f: lambda *a: (f(*a)[0], None)}),
+                  ("diagnose.search:_places", lambda found, *_: found[1] is not None),
+                  {"diagnose.search:_places": lambda f: lambda *a: (f(*a)[0], None)}),
     "fewest parameters": Rule("of equals the one with the fewest parameters leads",
                               ("diagnose.search:foremost", lambda found, able, _: found is not least(able)),
                               {"diagnose.search:foremost": lambda _: lambda able, _p: least(able)}),
@@ -93,8 +94,8 @@ RULES = {
                            ("diagnose.search:plausible", lambda found, *_: not found),
                            {"diagnose.search:plausible": always(True)}),
     "bounds": Rule("an effect that states bounds explains nothing there",
-                   ("diagnose.trial:statements", lambda found, *_: bool(np.any(found != 1.0))),
-                   {"diagnose.trial:statements": lambda f: lambda *a: np.ones_like(f(*a))}),
+                   ("diagnose.costs:statements", lambda found, *_: bool(np.any(found != 1.0))),
+                   {"diagnose.costs:statements": lambda f: lambda *a: np.ones_like(f(*a))}),
     "no force beside": Rule("bounds are not named where a force is left",
                             ("diagnose.beside:lawful", lambda found, *_: not found),
                             {"diagnose.beside:lawful": always(True), "diagnose.search:lawful": always(True)}),
@@ -111,8 +112,11 @@ RULES = {
                               ("identify.effects:lower_elsewhere", lambda found, *_: found is not None),
                               {"identify.effects:lower_elsewhere": always(None)}),
     "noise of the model": Rule("what a right model shows of noise is put back",
-                               ("diagnose.trial:allowed", lambda *_: True),
-                               {"diagnose.trial:allowed": lambda _: lambda _v, _d, residual: residual}),
+                               ("diagnose.costs:allowed", lambda *_: True),
+                               {"diagnose.costs:allowed": lambda _: lambda _v, _d, residual: residual}),
+    "flow": Rule("recordings held out may have another flow",
+                 ("diagnose.costs:with_flow", lambda found, *given: any(map(operator.is_not, found, given[-1]))),
+                 {"diagnose.costs:with_flow": lambda _: lambda _m, _v, _r, starts: list(starts)}),
     "starts": Rule("starts may err",
                    ("identify.views.chambers:carried", lambda *_: True),
                    {"identify.views.chambers:carried": always({})}),

@@ -26,10 +26,10 @@ class Evidence(NamedTuple):
 
     ``share``: part of the squared error of ``compare`` beyond noise that it takes away, on held-out recordings where
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
-    over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where
-    something is, a stand-in may have a share of it. ``imposed``: it is seen only where the motion is imposed and its
-    force measured, so that what is left does not pile up over time. ``left``: part of the squares beyond noise, of what
-    it acts in, that is left with it in its place.
+    over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where something
+    is, a stand-in may have a share of it. ``imposed``: it is seen only where the motion is imposed and its force
+    measured, so that what is left does not pile up over time. ``left``: part of the squares beyond noise, of what it
+    acts in, that is left with it in its place.
     """
 
     share: float | None
@@ -55,7 +55,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-1.65, 1.18, 5.31, -1.56, 0.0)  # beside something unknown
+BESIDE = (-2.71, 1.88, 3.49, -1.6, 1.03)  # beside something unknown
 # the frequency with which an effect that was not named for this reason was there, on the same exams
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,

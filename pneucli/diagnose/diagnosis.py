@@ -14,6 +14,7 @@ from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
 from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
+from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.replay import astray
 from pneucli.diagnose.search import Search, remains, search
@@ -75,14 +76,13 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     places = found.places
     weights = [weighed(bench, found.last, t, left, places.get(t.effect.name)) for t in _trials(bench, found)]
     missing = [d.effect.name for d, _ in weights if d.supported]
-    alike_of = {name: place.alike(bench, complete=not left) for name, place in places.items()}
-    equals = {n: tuple(t.effect.name for t in trials) for n, trials in alike_of.items()}
-    twins = {n: alike_of.get(n, []) for n in missing}
-    alike = [Decision(t.effect, "supported", t) for trials in twins.values() for t in trials]
+    twins = {name: place.alike(bench, complete=not left) for name, place in places.items()}
+    alike = [Decision(t.effect, "supported", t) for name in missing for t in twins.get(name, [])]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
     evidence = {d.effect.name: e for d, e in weights if d.reason != "cannot-show"}
-    sure = _confidence(bench, found, decisions, evidence, twins)
+    parts = {n: _parts(bench, places[n], twins[n], complete=not left) for n in missing if n in places}
+    sure = _confidence(bench, decisions, evidence, parts)
     shown = found.last if left and missing else found.rungs[_known([d for d, _ in weights])]
     unexplained = left if shown is found.last else too_much(*remains(bench, shown)) or left
     unknown = describe(shown.model, [*bench.train, *bench.held_out], unexplained[0]) if unexplained else None
@@ -93,7 +93,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
         verdict=verdict,
         missing=tuple(missing),
         decisions=decisions,
-        equals=equals,
+        equals={name: tuple(t.effect.name for t in trials) for name, trials in twins.items()},
         found=found,
         moved=moved,
         detectable=tuple(sizes),
@@ -120,24 +120,29 @@ def _trials(bench: Bench, found: Search) -> list[Trial]:
 
 def _confidence(
     bench: Bench,
-    found: Search,
     decisions: Sequence[Decision],
     added: Mapping[str, Evidence],
-    twins: Mapping[str, Sequence[Trial]],
+    parts: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Confidence]:
     """Return for each effect the probability that it, or one of its twins, is there, and that it is that one.
 
-    Nothing is said of effects that only recordings show of which there is no exam.
+    ``parts`` are the likelihoods of the named effects and their twins. Nothing is said of effects that only recordings
+    show of which there is no exam.
     """
     sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions if examined(bench, d.effect)}
     known = {name: probability(evidence) for name, evidence in added.items() if name in sure}
     sure |= {name: Confidence(p, p) for name, p in known.items()}
-    for name, trials in twins.items():
+    for name, likely in parts.items():
         if name in known:
-            parts = shares([found.last, *(t.state for t in trials)])
-            for one, part in zip([name, *(t.effect.name for t in trials)], parts, strict=True):
-                sure[one] = Confidence(known[name], part * known[name])
+            sure |= {one: Confidence(known[name], part * known[name]) for one, part in likely.items()}
     return sure
+
+
+def _parts(bench: Bench, place: Place, alike: Sequence[Trial], *, complete: bool) -> dict[str, float]:
+    """Return the likelihood of an effect and of those alike over that of all, by name."""
+    states = [place.named.state, *(t.state for t in alike)]
+    parts = shares(states) if complete else place.shares(bench, alike)
+    return dict(zip([place.named.effect.name, *(t.effect.name for t in alike)], parts, strict=True))
 
 
 def _one_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:

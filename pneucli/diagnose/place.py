@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pneucli.diagnose.equals import equal
+import numpy as np
+
+from pneucli.diagnose.equals import ONE_PARAMETER, equal
 from pneucli.diagnose.judge import NOISE
 from pneucli.diagnose.trial import Bench, Trial
 
 LEAST = 0.005  # of what there was: what is left beyond noise is not known better
-ALIKE = 1.5  # times what the named one leaves: what is unknown besides may as well have taken it off the other
+INDEPENDENT = 10  # readings, as which what is unknown besides counts: exams with sets that hold the truth say 8 to 12
+ALIKE = math.exp(ONE_PARAMETER / INDEPENDENT)  # times what the named one leaves, as chance makes it
 
 
 @dataclass(frozen=True)
@@ -24,8 +29,8 @@ class Place:
     def alike(self, bench: Bench, *, complete: bool) -> list[Trial]:
         """Return the rivals that the data cannot tell from the named effect.
 
-        Where it is not ``complete``, what is left is no noise that would average out: of two that leave about as much,
-        the one may be ahead by what is unknown.
+        Where it is not ``complete``, what is left is no noise that would average out, but a few independent readings of
+        something unknown: of two that leave about as much the one may be ahead by chance.
         """
         return [
             t
@@ -33,6 +38,15 @@ class Place:
             if equal(t, self.named.state, noise_alone=complete)
             or (not complete and self.left(bench, t) < ALIKE * self.left(bench))
         ]
+
+    def shares(self, bench: Bench, alike: Sequence[Trial]) -> list[float]:
+        """Return the likelihood of the named effect and of those alike over that of all, where something is left.
+
+        That of readings whose variance is what each leaves: its power of minus half their number.
+        """
+        left = np.array([self.left(bench), *(self.left(bench, t) for t in alike)])
+        likely = (left / left.min()) ** (-INDEPENDENT / 2)
+        return [float(share) for share in likely / likely.sum()]
 
     def left(self, bench: Bench, trial: Trial | None = None) -> float:
         """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.

@@ -115,7 +115,7 @@ def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
     assert explained(state(300.0), state(350.0)) == pytest.approx(-0.25)
 
 
-def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False) -> Evidence:
+def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
     last = state(140.0, fit="last fit", model="last model")
     tried: Any = SimpleNamespace(
         before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
@@ -129,7 +129,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     )
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
     place: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
-    return evidence_of(where, last, tried, place, complete=complete)
+    return evidence_of(where, last, tried, place if placed else None, complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,6 +141,10 @@ def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch
 
 def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     assert evidence(monkeypatch, None).share is None
+
+
+def test_what_has_no_place_in_the_last_model_leaves_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert evidence(monkeypatch, None, placed=False).left == 1.0
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,8 @@ def test_where_something_is_left_the_error_that_the_user_sees_says_nothing_besid
     assert probability(MIDDLING._replace(share=0.9)) == probability(MIDDLING)
 
 
-def test_where_nothing_is_left_it_does_not_matter_where_it_is_seen() -> None:
+def test_beside_something_unknown_it_is_surer_of_an_imposed_motion() -> None:
+    assert probability(MIDDLING._replace(imposed=True)) > probability(MIDDLING)
     assert probability(COMPLETE._replace(imposed=True, left=0.9)) == probability(COMPLETE)
 
 

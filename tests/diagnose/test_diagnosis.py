@@ -37,22 +37,23 @@ class Diagnosed:
         self.described: list[tuple[list[str], Remainder]] = []
         none, left = Gain(1.0, 0.0, 1.0, 1.0), given.get("left", [])
         rival = Trial(given.get("equals", A), self.rungs[0], self.rungs[-1], none, none, 0.0)
-        places: Any = {
-            name: SimpleNamespace(
-                alike=lambda bench, *, complete, found=found: (
-                    found if complete != bool(left or given.get("astray")) else None
-                )
+        unknown = bool(left or given.get("astray"))
+
+        def place(one: Any, rivals: list[Trial]) -> Any:
+            return SimpleNamespace(
+                named=Trial(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
+                alike=lambda bench, *, complete: rivals if complete != unknown else None,
+                shares=lambda bench, alike: [0.9] + [0.1] * len(alike),
             )
-            for name, found in (("a", []), ("b", [rival]))
-        }
+
+        places = {"a": place(A, []), "b": place(B, [rival])}
         found = Search(self.rungs, places, tuple(given.get("refused", ())), tuple(left), ())
         standing = given.get("standing", {"a", "b"})
 
         def weighed(bench: Any, last: Any, step: Trial, left: Any, place: Any) -> tuple[Decision, Evidence]:
             assert place is places[step.effect.name]
-            unknown = bool(left)
-            self.steps.append((step.effect.name, step.before.names, step.state.names, unknown))
-            stands = step.effect.name in standing or not (unknown or step.effect.name in given.get("doubted", ()))
+            self.steps.append((step.effect.name, step.before.names, step.state.names, bool(left)))
+            stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
             reason: Reason = "supported" if stands else "explained-by-unknown"
             return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
 
@@ -161,6 +162,12 @@ def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.M
     assert sure["b"].of_set == sure["c"].of_set == SURE["b"]
     assert sure["b"].alone + sure["c"].alone == pytest.approx(SURE["b"])
     assert sure["d"] == (refused("vanishes"), refused("vanishes"))
+
+
+def test_beside_something_unknown_equals_share_by_what_each_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    sure = Diagnosed(monkeypatch, left=[MUCH], equals=C).result.confidence
+    assert sure["b"] == (SURE["b"], pytest.approx(0.9 * SURE["b"]))
+    assert sure["c"] == (SURE["b"], pytest.approx(0.1 * SURE["b"]))
 
 
 def test_an_effect_that_is_not_named_has_its_probability_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
