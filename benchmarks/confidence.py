@@ -1,17 +1,15 @@
 """Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
 
-    pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
-    pneucli exam E2 --condition usual --condition messy --cases 24 --nulls 12 --seed 3061778563
-    pneucli exam E3 --size 0.3333 --cases 12 --nulls 0 --seed 3061778563
-    pneucli exam E4 --condition imposed+messy --condition imposed --cases 20 --nulls 8 --seed 9
-    pneucli exam E5 --condition imposed+rough --cases 30 --nulls 10 --seed 5501
-    pneucli exam E6 --size 0.3333 --cases 60 --nulls 0 --seed 334663411
-    pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of the first twelve, and
-    pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/diagnosis.md
+    pneucli exam M --condition messy --cases 40 --nulls 0 --seed 31415
+    pneucli exam N --condition messy --cases 40 --nulls 14 --seed 27182
+    pneucli exam T --condition messy --size 0.4 --cases 20 --nulls 0 --seed 31415
+    pneucli exam Z --condition messy --cases 0 --nulls 30 --seed 31416
+    pneucli exam I --condition imposed --condition imposed+messy --cases 15 --nulls 5 --seed 31415
+    pneucli exam U --condition usual --cases 40 --nulls 10 --seed 31415
     (each once more with --answer)
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.confidence --real REAL E1 E2 E3 E4 E5 E6 E7 E8 E9
+    python -m benchmarks.confidence --real REAL M N T Z I U
 
 The law is fitted, drawn toward the one that it renews (``--anew``: toward none), and judged case by case, each by a law
 that has not seen it.
@@ -84,21 +82,33 @@ def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
     return bool(graded.hidden & {candidate["effect"], *candidate["indistinguishable_from"]})
 
 
-def fitted(x: Array, y: Array, ridge: float, known: Array) -> Array:
+def counted(cases: Sequence[Graded], *, complete: bool) -> Array:
+    """Return by how much each case counts (n,): those with an effect of the catalogue as much as those without, in all.
+
+    So it is as likely beforehand that there is one as that there is none; of cases of which nothing is asked, 1.
+    """
+    asked = np.array([complete == (g.verdict != "unexplained") for g in cases])
+    there = np.array([bool(g.hidden) for g in cases])
+    number = np.where(there, np.sum(asked & there), np.sum(asked & ~there))
+    return np.where(asked, asked.sum() / (2.0 * np.maximum(number, 1)), 1.0)
+
+
+def fitted(x: Array, y: Array, counts: Array, ridge: float, known: Array) -> Array:
     """Return the weights (k,) of the most likely logistic law, drawn toward the ``known`` one, the constant free."""
     w, penalty = known.copy(), np.diag([0.0, *[ridge] * (x.shape[1] - 1)])
     for _ in range(50):
         p = 1.0 / (1.0 + np.exp(-x @ w))
-        w = w + np.linalg.solve((x.T * (p * (1.0 - p) + 1e-9)) @ x + penalty, x.T @ (y - p) - penalty @ (w - known))
+        curvature = (x.T * (counts * p * (1.0 - p) + 1e-9)) @ x + penalty
+        w = w + np.linalg.solve(curvature, x.T @ (counts * (y - p)) - penalty @ (w - known))
     return w
 
 
-def left_out(x: Array, y: Array, case: NDArray[np.int64], ridge: float, known: Array) -> Array:
+def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: float, known: Array) -> Array:
     """Return the probability (n,) of each effect by the law of all other cases."""
     p = np.zeros(y.size)
     for one in np.unique(case):
         mine = case == one
-        p[mine] = 1.0 / (1.0 + np.exp(-x[mine] @ fitted(x[~mine], y[~mine], ridge, known)))
+        p[mine] = 1.0 / (1.0 + np.exp(-x[mine] @ fitted(x[~mine], y[~mine], counts[~mine], ridge, known)))
     return p
 
 
@@ -125,18 +135,18 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
         return
     now = np.array(COMPLETE if complete else BESIDE)
     known = np.zeros(x.shape[1]) if anew else now
-    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, case, r, known), y))
-    p = left_out(x, y, case, ridge, known)
-    print(
-        f"{name} =", tuple(round(float(w), 2) for w in fitted(x, y, ridge, known)), f"ridge {ridge}, {y.size} effects"
-    )
+    counts = counted(cases, complete=complete)[case]
+    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y))
+    p = left_out(x, y, counts, case, ridge, known)
+    weights = tuple(round(float(w), 2) for w in fitted(x, y, counts, ridge, known))
+    print(f"{name} = {weights}, ridge {ridge}, {y.size} effects")
     print(
         f"{int(y.sum())} effects were there; Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, "
         "each by a law that has not seen its case"
     )
     print(f"the law as it is: log score {log_score(1.0 / (1.0 + np.exp(-x @ now)), y):.3f}")
     for i, feature in enumerate(FEATURES[complete], 1):
-        lesser = left_out(np.delete(x, i, 1), y, case, ridge, np.delete(known, i))
+        lesser = left_out(np.delete(x, i, 1), y, counts, case, ridge, np.delete(known, i))
         print(f"without {feature}: log score {log_score(lesser, y):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
@@ -154,7 +164,7 @@ def main() -> None:
     parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
     parser.add_argument("--anew", action="store_true", help="forget the law as it is")
     asked = parser.parse_args()
-    exams = [g for exam in asked.exams for g in graded_cases(exam, exam / "answers")]
+    exams = [g for exam in asked.exams for g in graded_cases(exam, exam / "answers") if "candidates" in g.answer]
     recorded = real(asked.real) if asked.real else []
     print(f"{len(exams)} cases of exams, {len(recorded)} real ones")
     for name, complete in (("COMPLETE", True), ("BESIDE", False)):
