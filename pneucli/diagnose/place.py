@@ -14,7 +14,6 @@ from pneucli.diagnose.trial import Bench, Trial
 
 LEAST = 0.005  # of what there was: what is left beyond noise is not known better
 INDEPENDENT = 10  # readings, as which what is unknown besides counts: exams with sets that hold the truth say 8 to 12
-ALIKE = math.exp(ONE_PARAMETER / INDEPENDENT)  # times what the named one leaves, as chance makes it
 
 
 @dataclass(frozen=True)
@@ -32,11 +31,11 @@ class Place:
         Where it is not ``complete``, what is left is no noise that would average out, but a few independent readings of
         something unknown: of two that leave about as much the one may be ahead by chance.
         """
+        chance = 0.0 if complete else math.exp(ONE_PARAMETER / INDEPENDENT)
         return [
             t
             for t in self.rivals
-            if equal(t, self.named.state, noise_alone=complete)
-            or (not complete and self.left(bench, t) < ALIKE * self.left(bench))
+            if equal(t, self.named.state, noise_alone=complete) or self.left(bench, t) < chance * self.left(bench)
         ]
 
     def shares(self, bench: Bench, alike: Sequence[Trial]) -> list[float]:

@@ -95,8 +95,10 @@ def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: py
     """Noise costs 1 a sample; 5 % of the gain cost more than 10 of them without the allowance."""
     view = chamber(1.05)
     monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
-    found, samples = unseen_costs([model()], [view], [view.carried(model())])
+    found, counts = unseen_costs([model()], [view], [view.carried(model())])
+    samples = counts.sum()
     assert samples == 2001
+    assert counts.size == found.size
     plain = view.residual(model())["p1"] / view.noise["p1"]
     assert plain @ plain > 10.0 * samples
     assert found.sum() < 1.2 * samples
@@ -108,8 +110,8 @@ def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.Mo
     monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
     drifting = view.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * view.experiment.time)
     view.experiment.raw["p1"][:] = drifting
-    found, samples = unseen_costs([model()], [view], [view.carried(model())])
-    assert found.sum() > 100.0 * samples
+    found, counts = unseen_costs([model()], [view], [view.carried(model())])
+    assert found.sum() > 100.0 * counts.sum()
 
 
 def test_the_most_likely_size_is_that_of_what_was_drawn() -> None:

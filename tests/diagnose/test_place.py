@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.place import ALIKE, LEAST, Place
+from pneucli.diagnose.place import LEAST, Place
 from pneucli.diagnose.trial import State, Trial
 from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
 
@@ -49,8 +49,9 @@ def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_w
     assert left((4.0, 4.0), (0.0, 0.0)) == 1.0
 
 
-@pytest.mark.parametrize(("ratio", "told"), [(1.01 * ALIKE, False), (0.99 * ALIKE, True)])
+@pytest.mark.parametrize(("ratio", "told"), [(1.48, False), (1.45, True)])
 def test_beside_something_unknown_what_leaves_about_as_much_is_not_told_from_it(ratio: float, told: bool) -> None:
+    """Ten readings: a ratio of exp(3.84 / 10) = 1.468 is exceeded by chance once in twenty."""
     found = place(1000.0, extra_mass=ratio * 1000.0, presliding=9000.0)
     assert [t.effect.name for t in found.alike(BENCH, complete=False)] == ["extra-mass"] * told
 
