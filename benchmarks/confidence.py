@@ -11,6 +11,17 @@
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
     python -m benchmarks.confidence --real REAL M N T Z I U
 
+These give BESIDE. COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
+
+    pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
+    pneucli exam E2 --condition usual --condition messy --cases 24 --nulls 12 --seed 3061778563
+    pneucli exam E3 --size 0.3333 --cases 12 --nulls 0 --seed 3061778563
+    pneucli exam E4 --condition imposed+messy --condition imposed --cases 20 --nulls 8 --seed 9
+    pneucli exam E5 --condition imposed+rough --cases 30 --nulls 10 --seed 5501
+    pneucli exam E6 --size 0.3333 --cases 60 --nulls 0 --seed 334663411
+    pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of the first twelve, and
+    pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/diagnosis.md
+
 The law is fitted, drawn toward the one that it renews (``--anew``: toward none), and judged case by case, each by a law
 that has not seen it.
 """
@@ -60,7 +71,7 @@ def real(folder: Path) -> list[Graded]:
 def told(cases: Sequence[Graded], *, complete: bool) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,).
 
-    Of cases in which nothing but noise is left, or of the others; what has no place in the last model tells nothing.
+    Of cases in which nothing but noise is left (``complete``), or of the others.
     """
     rows = [
         (evidence_of(g, c).features, is_there(g, c), i)

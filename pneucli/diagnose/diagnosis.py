@@ -93,7 +93,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
         verdict=verdict,
         missing=tuple(missing),
         decisions=decisions,
-        equals={name: tuple(t.effect.name for t in trials) for name, trials in twins.items()},
+        equals={name: tuple(t.effect.name for t in twins.get(name, [])) for name in found.added},
         found=found,
         moved=moved,
         detectable=tuple(sizes),

@@ -29,7 +29,7 @@ Round = list[Decision]  # about the effects that a rung lacks
 class Search:
     """The way taken: ``rungs`` from the model as it is to the last, each with one effect more.
 
-    ``places`` holds every effect of the last model with what was tried in its place; ``decisions`` what became of the
+    ``places`` holds every effect of the last model with what passed in its place; ``decisions`` what became of the
     others that were screened, one for each.
     """
 

@@ -119,7 +119,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
     ]
     settled = with_intervals(_settled(found).fit, bench.train)
     candidates = [_candidate(study, bench, found, settled, decision) for decision in found.decisions]
-    pairs = [(n, other) for n in found.missing for other in found.equals.get(n, ())]
+    pairs = [(n, other) for n in found.missing for other in found.equals[n]]
     following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
         "schema": "pneucli/diagnose/1",
@@ -213,7 +213,7 @@ def _alike(found: Diagnosis, name: str) -> list[str]:
     """Return what explains the recordings as well as an effect that was added, or that stands beside a named one."""
     if name in found.equals:
         return list(found.equals[name])
-    sets = ([n, *(e for e in found.equals[n] if e != name)] for n in found.missing if name in found.equals.get(n, ()))
+    sets = ([n, *(e for e in found.equals[n] if e != name)] for n in found.missing if name in found.equals[n])
     return next(sets, [])
 
 
@@ -265,7 +265,7 @@ def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
     if found.verdict == "missing-effect":
         what = "it" if len(found.missing) == 1 else "them"
         text = f"The model lacks {named}: with {what} the error goes from {before} to {after} times the noise."
-        equals = sorted({e for n in found.missing for e in found.equals.get(n, ())})
+        equals = sorted({e for n in found.missing for e in found.equals[n]})
         return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
     assert found.unknown is not None
     text = f"{found.unknown.character.capitalize()}, something remains that no effect of the catalogue accounts for: "

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import costs as counted
-from pneucli.diagnose.costs import allowed, costs, unseen_costs
+from pneucli.diagnose.costs import allowed, costs, fitted_costs, unseen_costs
 from pneucli.diagnose.flow import most_likely, with_flow
 from pneucli.identify.views import Chambers
 from pneucli.simulate import layout as at
@@ -54,6 +54,19 @@ def test_residuals_are_allowed_what_the_model_makes_of_the_noise(drawn: float, l
 
 def test_what_is_zero_stays_zero() -> None:
     assert not allowed([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
+
+
+def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two blocks of 250 samples of two channels; three residuals of the first are zero."""
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: dict.fromkeys(view.channels, 1.0))
+    view, residual = view_of(), np.ones(1000)
+    view.carried, view.states_force = lambda _: {}, False
+    residual[:3] = 0.0
+    found: Any = SimpleNamespace(model=model(), residual=residual, errors=[{}])
+    _, counts = fitted_costs(found, [view])
+    assert counts.tolist() == [497.0, 500.0]
 
 
 # --- the flow in recordings that were not fitted

@@ -1,4 +1,4 @@
-"""What an error of the flow becomes in the pressures: checked against commands that are off by so much."""
+"""A flow that was recorded tells area and volume apart, of which pressure alone tells the ratio."""
 
 from __future__ import annotations
 
@@ -7,40 +7,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.flow import flow_errors
-from pneucli.identify.views import Chambers, Forces
-from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.run import simulate
-from tests.simulate.benches import bench, clock, model, steps_of_command
+from pneucli.identify.fit import fit
+from pneucli.identify.parameters import base_parameters
+from pneucli.identify.views import views_of
+from pneucli.noise import NoiseModel
+from pneucli.recording import Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.run import run
+from tests.simulate.benches import bench, clock, model
 
-TIME = clock(2.0)
-COMMANDS = steps_of_command(TIME, [2.0, -2.0, 1.0, -1.0], 0.5)
-NOISE = 500.0  # Pa
-
-
-def seen(u: np.ndarray) -> Experiment:
-    """A chamber that such commands fill and vent, restarted from the same readings every half second."""
-    given = {"u": u, "x": np.full(TIME.size, 0.1)}
-    exact = bench("axis", TIME, {**given, "v": np.zeros(TIME.size), "p1": 2e5}, chamber_2="open")
-    readings = np.full(TIME.size, 2e5) + np.random.default_rng(1).normal(scale=NOISE, size=TIME.size)
-    return prepare(replace(exact.recording, signals={**given, "p1": readings}), exact.rig, 0.5)
+RIG = Rig(ambient_pressure=101_300.0, supply_pressure=7e5)
+VOLUME = 5e-4
+TIME = clock(0.4)
 
 
-@pytest.mark.parametrize(("number", "sign"), [(0, 1.0), (1, -1.0)])
-def test_an_error_of_the_flow_is_what_commands_of_that_sense_do_that_are_off(number: int, sign: float) -> None:
-    """One command of a hundred is off: the line through the present ones is right within some hundredths."""
-    nominal, off = seen(COMMANDS), seen(np.where(sign * COMMANDS > 0.0, 0.99, 1.0) * COMMANDS)
-    change = simulate(model(), nominal)["p1"] - simulate(model(), off)["p1"]
-    found = 0.01 * flow_errors(model(), nominal)["p1"][number] * nominal.noise["p1"].rms
-    assert np.abs(change).max() > NOISE / 10.0
-    assert np.linalg.norm(found - change) < 0.03 * np.linalg.norm(change)
-
-
-def test_while_the_valve_is_shut_no_error_of_the_flow_grows() -> None:
-    assert not flow_errors(model(), seen(np.zeros(TIME.size)))["p1"].any()
-
-
-def test_what_has_no_flow_has_no_error_of_it() -> None:
-    e = seen(COMMANDS)
-    assert set(Chambers(e).flow_errors(model())) == {"p1"}
-    assert Forces(e).flow_errors(model()) == {}
+def test_area_and_volume_are_identified_together() -> None:
+    truth = model(values={"rig.vessel_volume": VOLUME}, rig=RIG)
+    e = bench("valve", TIME, {"u": 5.0, "p1": 101_300.0}, rig=RIG)
+    out = run(truth, e)
+    seen = {"p1": out[:, at.R1], "flow": out[:, at.FLOW]}
+    recording = replace(e.recording, signals={**e.recording.signals, **seen})
+    noise = {**e.noise, "p1": NoiseModel(100.0), "flow": NoiseModel(1e-6)}
+    metered = replace(e, recording=recording, raw={**e.raw, **seen}, noise=noise)
+    assert metered.channels == ("p1", "flow")
+    start = replace(truth.with_values({"rig.vessel_volume": 1e-3}), valve=truth.valve.scaled(1.5))
+    found = fit(start, views_of([metered]), base_parameters(start, [metered]))
+    assert found["rig.vessel_volume"].value == pytest.approx(VOLUME, rel=1e-3)
+    assert found["valve.effective_area(+5 V)"].value == pytest.approx(0.9e-6, rel=1e-3)
+    assert np.abs(found.residual[: 2 * TIME.size]).max() < 1.0
