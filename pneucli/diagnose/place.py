@@ -13,7 +13,7 @@ from pneucli.diagnose.judge import NOISE
 from pneucli.diagnose.trial import Bench, Trial
 
 LEAST = 0.005  # of what there was: what is left beyond noise is not known better
-INDEPENDENT = 10  # readings, as which what is unknown besides counts: exams with sets that hold the truth say 8 to 12
+INDEPENDENT = 10  # readings, as which what is unknown besides counts (docs/diagnosis.md)
 
 
 @dataclass(frozen=True)
