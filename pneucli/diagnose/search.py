@@ -10,19 +10,17 @@ from pneucli.diagnose.beside import lawful
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.judge import MATERIAL, at_noise, judged, material, supported
+from pneucli.diagnose.judge import at_noise, material, supported
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.promise import promising
 from pneucli.diagnose.remainder import Remainder, remainders, too_much
+from pneucli.diagnose.round import Round, tried
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.effects import Signature
 from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
 PAIRS = 3
-CLOSE = 1.05  # times the least cost: such trials are fitted to the end before they are compared
 SWAPS = 3
-Round = list[Decision]  # about the effects that a rung lacks
 
 
 @dataclass(frozen=True)
@@ -114,18 +112,6 @@ def _explaining_all(bench: Bench, before: State, decisions: Round) -> Trial | No
     able = [t for t in able if not bench.raises(before, t.state)]
     best = min(able, key=lambda t: t.state.cost, default=None)
     return best if best is not None and not too_much(*remains(bench, best.state)) else None
-
-
-def tried(bench: Bench, state: State, without: Sequence[str] = ()) -> Round:
-    """Decide on every effect that the state lacks: the best of the screen are refitted and come first."""
-    likely = promising(bench, state, [(e, s) for e, s in bench.screen(state) if e.name not in without])
-    trials = bench.added(state, [effect for effect, _ in likely], [found for _, found in likely])
-    close = CLOSE * min((t.state.cost for t in trials), default=0.0)
-    matter = [t for t in trials if t.train.total > MATERIAL * bench.felt(state, t.effect)[0]]
-    polished = bench.polished([t for t in matter if t.state.cost < close])
-    ended = {t.effect.name: t for t in [*trials, *polished]}
-    others = [Decision(e, "not-promising") for e in bench.lacking(state) if e.name not in {*without, *ended}]
-    return judged(bench, state, sorted(ended.values(), key=lambda t: t.state.cost)) + others
 
 
 def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:

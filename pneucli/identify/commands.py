@@ -37,6 +37,13 @@ class Between(NamedTuple):
     p: Array
 
 
+def with_one_range(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """Return the experiments with one range of commands for all: one table of the valve's area then serves them all."""
+    largest = max((e.flags[at.U_MAX] for e in experiments), default=0.0)
+    place = np.arange(at.FLAGS) == at.U_MAX
+    return [replace(e, flags=np.where(place, largest, e.flags)) for e in experiments]
+
+
 def with_commands(experiments: Sequence[Experiment], rig: Rig) -> list[Experiment]:
     """Return the experiments with the commands that stood between the samples, as the flows into the chambers show it.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
-from pneucli.identify.fit import Fit, fit, joined
+from pneucli.identify.fit import FULL, Effort, Fit, fit, joined
 from pneucli.identify.parameters import (
     STEP,
     Free,
@@ -128,7 +128,7 @@ def scaled_start(
     return values
 
 
-def fit_model(model: Model, views: Sequence[View], effects: Sequence[Effect], *, rounds: int = 12) -> Fit:
+def fit_model(model: Model, views: Sequence[View], effects: Sequence[Effect], *, effort: Effort = FULL) -> Fit:
     """Fit the base model, then with each effect in turn from its best start, all parameters together.
 
     Raises InputError where the recordings lack the part of an effect, or the model has no finite numbers for them.
@@ -139,10 +139,10 @@ def fit_model(model: Model, views: Sequence[View], effects: Sequence[Effect], *,
             raise InputError("key model.effects", lacking, "effects that can show", "remove it, or record its part")
     require_finite(model, views)
     experiments = [v.experiment for v in views]
-    found = fit(replace(model, effects=()), views, base_parameters(model, experiments), rounds=rounds)
-    found = _with_overlap_anew(found, views, rounds=rounds)
+    found = fit(replace(model, effects=()), views, base_parameters(model, experiments), effort=effort)
+    found = _with_overlap_anew(found, views, effort=effort)
     for effect in effects:
-        found = fit_added(found, views, effect, rounds=rounds)
+        found = fit_added(found, views, effect, effort=effort)
     return found
 
 
@@ -161,7 +161,7 @@ def fit_added(
     views: Sequence[View],
     effect: Effect,
     *,
-    rounds: int = 12,
+    effort: Effort = FULL,
     ranked: Sequence[Signature] | None = None,
 ) -> Fit:
     """Refit with one more effect, from its best signatures (``ranked``, where they are known already)."""
@@ -176,8 +176,8 @@ def fit_added(
     def ended(started: Model) -> Fit:
         free = free_parameters(started, views)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        part = _from_coarse_to_fine(started, felt, free, rounds=rounds)
-        return joined(found, _with_overlap_anew(part, felt, rounds=rounds), views, chosen)
+        part = _from_coarse_to_fine(started, felt, free, effort=effort)
+        return joined(found, _with_overlap_anew(part, felt, effort=effort), views, chosen)
 
     def refitted(signature: Signature, share: float) -> Fit:
         return ended(with_effect(model, effect, scaled_start(effect, signature, model, facts, share)))
@@ -226,36 +226,38 @@ def _touched(found: Fit, views: Sequence[View], effect: Effect) -> tuple[NDArray
         chosen = wider
 
 
-def _from_coarse_to_fine(model: Model, views: Sequence[View], free: Sequence[Free], *, rounds: int) -> Fit:
+def _from_coarse_to_fine(model: Model, views: Sequence[View], free: Sequence[Free], *, effort: Effort) -> Fit:
     """Fit; where there are edges, in which a residual is not smooth, with ever smaller differences."""
     edged = any(f.step > STEP for f in free)
     for coarse in (12.0, 4.0) if edged else ():
         wide = [replace(f, step=coarse * f.step) if f.step > STEP else f for f in free]
-        model = fit(model, views, wide, rounds=rounds).model
+        model = fit(model, views, wide, effort=effort).model
         free = _starting_from(model, free)
-    return fit(model, views, free, rounds=rounds)
+    return fit(model, views, free, effort=effort)
 
 
 def _starting_from(model: Model, free: Sequence[Free]) -> list[Free]:
     return [replace(f, start=value_of(model, f.name)) for f in free]
 
 
-def _with_overlap_anew(found: Fit, views: Sequence[View], *, rounds: int) -> Fit:
-    """Return the fit, or a better one from an overlap guessed anew where it ended at its upper bound.
+def _with_overlap_anew(found: Fit, views: Sequence[View], *, effort: Effort) -> Fit:
+    """Return the fit, or a better one from overlaps guessed anew where one ended at its upper bound.
 
-    There the valve opens all at once at its smallest knot, and the fit does not come back by itself.
+    There the valve opens all at once at its smallest knot, and the fit does not come back by itself. The overlap of the
+    other direction, which shares the null command, is guessed anew with it.
     """
-    at_bound = {e.name for e in found.estimates if e.at_bound and e.value > 0.0}
+    at_bound = [e.name for e in found.estimates if ".overlap_" in e.name and e.at_bound and e.value > 0.0]
+    stuck = {name.partition(".")[0] for name in at_bound}
     guessed = {}
-    for valve in (v for v in found.model.valves if isinstance(v, ValveArea)):
+    for valve in (v for v in found.model.valves if isinstance(v, ValveArea) and v.label in stuck):
         for sign, name in ((1.0, f"{valve.label}.overlap_fill"), (-1.0, f"{valve.label}.overlap_vent")):
             side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > 0.0)
-            if name in at_bound and side:
+            if side:
                 guessed[name] = overlap_of(*np.array(side).T)
     if not guessed:
         return found
     model = with_parameters(found.model, guessed)
-    again = _from_coarse_to_fine(model, views, _starting_from(model, found.free), rounds=rounds)
+    again = _from_coarse_to_fine(model, views, _starting_from(model, found.free), effort=effort)
     return min(found, again, key=lambda f: f.cost)
 
 
@@ -269,14 +271,14 @@ def free_parameters(model: Model, views: Sequence[View]) -> list[Free]:
     return free
 
 
-def refit(found: Fit, views: Sequence[View], *, rounds: int = 12) -> Fit:
+def refit(found: Fit, views: Sequence[View], *, effort: Effort = FULL) -> Fit:
     """Fit on from where a fit ended."""
     free = free_parameters(found.model, views)
     known = [f.name for f in free] == [f.name for f in found.free]
-    return fit(found.model, views, free, rounds=rounds, before=found.jacobian if known else None)
+    return fit(found.model, views, free, effort=effort, before=found.jacobian if known else None)
 
 
-def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, rounds: int = 12) -> Fit:
+def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, effort: Effort = FULL) -> Fit:
     """Refit without one of the model's effects."""
     model = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
-    return _from_coarse_to_fine(model, views, free_parameters(model, views), rounds=rounds)
+    return _from_coarse_to_fine(model, views, free_parameters(model, views), effort=effort)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,17 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-5
 BEYOND = 1e100  # times the noise: more is not squared
+
+
+class Effort(NamedTuple):
+    """How far a fit goes: at most so many ``rounds``, until one lowers the cost by less than ``tolerance`` of it."""
+
+    rounds: int
+    tolerance: float
+
+
+FULL = Effort(12, 1e-5)
 
 
 @dataclass(frozen=True)
@@ -81,7 +91,7 @@ def fit(
     views: Sequence[View],
     free: Sequence[Free],
     *,
-    rounds: int = 12,
+    effort: Effort = FULL,
     before: Array | None = None,
 ) -> Fit:
     """Fit the free parameters from their starts to what the views leave over.
@@ -94,8 +104,8 @@ def fit(
         return _summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
     found = minimise(
         *(problem.residuals, problem.jacobian, problem.start, problem.bounds()),
-        rounds=rounds,
-        tolerance=TOLERANCE,
+        rounds=effort.rounds,
+        tolerance=effort.tolerance,
         each_round=watched([e.name for e in model.effects], problem.blocks().size),
         at_start=None if before is None else np.vstack([before, problem.prior_jacobian(problem.start)]),
     )

@@ -71,8 +71,8 @@ def minimise(
 
     ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations; ``at_start`` are those at the
     start where they are known. Ends when the first step with new derivatives lowers the sum by less than ``tolerance``
-    of it, or after ``rounds`` of them; ``each_round`` is told the sum, at the start and then. Near the end, where steps
-    are short, derivatives serve for more than one.
+    of it (the derivatives stay those before that step), or after ``rounds`` of them; ``each_round`` is told the sum, at
+    the start and then. Near the end, where steps are short, derivatives serve for more than one.
     """
     z, damping = np.clip(start, *bounds), FIRST_DAMPING
     r, j = residuals(z), jacobian(z) if at_start is None else at_start
@@ -86,12 +86,10 @@ def minimise(
                 break
             new = False
         each_round(_cost(r))
-        if new and step is None:
+        if new and (step is None or fall < tolerance):
             return Solution(z, r, j, done)
         del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
-        if new and fall < tolerance:
-            return Solution(z, r, j, done)
     return Solution(z, r, j, rounds)
 
 

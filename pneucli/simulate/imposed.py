@@ -15,6 +15,7 @@ from pneucli.simulate.run import base_vector, kernel_for
 Array = NDArray[np.float64]
 
 WIDER = 4.0
+RISE = 0.35  # times one over the frequency of a low-pass: from 10 to 90 % of a step
 
 
 def motion(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> tuple[Array, Array, Array]:
@@ -54,6 +55,21 @@ def imposed_force(model: Model, experiment: Experiment, noise: Mapping[str, Arra
     driven = "force" in experiment.recording
     kernel.functions.run_imposed(experiment.time, inputs, a, still, driven, base, th, on, out)
     return out
+
+
+def turning(experiment: Experiment) -> NDArray[np.bool_]:
+    """Return at which samples (n,) the measured motion does not tell its direction.
+
+    Those beside a turn, which sampling and smoothing move by up to a period; where the comparison asks for a low-pass,
+    as long before and after them as it takes to rise.
+    """
+    v, period = motion(experiment)[1], experiment.recording.period
+    before = np.flatnonzero(np.diff(np.sign(v)))
+    rise = 0.0 if experiment.low_pass is None else RISE / experiment.low_pass
+    apart = np.arange(-round(rise / period), round(rise / period) + 2)
+    found = np.zeros(v.size, dtype=bool)
+    found[np.clip(before[:, None] + apart, 0, v.size - 1)] = True
+    return found
 
 
 def v_still(experiment: Experiment, v: Array) -> float:

@@ -30,7 +30,7 @@ class LinearValve:
         return self.gain * np.abs(u)
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,)."""
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,)."""
         return self(np.linspace(-largest, largest, POINTS))
 
     @property

@@ -34,7 +34,7 @@ class SwitchingValve:
         return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,)."""
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,)."""
         return self(np.linspace(-largest, largest, POINTS))
 
     @property

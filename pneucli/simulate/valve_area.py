@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from pneucli.experiments import Part
 
 Array = NDArray[np.float64]
-POINTS = 4001  # of the kernel's table over both directions
+POINTS = 8001  # of the kernel's table over both directions
 CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
 OVERLAPS = ("overlap_fill", "overlap_vent")
 Knots = tuple[float, tuple[tuple[float, float], ...]]  # of one direction: overlap (V), and (opening in V, area in m^2)
@@ -47,7 +47,7 @@ class ValveArea:
         return np.where(u > 0, _areas(u, self._knots(1.0)), _areas(-u, self._knots(-1.0)))
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``largest`` (V), both ways, shape (4001,); not to be written to."""
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,); not to be written to."""
         return _table(self, largest)
 
     @property
@@ -144,13 +144,13 @@ def _curve(side: Knots) -> tuple[Array, Array, PchipInterpolator | None]:
     return place, value, PchipInterpolator(place, value) if len(knots) > 1 else None
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=512)
 def _half_table(side: Knots, largest: float) -> Array:
     """Return the areas of one direction from the smallest opening of the kernel's table to the largest."""
     return _areas(np.linspace(-largest, largest, POINTS)[POINTS // 2 + 1 :], side)
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def _table(valve: ValveArea, largest: float) -> Array:
     halves = [_half_table(valve._knots(sign), largest) for sign in (-1.0, 1.0)]
     table = np.concatenate([halves[0][::-1], [0.0], halves[1]])

@@ -13,7 +13,7 @@ import numpy as np
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.stretches import stretches
 from pneucli.errors import InputError
-from pneucli.identify.commands import with_commands
+from pneucli.identify.commands import with_commands, with_one_range
 from pneucli.identify.null import with_null
 from pneucli.identify.views import View, views_of
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
@@ -97,7 +97,7 @@ class Study:
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
             self._require_noise(ready[-1])
         give_back()  # smoothing takes several times what it leaves
-        return with_commands(with_ends(ready, self.rig), self.rig)
+        return with_one_range(with_commands(with_ends(ready, self.rig), self.rig))
 
     def _require_noise(self, experiment: Experiment) -> None:
         """Raise InputError where a reading that the model is held against has no noise: errors count in units of it.

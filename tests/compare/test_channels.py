@@ -15,7 +15,8 @@ from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 
 TIME = 1e-3 * np.arange(2000)
-X = 0.1 + 0.05 * np.sin(2 * np.pi * TIME)
+X = 0.1 + 0.05 * np.sin(2 * np.pi * (TIME + 0.0005))
+TURNS = [249, 250, 749, 750, 1249, 1250, 1749, 1750]  # its velocity changes sign between two samples
 RIG = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
 
 
@@ -33,12 +34,15 @@ def recording(force: np.ndarray) -> Recording:
 
 
 def test_figures_are_their_definitions() -> None:
+    """Over all samples but those beside the four turns of the motion."""
     error = np.random.default_rng(0).standard_normal(TIME.size)
     found = comparison(error, noise=2.0)
     (r,) = found.results
-    y, model = found.measured["force"], found.modelled["force"]
-    assert y - model == pytest.approx(error, abs=1e-9)
-    assert r.rmsd == pytest.approx(np.sqrt(np.mean(error**2)))
+    seen = ~np.isnan(found.measured["force"])
+    y, model = found.measured["force"][seen], found.modelled["force"][seen]
+    assert np.flatnonzero(~seen).tolist() == TURNS
+    assert y - model == pytest.approx(error[seen], abs=1e-9)
+    assert r.rmsd == pytest.approx(np.sqrt(np.mean(error[seen] ** 2)))
     assert r.percent == pytest.approx(100 * r.rmsd / np.ptp(y))
     assert r.relative_error_percent == pytest.approx(100 * np.linalg.norm(y - model) / np.linalg.norm(y))
     assert r.fit_percent == pytest.approx(100 * (1 - np.linalg.norm(y - model) / np.linalg.norm(y - y.mean())))
@@ -49,7 +53,8 @@ def test_figures_are_their_definitions() -> None:
 def test_samples_that_were_not_measured_do_not_count() -> None:
     error = np.random.default_rng(1).standard_normal(TIME.size)
     error[500:600] = np.nan
-    assert comparison(error).results[0].rmsd == pytest.approx(np.sqrt(np.nanmean(error**2)))
+    left = np.delete(error, TURNS)
+    assert comparison(error).results[0].rmsd == pytest.approx(np.sqrt(np.nanmean(left**2)))
 
 
 def test_the_overall_error_is_the_root_mean_square_of_a_use() -> None:

@@ -11,7 +11,6 @@ from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.views import Chambers, Forces
-from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import bench, state, trial
 
 BEFORE = state()
@@ -200,28 +199,3 @@ def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first
     rungs = (state(), state([MASS]), state([LAG, MASS]))
     found = search.Search(rungs, {}, (), (), ())
     assert found.added == [MASS, LAG]
-
-
-def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
-    """Beside a promise of 5000 one of 40 is no start worth a fit."""
-    promises = [(catalogue()["extra-mass"], 5000.0), (catalogue()["stribeck"], 40.0)]
-    signature = type("Signature", (), {})
-    ranked = []
-    for effect, promise in promises:
-        one = signature()
-        one.gain = promise
-        ranked.append((effect, [one]))
-    monkeypatch.setattr(Bench, "screen", lambda self, state: ranked)
-    monkeypatch.setattr(
-        Bench, "added", lambda self, before, effects, found: [trial(e.name, before=before) for e in effects]
-    )
-    monkeypatch.setattr(Bench, "polished", lambda self, tried: tried)
-    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
-    where.__dict__["hypotheses"] = 50
-    assert {d.effect.name: d.reason for d in search.tried(where, BEFORE)} == {
-        "extra-mass": "supported",
-        "stribeck": "not-promising",
-        "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
-    }
-    beside = search.tried(where, BEFORE, ["extra-mass"])
-    assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}

@@ -1,48 +1,52 @@
-"""What a state costs: noise that a correct model would show is allowed, no less than the sensors' own."""
+"""The chance of an effect: by its parameters, or by what it gains on recordings that were held out."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pneucli.diagnose import costs
+from pneucli.diagnose import trial as trials
+from pneucli.diagnose.evidence import gain
+from pneucli.diagnose.trial import Bench, State
+from tests.diagnose.trials import BLOCKS, bench, state
 
-TIME = np.arange(4000) * 1e-3
-VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME))
-
-
-@pytest.mark.parametrize(
-    ("rms", "expected", "left"),
-    [
-        (1.0, 1.0, 1.0),
-        (2.0, 2.0, 1.0),
-        (3.0, 1.0, 3.0),
-        (3.0, 2.0, np.sqrt(9.0 - 3.0)),
-        (0.95, 1.05, 0.95 / 1.05),  # the noise is known a little less well than that: in proportion
-        (0.95, 0.95, 1.0),  # a model that smooths over noise leaves less of it
-        (3.0, 0.9, np.sqrt(9.0 + 0.19)),
-        (3.0, 0.0, np.sqrt(9.0 + 0.2)),  # nothing drawn: noise is known to four fifths
-        (0.8, 2.0, np.sqrt(0.8) * 0.8),
-        (1.5, 4.0, np.sqrt(0.8)),
-    ],
-)
-def test_what_noise_explains_is_taken_off(rms: float, expected: float, left: float):
-    """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
-    residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
-    seen = costs.allowed([VIEW], [{"force": expected}], residual)
-    assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
+SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by block
 
 
-def test_each_channel_of_each_view_has_its_own_allowance() -> None:
-    """Four channels of two views, one after the other; only the last one's noise is allowed for."""
-    one, two = (SimpleNamespace(channels=c, experiment=VIEW.experiment) for c in (("p1", "p2", "x"), ("force",)))
-    residual = 3.0 * np.where(np.arange(4 * TIME.size) % 2, 1.0, -1.0)
-    seen = costs.allowed([one, two], [{"p1": 1.0, "p2": 1.0, "x": 1.0}, {"force": 2.0}], residual)  # type: ignore[list-item]
-    parts = np.sqrt(np.mean(seen.reshape(4, -1) ** 2, axis=1))
-    assert parts == pytest.approx([3.0, 3.0, 3.0, np.sqrt(6.0)])
+def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> float:
+    """The chance of an effect that takes 50 of 200 in the mean block, fitted and held out, by a bench."""
+    before = held(state().train)
+    after = held(before.train - SPREAD)
+    monkeypatch.setattr(trials, "wald", lambda fit, effect: wald)
+    views: Any = (object(),) if held_out else ()
+    where = replace(bench(), held_out=views)
+    return Bench.trial(where, before, after, next(iter(where.effects.values()))).p_value
 
 
-def test_samples_that_do_not_count_stay_out():
-    assert not costs.allowed([VIEW], [{"force": 2.0}], np.zeros(TIME.size)).any()
+def held(costs: Any) -> State:
+    """A state that costs the same fitted and held out."""
+    return State(state().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
+
+
+def test_parameters_known_only_together_are_sure_by_what_they_gain_on_held_out_recordings(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    seen = gain(SPREAD, np.zeros(BLOCKS)).p_value
+    assert seen < 1e-6
+    assert chance(monkeypatch, 0.4, held_out=True) == pytest.approx(2.0 * seen)
+
+
+def test_the_better_of_two_tests_counts_twice(monkeypatch: pytest.MonkeyPatch):
+    assert chance(monkeypatch, 1e-30, held_out=True) == pytest.approx(2e-30)
+
+
+def test_where_nothing_is_held_out_the_parameters_alone_tell(monkeypatch: pytest.MonkeyPatch):
+    assert chance(monkeypatch, 0.4, held_out=False) == 0.4
+
+
+def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted(monkeypatch: pytest.MonkeyPatch):
+    seen = gain(SPREAD, np.zeros(BLOCKS)).p_value
+    assert chance(monkeypatch, float("nan"), held_out=True) == pytest.approx(seen)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.commands import with_commands
+from pneucli.identify.commands import with_commands, with_one_range
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
@@ -100,3 +100,13 @@ def test_readings_beyond_all_numbers_tell_nothing() -> None:
     endless = replace(seen, inputs=seen.inputs.copy())
     endless.inputs[:, at.IN_SUPPLY] = np.nan
     assert between(endless) == pytest.approx(seen.raw["u"])
+
+
+def test_one_range_of_commands_serves_all_recordings_and_leaves_them_as_they_are() -> None:
+    small, large = logged(0.1 * SWING), logged(SWING)
+    shared = with_one_range([small, large])
+    assert [e.flags[at.U_MAX] for e in shared] == [large.flags[at.U_MAX]] * 2
+    assert small.flags[at.U_MAX] < 0.2 * large.flags[at.U_MAX]
+    model = Model(SPOOL, (), FRICTION, FIRST, SECOND)
+    before, after = run(model, small)[:, at.P1], run(model, shared[0])[:, at.P1]
+    assert after == pytest.approx(before, abs=0.1 * NOISE["p1"].rms)

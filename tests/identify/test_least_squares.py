@@ -71,6 +71,14 @@ def test_derivatives_that_are_known_at_the_start_are_not_asked_for():
     assert one.asked == 1
 
 
+def test_a_fit_that_has_ended_asks_for_no_more_derivatives():
+    """Each of the rounds asked for its own at its start; a step that gains next to nothing is the last thing done."""
+    one = Decay()
+    found = one.fitted((2.0, 1.0))
+    assert found.z == pytest.approx([3.0, 0.7], abs=1e-3)
+    assert one.asked == found.rounds
+
+
 def test_a_short_step_is_followed_by_another_with_the_same_derivatives():
     """A floor of 10 leaves little to fall near the end: there a second step costs no derivatives."""
     asked: list[np.ndarray] = []

@@ -20,7 +20,7 @@ from pneucli.identify.effects import (
     starts,
     with_effect,
 )
-from pneucli.identify.fit import Fit
+from pneucli.identify.fit import FULL, Effort, Fit
 from pneucli.identify.parameters import Free, base_parameters, effect_parameters, null_value, value_of, with_parameters
 from pneucli.identify.views import Chambers, Forces, Imposed, Whole, views_of
 from pneucli.noise import NoiseModel
@@ -310,10 +310,10 @@ class Scripted:
         self.begun: list[dict[str, float]] = []
         monkeypatch.setattr(added, "free_parameters", lambda *a, **k: [])
         monkeypatch.setattr(added, "_touched", lambda *a: (np.array([True]), set()))
-        monkeypatch.setattr(added, "_with_overlap_anew", lambda part, views, rounds: part)
+        monkeypatch.setattr(added, "_with_overlap_anew", lambda part, views, effort: part)
         monkeypatch.setattr(added, "joined", lambda found, part, views, chosen: part)
 
-        def fit(started: Any, views: Any, free: Any, rounds: int) -> Any:
+        def fit(started: Any, views: Any, free: Any, effort: Effort) -> Any:
             values = {n: v for n, v in started.values.items() if n.startswith(("constant", "position"))}
             self.begun.append(values)
             return SimpleNamespace(model=started, cost=cost(values))
@@ -372,7 +372,7 @@ def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
 def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[tuple[float, ...]] = []
 
-    def fit(started: Any, views: Any, free: Any, rounds: int) -> Any:
+    def fit(started: Any, views: Any, free: Any, effort: Effort) -> Any:
         steps.append(tuple(f.step for f in free))
         return SimpleNamespace(model=started)
 
@@ -381,10 +381,10 @@ def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.Monk
         Free("friction.coulomb", "N", 1.0, 0.0, 9.0, 1.0),
         Free("friction.viscous", "N", 1.0, 0.0, 9.0, 1.0, step=0.01),
     )
-    added._from_coarse_to_fine(model(), [], [plain, edge], rounds=3)
+    added._from_coarse_to_fine(model(), [], [plain, edge], effort=FULL)
     assert steps == [(1e-4, pytest.approx(0.12)), (1e-4, pytest.approx(0.04)), (1e-4, 0.01)]
     steps.clear()
-    added._from_coarse_to_fine(model(), [], [plain], rounds=3)
+    added._from_coarse_to_fine(model(), [], [plain], effort=FULL)
     assert steps == [(1e-4,)]
 
 

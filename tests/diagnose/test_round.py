@@ -1,0 +1,39 @@
+"""One round of the search: what the screen leaves out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pneucli.diagnose import round as rounds
+from pneucli.diagnose.trial import Bench
+from pneucli.physics.effects import catalogue
+from tests.diagnose.trials import bench, state, trial
+
+BEFORE = state()
+
+
+def signature(gain: float) -> Any:
+    return SimpleNamespace(gain=gain)
+
+
+def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
+    """Beside a promise of 5000 one of 40 is no start worth a fit."""
+    ranked = [(catalogue()["extra-mass"], [signature(5000.0)]), (catalogue()["stribeck"], [signature(40.0)])]
+    monkeypatch.setattr(Bench, "screen", lambda self, state: ranked)
+    monkeypatch.setattr(
+        Bench, "added", lambda self, before, effects, found: [trial(e.name, before=before) for e in effects]
+    )
+    monkeypatch.setattr(Bench, "polished", lambda self, tried: tried)
+    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
+    where.__dict__["hypotheses"] = 50
+    assert {d.effect.name: d.reason for d in rounds.tried(where, BEFORE)} == {
+        "extra-mass": "supported",
+        "stribeck": "not-promising",
+        "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
+    }
+    beside = rounds.tried(where, BEFORE, ["extra-mass"])
+    assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}
