@@ -39,15 +39,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.confidence import BESIDE, COMPLETE, Evidence
-from pneucli.diagnose.place import INDEPENDENT
 from pneucli.exam.calibration import EDGES
 from pneucli.exam.graded import Graded
 from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
-READINGS = (2, 4, 6, 8, 10, 12, 16, 24)
 RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of
@@ -87,7 +85,8 @@ def told(cases: Sequence[Graded], *, complete: bool) -> tuple[Array, Array, NDAr
 def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
     """Return what a candidate rests on."""
     complete = graded.verdict != "unexplained"
-    return Evidence(**{**candidate["evidence"], "complete": complete})
+    told = {name: value for name, value in candidate["evidence"].items() if name in Evidence._fields}
+    return Evidence(**{**told, "complete": complete})
 
 
 def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
@@ -128,27 +127,6 @@ def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: 
 def log_score(p: Array, y: Array) -> float:
     """Return the mean of -log of what was said of what came true."""
     return float(-np.mean(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0))))
-
-
-def independent(cases: Sequence[Graded]) -> dict[int, tuple[float, int]]:
-    """Return the logarithmic score of sets that hold the truth, by the number of readings that what is unknown counts,
-    and how many sets these are.
-
-    The parts that were stated are of ``INDEPENDENT`` readings: of others they are a power of these.
-    """
-    sets = []
-    for g in cases:
-        told = {c["effect"]: c for c in g.answer.get("candidates", []) if g.verdict == "unexplained"}
-        for c in told.values():
-            names = [c["effect"], *c["indistinguishable_from"]]
-            if c["evidence"] and c["supported"] and len(names) > 1 and g.hidden & set(names):
-                parts = np.array([max(told[n]["confidence_alone"], 1e-4) for n in names])
-                sets.append((parts, np.array([n in g.hidden for n in names])))
-    scores = {}
-    for number in READINGS if sets else ():
-        raised = [(parts ** (number / INDEPENDENT), there) for parts, there in sets]
-        scores[number] = float(-np.mean([np.log(p[there].sum() / p.sum()) for p, there in raised])), len(sets)
-    return scores
 
 
 def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
@@ -203,8 +181,6 @@ def main() -> None:
     print(f"{len(exams)} cases of exams, {len(recorded)} real ones")
     for name, complete in (("COMPLETE", True), ("BESIDE", False)):
         law(name, [*exams, *recorded], len(exams), complete=complete, anew=asked.anew)
-    for number, (score, sets) in independent(exams).items():
-        print(f"{number} independent readings: log score {score:.3f} of {sets} sets")
     for reason, (there, of) in sorted(refusals(exams).items()):
         print(f"{reason}: {there} of {of}")
 

@@ -95,11 +95,20 @@ def evidence_of(bench: Bench, last: State, trial: Trial, place: Place | None, *,
 
     ``complete``: the last state leaves nothing but noise.
     """
-    facts = facts_of(last.model, [view.experiment for view in bench.train])
-    size, sure = magnitude(last.fit, trial.effect, facts), significance(last.fit, trial.effect)
-    imposed = all(type(view) is Imposed for view in bench.train if view.feels(trial.effect))
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
-    return Evidence(share, sure, size, complete, imposed, 1.0 if place is None else place.left(bench))
+    left = 1.0 if place is None else place.left(bench)
+    return Evidence(share, *_sure_and_size(bench, last, trial.effect), complete, left)
+
+
+def likely(bench: Bench, trial: Trial) -> float:
+    """Return the probability that an effect, in its place beside others and something unknown, is there."""
+    sure, size = _sure_and_size(bench, trial.state, trial.effect)
+    return probability(Evidence(None, sure, size, complete=False, left=Place(trial, ()).left(bench)))
+
+
+def _sure_and_size(bench: Bench, state: State, effect: Effect) -> tuple[float, float]:
+    facts = facts_of(state.model, [view.experiment for view in bench.train])
+    return significance(state.fit, effect), magnitude(state.fit, effect, facts)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

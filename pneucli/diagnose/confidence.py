@@ -27,8 +27,7 @@ class Evidence(NamedTuple):
     ``share``: part of the squared error of ``compare`` beyond noise that it takes away, on held-out recordings where
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
     over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where something
-    is, a stand-in may have a share of it. ``imposed``: it is seen only where the motion is imposed and its force
-    measured, so that what is left does not pile up over time. ``left``: part of the squares beyond noise, of what it
+    is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it
     acts in, that is left with it in its place.
     """
 
@@ -36,7 +35,6 @@ class Evidence(NamedTuple):
     significance: float
     size: float
     complete: bool = False
-    imposed: bool = False
     left: float = 1.0
 
     @property
@@ -46,7 +44,7 @@ class Evidence(NamedTuple):
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
-        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), float(self.imposed)
+        return 1.0, significance, size, _decades(self.left, 0.01, 1.0)
 
 
 def _decades(value: float, low: float, high: float) -> float:
@@ -55,7 +53,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-2.81, 1.77, 3.26, -1.42, 1.18)  # beside something unknown
+BESIDE = (-2.33, 1.95, 3.42, -1.51)  # beside something unknown
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pneucli.diagnose.beside import examined, weighed
+from pneucli.diagnose.beside import examined, likely, weighed
 from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
@@ -132,17 +132,21 @@ def _confidence(
     sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions if examined(bench, d.effect)}
     known = {name: probability(evidence) for name, evidence in added.items() if name in sure}
     sure |= {name: Confidence(p, p) for name, p in known.items()}
-    for name, likely in parts.items():
+    for name, of_each in parts.items():
         if name in known:
-            sure |= {one: Confidence(known[name], part * known[name]) for one, part in likely.items()}
+            sure |= {one: Confidence(known[name], part * known[name]) for one, part in of_each.items()}
     return sure
 
 
 def _parts(bench: Bench, place: Place, alike: Sequence[Trial], *, complete: bool) -> dict[str, float]:
-    """Return the likelihood of an effect and of those alike over that of all, by name."""
-    states = [place.named.state, *(t.state for t in alike)]
-    parts = shares(states) if complete else place.shares(bench, alike)
-    return dict(zip([place.named.effect.name, *(t.effect.name for t in alike)], parts, strict=True))
+    """Return the likelihood of an effect and of those alike over that of all, by name.
+
+    Beside something unknown squares do not tell: there it is what the law says of each, one of them being there.
+    """
+    trials = [place.named, *alike]
+    odds = [] if complete else [p / (1.0 - p) for p in (likely(bench, t) for t in trials)]
+    parts = shares([t.state for t in trials]) if complete else [one / sum(odds) for one in odds]
+    return dict(zip([t.effect.name for t in trials], parts, strict=True))
 
 
 def _one_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:

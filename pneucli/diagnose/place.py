@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from pneucli.diagnose.equals import ONE_PARAMETER, equal
 from pneucli.diagnose.judge import NOISE
@@ -37,15 +34,6 @@ class Place:
             for t in self.rivals
             if equal(t, self.named.state, noise_alone=complete) or self.left(bench, t) < chance * self.left(bench)
         ]
-
-    def shares(self, bench: Bench, alike: Sequence[Trial]) -> list[float]:
-        """Return the likelihood of the named effect and of those alike over that of all, where something is left.
-
-        That of readings whose variance is what each leaves: its power of minus half their number.
-        """
-        left = np.array([self.left(bench), *(self.left(bench, t) for t in alike)])
-        likely = (left / left.min()) ** (-INDEPENDENT / 2)
-        return [float(share) for share in likely / likely.sum()]
 
     def left(self, bench: Bench, trial: Trial | None = None) -> float:
         """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from pneucli.diagnose.beside import lawful
+from pneucli.diagnose.beside import lawful, likely
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
@@ -192,10 +192,27 @@ def _places(
         decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name])
         rivals = tuple(t for t in passed(decisions) if t.effect.name != name)
         place = places[name] = Place(bench.trial(before, last, bench.effects[name]), rivals)
-        better = [t for t in place.rivals if t.effect.name not in barred and replaces(bench, t, place.named)]
+        free = tuple(t for t in place.rivals if t.effect.name not in barred)
+        better = [t for t in free if replaces(bench, t, place.named)]
         if better:
             return places, foremost(better, lambda t: plausible(bench, t))
+        likelier = _likelier(bench, Place(place.named, free))
+        if likelier is not None:
+            return places, likelier
     return places, None
+
+
+def _likelier(bench: Bench, place: Place) -> Trial | None:
+    """Return what the data cannot tell from the named effect and is likelier to be there, beside something unknown.
+
+    What leaves least is no better then: of a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
+    """
+    alike = place.alike(bench, complete=False) if place.rivals else []
+    if not alike or not too_much(*remains(bench, place.named.state)):
+        return None
+
+    best = max(alike, key=lambda t: likely(bench, t))
+    return best if likely(bench, best) > likely(bench, place.named) else None
 
 
 def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from pneucli.diagnose import beside
+from pneucli.diagnose import beside, place
 from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, told, unseen_force, weighed
 from pneucli.diagnose.confidence import Evidence, probability
 from pneucli.diagnose.remainder import Remainder
 from pneucli.identify.views import Forces, Imposed, Whole
 from pneucli.physics.effects import catalogue
+from tests.diagnose import trials
 from tests.diagnose.trials import bench, trial
 from tests.simulate.benches import bench as recorded
 from tests.simulate.benches import clock
@@ -128,8 +130,8 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         beside, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    place: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
-    return evidence_of(where, last, tried, place if placed else None, complete=complete)
+    stood: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
+    return evidence_of(where, last, tried, stood if placed else None, complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,28 +149,17 @@ def test_what_has_no_place_in_the_last_model_leaves_all(monkeypatch: pytest.Monk
     assert evidence(monkeypatch, None, placed=False).left == 1.0
 
 
-@pytest.mark.parametrize(
-    ("views", "imposed"),
-    [([(Imposed, True)], True), ([(Imposed, True), (Forces, True)], False), ([(Imposed, True), (Forces, False)], True)],
-)
-def test_an_effect_that_is_seen_only_where_the_motion_is_imposed_says_so(
-    views: list[tuple[type, bool]], imposed: bool, monkeypatch: pytest.MonkeyPatch
+def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_in_its_place(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def view(kind: type, feels: bool) -> Any:
-        one = object.__new__(kind)
-        object.__setattr__(one, "experiment", "fitted")
-        monkeypatch.setattr(kind, "feels", lambda self, effect: felt[id(self)], raising=False)
-        felt[id(one)] = feels
-        return one
-
-    felt: dict[int, bool] = {}
-    where: Any = SimpleNamespace(train=[view(*each) for each in views], shown=None)
-    monkeypatch.setattr(beside, "facts_of", lambda model, experiments: None)
-    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5)
-    monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0)
-    tried: Any = SimpleNamespace(before=state(300.0), state=state(150.0), effect=catalogue()["extra-mass"])
-    found = evidence_of(where, state(140.0, fit="fit", model="model"), tried, None, complete=False)
-    assert (found.imposed, found.left) == (imposed, 1.0)
+    """No error that the user sees is simulated for it."""
+    where = replace(bench(held_out=False), train=(), shown=None)
+    tried = trial("extra-mass", before=trials.state())
+    monkeypatch.setattr(beside, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None)
+    monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
+    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
+    monkeypatch.setattr(place.Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
+    assert beside.likely(where, tried) == probability(Evidence(None, 20.0, 0.5, complete=False, left=0.3))
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,7 +43,6 @@ class Diagnosed:
             return SimpleNamespace(
                 named=Trial(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
                 alike=lambda bench, *, complete: rivals if complete != unknown else None,
-                shares=lambda bench, alike: [0.9] + [0.1] * len(alike),
             )
 
         places = {"a": place(A, []), "b": place(B, [rival])}
@@ -65,6 +64,7 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
         monkeypatch.setattr(diagnosis, "remains", lambda bench, state: ([MUCH], []))
         monkeypatch.setattr(diagnosis, "weighed", weighed)
+        monkeypatch.setattr(diagnosis, "likely", lambda bench, one: 0.25 if one is rival else 0.75)  # odds 1 : 9
         monkeypatch.setattr(diagnosis, "examined", lambda bench, effect: given.get("examined", True))
         monkeypatch.setattr(diagnosis, "describe", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]

@@ -58,12 +58,3 @@ def test_beside_something_unknown_what_leaves_about_as_much_is_not_told_from_it(
 
 def test_where_noise_alone_is_left_a_difference_of_as_much_tells() -> None:
     assert place(1000.0, extra_mass=1400.0).alike(BENCH, complete=True) == []
-
-
-def test_beside_something_unknown_likelihoods_are_those_of_ten_readings() -> None:
-    """Half as much again is left: 1.5 to the power of minus five times as likely."""
-    found = place(1000.0, extra_mass=1500.0)
-    named, rival = found.shares(BENCH, found.rivals)
-    assert rival / named == pytest.approx(1.5**-5)
-    assert named + rival == pytest.approx(1.0)
-    assert found.shares(BENCH, []) == [1.0]

@@ -12,6 +12,7 @@ import pytest
 from pneucli.diagnose import evidence
 from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
+from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.search import Search, search, tried
 from pneucli.diagnose.trial import State, Trial
@@ -22,6 +23,19 @@ from tests.diagnose.toys import Toys, adding, effect
 @pytest.fixture(autouse=True)
 def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(selection, "plausible", lambda bench, trial: True)
+
+
+@pytest.fixture(autouse=True)
+def likelier(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """Which effect the law has rather than another one, where the data do not tell them apart; none unless stated."""
+    known: dict[str, str] = {}
+
+    def of(bench: Any, place: Place) -> Trial | None:
+        wanted = known.get(place.named.effect.name)
+        return next((t for t in place.rivals if t.effect.name == wanted), None)
+
+    monkeypatch.setattr(selection, "_likelier", of)
+    return known
 
 
 @pytest.fixture(autouse=True)
@@ -125,6 +139,18 @@ def test_a_better_rival_takes_the_place_of_an_effect() -> None:
     refused = found(Toys([A, B, C], takes, worse={"b"}))
     assert names(refused) == {"a", "c"}
     assert {d.effect.name: d.reason for d in refused.decisions} == {"b": "raises-error"}
+
+
+def test_what_is_likelier_and_not_told_from_an_effect_takes_its_place(likelier: dict[str, str]) -> None:
+    """Not where the user would see the error rise by it."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        return max({"a": 0.62, "b": 0.6}.get(n, 0.0) for n in {*chosen, "c"})
+
+    assert found(Toys([A, B, C], takes)).added == ["a"]
+    likelier["a"] = "b"
+    assert found(Toys([A, B, C], takes)).added == ["b"]
+    assert found(Toys([A, B, C], takes, worse={"b"})).added == ["a"]
 
 
 def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:

@@ -8,12 +8,14 @@ import pytest
 
 from pneucli.diagnose import search
 from pneucli.diagnose.decision import Decision
+from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.identify.views import Chambers, Forces
 from tests.diagnose.trials import bench, state, trial
 
 BEFORE = state()
+MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
 
 
 @pytest.fixture(autouse=True)
@@ -199,3 +201,25 @@ def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first
     rungs = (state(), state([MASS]), state([LAG, MASS]))
     found = search.Search(rungs, {}, (), (), ())
     assert found.added == [MASS, LAG]
+
+
+@pytest.mark.parametrize(
+    ("law", "left", "found"),
+    [
+        ({"extra-mass": 0.2, "presliding": 0.7}, [MUCH], "presliding"),
+        ({"extra-mass": 0.6, "presliding": 0.7}, [MUCH], "presliding"),
+        ({"extra-mass": 0.4, "presliding": 0.3}, [MUCH], None),  # the named one is likelier than both
+        ({"extra-mass": 0.2, "presliding": 0.7}, [], None),  # noise alone is left: the squares tell
+    ],
+)
+def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_is_found(
+    monkeypatch: pytest.MonkeyPatch, law: dict[str, float], left: list[Remainder], found: str | None
+):
+    """Heat transfer is likelier by far, and leaves twice as much."""
+    named, *rivals = (trial(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
+    far = trial("heat-transfer", 7900.0, before=BEFORE)
+    likely = law | {"stribeck": 0.5, "heat-transfer": 0.99}
+    monkeypatch.setattr(search, "likely", lambda bench, one: likely[one.effect.name])
+    monkeypatch.setattr(search, "remains", lambda bench, state: (left, []))
+    better = search._likelier(bench(held_out=False), Place(named, (*rivals, far)))
+    assert (better.effect.name if better else None) == found
