@@ -37,6 +37,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from pneucli.diagnose.confidence import BESIDE, COMPLETE, Evidence
 from pneucli.exam.calibration import EDGES
@@ -107,12 +109,14 @@ def counted(cases: Sequence[Graded], *, complete: bool) -> Array:
 
 def fitted(x: Array, y: Array, counts: Array, ridge: float, known: Array) -> Array:
     """Return the weights (k,) of the most likely logistic law, drawn toward the ``known`` one, the constant free."""
-    w, penalty = known.copy(), np.diag([0.0, *[ridge] * (x.shape[1] - 1)])
-    for _ in range(50):
-        p = 1.0 / (1.0 + np.exp(-x @ w))
-        curvature = (x.T * (counts * p * (1.0 - p) + 1e-9)) @ x + penalty
-        w = w + np.linalg.solve(curvature, x.T @ (counts * (y - p)) - penalty @ (w - known))
-    return w
+    penalty = np.array([0.0, *[ridge] * (x.shape[1] - 1)])
+
+    def cost(w: Array) -> tuple[float, Array]:
+        z, off = x @ w, penalty * (w - known)
+        value = float(counts @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - known))
+        return value, x.T @ (counts * (expit(z) - y)) + off
+
+    return np.asarray(minimize(cost, known, jac=True, method="BFGS").x)
 
 
 def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: float, known: Array) -> Array:
@@ -120,7 +124,7 @@ def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: 
     p = np.zeros(y.size)
     for one in np.unique(case):
         mine = case == one
-        p[mine] = 1.0 / (1.0 + np.exp(-x[mine] @ fitted(x[~mine], y[~mine], counts[~mine], ridge, known)))
+        p[mine] = expit(x[mine] @ fitted(x[~mine], y[~mine], counts[~mine], ridge, known))
     return p
 
 
@@ -156,7 +160,7 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
         f"{int(y.sum())} effects were there; Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, "
         "each by a law that has not seen its case"
     )
-    print(f"the law as it is: log score {log_score(1.0 / (1.0 + np.exp(-x @ now)), y):.3f}")
+    print(f"the law as it is: log score {log_score(expit(x @ now), y):.3f}")
     for i, feature in enumerate(FEATURES[complete], 1):
         lesser = left_out(np.delete(x, i, 1), y, counts, case, ridge, np.delete(known, i))
         print(f"without {feature}: log score {log_score(lesser, y):.3f}")

@@ -86,10 +86,13 @@ class Programme:
         return _numbered("stickslip", "friction", moves)
 
     def _strokes(self) -> list[Machine]:
-        """Strokes at four pressures, the last of them between the others."""
+        """Strokes at four pressures, the last of them between the others; over the place where friction has one."""
+        par = self.laboratory.parameters
         stroke, gauge = self.known.stroke, self.known.supply - self.known.ambient
         start = float(self.rng.uniform(0.1, 0.4)) * stroke
         way, speed = float(self.rng.uniform(0.15, 0.25)) * stroke, float(self.rng.uniform(0.03, 0.06)) * stroke
+        if par.position_gain > 0.0:
+            start = par.position_from - float(self.rng.uniform(0.1, 0.4)) * way
         levels = np.array([0.15, 0.45, 1.0, 0.7]) * self.rng.uniform(0.85, 1.0)
         swing = float(self.rng.uniform(0.002, 0.01))
         return [

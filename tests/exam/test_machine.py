@@ -56,3 +56,15 @@ def test_an_imposed_case_says_so_and_holds_out_a_pressure_between_the_others(tmp
     ]
     assert levels[1] < levels[3] < levels[2]
     assert truth["conditions"] == ["imposed"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_machine_passes_over_the_place_where_friction_is_higher(tmp_path: Path, seed: int) -> None:
+    truth = generate_case(tmp_path / "case", "friction", ["position-friction"], "", 1.0, seed, parse("imposed"))
+    place = truth["hidden"]["position-friction"]
+    for file in sorted((tmp_path / "case" / "raw").glob("*.csv")):
+        text = file.read_text().splitlines()
+        header = next(i for i, line in enumerate(text) if line.startswith("t [ms]"))
+        column = text[header].split(",").index("Pos [mm]")
+        x = 1e-3 * np.array([float(line.split(",")[column]) for line in text[header + 1 :] if line[0].isdigit()])
+        assert x.min() < place["from"] < x.max()
