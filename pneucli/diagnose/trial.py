@@ -25,7 +25,7 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 
 
-RANKING = Effort(5, 5e-4)  # of a first fit, which only ranks: an eighth of what is MATERIAL
+RANKING = Effort(12, 5e-3)  # of a first fit, which only ranks: about what is MATERIAL
 RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shifts; a fall by as much is chance too
 READING = frozenset({"pressure sensor"})  # faults of it cannot show where no pressure is recorded
 Screened = tuple[Effect, list[Signature]]
