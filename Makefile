@@ -21,7 +21,7 @@ demo: $(VENV)/.installed-all
 
 # The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
 test: $(VENV)/.installed-dev chromium
-	@$(MAKE) --no-print-directory --keep-going check; checked=$$?; $(BIN)/python -m pytest -n 2 && exit $$checked
+	@$(MAKE) --no-print-directory --keep-going check; checked=$$?; $(BIN)/python -m pytest -n 2 --dist worksteal && exit $$checked
 
 # Small faults, put into the code one at a time: of 300, unit tests have to notice 85 in 100. SEED=7 repeats a sample.
 mutants: $(VENV)/.installed-dev

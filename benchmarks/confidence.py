@@ -11,7 +11,16 @@
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
     python -m benchmarks.confidence --real REAL M N T Z I U
 
-These give BESIDE. COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
+These gave BESIDE, which was then held against these, answered by a program without the turns of an imposed motion (the
+first 36 of M7 and 26 of U7, the first 16 of M1):
+
+    pneucli exam M7 --condition messy --cases 36 --nulls 20 --seed 735066116
+    pneucli exam U7 --condition usual --cases 24 --nulls 14 --seed 735066116
+    pneucli exam M1 --condition messy --cases 40 --nulls 40 --seed 186058204
+    pneucli exam I1 --condition imposed --condition imposed+messy --cases 12 --nulls 6 --seed 186058204
+    python -m benchmarks.confidence --real REAL I M7 U7 M1 I1
+
+COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
     pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
     pneucli exam E2 --condition usual --condition messy --cases 24 --nulls 12 --seed 3061778563

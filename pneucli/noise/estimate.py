@@ -21,13 +21,15 @@ STEEPEST, FLATTEST = 12.0, 4.0  # a smooth signal's power falls at least like th
 NOTHING = -60.0  # log of a power that is absent
 
 
-def estimate(time: Array, values: Array, jumps: NDArray[np.bool_] | None = None) -> NoiseModel:
+def estimate(
+    time: Array, values: Array, jumps: NDArray[np.bool_] | None = None, own: NDArray[np.bool_] | None = None
+) -> NoiseModel:
     """Return the noise of one channel of one recording, in the signal's unit.
 
     ``time`` (s) and ``values`` have shape ``(n,)``; NaN marks what was not measured; ``jumps`` (n,) marks where a
-    command does, which kinks the signal. A Whittle fit to the spectrum of the quiet segments takes apart white noise,
-    AR(1) noise and the signal's own content, whose power falls at least like omega^-4 (AR(1) falls like omega^-2); BIC
-    decides between white, coloured, and both. Lines are mains hum.
+    command does, which kinks the signal, and ``own`` where the signal itself does. A Whittle fit to the spectrum of the
+    quiet segments takes apart white noise, AR(1) noise and the signal's own content, whose power falls at least like
+    omega^-4 (AR(1) falls like omega^-2); BIC decides between white, coloured, and both. Lines are mains hum.
     Below about 80 samples only white noise is estimated, from differences of third order: colour and content that
     fast cannot be told from white noise there. Source: P. Whittle, Ark. Mat. 2 (1953); G. Schwarz, Ann. Stat. 6 (1978).
     """
@@ -35,7 +37,7 @@ def estimate(time: Array, values: Array, jumps: NDArray[np.bool_] | None = None)
     step = quantisation_step(values)
     if not step and np.median(np.abs(np.diff(values))) == 0:
         return NoiseModel(white=0.0, period=period)  # a command that is held between its jumps
-    floor = noise_floor(values, period, jumps)
+    floor = noise_floor(values, period, jumps, own)
     if floor is None:
         return NoiseModel(white=_white_of_differences(values), period=period, step=step)
     smallest = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)

@@ -51,13 +51,25 @@ def jumps_of(commands: Sequence[Array], samples: int) -> NDArray[np.bool_]:
 def free_of(jumps: NDArray[np.bool_], period: float) -> NDArray[np.bool_] | None:
     """Return which segments are free of ``jumps`` (n,); None where too few are to tell the floor by themselves."""
     length = segment_length(jumps.size, period)
-    if not length:
-        return None
+    return _free(jumps, length) if length else None
+
+
+def _free(jumps: NDArray[np.bool_], length: int) -> NDArray[np.bool_] | None:
     free = ~np.lib.stride_tricks.sliding_window_view(jumps, length)[:: length // 2].any(axis=1)
     return np.asarray(free) if np.count_nonzero(free) >= FEWEST_FREE else None
 
 
-def noise_floor(values: Array, period: float, jumps: NDArray[np.bool_] | None = None) -> Floor | None:
+def length_between(jumps: NDArray[np.bool_], period: float) -> int:
+    """Return the length of segments of which enough are free of ``jumps`` (n,), as short as that takes; 0 if none."""
+    length = segment_length(jumps.size, period)
+    while length >= SHORTEST and _free(jumps, length) is None:
+        length //= 2
+    return length if length >= SHORTEST else 0
+
+
+def noise_floor(
+    values: Array, period: float, jumps: NDArray[np.bool_] | None = None, own: NDArray[np.bool_] | None = None
+) -> Floor | None:
     """Return the spectrum of the quiet segments, per bin, or None where ``values`` are too few for one.
 
     ``period`` is that of the sampling, in s.
@@ -66,12 +78,14 @@ def noise_floor(values: Array, period: float, jumps: NDArray[np.bool_] | None = 
     expectation for exponentially distributed periodograms, stands for the mean: a jump or a burst of motion in some
     segments does not enter. NaN segments are left out, and those in which a command ``jumps`` (n,) where enough are
     free of it: where most have a kink, as behind a switching valve, even the lower quartile is the signal's own.
+    Of a signal that jumps by itself where ``own`` (n,) says so, segments are as short as it takes to lie between.
     """
-    length = segment_length(values.size, period)
+    length, free = segment_length(values.size, period), None if jumps is None else free_of(jumps, period)
+    if own is not None and (short := length_between(own, period)):
+        length, free = short, _free(own, short)
     if not length:
         return None
     segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]
-    free = None if jumps is None else free_of(jumps, period)
     segments = segments[np.isfinite(segments).all(axis=1) & (True if free is None else free)]
     if segments.shape[0] < 4:
         return None

@@ -235,7 +235,9 @@ def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseMo
             models[name] = NoiseModel(white=stated[name], period=one.period)
         elif np.isfinite(values).sum() >= FEWEST:
             measured = _measured(values)
-            models[name] = estimate(time[measured], values[measured], jumps[measured])
+            # dry friction turns round with an imposed motion: its spectrum is that of slow noise
+            own = jumps_of([values], time.size)[measured] if name == "force" and one.source.table.imposed else None
+            models[name] = estimate(time[measured], values[measured], jumps[measured], own)
     return models
 
 

@@ -12,6 +12,7 @@ from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.machine import TURN, Machine, driven
 from pneucli.exam.rig.parameters import Parameters
+from pneucli.notebook.run import open_pipeline_of
 
 PAR = Parameters(coulomb=10.0, viscous=40.0, mass=2.0)
 MACHINE = Machine((0.04, 0.08), (0.01, 0.02), 4, PAR.ambient + 3e5)
@@ -68,3 +69,14 @@ def test_a_machine_passes_over_the_place_where_friction_is_higher(tmp_path: Path
         column = text[header].split(",").index("Pos [mm]")
         x = 1e-3 * np.array([float(line.split(",")[column]) for line in text[header + 1 :] if line[0].isdigit()])
         assert x.min() < place["from"] < x.max()
+
+
+def test_the_noise_of_a_force_that_jumps_with_the_direction_is_that_of_its_sensor(tmp_path: Path) -> None:
+    """White noise shows in the differences from sample to sample, of which few hold a jump."""
+    generate_case(tmp_path / "case", "friction", ["position-friction"], "", 1.0, 0, parse("imposed"))
+    done = open_pipeline_of(tmp_path / "case" / "pipeline.toml", tmp_path / "out").bring_up(["ingest"])
+    recording = done["ingest"].answer["recordings"][0]
+    text = (tmp_path / "case" / recording["file"]).read_text().splitlines()
+    force = np.array([float(line.split(",")[3]) for line in text if line[0].isdigit()])
+    white = 1.4826 * np.median(np.abs(np.diff(force))) / np.sqrt(2.0)
+    assert recording["noise"]["force"]["rms"] == pytest.approx(white, rel=0.15)

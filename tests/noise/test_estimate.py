@@ -172,3 +172,21 @@ def test_segments_are_free_where_no_jump_lies_in_them_and_enough_of_them_are():
     assert np.flatnonzero(~free).tolist() == [6, 7]
     jumps[::200] = True
     assert free_of(jumps, PERIOD) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rms", [0.1, 1.0])
+def test_noise_of_a_force_is_found_between_the_turns_of_dry_friction(seed: int, rms: float):
+    """A jump of 40 N every 1.3 to 2.6 s at 100 Hz: no segment of the usual length is free of one."""
+    rng, time = np.random.default_rng(seed), 0.01 * np.arange(3000)
+    turns = np.cumsum(np.tile([1.3, 2.6], 9))
+    force = 20.0 * (-1.0) ** np.searchsorted(turns, time) + 3.0 * np.sin(time) + rng.normal(scale=rms, size=time.size)
+    found = estimate(time, force, own=jumps_of([force], time.size))
+    assert found.rms == pytest.approx(rms, rel=0.15)
+    assert estimate(time, force).rms > 2.0 * rms  # as slow noise, all the turns would be noise
+
+
+def test_where_a_signal_jumps_all_the_time_its_spectrum_is_that_of_all_of_it():
+    time, values = 0.01 * np.arange(2000), np.random.default_rng(0).normal(size=2000)
+    everywhere = np.ones(2000, dtype=bool)
+    assert estimate(time, values, own=everywhere) == estimate(time, values)
