@@ -60,16 +60,18 @@ def imposed_force(model: Model, experiment: Experiment, noise: Mapping[str, Arra
 def turning(experiment: Experiment) -> NDArray[np.bool_]:
     """Return at which samples (n,) the measured motion does not tell its direction.
 
-    Those beside a turn, which sampling and smoothing move by up to a period; where the comparison asks for a low-pass,
-    as long before and after them as it takes to rise.
+    From the last one that goes one way to the first that goes the other: a turn, which sampling and smoothing move by
+    up to a period. Where the comparison asks for a low-pass, as long before and after as it takes to rise. Nowhere in a
+    recording that would hold nothing else.
     """
     v, period = motion(experiment)[1], experiment.recording.period
-    before = np.flatnonzero(np.diff(np.sign(v)))
-    rise = 0.0 if experiment.low_pass is None else RISE / experiment.low_pass
-    apart = np.arange(-round(rise / period), round(rise / period) + 2)
+    moving = np.flatnonzero(np.abs(v) > v_still(experiment, v))
+    turned = np.flatnonzero(np.diff(np.sign(v[moving])))
+    rise = 0 if experiment.low_pass is None else round(RISE / experiment.low_pass / period)
     found = np.zeros(v.size, dtype=bool)
-    found[np.clip(before[:, None] + apart, 0, v.size - 1)] = True
-    return found
+    for last, first in zip(moving[turned], moving[turned + 1], strict=True):
+        found[max(last - rise, 0) : first + rise + 1] = True
+    return found if not found.all() else np.zeros_like(found)
 
 
 def v_still(experiment: Experiment, v: Array) -> float:

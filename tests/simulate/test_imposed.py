@@ -46,7 +46,7 @@ def test_a_low_pass_spreads_a_turn_over_as_long_as_it_takes_to_rise() -> None:
     """0.35 / 5 Hz is 7 samples, before and after."""
     turns = turning(driven(5.0))
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], turns.astype(int), [0]]))))[::2]
-    assert runs.tolist() == [16] * len(runs)
+    assert set(runs.tolist()) <= {16, 17}  # one more where a sample stands at the turn
 
 
 def test_a_true_model_leaves_noise_where_the_motion_turns() -> None:
@@ -69,3 +69,23 @@ def test_where_the_friction_is_wrong_the_error_stays() -> None:
     wrong = replace(TRUE, values={**TRUE.values, "friction.coulomb": COULOMB - 5.0})
     (found,) = compare(wrong, driven()).results
     assert found.rmsd == pytest.approx(np.hypot(5.0, NOISE), rel=0.05)
+
+
+def test_a_piston_at_rest_turns_nowhere_and_one_that_only_shakes_is_compared_all_the_same() -> None:
+    e = driven()
+    still = prepare(replace(e.recording, signals={**e.recording.signals, "x": np.full(TIME.size, 0.1)}), RIG, None)
+    assert not turning(still).any()
+    shaken = {
+        **e.recording.signals,
+        "x": 0.1 + 1e-3 * (-1.0) ** np.arange(TIME.size),
+        "v": (-1.0) ** np.arange(TIME.size),
+    }
+    assert not turning(prepare(replace(e.recording, signals=shaken), RIG, None)).any()
+
+
+def test_a_rest_between_two_ways_is_part_of_the_turn() -> None:
+    v = np.concatenate([np.full(300, 0.02), np.zeros(100), np.full(400, -0.02)])
+    e = driven()
+    rested = {**e.recording.signals, "x": 0.05 + np.cumsum(v) * PERIOD, "v": v}
+    found = np.flatnonzero(turning(prepare(replace(e.recording, signals=rested), RIG, None)))
+    assert (found[0], found[-1], found.size) == (299, 400, 102)
