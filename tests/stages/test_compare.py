@@ -107,6 +107,7 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
     told: list[str] = []
     monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: SimpleNamespace(channels=(), recording=slow))
     monkeypatch.setattr("pneucli.stages.study.with_commands", lambda experiments, rig: experiments)
+    monkeypatch.setattr("pneucli.stages.study.with_one_range", lambda experiments: experiments)
     time = 0.1 * np.arange(72_000)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message)))
