@@ -12,7 +12,6 @@ from pneucli.compare.expected import MOTION, expected_rms
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.ends import at_ends
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed import turning
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 
@@ -57,7 +56,7 @@ class Comparison:
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:
     """Compare a model with one experiment; ``noise`` by channel is drawn where it is not given.
 
-    Where an end decides on the motion, it is not compared; nor is the force where an imposed motion turns.
+    Where an end decides on the motion, it is not compared.
     """
     noise = expected_rms(model, experiment) if noise is None else noise
     modelled = outputs(model, experiment)
@@ -65,8 +64,6 @@ def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None
     if "x" in modelled:
         given = {c: at_ends(experiment, modelled["x"], c) for c in MOTION if c in measured}
         measured |= {c: np.where(ends, np.nan, measured[c]) for c, ends in given.items()}
-    if experiment.recording.imposed:
-        measured = {c: np.where(turning(experiment), np.nan, force) for c, force in measured.items()}
     results = tuple(
         channel_result(experiment, channel, measured[channel], modelled[channel], noise[channel])
         for channel in experiment.channels

@@ -10,7 +10,6 @@ import numpy as np
 
 from pneucli.simulate.deviations import SEED, drawn
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed import turning
 from pneucli.simulate.model import Model
 
 DRAWS = 6
@@ -19,7 +18,7 @@ MOTION = ("x", "v", "a")
 
 def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, float]:
     """Return the rms deviation by channel that a correct model would show, never below the sensor's own noise."""
-    seen = ~turning(experiment) if experiment.recording.imposed else slice(None)
+    seen = ~experiment.turning if experiment.recording.imposed else slice(None)
     squares = [
         {c: float(np.mean(d[seen] ** 2)) for c, d in one.items()} for one in drawn(model, experiment, draws, seed)
     ]

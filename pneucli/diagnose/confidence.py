@@ -27,8 +27,8 @@ class Evidence(NamedTuple):
     ``share``: part of the squared error of ``compare`` beyond noise that it takes away, on held-out recordings where
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
     over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where something
-    is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it
-    acts in, that is left with it in its place.
+    is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it acts in, that is left
+    with it in its place.
     """
 
     share: float | None

@@ -207,12 +207,9 @@ def _likelier(bench: Bench, place: Place) -> Trial | None:
 
     What leaves least is no better then: of a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
     """
-    alike = place.alike(bench, complete=False) if place.rivals else []
-    if not alike or not too_much(*remains(bench, place.named.state)):
-        return None
-
-    best = max(alike, key=lambda t: likely(bench, t))
-    return best if likely(bench, best) > likely(bench, place.named) else None
+    trials = [place.named, *place.alike(bench, complete=False)]
+    best = max(trials, key=lambda t: likely(bench, t)) if len(trials) > 1 else place.named
+    return best if best is not place.named and too_much(*remains(bench, place.named.state)) else None
 
 
 def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round]:

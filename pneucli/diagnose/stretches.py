@@ -9,7 +9,7 @@ import numpy as np
 
 from pneucli.recording import Recording
 
-MOST = 100_000  # samples in all: their derivatives for all parameters fit into a gigabyte
+MOST = 80_000  # samples in all: their derivatives for all parameters fit into a gigabyte
 PIECES = 10  # of one recording, so that what drifts over it is seen
 HORIZONS = 4.0  # of the comparison, at least, in one stretch
 

@@ -15,9 +15,9 @@ from pneucli.plausibility.needs import to_identify
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed import motion
 from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.model import Model, Valve
+from pneucli.simulate.motion import motion
 from pneucli.simulate.switching_valve import SwitchingValve
 from pneucli.simulate.valve_area import NO_VALVE, ValveArea
 

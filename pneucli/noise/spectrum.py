@@ -59,12 +59,16 @@ def _free(jumps: NDArray[np.bool_], length: int) -> NDArray[np.bool_] | None:
     return np.asarray(free) if np.count_nonzero(free) >= FEWEST_FREE else None
 
 
-def length_between(jumps: NDArray[np.bool_], period: float) -> int:
-    """Return the length of segments of which enough are free of ``jumps`` (n,), as short as that takes; 0 if none."""
-    length = segment_length(jumps.size, period)
-    while length >= SHORTEST and _free(jumps, length) is None:
-        length //= 2
-    return length if length >= SHORTEST else 0
+def _between(jumps: NDArray[np.bool_], length: int) -> tuple[int, NDArray[np.bool_] | None]:
+    """Return the length, at most that given, of segments of which enough are free of ``jumps`` (n,); and which are.
+
+    As short as that takes; where no length does, that given, and None.
+    """
+    for halved in range(length.bit_length()):
+        short = length >> halved
+        if short >= SHORTEST and (free := _free(jumps, short)) is not None:
+            return short, free
+    return length, None
 
 
 def noise_floor(
@@ -80,11 +84,12 @@ def noise_floor(
     free of it: where most have a kink, as behind a switching valve, even the lower quartile is the signal's own.
     Of a signal that jumps by itself where ``own`` (n,) says so, segments are as short as it takes to lie between.
     """
-    length, free = segment_length(values.size, period), None if jumps is None else free_of(jumps, period)
-    if own is not None and (short := length_between(own, period)):
-        length, free = short, _free(own, short)
+    length = segment_length(values.size, period)
     if not length:
         return None
+    free = None if jumps is None else _free(jumps, length)
+    if own is not None:
+        length, free = _between(own, length)
     segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]
     segments = segments[np.isfinite(segments).all(axis=1) & (True if free is None else free)]
     if segments.shape[0] < 4:

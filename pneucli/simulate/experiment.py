@@ -18,6 +18,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
 from pneucli.simulate.extent import Extent
 from pneucli.simulate.flags import flags_of
+from pneucli.simulate.motion import smooth_motion, turning
 from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 from pneucli.simulate.stand_ins import stand_in
 
@@ -136,7 +137,14 @@ class Experiment:
         return Extent(command, pressure, largest(at.IN_FORCE), speed, *bounds, self.recording.period)
 
     def measured(self, channel: str) -> Array:
-        """Return the measured channel, NaN where it was not measured; filtered where the comparison asks for it."""
+        """Return the measured channel, filtered where the comparison asks for it.
+
+        NaN where it was not measured, and a force where an imposed motion turns: dry friction may have either sign.
+        """
+        seen = self._seen(channel)
+        return np.where(self.turning, np.nan, seen) if channel == "force" and self.recording.imposed else seen
+
+    def _seen(self, channel: str) -> Array:
         if channel == "force" and "force" not in self.recording:
             return self.filtered(self.net_pressure_force())
         if channel == "v" and "v" not in self.raw:
@@ -144,6 +152,11 @@ class Experiment:
         whole = self.raw[channel] is self.recording.signals.get(channel)
         seen = self.filtered(self.raw[channel])
         return seen if whole else np.where(np.isnan(self.recording[channel]), np.nan, seen)
+
+    @cached_property
+    def turning(self) -> NDArray[np.bool_]:
+        """At which samples (n,) the measured motion does not tell its direction."""
+        return turning(self)
 
     def net_pressure_force(self) -> Array:
         """Return the force of the measured pressures on the piston, toward +x, in N."""
@@ -255,18 +268,6 @@ def smooth(
     if "x" in raw:
         inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, fusion, time)
     return inputs
-
-
-def smooth_motion(
-    raw: Mapping[str, Array], smoothers: Mapping[str, LocalFits], fusion: Kinematics | None, time: Array
-) -> tuple[Array, Array]:
-    """Return smoothed position and velocity, each (n,)."""
-    if fusion is not None:
-        return fusion(raw["x"], raw["a"])[:2]
-    x = smoothers["x"](raw["x"]) if "x" in smoothers else raw["x"]
-    if "v" in raw:
-        return x, raw["v"]
-    return x, smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
 
 
 def longest_step(rig: Rig, period: float) -> float:

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, restarts
-from pneucli.simulate.imposed import resting_reading, v_still
+from pneucli.simulate.imposed import resting_reading
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion import v_still
 from pneucli.simulate.run import base_vector, kernel_for, with_p2
 
 Array = NDArray[np.float64]

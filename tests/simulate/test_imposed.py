@@ -13,8 +13,8 @@ from pneucli.identify.views import Imposed
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.imposed import turning
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion import turning
 
 RIG = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
 COULOMB, NOISE = 20.0, 0.5  # N

@@ -16,9 +16,10 @@ from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
 from pneucli.simulate.ends import contact
-from pneucli.simulate.experiment import smooth, smooth_motion
+from pneucli.simulate.experiment import smooth
 from pneucli.simulate.imposed import resting_reading
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion import smooth_motion
 from pneucli.simulate.run import base_vector, kernel_for
 
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.identify.views.view import Array, View, difference
 from pneucli.physics.declaration import Side
-from pneucli.simulate.imposed import turning
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
 
@@ -42,14 +39,6 @@ class Imposed(Whole):
     states_force: ClassVar[bool] = False
     replayed: ClassVar[bool] = False
 
-    def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """Return measured minus model by channel, 0 where the motion turns."""
-        return self.settled(super().residual(model, errors), {})
-
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
-        """Return residuals without those at a turn: there dry friction may have either sign."""
-        return {c: np.where(self._turning, 0.0, r) for c, r in residual.items()}
-
-    @cached_property
-    def _turning(self) -> NDArray[np.bool_]:
-        return turning(self.experiment)
+        """Return residuals without those at a turn, where nothing is held against the model."""
+        return {c: np.where(self.experiment.turning, 0.0, r) for c, r in residual.items()}
