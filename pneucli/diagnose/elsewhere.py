@@ -95,8 +95,7 @@ class Elsewhere:
 
     def _job(self, data: str, one: Refit) -> Job:
         state = self._file(one.state, lambda: one.state)
-        ranked = None if one.ranked is None else tuple(replace(s, change=np.zeros(0)) for s in one.ranked)
-        return Job(self._new("ended"), data, str(state), one.kind, one.effect.name, ranked, self._plugins)
+        return Job(self._new("ended"), data, str(state), one.kind, one.effect.name, one.ranked, self._plugins)
 
     def _new(self, ending: str) -> str:
         self._number += 1

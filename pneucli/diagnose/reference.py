@@ -164,11 +164,12 @@ def reference_at(
     lacking = {e.name: e for e in effects}
     asked = list(_starts(lacking, found, views)) if known is None else [s for s in known if s.effect in lacking]
     bounded = [lacking[start.effect].bounds for start in asked]
-    changed = zip(_changes(asked, lacking, found, views), bounded, strict=True)
-    rows = [_step(found, bread, change, known=not only) for change, only in changed]
-    power, steps, step_influence, bias, cross, share, new = zip(*rows, strict=True) if rows else ((),) * 7
+    beyond, rows = np.zeros((len(asked), found.residual.size), dtype=np.float32), []
+    for i, (change, only) in enumerate(zip(_changes(asked, lacking, found, views), bounded, strict=True)):
+        row, beyond[i] = _step(found, bread, change, known=not only)
+        rows.append(row)
+    power, steps, step_influence, bias, cross, share = zip(*rows, strict=True) if rows else ((),) * 6
     count, k = int(found.blocks.max()) + 1, len(found.free)
-    beyond = np.array(new, dtype=np.float32).reshape(len(rows), found.residual.size)
     return Reference(
         coordinates=tuple(_coordinate(found, name.name, name.unit, name.logarithmic) for name in found.free),
         starts=tuple(asked),
@@ -219,9 +220,10 @@ def _changes(
         yield np.zeros(found.residual.size) if change is None else change
 
 
-def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[Any, ...]:
-    """Return power, step, influence of each block (B,), bias (k,), what a step changes of the parameters' influence
-    (B, k), the blocks' shares (B,), and what the parameters cannot do (N,), of an effect's change of the residual (N,).
+def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[tuple[Any, ...], Array]:
+    """Return of an effect's change of the residual (N,) what the parameters cannot do (N,), and before that its power,
+    step, influence of each block (B,), bias (k,), what a step changes of the parameters' influence (B, k), and the
+    blocks' shares (B,).
 
     What it leaves is not ``known`` where it states bounds: within them it takes noise out as well.
     """
@@ -231,13 +233,13 @@ def _step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[Any,
     new = change - found.jacobian @ bias
     power = float(new @ new)
     if power <= NEGLIGIBLE * float(change @ change):
-        none = np.zeros(change.size, dtype=np.float32)
-        return 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count), none
+        none = 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count)
+        return none, np.zeros(change.size)
     cross = -scores(found.jacobian, new, found.blocks) @ bread
     share = np.bincount(found.blocks, weights=new**2, minlength=count) / power
     scored = np.bincount(found.blocks, weights=new * found.residual, minlength=count)
     kept = (cross, share) if known else (np.zeros_like(cross), np.zeros_like(share))
-    return power, -float(scored.sum()) / power, -scored / power, bias, *kept, new.astype(np.float32)
+    return (power, -float(scored.sum()) / power, -scored / power, bias, *kept), new
 
 
 def _levels(found: Fit) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneucli.recording import Recording
 
-MOST = 80_000  # samples in all: their derivatives for all parameters fit into a gigabyte
+MOST = 100_000  # samples in all: their derivatives for all parameters fit into a gigabyte
 PIECES = 10  # of one recording, so that what drifts over it is seen
 HORIZONS = 4.0  # of the comparison, at least, in one stretch
 
@@ -44,4 +44,6 @@ def _pieces(one: Recording, level: int, horizon: float) -> Iterator[Recording]:
     size = level // number
     for start in np.linspace(0, n - size, number).astype(int):
         part = slice(start, start + size)
-        yield replace(one, time=one.time[part], signals={name: s[part] for name, s in one.signals.items()})
+        yield replace(
+            one, time=one.time[part].copy(), signals={name: s[part].copy() for name, s in one.signals.items()}
+        )

@@ -39,14 +39,13 @@ SCANNED = 32  # values of a time, from the least typical one to its bound
 
 @dataclass(frozen=True)
 class Signature:
-    """What switching an effect on at some values changes in the residuals (N,), in units of noise.
+    """What switching an effect on at some values promises.
 
-    ``gain`` is the fall of the cost (squared) that a linear ``step`` along it promises, base parameters adjusting;
-    ``error`` is the step's standard error, from the scores of blocks.
+    ``gain`` is the fall of the cost (squared) by a linear ``step`` along what it changes in the residuals, base
+    parameters adjusting; ``error`` is the step's standard error, from the scores of blocks.
     """
 
     values: dict[str, float]
-    change: Array
     gain: float
     step: float
     error: float
@@ -106,12 +105,12 @@ def _signature(values: dict[str, float], change: Array, found: Fit, *, nested: b
     target, new = found.unexplained, found.beyond(change)
     power = float(new @ new)
     if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
-        return Signature(values, change, 0.0, 0.0, np.inf)
+        return Signature(values, 0.0, 0.0, np.inf)
     error = float(np.linalg.norm(np.bincount(found.blocks, weights=new * target))) / power
     if not nested:  # it cannot be switched on by degrees
-        return Signature(values, change, float(target @ target - (target + new) @ (target + new)), 1.0, error)
+        return Signature(values, float(target @ target - (target + new) @ (target + new)), 1.0, error)
     step = -float(new @ target) / power
-    return Signature(values, change, step * step * power, step, error)
+    return Signature(values, step * step * power, step, error)
 
 
 def scaled_start(

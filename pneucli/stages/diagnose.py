@@ -24,8 +24,10 @@ from pneucli.identify.fit import Fit
 from pneucli.identify.intervals import with_intervals
 from pneucli.identify.start import first_guess
 from pneucli.identify.views import Inferred, View
+from pneucli.memory import give_back
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.identity import identity
+from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
@@ -56,23 +58,30 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("fitting the model as it is", 0.2)
     fitted = [view.experiment for view in bench.train]
     guess = first_guess(fitted, study.rig, study.valve)
-    base = fit_model(guess, bench.train, study.effects)
     implausible = bool(context.answers["ingest"]["plausibility"])
     bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments), implausible=implausible)
-    plugins = plugin_files(context.config)
+    model, answer = _diagnosed(study, bench, guess)
+    give_back()  # the derivatives of all that was tried
+    answer["warnings"], answer["thinned"] = warnings, thinned
+    answer["plausibility"] = context.answers["ingest"]["plausibility"]
+    context.progress("what later comparisons need", 0.95)
+    whole = keep_reference(study, bench, model)
+    answer["parameters"] = parameter_answer([as_ratio(e, study) for e in whole.estimates])
+    if asked := context.options.get("since"):
+        answer |= since(study, bench, asked)
+    return answer | history.keep(context, answer, SHAPE)
+
+
+def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[str, Any]]:
+    """Return the fitted model without what is missing, and what is said of that; write its tables."""
+    base = fit_model(guess, bench.train, study.effects)
+    context, plugins = study.context, plugin_files(study.context.config)
     with elsewhere.through(context.options.get("executor"), context.out, plugins, identity) as refits:
         found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
-    answer["warnings"], answer["thinned"] = warnings, thinned
-    answer["plausibility"] = context.answers["ingest"]["plausibility"]
-    context.progress("what later comparisons need", 0.95)
-    whole = keep_reference(study, bench, base.model)
-    answer["parameters"] = parameter_answer([as_ratio(e, study) for e in whole.estimates])
-    if asked := context.options.get("since"):
-        answer |= since(study, bench, asked)
     write_diagnosis(study, bench, found, answer)
-    return answer | history.keep(context, answer, SHAPE)
+    return base.model, answer
 
 
 def _thinned(study: Study) -> dict[str, int] | None:

@@ -50,3 +50,9 @@ def test_a_stretch_is_some_horizons_long_however_few_that_makes() -> None:
     pieces = stretches([recording(100_000)], 10_000, 1.0)
     assert [piece.time.size for piece in pieces] == [5000, 5000]
     assert len(stretches([recording(100_000)], 1000, 1.0)) == 1
+
+
+def test_a_stretch_does_not_keep_the_rest_of_its_recording_in_memory() -> None:
+    (piece,) = stretches([recording(100_000)], 1000, 1.0)
+    assert piece.time.base is None
+    assert piece["x"].base is None

@@ -257,12 +257,11 @@ def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_f
     found = replace(fitted(np.zeros((1000, 0)), np.full(1000, 5.0)), errors=({}, {}))
     ranked = signatures(force, found, views)
     assert {s.values["constant-force.force"] for s in ranked} == set(force.parameters[0].on(FACTS).typical)
-    for s in ranked:
-        assert s.change[:400] == pytest.approx(np.full(400, -s.values["constant-force.force"] / 2.0))
-        assert not s.change[400:].any()
     assert [s.gain for s in ranked] == sorted((s.gain for s in ranked), reverse=True)
     blind: Any = [View(np.ones(400), felt=False), View(np.ones(600), felt=False)]
     assert signatures(force, found, blind) == []
+    (change,) = added.changes(force, found, views, [{"constant-force.force": 8.0}])
+    assert change.tolist() == [-4.0] * 400 + [0.0] * 600
 
 
 @pytest.mark.parametrize(
@@ -271,17 +270,17 @@ def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_f
 def test_a_start_is_the_promised_step_from_null_within_a_twentieth_and_five(
     step: float, share: float, value: float
 ) -> None:
-    signature = Signature({"constant-force.force": 10.0}, np.zeros(1), 1.0, step, 1.0)
+    signature = Signature({"constant-force.force": 10.0}, 1.0, step, 1.0)
     found = scaled_start(catalogue()["constant-force"], signature, model(), FACTS, share)
     assert found == {"constant-force.force": pytest.approx(value)}
 
 
 def test_a_start_moves_from_its_null_only_what_has_one_and_stays_within_bounds() -> None:
-    signature = Signature({"stribeck.static": 24.0, "stribeck.velocity": 0.01}, np.zeros(1), 1.0, 2.0, 1.0)
+    signature = Signature({"stribeck.static": 24.0, "stribeck.velocity": 0.01}, 1.0, 2.0, 1.0)
     found = scaled_start(catalogue()["stribeck"], signature, model(), FACTS)
     assert found == {"stribeck.static": pytest.approx(34.0), "stribeck.velocity": 0.01}
     declared = catalogue()["chamber-leak"].parameters[0].on(FACTS)
-    far = Signature({"chamber-leak.area": declared.upper}, np.zeros(1), 1.0, 5.0, 1.0)
+    far = Signature({"chamber-leak.area": declared.upper}, 1.0, 5.0, 1.0)
     assert scaled_start(catalogue()["chamber-leak"], far, model(), FACTS)["chamber-leak.area"] == declared.upper
 
 
@@ -322,7 +321,7 @@ class Scripted:
 
 
 def promised(*values: float, step: float = 1.0) -> list[Signature]:
-    return [Signature({"constant-force.force": v}, np.zeros(1), 1.0, step, 1.0) for v in values]
+    return [Signature({"constant-force.force": v}, 1.0, step, 1.0) for v in values]
 
 
 FOUND: Any = SimpleNamespace(model=model(), cost=100.0)
@@ -350,7 +349,6 @@ def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyP
     ranked = [
         Signature(
             {"position-friction.from": a, "position-friction.to": 0.15, "position-friction.gain": 1.0},
-            np.zeros(1),
             1.0,
             1.0,
             1.0,
