@@ -45,7 +45,8 @@ SHOWN = 40  # of what is known
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``'did you mean "x"?'`` for the closest of ``known``, or the list (of the first) where none is close."""
     known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word, known, cutoff=0.6)
+    close.sort(key=lambda one: sorted(one) != sorted(word))  # letters that changed places before others
     more = ", ..." * (len(known) > SHOWN)
     return f'did you mean "{close[0]}"?' if close else f"known: {', '.join(known[:SHOWN])}{more}"
 
