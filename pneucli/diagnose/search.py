@@ -207,8 +207,10 @@ def _likelier(bench: Bench, place: Place) -> Trial | None:
 
     What leaves least is no better then: of a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
     """
-    trials = [place.named, *place.alike(bench, complete=False)]
-    best = max(trials, key=lambda t: likely(bench, t)) if len(trials) > 1 else place.named
+    alike = place.alike(bench, complete=False)
+    if not alike:
+        return None
+    best = max([place.named, *alike], key=lambda t: likely(bench, t))
     return best if best is not place.named and too_much(*remains(bench, place.named.state)) else None
 
 

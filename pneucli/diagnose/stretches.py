@@ -44,6 +44,5 @@ def _pieces(one: Recording, level: int, horizon: float) -> Iterator[Recording]:
     size = level // number
     for start in np.linspace(0, n - size, number).astype(int):
         part = slice(start, start + size)
-        yield replace(
-            one, time=one.time[part].copy(), signals={name: s[part].copy() for name, s in one.signals.items()}
-        )
+        signals = {name: s[part].copy() for name, s in one.signals.items()}  # a view would keep the whole in memory
+        yield replace(one, time=one.time[part].copy(), signals=signals)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-WIDER = 4.0
+WIDER = 4.0  # times the frequency of a low-pass: x is filtered there before it is differentiated
 RISE = 0.35  # times one over the frequency of a low-pass: from 10 to 90 % of a step
 
 
