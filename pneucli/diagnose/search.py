@@ -262,13 +262,17 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
 def _pairs(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
     """Try pairs where single effects led nowhere: beside each of the best fits what promises most there.
 
-    A base that lacks two bends to both, and hides the signature of the one under what the other bent.
+    A base that lacks two bends to both, and hides the signature of the one under what the other bent. Pairs that the
+    last round has fitted are known.
     """
-    base = rungs[0]
-    fitted = [d.trial for d in rounds[0] if d.trial is not None and d.effect.name not in rungs[-1].names]
+    base, last = rungs[0], rungs[-1]
+    known = [{*last.names, d.effect.name} for d in rounds[-1] if d.trial is not None]
+    fitted = [d.trial for d in rounds[0] if d.trial is not None and d.effect.name not in last.names]
     best = rungs
     for first in sorted(fitted, key=lambda t: float(t.state.train.sum()))[:PAIRS]:
         for other, found in bench.screen(first.state)[:1]:
+            if {*first.state.names, other.name} in known:
+                continue
             way = _both(bench, base, first, other, found)
             if way is not None and gain(best[-1].costs, way[-1].costs).certain:
                 best = way

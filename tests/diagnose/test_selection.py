@@ -194,6 +194,14 @@ def test_the_second_of_a_pair_is_what_promises_most_beside_the_first() -> None:
     assert ("c", "d") not in toys.added_names
 
 
+def test_a_pair_that_was_fitted_from_the_one_side_is_not_fitted_from_the_other() -> None:
+    """Held-out data refuse b and c; beside each a promises most, and both were fitted beside a."""
+    toys = Toys([A, B, C], adding(a=0.5, b=0.06, c=0.05), unseen=adding(a=0.5))
+    assert found(toys).added == ["a"]
+    fitted = [frozenset(one) for one in toys.added_names]
+    assert len(fitted) == len(set(fitted))
+
+
 def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
     def takes(chosen: frozenset[str]) -> float:
         pair = 0.3 * ("b" in chosen) + 0.7 * ("c" in chosen)
