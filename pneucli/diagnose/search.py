@@ -240,7 +240,8 @@ def _missed(before: State, last: State) -> bool:
 def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> tuple[list[State], Round]:
     """Return the states from base to last, the effect that explains most first, and what no rung can take.
 
-    No rung raises the error that the user sees: what does so wherever it is added is left out.
+    No rung raises the error that the user sees: what does so wherever it is added is left out, and what has no size to
+    start from on any rung.
     """
     if known[-1] is last and not any(bench.raises(before, after) for before, after in pairwise(known)):
         return list(known), []
@@ -248,10 +249,12 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
     waiting = [e for e in last.model.effects if e.name not in base.names]
     while waiting:
         ended = len(waiting) == 1
-        trials = [bench.trial(rungs[-1], last, waiting[0])] if ended else bench.added(rungs[-1], waiting)
+        here = [e for e in waiting if ended or bench.can_start(rungs[-1], e)]
+        trials = [bench.trial(rungs[-1], last, here[0])] if ended else bench.added(rungs[-1], here)
         able = [t for t in trials if not bench.raises(t.before, t.state)]
         if not able:
             refused += [Decision(t.effect, "raises-error", t) for t in trials]
+            refused += [Decision(e, "cannot-show") for e in waiting if e not in here]
             break
         first = min(able, key=lambda t: t.state.cost)
         rungs.append(first.state)

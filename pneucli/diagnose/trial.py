@@ -16,10 +16,11 @@ from pneucli.diagnose.refits import Refit, Refits, here
 from pneucli.diagnose.turns import models_by_turn
 from pneucli.experiments import Part
 from pneucli.identify.blocks import block_numbers
-from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures
+from pneucli.identify.effects import Signature, fit_added, fit_without, refit, signatures, starts
 from pneucli.identify.fit import Effort, Fit
 from pneucli.identify.views import View
 from pneucli.physics.declaration import Effect
+from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -112,6 +113,11 @@ class Bench:
         starts = [view.carried(found.model) for view in self.held_out]
         test, more = unseen_costs([found.model] * len(starts), self.held_out, starts)
         return State(found, train, test, np.concatenate([train, test]), np.concatenate([counts, more]))
+
+    def can_start(self, state: State, effect: Effect) -> bool:
+        """Whether an effect has a typical size at a state: one that is counted in dry friction has none without."""
+        model = state.model
+        return bool(starts(effect, facts_of(model, [v.experiment for v in self.train]), model.rig.known))
 
     def lacking(self, state: State) -> list[Effect]:
         """Return the effects that a state lacks and that can show."""

@@ -125,6 +125,19 @@ def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> No
     assert names(found(Toys([A, B, C], takes))) == {"b", "c"}
 
 
+def test_an_effect_that_has_no_size_without_another_one_comes_after_it() -> None:
+    """As Stribeck's, which is counted in dry friction, where the base has none before a load takes its part."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        pair = 0.7 * ("b" in chosen) + 0.3 * ("c" in chosen)
+        return max(pair, 0.75 + 0.2 * pair) if "a" in chosen else pair
+
+    result = found(Toys([A, B, C], takes, sized_by={"b": {"c"}}))
+    assert result.added == ["c", "b"]
+    circle = found(Toys([A, B, C], takes, sized_by={"b": {"c"}, "c": {"a"}}))
+    assert circle.added[0] == "a"
+
+
 def test_a_better_rival_takes_the_place_of_an_effect() -> None:
     """Alone a explains more than b; beside c it is b that does."""
 

@@ -103,17 +103,20 @@ class Climbing(Bench):
     def added(self, before: State, effects, ranked=()) -> list[Trial]:
         return [replace(trial(e.name, before=before), state=self.of((*before.names, e.name))) for e in effects]
 
+    def can_start(self, before: State, effect) -> bool:
+        return effect.name not in self.__dict__["unsized"]
+
     def trial(self, before: State, after: State, effect) -> Trial:
         return replace(trial(effect.name, before=before), state=after)
 
 
-def climbing(*rows: tuple[str, float, float, float]) -> Climbing:
+def climbing(*rows: tuple[str, float, float, float], unsized: str = "") -> Climbing:
     """A bench of rows: effects, cost, errors on training and on test."""
     states = {frozenset(names.split()): state(names.split(), cost) for names, cost, _, _ in rows}
     shown = [(states[frozenset(names.split())], train, test) for names, _, train, test in rows]
     made = bench(shown)
     lent = Climbing(made.train, made.held_out, made.effects, shown=made.shown)
-    lent.__dict__["states"] = states
+    lent.__dict__["states"], lent.__dict__["unsized"] = states, unsized
     return lent
 
 
@@ -132,6 +135,14 @@ def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
     rungs, refused = search._ladder(where, base, last, [base, where.of((LAG,)), last])
     assert [s.names for s in rungs] == [[], [MASS], [MASS, LAG]]
     assert refused == []
+
+
+def test_what_has_no_size_on_any_rung_is_none():
+    """Two that each have a size only beside the other one, or beside what is no longer there."""
+    where = climbing(("", 9000.0, 9.0, 9.0), (f"{MASS} {LAG}", 4000.0, 1.0, 1.0), unsized=f"{MASS} {LAG}")
+    rungs, refused = search._ladder(where, where.of(()), where.of((MASS, LAG)), [where.of(())])
+    assert [s.names for s in rungs] == [[]]
+    assert {(d.effect.name, d.reason) for d in refused} == {(MASS, "cannot-show"), (LAG, "cannot-show")}
 
 
 def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,11 @@ import pytest
 from pneucli.diagnose import trial as trials
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.trial import Bench, State
+from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import BLOCKS, bench, state
+from tests.simulate.benches import bench as recorded
+from tests.simulate.benches import clock
+from tests.simulate.benches import model as of_rig
 
 SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by block
 
@@ -50,3 +55,12 @@ def test_where_nothing_is_held_out_the_parameters_alone_tell(monkeypatch: pytest
 def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted(monkeypatch: pytest.MonkeyPatch):
     seen = gain(SPREAD, np.zeros(BLOCKS)).p_value
     assert chance(monkeypatch, float("nan"), held_out=True) == pytest.approx(seen)
+
+
+@pytest.mark.parametrize(("coulomb", "starts"), [(14.0, True), (0.0, False)])
+def test_what_is_counted_in_dry_friction_has_no_size_where_there_is_none(coulomb: float, starts: bool) -> None:
+    seen: Any = SimpleNamespace(experiment=recorded("friction", clock(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    fitted: Any = SimpleNamespace(model=of_rig((), {"friction.coulomb": coulomb}))
+    before = replace(state(), fit=fitted)
+    assert Bench.can_start(replace(bench(), train=[seen]), before, catalogue()["stribeck"]) == starts
+    assert Bench.can_start(replace(bench(), train=[seen]), before, catalogue()["extra-mass"])

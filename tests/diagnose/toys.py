@@ -39,6 +39,7 @@ class Toys:
         self.given: tuple[str, ...] = more.get("given", ())
         self.chance: dict[str, float] = more.get("chance", {})
         self.worse: set[str] = more.get("worse", set())
+        self.sized_by: dict[str, set[str]] = more.get("sized_by", {})  # what an effect needs to have a size at all
         self.polished_names: list[str] = []
         self.added_names: list[tuple[str, ...]] = []
         view = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
@@ -71,7 +72,7 @@ class Toys:
         found = [
             (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0)])
             for e, p in promised
-            if e.name not in state.names
+            if e.name not in state.names and self.can_start(state, e)
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
@@ -79,6 +80,7 @@ class Toys:
         return float(state.train.sum()), TRAIN * SAMPLES
 
     def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
+        assert all(self.can_start(state, one) for one in effects)
         self.added_names += [(*state.names, one.name) for one in effects]
         return [self.trial(state, self.state([*state.names, one.name]), one) for one in effects]
 
@@ -95,6 +97,9 @@ class Toys:
 
     def lacking(self, state: State) -> list[Any]:
         return [e for e in self.effects.values() if e.name not in state.names]
+
+    def can_start(self, state: State, one: Any) -> bool:
+        return self.sized_by.get(one.name, set()) <= set(state.names)
 
     def raises(self, before: State, after: State) -> bool:
         return bool(self.worse & (set(after.names) - set(before.names)))
