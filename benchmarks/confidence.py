@@ -1,25 +1,14 @@
 """Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
 
-    pneucli exam M --condition messy --cases 40 --nulls 0 --seed 31415
-    pneucli exam N --condition messy --cases 40 --nulls 14 --seed 27182
-    pneucli exam T --condition messy --size 0.4 --cases 20 --nulls 0 --seed 31415
-    pneucli exam Z --condition messy --cases 0 --nulls 30 --seed 31416
-    pneucli exam I --condition imposed --condition imposed+messy --cases 15 --nulls 5 --seed 31415
-    pneucli exam U --condition usual --cases 40 --nulls 10 --seed 31415
+    pneucli exam M --condition messy --cases 60 --nulls 150 --seed 1045187245
+    pneucli exam I1 --condition imposed+messy --cases 60 --nulls 60 --seed 20261124
+    pneucli exam I2 --condition imposed+messy --cases 60 --nulls 60 --seed 20261125
     (each once more with --answer)
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.confidence --real REAL M N T Z I U
+    python -m benchmarks.confidence --real REAL M I1 I2
 
-These gave BESIDE, which was then held against these, answered by a program without the turns of an imposed motion (the
-first 36 of M7 and 26 of U7, the first 16 of M1):
-
-    pneucli exam M7 --condition messy --cases 36 --nulls 20 --seed 735066116
-    pneucli exam U7 --condition usual --cases 24 --nulls 14 --seed 735066116
-    pneucli exam M1 --condition messy --cases 40 --nulls 40 --seed 186058204
-    pneucli exam I1 --condition imposed --condition imposed+messy --cases 12 --nulls 6 --seed 186058204
-    python -m benchmarks.confidence --real REAL I M7 U7 M1 I1
-
+These gave BESIDE, drawn toward (-3.4, 1.74, 3.32, -1.42, 0), which 123 cases of another exam of ``messy`` had given.
 COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
     pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
@@ -56,7 +45,7 @@ from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
 RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left")}
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of
@@ -137,9 +126,9 @@ def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: 
     return p
 
 
-def log_score(p: Array, y: Array) -> float:
-    """Return the mean of -log of what was said of what came true."""
-    return float(-np.mean(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0))))
+def log_score(p: Array, y: Array, counts: Array) -> float:
+    """Return the mean of -log of what was said of what came true, cases counting as they do for the law."""
+    return float(-np.average(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0)), weights=counts))
 
 
 def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
@@ -161,18 +150,19 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
     now = np.array(COMPLETE if complete else BESIDE)
     known = np.zeros(x.shape[1]) if anew else now
     counts = counted(cases, complete=complete)[case]
-    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y))
+    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y, counts))
     p = left_out(x, y, counts, case, ridge, known)
     weights = tuple(round(float(w), 2) for w in fitted(x, y, counts, ridge, known))
     print(f"{name} = {weights}, ridge {ridge}, {y.size} effects")
     print(
-        f"{int(y.sum())} effects were there; Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}, "
+        f"{int(y.sum())} effects were there; Brier {np.average((p - y) ** 2, weights=counts):.3f}, "
+        f"log score {log_score(p, y, counts):.3f}, "
         "each by a law that has not seen its case"
     )
-    print(f"the law as it is: log score {log_score(expit(x @ now), y):.3f}")
+    print(f"the law as it is: log score {log_score(expit(x @ now), y, counts):.3f}")
     for i, feature in enumerate(FEATURES[complete], 1):
         lesser = left_out(np.delete(x, i, 1), y, counts, case, ridge, np.delete(known, i))
-        print(f"without {feature}: log score {log_score(lesser, y):.3f}")
+        print(f"without {feature}: log score {log_score(lesser, y, counts):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():

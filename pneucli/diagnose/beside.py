@@ -97,13 +97,20 @@ def evidence_of(bench: Bench, last: State, trial: Trial, place: Place | None, *,
     """
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
     left = 1.0 if place is None else place.left(bench)
-    return Evidence(share, *_sure_and_size(bench, last, trial.effect), complete, left)
+    sure, size = _sure_and_size(bench, last, trial.effect)
+    return Evidence(share, sure, size, complete, left, imposed(bench, trial.effect))
 
 
 def likely(bench: Bench, trial: Trial) -> float:
     """Return the probability that an effect, in its place beside others and something unknown, is there."""
     sure, size = _sure_and_size(bench, trial.state, trial.effect)
-    return probability(Evidence(None, sure, size, complete=False, left=Place(trial, ()).left(bench)))
+    left = Place(trial, ()).left(bench)
+    return probability(Evidence(None, sure, size, complete=False, left=left, imposed=imposed(bench, trial.effect)))
+
+
+def imposed(bench: Bench, effect: Effect) -> bool:
+    """Whether an effect acts in nothing but recordings whose motion is imposed and whose force is measured."""
+    return all(type(view) is Imposed for view in bench.train if view.feels(effect))
 
 
 def _sure_and_size(bench: Bench, state: State, effect: Effect) -> tuple[float, float]:

@@ -28,7 +28,8 @@ class Evidence(NamedTuple):
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
     over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where something
     is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it acts in, that is left
-    with it in its place.
+    with it in its place. ``imposed``: it acts in nothing but recordings whose motion is imposed and whose force is
+    measured, where no error of the model piles up over time.
     """
 
     share: float | None
@@ -36,6 +37,7 @@ class Evidence(NamedTuple):
     size: float
     complete: bool = False
     left: float = 1.0
+    imposed: bool = False
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -44,7 +46,7 @@ class Evidence(NamedTuple):
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
-        return 1.0, significance, size, _decades(self.left, 0.01, 1.0)
+        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), float(self.imposed)
 
 
 def _decades(value: float, low: float, high: float) -> float:
@@ -53,7 +55,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-2.81, 1.77, 3.26, -1.42)  # beside something unknown
+BESIDE = (-3.83, 1.17, 3.62, -3.0, 1.3)  # beside something unknown
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import beside, place
-from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, told, unseen_force, weighed
+from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, imposed, told, unseen_force, weighed
 from pneucli.diagnose.confidence import Evidence, probability
 from pneucli.diagnose.remainder import Remainder
-from pneucli.identify.views import Forces, Imposed, Whole
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole
 from pneucli.physics.effects import catalogue
 from tests.diagnose import trials
 from tests.diagnose.trials import bench, trial
@@ -23,6 +23,14 @@ from tests.simulate.benches import clock
 STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
 WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
 TRIED = trial("extra-mass")
+
+
+def kinds(*each: Any, feels: bool = True) -> list[Any]:
+    """Views of these kinds, which feel every effect or none, of one and the same recording."""
+    views = [object.__new__(kind) for kind in each]
+    for view in views:
+        view.__dict__.update(experiment="fitted", feels=lambda effect: feels)
+    return views
 
 
 @pytest.fixture
@@ -122,8 +130,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     tried: Any = SimpleNamespace(
         before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
-    view = SimpleNamespace(experiment="fitted", feels=lambda effect: True)
-    where: Any = SimpleNamespace(train=[view], shown=shown)
+    where: Any = SimpleNamespace(train=kinds(Forces), shown=shown)
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
     monkeypatch.setattr(
@@ -153,13 +160,21 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """No error that the user sees is simulated for it."""
-    where = replace(bench(held_out=False), train=(), shown=None)
+    where = replace(bench(held_out=False), train=kinds(Imposed), shown=None)
     tried = trial("extra-mass", before=trials.state())
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None)
     monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
     monkeypatch.setattr(place.Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
-    assert beside.likely(where, tried) == probability(Evidence(None, 20.0, 0.5, complete=False, left=0.3))
+    known = Evidence(None, 20.0, 0.5, complete=False, left=0.3, imposed=True)
+    assert beside.likely(where, tried) == probability(known)
+
+
+def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:
+    effect = catalogue()["extra-mass"]
+    unfelt = kinds(Chambers, feels=False)
+    assert imposed(replace(bench(), train=[*kinds(Imposed), *unfelt]), effect)
+    assert not imposed(replace(bench(), train=kinds(Imposed, Forces)), effect)
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:

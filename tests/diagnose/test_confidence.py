@@ -62,6 +62,12 @@ def test_where_something_is_left_the_error_that_the_user_sees_says_nothing_besid
     assert probability(MIDDLING._replace(share=0.9)) == probability(MIDDLING)
 
 
+def test_where_the_motion_is_imposed_the_same_evidence_beside_something_unknown_is_surer() -> None:
+    """No error of the model piles up there that an effect could stand in for."""
+    assert probability(MIDDLING._replace(imposed=True)) > probability(MIDDLING)
+    assert probability(COMPLETE._replace(imposed=True)) == probability(COMPLETE)
+
+
 @pytest.mark.parametrize(("evidence", "weights"), [(MIDDLING, confidence.BESIDE), (COMPLETE, confidence.COMPLETE)])
 def test_each_feature_has_its_weight(evidence: Evidence, weights: tuple[float, ...]) -> None:
     assert len(evidence.features) == len(weights)
