@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.remainder import FAINT, Remainder
-from pneucli.diagnose.unknown import TELLING
+from pneucli.diagnose.unknown import describe
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 
@@ -35,10 +35,11 @@ def discrepancies(model: Model, views: Sequence[View], left: Sequence[Remainder]
     seen = {(r.kind, r.channel): r for r in reversed(left) if r.ratio > FAINT}
     residuals = {key: _residuals(model, views, *key) for key in seen}
     beyond = {key: sum(max(float(r @ r) - np.count_nonzero(r), 0.0) for r, _ in residuals[key]) for key in seen}
+    signals = [describe(model, views, r).variable for r in seen.values()]
     total = max(sum(beyond.values()), 1e-9)
     found = [
-        Discrepancy(r.kind.title, r.channel, r.ratio, _memory(residuals[key]), _over(r), beyond[key] / total)
-        for key, r in seen.items()
+        Discrepancy(r.kind.title, r.channel, r.ratio, _memory(residuals[key]), over, beyond[key] / total)
+        for (key, r), over in zip(seen.items(), signals, strict=True)
     ]
     return sorted(found, key=lambda d: -d.share)
 
@@ -47,10 +48,6 @@ def _residuals(model: Model, views: Sequence[View], kind: type[View], channel: s
     """Return the residuals (n,) in units of noise and the sampling period (s) of each view."""
     mine = [v for v in views if type(v) is kind and channel in v.channels]
     return [(v.residual(model)[channel] / v.noise[channel], v.experiment.recording.period) for v in mine]
-
-
-def _over(remainder: Remainder) -> str | None:
-    return next((s.variable for s in remainder.shapes if s.share > TELLING), None)
 
 
 def _memory(residuals: Sequence[tuple[Array, float]]) -> float | None:

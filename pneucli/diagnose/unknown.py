@@ -19,8 +19,13 @@ Array = NDArray[np.float64]
 
 PERIODIC = 0.3  # share of the squared residual that one sine must hold
 TELLING = 0.05  # share that means over a variable must hold to be spoken of
-MOST_SAMPLES = 4000
+FEWEST, MOST_SAMPLES = 100, 4000
 RESOLVED = 0.5  # cycles over a range, by which two sines can be told apart
+FEWEST_CYCLES = 2.0  # over the range; fewer cannot be told from a drift
+MOST_CYCLES = 250.0
+FEWEST_SAMPLES = 16  # in a cycle
+BINS = int(FEWEST_SAMPLES * MOST_CYCLES)  # of the range
+STEP, FINE = 0.125, 21  # cycles between two that are tried, and how many are tried about the best
 REPLAYED = "only where all is simulated together: by itself each subsystem fits"
 LAWS: dict[str, Callable[[Array], list[Array]]] = {
     "a constant": lambda q: [np.ones_like(q)],
@@ -45,7 +50,7 @@ class Unknown:
 
 
 def describe(model: Model, views: Sequence[View], worst: Remainder) -> Unknown:
-    """Describe the worst remainder of a model."""
+    """Describe a remainder of a model, such as the worst."""
     shape = next((s for s in worst.shapes if s.share > TELLING), None)
     same = [v for v in views if type(v) is worst.kind and worst.channel in v.channels]
     if not same:
@@ -100,19 +105,32 @@ def _line(view: View, model: Model, channel: str, variable: str) -> tuple[float,
     if variable == "x" and "x" not in e.raw:
         return None
     residual = view.residual(model)[channel]
-    q = e.time if variable == "time" else e.inputs[:, at.IN_X]
-    seen = np.flatnonzero(residual)[:: max(np.count_nonzero(residual) // MOST_SAMPLES, 1)]
-    if seen.size < 100 or np.ptp(q[seen]) == 0.0:
+    seen = np.flatnonzero(residual)
+    y, q = residual[seen] - residual[seen].mean(), (e.time if variable == "time" else e.inputs[:, at.IN_X])[seen]
+    if seen.size < FEWEST or np.ptp(q) == 0.0 or np.ptp(y) == 0.0:
         return None
-    y, q = residual[seen] - residual[seen].mean(), q[seen]
-    cycles = np.linspace(2.0, 40.0, 300)  # over the range; fewer cannot be told from a drift
-    if variable == "time" and view.replayed:
-        cycles = cycles[~_of_restarts(cycles, q, e.time[e.restarts])]
-        if not cycles.size:
-            return None
-    power = lombscargle(q, y, 2 * np.pi * cycles / np.ptp(q), normalize=True)
-    best = int(np.argmax(power))
-    return float(power[best]), float(np.ptp(q) / cycles[best])
+    starts = e.time[e.restarts] if variable == "time" and view.replayed else np.zeros(0)
+    cycles, power = _periodogram(q, y)
+    able = (cycles >= FEWEST_CYCLES) & (cycles <= seen.size / FEWEST_SAMPLES) & ~_of_restarts(cycles, q, starts)
+    if not able.any():
+        return None
+    near = cycles[able][np.argmax(power[able])] + np.linspace(-STEP, STEP, FINE)
+    near = near[~_of_restarts(near, q, starts)]
+    few = slice(None, None, max(seen.size // MOST_SAMPLES, 1))
+    shares = lombscargle(q[few], y[few], 2 * np.pi * near / np.ptp(q), normalize=True)
+    return float(np.max(shares)), float(np.ptp(q) / near[np.argmax(shares)])
+
+
+def _periodogram(q: Array, y: Array) -> tuple[Array, Array]:
+    """Return cycles over the range of q (n,), and how strong a sine of so many is in y (n,), up to a factor.
+
+    Of sums over narrow bins of q: readings over x are no even samples.
+    """
+    place = ((q - q.min()) * (BINS / np.ptp(q))).astype(np.int64)
+    sums = np.bincount(np.minimum(place, BINS - 1), weights=y, minlength=BINS)
+    power = np.abs(np.fft.rfft(sums, round(BINS / STEP))[: round(MOST_CYCLES / STEP)]) ** 2
+    cycles = STEP * np.arange(power.size)
+    return np.asarray(cycles, dtype=np.float64), np.asarray(power, dtype=np.float64)
 
 
 def _of_restarts(cycles: Array, time: Array, starts: Array) -> NDArray[np.bool_]:

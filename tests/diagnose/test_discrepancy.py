@@ -31,8 +31,9 @@ class Gas(Chambers):
     noise: ClassVar = {"p1": 50.0, "p2": 50.0, "force": 50.0}
 
     def __init__(self, period: float = 1e-3, **left: np.ndarray) -> None:
-        recording = SimpleNamespace(period=period)
-        self.__dict__.update(left=left, channels=tuple(left), experiment=SimpleNamespace(recording=recording))
+        time = np.arange(next(iter(left.values())).size) * period
+        alone = SimpleNamespace(recording=SimpleNamespace(period=period), time=time, raw={}, restarts=np.zeros(1, int))
+        self.__dict__.update(left=left, channels=tuple(left), experiment=alone)
 
     def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:
         return {c: 50.0 * r for c, r in self.__dict__["left"].items()}
@@ -156,3 +157,11 @@ def test_it_is_over_the_signal_that_holds_most_where_that_is_worth_telling(share
     shapes = (shape("x", share), shape("u", 0.03))
     (found,) = discrepancies(model(), [Gas(p1=3.0 * np.ones(N))], [left(Gas, "p1", 3.0, *shapes)])
     assert found.over == over
+
+
+def test_what_is_periodic_over_time_is_a_function_of_time_whatever_else_it_resembles() -> None:
+    """Also where it swings 100 times in a long recording."""
+    for cycles in (26, 100):
+        swing = 5.0 * np.sin(2 * np.pi * cycles * np.arange(N) / N)
+        (found,) = discrepancies(model(), [Gas(p1=swing)], [left(Gas, "p1", 3.0, shape("u", 0.3))])
+        assert found.over == "time"
