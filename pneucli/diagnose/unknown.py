@@ -106,8 +106,10 @@ def _line(view: View, model: Model, channel: str, variable: str) -> tuple[float,
         return None
     residual = view.residual(model)[channel]
     seen = np.flatnonzero(residual)
+    if seen.size < FEWEST:
+        return None
     y, q = residual[seen] - residual[seen].mean(), (e.time if variable == "time" else e.inputs[:, at.IN_X])[seen]
-    if seen.size < FEWEST or np.ptp(q) == 0.0 or np.ptp(y) == 0.0:
+    if np.ptp(q) == 0.0 or np.ptp(y) == 0.0:
         return None
     starts = e.time[e.restarts] if variable == "time" and view.replayed else np.zeros(0)
     cycles, power = _periodogram(q, y)

@@ -75,3 +75,9 @@ def test_what_is_not_replayed_has_no_period_of_restarts():
     del balance.experiment.raw["x"]
     found = describe(None, [balance], Remainder(Balance, "p1", 3.0, 3.0, ()))
     assert period(found) == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_recording_that_says_nothing_has_no_period():
+    """Such as one in which the piston rests all the time, so that no reading of the force is compared."""
+    found = describe(None, [Seen(("p1",), np.zeros(TIME.size))], Remainder(Seen, "p1", 3.0, 3.0, ()))
+    assert found.character == "without a shape over any signal"
