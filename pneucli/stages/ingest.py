@@ -235,10 +235,16 @@ def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseMo
             models[name] = NoiseModel(white=stated[name], period=one.period)
         elif np.isfinite(values).sum() >= FEWEST:
             measured = _measured(values)
-            # dry friction turns round with an imposed motion: its spectrum is that of slow noise
-            own = jumps_of([values], time.size)[measured] if name == "force" and one.source.table.imposed else None
+            own = jumps_of([values], time.size)[measured] if _jumps_itself(name, one.source) else None
             models[name] = estimate(time[measured], values[measured], jumps[measured], own)
     return models
+
+
+def _jumps_itself(name: str, source: Source) -> bool:
+    """Whether dry friction makes a signal jump: the force of a motion that is imposed and turns, and the acceleration
+    of a piston that breaks away or stops. Over such jumps its spectrum would be that of slow noise.
+    """
+    return name == "a" or (name == "force" and source.table.imposed is not None)
 
 
 def _measured(values: Array) -> NDArray[np.bool_]:

@@ -293,3 +293,22 @@ def test_cases_pass_unaltered(path: Path, tmp_path: Path, monkeypatch: pytest.Mo
         raw = np.loadtxt(row["file"], delimiter=",", skiprows=3)
         np.testing.assert_allclose(one.time, raw[:, 0] * 1e-3, rtol=1e-15)
         assert one.time.size == len(raw)
+
+
+def test_an_accelerometers_noise_is_found_between_break_away_and_stop(tmp_path: Path) -> None:
+    """A piston that sticks and slips some four times a second: noise of 0.05 m/s^2, jumps of 6 m/s^2."""
+    time, rng = 1e-3 * np.arange(8000), np.random.default_rng(0)
+    leaving = np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 0.3, 40))])
+    since = time - leaving[np.searchsorted(leaving, time, side="right") - 1]
+    slip = np.where(since < 0.08, 6.0 * np.cos(np.pi * since / 0.08), 0.0)
+    reading = slip + rng.normal(scale=0.05, size=time.size)
+    rows = [f"{t:.3f},{a:.5f}" for t, a in zip(1e3 * time, reading, strict=True)]
+    (tmp_path / "stroke.csv").write_text("t,A\n" + "\n".join(rows) + "\n")
+    (tmp_path / "slip.toml").write_text(
+        '[pipeline]\nname = "slip"\n[signals]\ntime = { column = "t", unit = "ms" }\n'
+        'a = { column = "A", unit = "m/s^2" }\n'
+        '[[recordings]]\nname = "stroke"\nfile = "stroke.csv"\nexperiment = "friction"\nuse = "train"\n'
+        'p1 = "3 bar"\np2 = "3 bar"\nx = "100 mm"\n'
+    )
+    _, (stroke,) = ingested(tmp_path / "slip.toml", tmp_path / "out")
+    assert stroke.noise["a"].rms == pytest.approx(0.05, rel=0.1)
