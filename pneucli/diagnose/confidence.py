@@ -28,8 +28,8 @@ class Evidence(NamedTuple):
     there are any; None where there is no such error. ``significance``: its size over its standard error. ``size``: that
     over the usual one. ``complete``: with it and the others nothing is left that is more than noise; where something
     is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it acts in, that is left
-    with it in its place. ``imposed``: it acts in nothing but recordings whose motion is imposed and whose force is
-    measured, where no error of the model piles up over time.
+    with it in its place; of readings that show it alone, where there are such. ``imposed``: it acts in nothing but
+    recordings whose motion is imposed and whose force is measured, where no error of the model piles up over time.
     """
 
     share: float | None

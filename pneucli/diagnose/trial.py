@@ -81,8 +81,13 @@ class Bench:
     def parts(self, state: State, effect: Effect) -> list[tuple[float, float]]:
         """Return the cost of what the effect acts in and how many residuals are behind it: fitted, and held out apart.
 
-        Held out by turns it is one part.
+        Held out by turns it is one part. Where readings show such an effect alone, it is of these: a direct reading
+        beats an inference.
         """
+        if any(view.alone(effect) for view in self.train):
+            return [
+                read for views in (self.train, self.held_out) if (read := _read_alone(state.model, views, effect))[1]
+            ]
         felt, edge = self.acts_in(effect), state.train.size
         parts = (slice(0, edge), slice(edge, state.costs.size))
         sums = [(float(state.costs[p][felt[p]].sum()), float(state.counts[p][felt[p]].sum())) for p in parts]
@@ -197,6 +202,12 @@ class Bench:
         if np.isnan(p_value):
             return train.p_value
         return min(2.0 * min(p_value, test.p_value), 1.0) if self.held_out else p_value
+
+
+def _read_alone(model: Model, views: Sequence[View], effect: Effect) -> tuple[float, float]:
+    """Return the squares, in units of the noise, of readings that show such an effect alone, and their number."""
+    left = [view.residual(model)[c] / view.noise[c] for view in views for c in view.alone(effect)]
+    return float(sum(r @ r for r in left)), float(sum(np.count_nonzero(r) for r in left))
 
 
 @dataclass(frozen=True)

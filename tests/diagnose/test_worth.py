@@ -180,7 +180,7 @@ THREE: Any = SimpleNamespace(name="three", part="gas", sides=frozenset({"gas"}),
 
 
 def seen(*names: str) -> Any:
-    return SimpleNamespace(feels=lambda effect: effect.name in names)
+    return SimpleNamespace(feels=lambda effect: effect.name in names, alone=lambda effect: ())
 
 
 def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
@@ -208,6 +208,28 @@ def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
     assert found.felt(fitted, TWO) == (3.0, 7)
     assert found.parts(fitted, ONE) == [(15.0, 10.0)]
     assert found.parts(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
+
+
+def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
+    """Of noise 2: readings 4 and 0 (none) are four squares of one, 2, 2, 2 three of three."""
+
+    def reading(values: list[float]) -> Any:
+        read = {"a": np.array(values), "force": np.full(len(values), 99.0)}
+        alone = {"one": ("a",), "two": ()}
+        return SimpleNamespace(
+            residual=lambda model: read if model == "fitted" else {},
+            noise={"a": 2.0, "force": 1.0},
+            alone=lambda effect: alone[effect.name],
+            feels=lambda effect: True,
+            experiment=SimpleNamespace(time=np.array([0.0, 0.1])),
+            channels=("force", "a"),
+        )
+
+    fitted = State(SimpleNamespace(model="fitted"), *[np.array([7.0])] * 2, np.array([7.0, 7.0]), np.array([5, 5]))  # type: ignore[arg-type]
+    found = bench(train=[reading([4.0, 0.0])], held_out=[reading([2.0, 2.0, 2.0])])
+    assert found.parts(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
+    assert found.parts(fitted, TWO) == [(7.0, 5.0), (7.0, 5.0)]
+    assert replace(found, held_out=[]).parts(fitted, ONE) == [(4.0, 1.0)]
 
 
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:

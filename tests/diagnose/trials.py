@@ -23,6 +23,7 @@ VIEW: Any = SimpleNamespace(
     ),
     channels=("force",),
     feels=lambda effect: True,
+    alone=lambda effect: (),
 )
 
 

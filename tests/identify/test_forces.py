@@ -10,6 +10,7 @@ import pytest
 
 from pneucli.identify.views import Forces
 from pneucli.noise import NoiseModel
+from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.imposed import resting_reading
 from tests.simulate.benches import RIG, bench, clock, model
@@ -134,3 +135,13 @@ def test_noise_that_is_drawn_shows_as_much_as_the_sensors_have() -> None:
 def test_nothing_is_added_to_the_squares_of_forces() -> None:
     """No start of a simulation errs; force and accelerometer, a sample each."""
     assert resting().volume({}).tolist() == [0.0] * (2 * TIME.size)
+
+
+@pytest.mark.parametrize(("effect", "channels"), [("acceleration-bias", ("a",)), ("constant-force", ())])
+def test_the_accelerometer_at_rest_reads_nothing_but_its_own_fault(effect: str, channels: tuple[str, ...]) -> None:
+    """Only where it was recorded; whatever pushes the piston, at rest it reads zero."""
+    e = with_noise(bench("friction", TIME, {"p1": 3e5, "p2": 3e5, "x": 0.1, "a": 0.0}))
+    e.noise["a"] = NoiseModel(0.1)
+    assert Forces(e).alone(catalogue()[effect]) == channels
+    silent = with_noise(bench("friction", TIME, {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    assert Forces(silent).alone(catalogue()[effect]) == ()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pneucli.identify.rests import RESTED, STARTED, breakaways, unsure
 from pneucli.identify.views.view import Array, View
-from pneucli.physics.declaration import Side
+from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
 from pneucli.simulate.ends import contact
@@ -42,6 +42,10 @@ class Forces(View):
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return what the balance leaves over by channel, see :meth:`balance`."""
         return self.balance(model, self.experiment.inputs)
+
+    def alone(self, effect: Effect) -> tuple[str, ...]:
+        """Return the accelerometer, at rest: whatever acts on the piston, there it reads but its own fault."""
+        return ("a",) if "read_a" in effect.ports and "a" in self.channels else ()
 
     def known(self, model: Model, inputs: Array) -> Array:
         """Return inputs (n, 8) with what they lack."""

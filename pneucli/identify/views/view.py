@@ -60,6 +60,10 @@ class View(ABC):
         """Whether the effect can show in this view."""
         return effect.part in self.experiment.parts and bool(self.sides & effect.sides)
 
+    def alone(self, effect: Effect) -> tuple[str, ...]:
+        """Return the channels in which nothing shows but effects such as this one, at the same port."""
+        return ()
+
     def feels_base(self, name: str) -> bool:
         """Whether a base parameter matters in this view."""
         return name.partition(".")[0] in self.base
