@@ -295,7 +295,8 @@ def steps_between(t, t_next, h_max):
 
 
 def delayed(ring, tail, t):
-    """Both flows at time t from a ring of (time, in, out), 0 before the first; returns them and the new tail.
+    """Flows into and out of either chamber at time t from a ring of (time, in, out, in 2, out 2), 0 before the first;
+    returns the four and the new tail.
 
     The tail is the newest entry that is not after t; t must not go back, nor reach the newest of all.
     """
@@ -305,10 +306,11 @@ def delayed(ring, tail, t):
         tail = nxt
         nxt = tail + 1 if tail + 1 < size else 0
     if ring[tail, 0] < -1e29:
-        return 0.0, 0.0, tail
-    w = (t - ring[tail, 0]) / (ring[nxt, 0] - ring[tail, 0])
-    q_in = ring[tail, 1] + w * (ring[nxt, 1] - ring[tail, 1])
-    return q_in, ring[tail, 2] + w * (ring[nxt, 2] - ring[tail, 2]), tail
+        return 0.0, 0.0, 0.0, 0.0, tail
+    old, new = ring[tail], ring[nxt]
+    w = (t - old[0]) / (new[0] - old[0])
+    q_in, q_out = old[1] + w * (new[1] - old[1]), old[2] + w * (new[2] - old[2])
+    return q_in, q_out, old[3] + w * (new[3] - old[3]), old[4] + w * (new[4] - old[4]), tail
 
 
 def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, on):
@@ -434,7 +436,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     null, lower, upper = base[NULL], base[LOWER_END], base[UPPER_END]
 
     delay = flow_delay(th, on)
-    ring = np.full((most_steps(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 3), -1e30)
+    ring = np.full((most_steps(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 5), -1e30)
     head, tail = 0, ring.shape[0] - 1
     s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
     s_supply, before = np.zeros(on_values.size), np.zeros(2)
@@ -516,18 +518,22 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             if flags[STATED_SUPPLY] > 0.0:
                 p_line = base[SUPPLY]
             p_line = supply(p_line, base[SUPPLY], q_supply, gamma_rt, h, s_supply, th, on)
-            q_in = q_out = 0.0
+            q_in = q_out = more_in = more_out = 0.0
             if not shut:
                 opening = command(u, h, s1, th, on)
                 q_in, q_out = valve_flow(opening, p1_mid, p_line, p_amb, b, leak, k1, k_gas, u_max, areas)
-            q_supply = q_in
+            if chamber_2 not in (OPEN, CLOSED):
+                opening = command(u2, h, s2, th, on)
+                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas_2)
+            q_supply = q_in + more_in
             if i == 0:
                 out[k, FLOW] = q_in - q_out
             if delay > 0.0:
                 t = time[k] + (i + 0.5) * h
                 # without back-flow: delayed, it would oscillate as no hose does
                 ring[head, 0], ring[head, 1], ring[head, 2] = t, max(q_in, 0.0), max(q_out, 0.0)
-                q_in, q_out, tail = delayed(ring, tail, t - delay)
+                ring[head, 3], ring[head, 4] = max(more_in, 0.0), max(more_out, 0.0)
+                q_in, q_out, more_in, more_out, tail = delayed(ring, tail, t - delay)
                 head = head + 1 if head + 1 < ring.shape[0] else 0
             across = leak_1_2(p1_mid, p2_mid, k1, th, on)
             q_out += across + leak_1_ambient(p1_mid, p_amb, k1, th, on)
@@ -536,11 +542,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             )
             if chamber_2 == OPEN:
                 continue
-            q_in, q_out = across, leak_2_ambient(p2_mid, p_amb, k2, th, on)
-            if chamber_2 != CLOSED:
-                opening = command(u2, h, s2, th, on)
-                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas_2)
-                q_in, q_out, q_supply = q_in + more_in, q_out + more_out, q_supply + more_in
+            q_in, q_out = across + more_in, leak_2_ambient(p2_mid, p_amb, k2, th, on) + more_out
             volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
             p2, dp2, m2, T2 = chamber_step(
                 p2, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, q_in, q_out, hot, base, th, on

@@ -93,6 +93,19 @@ def test_a_line_delays_the_pressure(delay: float) -> None:
     assert np.abs(late - shifted).max() < CHOKED * 5e-4
 
 
+def test_the_line_to_chamber_2_delays_its_pressure_too() -> None:
+    """Its valve opens after 0.1 s, its piston stands; the valve of chamber 1 stays shut."""
+    e = bench("axis", TIME, {"u": 0.0, "u2": STEP, "p1": 2e5, "p2": 2e5}, chamber_2="valve")
+    e.flags[at.MECHANICS] = 0.0
+    plain, late = (run(model(names, {"line-delay.delay": 0.02}), e) for names in ([], ["line-delay"]))
+    choked = slice(0, 200)  # until then the flow does not feel the pressure
+    filled = plain[199, at.P2] - plain[100, at.P2]
+    assert filled > 0.5e5
+    shifted = np.interp(TIME - 0.02, TIME, plain[:, at.P2])
+    assert late[choked, at.P2] == pytest.approx(shifted[choked], abs=0.01 * filled)
+    assert np.ptp(late[:, at.P1]) == 0.0
+
+
 @settings(max_examples=20, deadline=None)
 @given(lag=st.floats(1e-3, 0.1))
 def test_a_spool_lags_exponentially(lag: float) -> None:

@@ -1,10 +1,10 @@
-"""Delay in the hose between valve and chamber."""
+"""Delay in the hoses between valve and chambers."""
 
 from pneucli.physics.declaration import Effect, Parameter
 
 
 def flow_delay(delay: float) -> float:
-    """Time in s by which the valve's mass flow arrives later in the chamber."""
+    """Time in s by which the valve's mass flow arrives later in either chamber."""
     return delay
 
 
@@ -24,7 +24,7 @@ EFFECT = Effect(
         ),
     ),
     ports={"flow_delay": flow_delay},
-    equation="$q_1(t) = q_{valve}(t - \\tau)$",
+    equation="$q_i(t) = q_{valve,i}(t - \\tau)$",
     looks_like=(
         "The error stands where the command changes fast, proportional to the change of flow: the "
         "measured pressure follows later, then at the right slope."
