@@ -38,10 +38,14 @@ class Place:
     def left(self, bench: Bench, trial: Trial | None = None) -> float:
         """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.
 
-        Of what the named effect acts in. Of the fitted recordings or of those held out, of which it leaves more: a
+        Of readings that show such an effect alone, where they show anything of it: a direct reading beats an inference.
+        Else of what the named effect acts in. Of the fitted recordings or of those held out, of which it leaves more: a
         stand-in takes up the ones and not the others.
         """
-        effect, state = self.named.effect, (trial or self.named).state
-        pairs = zip(bench.parts(self.named.before, effect), bench.parts(state, effect), strict=True)
-        left = [(after - n) / (before - n) for (before, n), (after, _) in pairs if before > NOISE * n]
-        return min(max([LEAST, *left]), 1.0 / LEAST) if left else 1.0
+        effect, before, after = self.named.effect, self.named.before, (trial or self.named).state
+        for parts in (bench.alone, bench.parts):
+            pairs = zip(parts(before, effect), parts(after, effect), strict=True)
+            left = [(end - n) / (start - n) for (start, n), (end, _) in pairs if start > NOISE * n]
+            if left:
+                return min(max([LEAST, *left]), 1.0 / LEAST)
+        return 1.0

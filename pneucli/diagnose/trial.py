@@ -81,17 +81,16 @@ class Bench:
     def parts(self, state: State, effect: Effect) -> list[tuple[float, float]]:
         """Return the cost of what the effect acts in and how many residuals are behind it: fitted, and held out apart.
 
-        Held out by turns it is one part. Where readings show such an effect alone, it is of these: a direct reading
-        beats an inference.
+        Held out by turns it is one part.
         """
-        if any(view.alone(effect) for view in self.train):
-            return [
-                read for views in (self.train, self.held_out) if (read := _read_alone(state.model, views, effect))[1]
-            ]
         felt, edge = self.acts_in(effect), state.train.size
         parts = (slice(0, edge), slice(edge, state.costs.size))
         sums = [(float(state.costs[p][felt[p]].sum()), float(state.counts[p][felt[p]].sum())) for p in parts]
         return [(cost, count) for cost, count in sums if count]
+
+    def alone(self, state: State, effect: Effect) -> list[tuple[float, float]]:
+        """Return the same of the readings that show such an effect alone: nothing of nothing where there are none."""
+        return [_read_alone(state.model, views, effect) for views in (self.train, self.held_out)]
 
     def acts_in(self, effect: Effect) -> NDArray[np.bool_]:
         """Return in which blocks of a state's costs the effect acts (B,)."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.place import LEAST, Place
-from pneucli.diagnose.trial import State, Trial
+from pneucli.diagnose.trial import Bench, State, Trial
 from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
 
 BENCH = bench(held_out=False)
@@ -47,6 +47,17 @@ def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_w
     assert left((50.0, 50.0), (25.0, 5.0)) == pytest.approx(0.5)
     assert left((50.0, 4.0), (10.0, 8.0)) == pytest.approx(0.2)
     assert left((4.0, 4.0), (0.0, 0.0)) == 1.0
+
+
+@pytest.mark.parametrize(("before", "after", "left"), [(300.0, 120.0, 0.1), (104.0, 100.0, 0.25)])
+def test_what_readings_show_alone_counts_where_they_show_it(
+    monkeypatch: pytest.MonkeyPatch, before: float, after: float, left: float
+) -> None:
+    """Of 100 readings 200 beyond noise, of which 20 stay; of hardly more than noise the forces tell: a quarter."""
+    found = place(2500.0)
+    read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.named.state): [(after, 100.0), (0.0, 0.0)]}
+    monkeypatch.setattr(Bench, "alone", lambda self, state, effect: read[id(state)])
+    assert found.left(BENCH) == pytest.approx(left)
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.48, False), (1.45, True)])

@@ -225,11 +225,12 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
             channels=("force", "a"),
         )
 
-    fitted = State(SimpleNamespace(model="fitted"), *[np.array([7.0])] * 2, np.array([7.0, 7.0]), np.array([5, 5]))  # type: ignore[arg-type]
+    none = np.zeros(0)
+    fitted = State(SimpleNamespace(model="fitted"), none, none, none, none)  # type: ignore[arg-type]
     found = bench(train=[reading([4.0, 0.0])], held_out=[reading([2.0, 2.0, 2.0])])
-    assert found.parts(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
-    assert found.parts(fitted, TWO) == [(7.0, 5.0), (7.0, 5.0)]
-    assert replace(found, held_out=[]).parts(fitted, ONE) == [(4.0, 1.0)]
+    assert found.alone(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
+    assert found.alone(fitted, TWO) == [(0.0, 0.0)] * 2
+    assert replace(found, held_out=[]).alone(fitted, ONE) == [(4.0, 1.0), (0.0, 0.0)]
 
 
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
