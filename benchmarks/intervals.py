@@ -7,7 +7,6 @@ without, intervals from blocks of time alone and as they are told (:mod:`pneucli
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -16,16 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pneucli.config import load
+from benchmarks.cases import study_of, truths
 from pneucli.identify.effects import fit_model
 from pneucli.identify.intervals import with_intervals
 from pneucli.identify.start import first_guess
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context
-from pneucli.stages import ingest
-from pneucli.stages.study import Study
-
-SEALED = ".sealed"
 
 
 class Row(NamedTuple):
@@ -42,10 +36,7 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
     known = {f"friction.{n}": v for n, v in truth["base"].items() if n in ("coulomb", "viscous")}
     known |= {f"{e}.{n}": v for e, values in truth["hidden"].items() for n, v in values.items()}
     with tempfile.TemporaryDirectory() as out:
-        path, folder = case / "pipeline.toml", Path(out)
-        (folder / "ingest").mkdir()
-        ingest.run(Context(path, load(path), folder / "ingest", folder))
-        study = Study(Context(path, load(path), folder / "none", folder))
+        study = study_of(case, Path(out))
         views = study.views("train", whitened=True)
         guess = first_guess([v.experiment for v in views], study.rig, study.valve)
         names = dict.fromkeys((*truth["baseline"], *truth["hidden"]))
@@ -61,11 +52,10 @@ def main(exams: list[Path]) -> None:
     """Fit every case and print the shares."""
     seen: list[Row] = []
     for exam in exams:
-        for path in sorted((exam / SEALED).glob("case-*.json")):
-            truth = json.loads(path.read_text(encoding="utf-8"))
+        for case, truth in truths(exam):
             if truth["outside_the_catalogue"] is None or truth["mess"]:
-                seen += rows(exam / path.stem, truth)
-                print(path.stem, len(seen), file=sys.stderr, flush=True)
+                seen += rows(case, truth)
+                print(case.name, len(seen), file=sys.stderr, flush=True)
     print("| rigs | from | intervals | hold the truth | median width |\n| --- | --- | --- | --- | --- |")
     for messy, made in dict.fromkeys((r.messy, r.made) for r in seen):
         mine = [r for r in seen if (r.messy, r.made) == (messy, made)]

@@ -7,31 +7,27 @@ too little of what the recordings show: no search that keeps to this law names i
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from pneucli.config import load
+from benchmarks.cases import study_of, truths
 from pneucli.diagnose.beside import evidence_of
 from pneucli.diagnose.confidence import NAMED, probability
 from pneucli.diagnose.errors import ShownErrors
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import remainders, too_much
+from pneucli.diagnose.remainder import too_much
 from pneucli.diagnose.replay import astray
+from pneucli.diagnose.search import remains
 from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench
-from pneucli.identify.effects import fit_added, fit_model, fit_without
+from pneucli.identify.effects import fit_added, fit_model
 from pneucli.identify.fit import Fit
 from pneucli.identify.start import first_guess
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context
-from pneucli.stages import ingest
-from pneucli.stages.study import Study
 
-SEALED = ".sealed"
 SURE = 0.9
 
 
@@ -59,34 +55,29 @@ def fitted(bench: Bench, base: Fit, names: list[str]) -> Fit:
 def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
     """Yield the true effects of one case."""
     with tempfile.TemporaryDirectory() as out:
-        path, folder = case / "pipeline.toml", Path(out)
-        (folder / "ingest").mkdir()
-        ingest.run(Context(path, load(path), folder / "ingest", folder))
-        study = Study(Context(path, load(path), folder / "none", folder), most=MOST)
+        study = study_of(case, Path(out), MOST)
         train, test = (study.views(use, whitened=True) for use in ("train", "test"))
         guess = first_guess([v.experiment for v in train], study.rig, study.valve)
         bench = Bench(train, test, catalogue(), covered=guess.valve.covers, shown=ShownErrors(study.experiments))
         base = fit_model(guess, train, study.effects)
         names = [n for n in truth["hidden"] if bench.can_show(catalogue()[n])]
         last = bench.state(fitted(bench, base, names))
-        left = too_much(remainders(last.model, train), remainders(last.model, test))
-        left = left or astray(last.model, [*train, *test])
+        left = too_much(*remains(bench, last)) or astray(last.model, [*train, *test])
         for effect in (catalogue()[n] for n in names):
-            before = bench.state(fit_without(last.fit, train, effect))
+            (before,) = bench.without(last, [effect])
             place = Place(bench.trial(before, last, effect), ())
             found = evidence_of(bench, last, place.named, place, complete=not left)
-            yield Row(path.parent.name, effect.name, probability(found), found.left)
+            yield Row(case.name, effect.name, probability(found), found.left)
 
 
 def main(exams: list[Path]) -> None:
     """Fit every case that hides effects, and print what could be named."""
     seen: list[Row] = []
     for exam in exams:
-        for path in sorted((exam / SEALED).glob("case-*.json")):
-            truth = json.loads(path.read_text(encoding="utf-8"))
+        for case, truth in truths(exam):
             if truth["hidden"]:
-                seen += rows(exam / path.stem, truth)
-                print(path.stem, len(seen), file=sys.stderr, flush=True)
+                seen += rows(case, truth)
+                print(case.name, len(seen), file=sys.stderr, flush=True)
     for row in sorted(seen, key=lambda r: r.likely):
         print(f"{row.case} {row.effect}: likely {row.likely:.2f}, leaves {row.left:.2f}")
     cases = {r.case: [o.likely for o in seen if o.case == r.case] for r in seen}

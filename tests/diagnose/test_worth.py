@@ -220,9 +220,6 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
             residual=lambda model: read if model == "fitted" else {},
             noise={"a": 2.0, "force": 1.0},
             alone=lambda effect: alone[effect.name],
-            feels=lambda effect: True,
-            experiment=SimpleNamespace(time=np.array([0.0, 0.1])),
-            channels=("force", "a"),
         )
 
     none = np.zeros(0)
