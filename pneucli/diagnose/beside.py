@@ -46,10 +46,15 @@ def weighed(
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (unseen_force(bench.train, trial.effect), "cannot-show"),
         (not known, "explained-by-unknown"),
-        (bool(left) and not bench.falls(trial.before, trial.state), "raises-error"),
+        (bool(left) and not _good(bench, trial, place), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
     return Decision(trial.effect, reason, trial), evidence
+
+
+def _good(bench: Bench, trial: Trial, place: Place | None) -> bool:
+    """Whether the error that the user sees falls, or readings show the effect alone, which need no such proof."""
+    return bench.falls(trial.before, trial.state) or (place is not None and place.read_alone(bench))
 
 
 def lawful(effect: Effect, left: Sequence[Remainder]) -> bool:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from pneucli.diagnose.equals import ONE_PARAMETER, equal
 from pneucli.diagnose.judge import NOISE
-from pneucli.diagnose.trial import Bench, Trial
+from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.physics.declaration import Effect
 
 LEAST = 0.005  # of what there was: what is left beyond noise is not known better
 INDEPENDENT = 10  # readings, as which what is unknown besides counts (docs/diagnosis.md)
@@ -35,17 +37,22 @@ class Place:
             if equal(t, self.named.state, noise_alone=complete) or self.left(bench, t) < chance * self.left(bench)
         ]
 
+    def read_alone(self, bench: Bench) -> bool:
+        """Whether readings show such an effect alone, and show anything of it: a direct reading beats an inference."""
+        return bool(self._left(bench.alone, self.named.state))
+
     def left(self, bench: Bench, trial: Trial | None = None) -> float:
         """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.
 
-        Of readings that show such an effect alone, where they show anything of it: a direct reading beats an inference.
-        Else of what the named effect acts in. Of the fitted recordings or of those held out, of which it leaves more: a
-        stand-in takes up the ones and not the others.
+        Of readings that show such an effect alone, where there are such (:meth:`read_alone`). Else of what the named
+        effect acts in. Of the fitted recordings or of those held out, of which it leaves more: a stand-in takes up the
+        ones and not the others.
         """
-        effect, before, after = self.named.effect, self.named.before, (trial or self.named).state
-        for parts in (bench.alone, bench.parts):
-            pairs = zip(parts(before, effect), parts(after, effect), strict=True)
-            left = [(end - n) / (start - n) for (start, n), (end, _) in pairs if start > NOISE * n]
-            if left:
-                return min(max([LEAST, *left]), 1.0 / LEAST)
-        return 1.0
+        after = (trial or self.named).state
+        left = self._left(bench.alone, after) or self._left(bench.parts, after)
+        return min(max([LEAST, *left]), 1.0 / LEAST) if left else 1.0
+
+    def _left(self, parts: Callable[[State, Effect], Sequence[tuple[float, float]]], after: State) -> list[float]:
+        """Return what a state leaves of each part in which more than noise was."""
+        pairs = zip(parts(self.named.before, self.named.effect), parts(after, self.named.effect), strict=True)
+        return [(end - n) / (start - n) for (start, n), (end, _) in pairs if start > NOISE * n]

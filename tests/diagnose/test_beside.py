@@ -12,7 +12,9 @@ import pytest
 from pneucli.diagnose import beside, place
 from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, imposed, told, unseen_force, weighed
 from pneucli.diagnose.confidence import Evidence, probability
+from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.trial import Bench
 from pneucli.identify.views import Chambers, Forces, Imposed, Whole
 from pneucli.physics.effects import catalogue
 from tests.diagnose import trials
@@ -37,13 +39,17 @@ def kinds(*each: Any, feels: bool = True) -> list[Any]:
 def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The decision about an effect with evidence, a reading that contradicts it, and the error that the user sees."""
 
-    def reason(evidence: Evidence, *, unknown: bool, contradicted: bool = False, falls: bool = True) -> str:
+    def reason(
+        evidence: Evidence, *, unknown: bool, contradicted: bool = False, falls: bool = True, read: float | None = None
+    ) -> str:
+        place = None if read is None else Place(TRIED, ())
+        monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(read, 100.0)])
         monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: evidence._replace(complete=complete))
         monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: contradicted)
         errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
         monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
-        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left, None)
+        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left, place)
         assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
         return decision.reason
@@ -65,6 +71,13 @@ def test_where_nothing_unknown_is_left_the_error_that_the_user_sees_may_stay(jud
 def test_beside_something_unknown_the_error_that_the_user_sees_must_fall(judged: Any) -> None:
     assert judged(STRONG, unknown=True, falls=False) == "raises-error"
     assert judged(WEAK, unknown=True, falls=False) == "explained-by-unknown"
+
+
+def test_of_what_readings_show_alone_it_need_not_fall(judged: Any) -> None:
+    """A resting accelerometer tells its bias, whatever else makes the error of a trajectory."""
+    assert judged(STRONG, unknown=True, falls=False, read=200.0) == "supported"
+    assert judged(STRONG, unknown=True, falls=False, read=104.0) == "raises-error"
+    assert judged(WEAK, unknown=True, falls=False, read=200.0) == "explained-by-unknown"
 
 
 @pytest.mark.parametrize("unknown", [False, True])
