@@ -11,6 +11,7 @@ from pneucli.diagnose.confidence import NAMED, Evidence, probability
 from pneucli.diagnose.decision import Decision, Reason
 from pneucli.diagnose.errors import taken_away
 from pneucli.diagnose.evidence import disagreement, significance
+from pneucli.diagnose.judge import supported
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.place import Place
@@ -20,6 +21,8 @@ from pneucli.identify.views import Chambers, Forces, Imposed, Inferred, View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.facts import facts_of
 
+Weighed = tuple[Decision, Evidence]
+
 MUCH = 3.5  # times the expected rms: where so much is left, more than one thing acts
 EXPLAINS = 0.25  # of what exceeds noise, where much is left
 EXPLAINS_MOST = 0.95  # the same where little is left: an effect that resembles one unknown would leave little too
@@ -27,9 +30,7 @@ EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict i
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 
 
-def weighed(
-    bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], place: Place | None
-) -> tuple[Decision, Evidence]:
+def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], place: Place | None) -> Weighed:
     """Return the decision about an effect that was added, and what it rests on, its ``place`` in the last model too.
 
     What is more likely a stand-in for something unknown is not named; where no exam tells how likely that is, only
@@ -50,6 +51,29 @@ def weighed(
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
     return Decision(trial.effect, reason, trial), evidence
+
+
+def without_refused(bench: Bench, last: State, weights: Sequence[Weighed], left: Sequence[Remainder]) -> list[Weighed]:
+    """Return what is decided about the effects of the ``last`` model, named only what is good without those refused.
+
+    The user will not add those. So a force on the piston may undo what an offset of its pressure does there, which
+    stands in for something unknown; by itself it is nothing.
+    """
+    refused = [d.effect for d, _ in weights if not d.supported]
+    if not left or not refused or len(refused) == len(weights):
+        return list(weights)
+    for effect in refused:
+        (last,) = bench.without(last, [effect])
+    return [_held(bench, last, one, left) if one[0].supported else one for one in weights]
+
+
+def _held(bench: Bench, last: State, known: Weighed, left: Sequence[Remainder]) -> Weighed:
+    """Return what is known of a named effect, or what the named model says of it where it does not pass there."""
+    effect = known[0].effect
+    (before,) = bench.without(last, [effect])
+    place = Place(bench.trial(before, last, effect), ())
+    stays = bool(supported(bench, before, [place.named])) and _good(bench, place.named, place)
+    return known if stays else weighed(bench, last, place.named, left, place)
 
 
 def _good(bench: Bench, trial: Trial, place: Place | None) -> bool:

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pneucli.diagnose.beside import examined, likely, weighed
+from pneucli.diagnose.beside import examined, likely, weighed, without_refused
 from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
@@ -75,6 +75,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
     places = found.places
     weights = [weighed(bench, found.last, t, left, places.get(t.effect.name)) for t in _trials(bench, found)]
+    weights = without_refused(bench, found.last, weights, left)
     missing = [d.effect.name for d, _ in weights if d.supported]
     twins = {name: place.alike(bench, complete=not left) for name, place in places.items()}
     alike = [Decision(t.effect, "supported", t) for name in missing for t in twins.get(name, [])]

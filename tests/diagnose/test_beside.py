@@ -10,8 +10,19 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import beside, place
-from pneucli.diagnose.beside import agreement, evidence_of, examined, explained, imposed, told, unseen_force, weighed
+from pneucli.diagnose.beside import (
+    agreement,
+    evidence_of,
+    examined,
+    explained,
+    imposed,
+    told,
+    unseen_force,
+    weighed,
+    without_refused,
+)
 from pneucli.diagnose.confidence import Evidence, probability
+from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench
@@ -203,3 +214,36 @@ def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPa
     )
     fit, name, recordings = agreement(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
     assert (fit, name, recordings) == ("fit", "extra-mass", [1] * 4 + [0] * 3 + [1])
+
+
+@pytest.mark.parametrize(
+    ("moved", "passes", "named"),
+    [
+        ((10.0, 5.0), True, "supported"),
+        ((10.0, 10.5), True, "raises-error"),
+        ((10.0, 9.9), False, "explained-by-unknown"),
+    ],
+)
+def test_only_what_passes_without_the_effects_that_are_refused_is_named(
+    monkeypatch: pytest.MonkeyPatch, moved: tuple[float, float], passes: bool, named: str
+) -> None:
+    """An offset is refused; the mass beside it must pass, and lower the error, in the model that lacks the offset."""
+    mass, offset = (trial(n) for n in ("extra-mass", "pressure-offset"))
+    last, alone, neither = (trials.state(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
+    ways = {(id(last), "pressure-offset"): alone, (id(alone), "extra-mass"): neither}
+    monkeypatch.setattr(Bench, "without", lambda self, one, effects: [ways[id(one), effects[0].name]])
+    step = replace(mass, before=neither, state=alone)
+    monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: step)
+    monkeypatch.setattr(beside, "supported", lambda bench, before, tried: tried if passes else [])
+    there = STRONG if passes else WEAK
+    monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
+    monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: False)
+    found = bench([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
+    left = [Remainder(Forces, "force", 5.0, 5.0, ())]
+    weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, "at-bound", offset), WEAK)]
+    (first, _), (second, _) = without_refused(found, last, weights, left)
+    assert (first.reason, second.reason) == (named, "at-bound")
+    assert without_refused(found, last, weights, []) == weights  # noise alone is left
+    assert without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
+    assert without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -56,6 +57,11 @@ class Diagnosed:
             reason: Reason = "supported" if stands else "explained-by-unknown"
             return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
 
+        def without_refused(bench: Any, last: Any, weights: Any, left: Any) -> Any:
+            assert bool(left) == unknown
+            falls = given.get("falls", ())
+            return [(replace(d, reason="raises-error") if d.effect.name in falls else d, e) for d, e in weights]
+
         def describe(model: Any, views: Any, worst: Remainder) -> str:
             self.described.append(([e.name for e in model.effects], worst))
             return "unknown"
@@ -64,6 +70,7 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
         monkeypatch.setattr(diagnosis, "remains", lambda bench, state: ([MUCH], []))
         monkeypatch.setattr(diagnosis, "weighed", weighed)
+        monkeypatch.setattr(diagnosis, "without_refused", without_refused)
         monkeypatch.setattr(diagnosis, "likely", lambda bench, one: 0.25 if one is rival else 0.75)  # odds 1 : 9
         monkeypatch.setattr(diagnosis, "examined", lambda bench, effect: given.get("examined", True))
         monkeypatch.setattr(diagnosis, "describe", describe)
@@ -107,6 +114,11 @@ def test_beside_something_unknown_only_what_stands_is_named(
     assert d.steps == [("a", [], ["a"], True), ("b", ["a"], ["a", "b"], True)]
     assert d.reasons == {"a": "explained-by-unknown", "b": "supported"}
     assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
+
+
+def test_what_does_not_stand_without_the_refused_ones_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    d = Diagnosed(monkeypatch, left=[MUCH], standing={"b"}, falls={"b"})
+    assert (d.result.missing, d.reasons) == ((), {"a": "explained-by-unknown", "b": "raises-error"})
 
 
 def test_where_nothing_stands_what_the_first_rung_leaves_is_described(monkeypatch: pytest.MonkeyPatch) -> None:
