@@ -38,6 +38,7 @@ class Evidence(NamedTuple):
     complete: bool = False
     left: float = 1.0
     imposed: bool = False
+    beyond: float = 1.0
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -46,7 +47,8 @@ class Evidence(NamedTuple):
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
-        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), float(self.imposed)
+        left, beyond = _decades(self.left, 0.01, 1.0), _decades(self.beyond, 0.01, 1.0)
+        return 1.0, significance, size, left, float(self.imposed), beyond
 
 
 def _decades(value: float, low: float, high: float) -> float:
@@ -55,7 +57,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-3.83, 1.17, 3.62, -3.0, 1.3)  # beside something unknown
+BESIDE = (-3.83, 1.17, 3.62, -3.0, 1.3, 0.0)  # beside something unknown
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,

@@ -86,10 +86,10 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     sure = _confidence(bench, decisions, evidence, parts)
     shown = found.last if left and missing else found.rungs[_known([d for d, _ in weights])]
     unexplained = left if shown is found.last else too_much(*remains(bench, shown)) or left
-    unknown = describe(shown.model, [*bench.train, *bench.held_out], unexplained[0]) if unexplained else None
+    unknown = describe(bench, shown.fit, unexplained[0]) if unexplained else None
     moved = tuple(_moved(start.fit, found.last.fit))
     verdict = _verdict(bench, unexplained, missing, sizes)
-    remaining = discrepancies(found.last.model, [*bench.train, *bench.held_out], [*found.test, *found.train])
+    remaining = discrepancies(bench, found.last.fit, [*found.test, *found.train])
     return Diagnosis(
         verdict=verdict,
         missing=tuple(missing),

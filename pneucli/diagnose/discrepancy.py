@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.remainder import FAINT, Remainder
+from pneucli.diagnose.trial import Bench
 from pneucli.diagnose.unknown import describe
+from pneucli.identify.fit import Fit
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 
@@ -30,12 +32,12 @@ class Discrepancy:
     share: float
 
 
-def discrepancies(model: Model, views: Sequence[View], left: Sequence[Remainder]) -> list[Discrepancy]:
-    """Return what is more than noise of what a model leaves over in the views, the largest part first."""
+def discrepancies(bench: Bench, fit: Fit, left: Sequence[Remainder]) -> list[Discrepancy]:
+    """Return what is more than noise of what a fit leaves over in all views, the largest part first."""
     seen = {(r.kind, r.channel): r for r in reversed(left) if r.ratio > FAINT}
-    residuals = {key: _residuals(model, views, *key) for key in seen}
+    residuals = {key: _residuals(fit.model, bench.views, *key) for key in seen}
     beyond = {key: sum(max(float(r @ r) - np.count_nonzero(r), 0.0) for r, _ in residuals[key]) for key in seen}
-    signals = [describe(model, views, r).variable for r in seen.values()]
+    signals = [describe(bench, fit, r).variable for r in seen.values()]
     total = max(sum(beyond.values()), 1e-9)
     found = [
         Discrepancy(r.kind.title, r.channel, r.ratio, _memory(residuals[key]), over, beyond[key] / total)

@@ -31,20 +31,14 @@ FAINT = 1.06  # a ratio below which a shape is too small to matter
 
 @dataclass(frozen=True)
 class Shape:
-    """The residual over one variable: means over bins, in units of noise.
+    """The residual over one variable: the ``share`` of the squares that means over bins hold beyond what scatter gives.
 
-    Where ``against`` is true it is the residual against the motion, as friction would leave it. ``share`` is the part
-    of the squared residual that the means hold beyond what scatter gives; ``p_value`` the chance of such means where
-    the residual does not depend on the variable.
+    ``p_value`` is the chance of such means where the residual does not depend on the variable.
     """
 
     variable: str
-    centres: Array
-    means: Array
-    errors: Array
     share: float
     p_value: float
-    against: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,7 +98,7 @@ def _remainder(kind: type[View], channel: str, members: list[tuple[View, Array, 
     if channel == "force" and "direction" in over:
         friction = residual * over["direction"]
         laws = {name: over[name] for name in OF_FRICTION if name in over}
-        shapes += [shape(name, values, friction, blocks, against=True) for name, values in laws.items()]
+        shapes += [shape(name, values, friction, blocks) for name, values in laws.items()]
     ranked = tuple(sorted((s for s in shapes if s is not None), key=lambda s: -s.share))
     return Remainder(kind, channel, float(np.sqrt(np.mean(relative**2))), bulk_rms(relative), ranked)
 
@@ -123,10 +117,8 @@ def _one_channel(view: View) -> View:
     return single
 
 
-def shape(
-    variable: str, values: Array, residual: Array, blocks: NDArray[np.int64], *, against: bool = False
-) -> Shape | None:
-    """Return the residual's means over bins of a variable, None where it does not vary.
+def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int64]) -> Shape | None:
+    """Return the residual's shape over a variable, None where that does not vary.
 
     Each bin holds as many samples as the others; the scatter of its mean comes from the blocks' sums.
     """
@@ -148,10 +140,7 @@ def shape(
     z = means[enough] / np.maximum(errors[enough], 1e-12)
     held = float(np.sum(total[enough] * (means[enough] ** 2 - errors[enough] ** 2)))
     share = max(held, 0.0) / max(float(np.sum(residual**2)), 1e-300)
-    centres = np.bincount(place, values) / np.maximum(np.bincount(place), 1)
-    return Shape(
-        variable, centres[enough], means[enough], errors[enough], share, float(chi2.sf(z @ z, z.size)), against
-    )
+    return Shape(variable, share, float(chi2.sf(z @ z, z.size)))
 
 
 def bins_of(values: Array, most: int) -> NDArray[np.int64]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pneucli.diagnose.costs import fitted_costs, unseen_costs
 from pneucli.diagnose.evidence import Gain, gain, wald
+from pneucli.diagnose.laws import Channel
 from pneucli.diagnose.refits import Refit, Refits, here
 from pneucli.diagnose.turns import models_by_turn
 from pneucli.experiments import Part
@@ -105,6 +106,16 @@ class Bench:
     def blocks(self) -> tuple[int, ...]:
         """How many blocks of time each of these views has."""
         return tuple(int(block_numbers([view])[-1]) + 1 for view in self.views)
+
+    def channel(self, found: Fit, kind: type[View], name: str) -> Channel:
+        """Return what laws of signals make of a channel, as some fit of this bench has its flows."""
+        if (kind, name) not in self._channels:
+            self._channels[kind, name] = Channel(found, self.train, kind, name)
+        return self._channels[kind, name]
+
+    @cached_property
+    def _channels(self) -> dict[tuple[type[View], str], Channel]:
+        return {}
 
     def state(self, found: Fit) -> State:
         """Return a fit with its costs."""

@@ -2,146 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import lombscargle
-
-from pneucli.diagnose.remainder import Remainder, Shape
-from pneucli.identify.views import View
+from pneucli.diagnose.laws import Law
+from pneucli.diagnose.periods import Period, period
+from pneucli.diagnose.place import BY_CHANCE
+from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.trial import Bench
+from pneucli.identify.fit import Fit
 from pneucli.quantities import SIGNALS
-from pneucli.simulate import layout as at
-from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
-
-PERIODIC = 0.3  # share of the squared residual that one sine must hold
-TELLING = 0.05  # share that means over a variable must hold to be spoken of
-FEWEST, MOST_SAMPLES = 100, 4000
-RESOLVED = 0.5  # cycles over a range, by which two sines can be told apart
-FEWEST_CYCLES = 2.0  # over the range; fewer cannot be told from a drift
-MOST_CYCLES = 250.0
-FEWEST_SAMPLES = 16  # in a cycle
-BINS = int(FEWEST_SAMPLES * MOST_CYCLES)  # of the range
-STEP, FINE = 0.125, 21  # cycles between two that are tried, and how many are tried about the best
-REPLAYED = "only where all is simulated together: by itself each subsystem fits"
-LAWS: dict[str, Callable[[Array], list[Array]]] = {
-    "a constant": lambda q: [np.ones_like(q)],
-    "proportional to it": lambda q: [q],
-    "a constant that changes sign with it": lambda q: [np.sign(q)],
-    "growing with its square, sign kept": lambda q: [q * np.abs(q)],
-    "a straight line": lambda q: [np.ones_like(q), q],
-    "a parabola": lambda q: [np.ones_like(q), q, q**2],
-}
+TELLING = 0.05  # share that a law of a signal must explain to be spoken of
+REPLAYED = "something that shows only where all is simulated together (by itself each subsystem fits)"
+SHAPELESS = "something without a shape over any signal"
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """Where the unexplained stands: subsystem, channel, variable, its character and the closest simple law in words."""
+    """Where the unexplained stands, how many times its noise, and of what it is a function, in words.
+
+    ``share`` is the part of the squares that a function of the ``variable`` explains of recordings that were left out;
+    functions of those in ``alike`` explain about as much. ``course`` is the function itself, ``law`` the name of a
+    simple one that comes near it.
+    """
 
     subsystem: str
     channel: str
     ratio: float
     variable: str | None
     character: str
-    law: str | None
+    law: str | None = None
+    share: float | None = None
+    alike: tuple[str, ...] = ()
+    course: Law | None = None
 
 
-def describe(model: Model, views: Sequence[View], worst: Remainder) -> Unknown:
-    """Describe a remainder of a model, such as the worst."""
-    shape = next((s for s in worst.shapes if s.share > TELLING), None)
-    same = [v for v in views if type(v) is worst.kind and worst.channel in v.channels]
+def describe(bench: Bench, fit: Fit, worst: Remainder) -> Unknown:
+    """Describe a remainder of a fit, such as the worst."""
+    where = worst.kind.title, worst.channel, worst.ratio
+    same = [v for v in bench.train if type(v) is worst.kind and worst.channel in v.channels]
     if not same:
-        return Unknown(worst.kind.title, worst.channel, worst.ratio, None, REPLAYED, None)
-    sine = _sine(model, same, worst.channel)
-    if sine is not None:
-        variable, period = sine
-        unit = "s" if variable == "time" else "m"
-        character = f"periodic over {_title(variable)}, period {period:.3g} {unit}"
-        return Unknown(worst.kind.title, worst.channel, worst.ratio, variable, character, "a sine")
-    if shape is None:
-        return Unknown(worst.kind.title, worst.channel, worst.ratio, None, "without a shape over any signal", None)
-    drifts = shape.variable == "time"
-    character = "drifting over each recording" if drifts else f"a function of {_title(shape.variable)}"
-    character = f"a friction {character}" if drifts and shape.against else character
-    character = f"against the motion, {character}" if shape.against and not drifts else character
-    return Unknown(worst.kind.title, worst.channel, worst.ratio, shape.variable, character, _law(shape))
+        return Unknown(*where, None, REPLAYED)
+    channel = bench.channel(fit, worst.kind, worst.channel)
+    ranked = channel.ranked(fit)
+    repeats = period(fit.model, same, worst.channel)
+    best = ranked[0] if ranked and ranked[0].share > TELLING else None
+    if repeats is not None and (best is None or repeats.variable == best.signal or repeats.share > best.share):
+        share = repeats.share if best is None or repeats.variable != best.signal else max(best.share, repeats.share)
+        course = best if best is not None and best.signal == repeats.variable else None
+        return Unknown(*where, repeats.variable, _repeating(repeats, best), "a sine", share, (), course)
+    if best is None:
+        return Unknown(*where, None, SHAPELESS)
+    if BY_CHANCE * (1.0 - best.share) > 1.0:
+        character = f"mostly without a shape; {best.share:.0%} of it is {_course(best)}"
+        return Unknown(*where, best.signal, character, channel.simple(fit, best), best.share, (), best)
+    others = [law.signal for law in ranked if 1.0 - law.share < BY_CHANCE * (1.0 - best.share)]
+    also = tuple(name for name in dict.fromkeys(others) if name != best.signal)
+    return Unknown(*where, best.signal, _course(best), channel.simple(fit, best), best.share, also, best)
 
 
-def _title(variable: str) -> str:
+def _repeating(repeats: Period, best: Law | None) -> str:
+    unit = "s" if repeats.variable == "time" else "m"
+    what = f"a {best.way}" if best is not None and best.signal == repeats.variable else "something"
+    return f"{what} that repeats over {titled(repeats.variable)}, period {repeats.length:.3g} {unit}"
+
+
+def _course(law: Law) -> str:
+    if law.signal == "time":
+        return f"a {law.way} that drifts over each recording"
+    return f"a {law.way}, a function of {titled(law.signal)}"
+
+
+def titled(variable: str) -> str:
+    """Return the words for a signal."""
     return SIGNALS[variable].title if variable in SIGNALS else variable.replace("_", " ")
-
-
-def _law(shape: Shape) -> str:
-    """Return the law that fits the bins' means best for its number of constants (Schwarz's criterion)."""
-    scale = float(np.max(np.abs(shape.centres))) or 1.0
-    scores = {}
-    for words, columns in LAWS.items():
-        design = np.column_stack(columns(shape.centres / scale)) / shape.errors[:, None]
-        target = shape.means / shape.errors
-        rest = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
-        scores[words] = float(rest @ rest) + design.shape[1] * np.log(target.size)
-    return min(scores, key=scores.__getitem__)
-
-
-def _sine(model: Model, views: Sequence[View], channel: str) -> tuple[str, float] | None:
-    """Return the variable and period of a sine that holds much of the residual in every view, else None."""
-    found = []
-    for variable in ("time", "x"):
-        lines = [_line(view, model, channel, variable) for view in views]
-        known = [line for line in lines if line is not None]
-        if known and len(known) == len(views) and min(share for share, _ in known) > PERIODIC:
-            periods = [period for _, period in known]
-            if max(periods) < 1.3 * min(periods):
-                found.append((float(np.mean([share for share, _ in known])), variable, float(np.mean(periods))))
-    return max(found)[1:] if found else None
-
-
-def _line(view: View, model: Model, channel: str, variable: str) -> tuple[float, float] | None:
-    """Return the share of the squared residual that the strongest sine holds, and its period."""
-    e = view.experiment
-    if variable == "x" and "x" not in e.raw:
-        return None
-    residual = view.residual(model)[channel]
-    seen = np.flatnonzero(residual)
-    if seen.size < FEWEST:
-        return None
-    y, q = residual[seen] - residual[seen].mean(), (e.time if variable == "time" else e.inputs[:, at.IN_X])[seen]
-    if np.ptp(q) == 0.0 or np.ptp(y) == 0.0:
-        return None
-    starts = e.time[e.restarts] if variable == "time" and view.replayed else np.zeros(0)
-    cycles, power = _periodogram(q, y)
-    able = (cycles >= FEWEST_CYCLES) & (cycles <= seen.size / FEWEST_SAMPLES) & ~_of_restarts(cycles, q, starts)
-    if not able.any():
-        return None
-    near = cycles[able][np.argmax(power[able])] + np.linspace(-STEP, STEP, FINE)
-    near = near[~_of_restarts(near, q, starts)]
-    few = slice(None, None, max(seen.size // MOST_SAMPLES, 1))
-    shares = lombscargle(q[few], y[few], 2 * np.pi * near / np.ptp(q), normalize=True)
-    return float(np.max(shares)), float(np.ptp(q) / near[np.argmax(shares)])
-
-
-def _periodogram(q: Array, y: Array) -> tuple[Array, Array]:
-    """Return cycles over the range of q (n,), and how strong a sine of so many is in y (n,), up to a factor.
-
-    Of sums over narrow bins of q: readings over x are no even samples.
-    """
-    place = ((q - q.min()) * (BINS / np.ptp(q))).astype(np.int64)
-    sums = np.bincount(np.minimum(place, BINS - 1), weights=y, minlength=BINS)
-    power = np.abs(np.fft.rfft(sums, round(BINS / STEP))[: round(MOST_CYCLES / STEP)]) ** 2
-    cycles = STEP * np.arange(power.size)
-    return np.asarray(cycles, dtype=np.float64), np.asarray(power, dtype=np.float64)
-
-
-def _of_restarts(cycles: Array, time: Array, starts: Array) -> NDArray[np.bool_]:
-    """Return which numbers of cycles over the time are those of the restarts or a multiple, as far as it resolves them.
-
-    What grows from restart to restart has their period: it is the comparison's, not the rig's.
-    """
-    if starts.size < 2:
-        return np.zeros(cycles.size, dtype=bool)
-    each = np.ptp(time) / float(np.median(np.diff(starts)))
-    away = np.abs(cycles - each * np.maximum(np.round(cycles / each), 1.0))
-    return np.asarray(away < RESOLVED)

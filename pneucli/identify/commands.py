@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.paths import PRESSURES, Chamber, Paths, driven, flow_per_area, paths
+from pneucli.identify.chamber import PRESSURES, Chamber
+from pneucli.identify.paths import Paths, driven, flow_per_area, paths
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment

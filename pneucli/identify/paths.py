@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.chamber import PRESSURES, Chamber, gas_of
 from pneucli.physics.flows import orifice_flows
 from pneucli.physics.gas import critical_ratio_of, flow_constant
 from pneucli.recording import Rig
@@ -16,9 +16,6 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
 Array = NDArray[np.float64]
-Chamber = Literal[1, 2]
-
-PRESSURES = {1: ("p1", at.IN_P1), 2: ("p2", at.IN_P2)}
 
 
 @dataclass(frozen=True)
@@ -107,14 +104,10 @@ def on_a_vessel(e: Experiment, chamber: Chamber) -> Experiment | None:
 def _paths(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> Paths:
     opening = opening_of(e, chamber)
     assert opening is not None
-    name, column = PRESSURES[1 if e.vessel else chamber]
-    p, exponent = e.inputs[:, column], rig.polytropic_exponent or rig.heat_capacity_ratio
-    slope = e.smoothers[name].slope(e.raw[name]) if name in e.smoothers else np.gradient(p, e.time)
-    volume, growth = _volume(e, rig, chamber, vessel_volume)
-    gas = rig.gas_constant * rig.gas_temperature
-    flow = (slope * volume + exponent * p * growth) / (exponent * gas)
+    p = e.inputs[:, PRESSURES[1 if e.vessel else chamber][1]]
+    gas = gas_of(e, rig, chamber, vessel_volume)
     per_area = flow_per_area(rig, opening, e.inputs[:, at.IN_SUPPLY], p)
-    return Paths(e, opening, flow, per_area, *np.broadcast_arrays(volume, growth, p)[:2])
+    return Paths(e, opening, gas.flow, per_area, gas.volume, gas.growth)
 
 
 def flow_per_area(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
@@ -126,13 +119,3 @@ def flow_per_area(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
     b = critical_ratio_of(rig.heat_capacity_ratio)
     upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, rig.ambient_pressure)
     return np.asarray(np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, b, k, k))
-
-
-def _volume(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array | float, Array | float]:
-    """Return the volume in m^3 and its growth in m^3/s."""
-    if e.vessel:
-        return vessel_volume, 0.0
-    area, x, v = rig.areas[chamber - 1], e.inputs[:, at.IN_X], e.inputs[:, at.IN_V]
-    if chamber == 1:
-        return (rig.dead_volume_1 or 0.0) + area * x, area * v
-    return (rig.dead_volume_2 or 0.0) + area * ((rig.stroke or 0.0) - x), -area * v

@@ -50,7 +50,7 @@ def carried(model: Model, experiment: Experiment, errors: dict[str, tuple[float,
 
 
 def whitened(residual: Array, errors: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (n,) whitened for ``errors`` (k, n), what errors of a start or of a stretch become.
+    """Return a residual (..., n) whitened for ``errors`` (k, n), what errors of a start or of a stretch become.
 
     All in units of the noise. In each stretch the covariance is that of the noise times I + sum of e e'; one error
     after the other, its inverse square root takes away a share of what the residual has along it.
@@ -81,11 +81,11 @@ def _apart(errors: Array, restarts: NDArray[np.int64]) -> list[Array]:
 
 
 def _without(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (n,) without a share of what it has along an error (n,)."""
+    """Return a residual (..., n) without a share of what it has along an error (n,)."""
     power = np.add.reduceat(error * error, restarts)
-    along = np.add.reduceat(error * residual, restarts)
+    along = np.add.reduceat(error * residual, restarts, axis=-1)
     share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
-    return np.asarray(residual - np.repeat(share * along, lengths(restarts, residual.size)) * error)
+    return np.asarray(residual - np.repeat(share * along, lengths(restarts, error.size), axis=-1) * error)
 
 
 def lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:

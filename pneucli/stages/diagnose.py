@@ -18,6 +18,7 @@ from pneucli.diagnose.manoeuvres import separation
 from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench, Errors, State
 from pneucli.diagnose.turns import turns_of
+from pneucli.diagnose.unknown import titled
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Fit
@@ -159,6 +160,8 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
             "variable": found.unknown.variable,
             "character": found.unknown.character,
             "law": found.unknown.law,
+            "share": found.unknown.share,
+            "also_over": list(found.unknown.alike),
         },
     }
 
@@ -277,8 +280,11 @@ def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
         equals = sorted({e for n in found.missing for e in found.equals[n]})
         return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
     assert found.unknown is not None
-    text = f"{found.unknown.character.capitalize()}, something remains that no effect of the catalogue accounts for: "
-    text += f"{found.unknown.channel} errs by {found.unknown.ratio:.2g} times its noise ({found.unknown.subsystem})."
+    known, also = found.unknown, [titled(name) for name in found.unknown.alike]
+    text = (
+        f"What remains is {known.character}{''.join(f', or of {name}' for name in also)}; no effect of the catalogue "
+    )
+    text += f"accounts for it: {known.channel} errs by {known.ratio:.2g} times its noise ({known.subsystem})."
     return text + (f" Beside it stands what helped: {named}." if named else "")
 
 

@@ -12,6 +12,7 @@ from pneucli.compare.where import locators
 from pneucli.diagnose.diagnosis import Diagnosis
 from pneucli.diagnose.remainder import bins_of
 from pneucli.diagnose.trial import Bench, State
+from pneucli.diagnose.unknown import Unknown
 from pneucli.identify.views import View
 from pneucli.io.artifacts import write_table
 from pneucli.physics.declaration import Effect
@@ -25,7 +26,7 @@ SHAPES = 3  # recordings a picture is drawn of
 
 
 def write_diagnosis(study: Study, bench: Bench, found: Diagnosis, answer: dict[str, Any]) -> None:
-    """Write ``candidates``, ``ladder`` and ``shape`` into the stage's folder."""
+    """Write ``candidates``, ``ladder``, ``shape`` and ``law`` into the stage's folder."""
     inputs = ("ingest/signals.parquet",)
     candidates = [
         (
@@ -51,12 +52,15 @@ def write_diagnosis(study: Study, bench: Bench, found: Diagnosis, answer: dict[s
     columns = "effect recording channel variable unit value residual_before residual_after expected"
     values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
     _write(study, "shape", columns, shapes, values | {"value": "SI"}, inputs)
+    columns = "channel acts_as variable unit value law"
+    _write(study, "law", columns, list(_law(found.unknown)), {"value": "SI", "law": "see column unit"}, inputs)
 
 
 TEXTS = {"effect", "parameter", "unit", "indistinguishable_from", "reason", "why", "add"} | {
     "recording",
     "channel",
     "variable",
+    "acts_as",
 }
 NOT_FITTED: dict[str, Any] = {"": {"value": None, "unit": "", "ci95": (None, None)}}
 FLAGS = {"supported", "missing"}
@@ -81,6 +85,14 @@ def _write(
         schema=f"pneucli/diagnose/{name}/1",
         provenance=study.provenance(*inputs),
     )
+
+
+def _law(unknown: Unknown | None) -> Iterable[tuple[Any, ...]]:
+    """Yield the law of what remains, over its signal."""
+    law = None if unknown is None else unknown.course
+    if unknown is not None and law is not None:
+        for place, value in zip(np.linspace(law.low, law.high, law.values.size), law.values, strict=True):
+            yield unknown.channel, law.way, law.signal, law.unit, float(place), float(value)
 
 
 def _shapes(bench: Bench, found: Diagnosis, i: int, name: str) -> Iterable[tuple[Any, ...]]:

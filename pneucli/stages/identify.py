@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from pneucli.errors import InputError
+from pneucli.identify.chamber import Chamber
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Estimate, Fit, without_data
 from pneucli.identify.friction import FrictionIdentification, identify_friction
@@ -14,7 +15,7 @@ from pneucli.identify.intervals import with_intervals
 from pneucli.identify.leaks import TRADE, leak_flows, losses
 from pneucli.identify.null import drifted
 from pneucli.identify.parameters import Free, has, value_of
-from pneucli.identify.paths import Chamber, driven, opening_of
+from pneucli.identify.paths import driven, opening_of
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve import ValveIdentification, identify_moving, identify_valve
 from pneucli.identify.views import View, weighted

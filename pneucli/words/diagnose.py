@@ -38,6 +38,16 @@ def found(answer: Answer) -> str:
     return f"{answer['verdict']}: {answer['sentence']}"
 
 
+def unknown(rest: Answer) -> str:
+    """Return what is known of what no effect accounts for: where it is, of what it is a function, how much of it."""
+    course = f" ({rest['law']})" if rest.get("law") else ""
+    also = "".join(f", or of {name}" for name in rest.get("also_over") or [])
+    share = f" A function of {rest['variable']} explains {percent(rest['share'])} of it" if rest.get("share") else ""
+    held = " in recordings that were left out." if share else ""
+    where = f"{rest['channel']} errs by {number(rest['times_noise'], 2)} times its noise ({rest['subsystem']})"
+    return f"What remains is {rest['character']}{course}{also}: {where}.{share}{held}"
+
+
 def sure(answer: Answer) -> str:
     """Return the evidence: how the error falls, on which recordings, with which size, and what else it could be."""
     if answer["verdict"] in ("adequate", "inconclusive"):

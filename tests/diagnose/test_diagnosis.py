@@ -62,8 +62,8 @@ class Diagnosed:
             falls = given.get("falls", ())
             return [(replace(d, reason="raises-error") if d.effect.name in falls else d, e) for d, e in weights]
 
-        def describe(model: Any, views: Any, worst: Remainder) -> str:
-            self.described.append(([e.name for e in model.effects], worst))
+        def describe(bench: Any, fit: Any, worst: Remainder) -> str:
+            self.described.append(([e.name for e in fit.model.effects], worst))
             return "unknown"
 
         monkeypatch.setattr(diagnosis, "search", lambda bench, start: found)
@@ -76,7 +76,7 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "describe", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
         monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: self.sizes if state is found.last else [])
-        monkeypatch.setattr(diagnosis, "discrepancies", lambda model, views, left: [(model, len(left))])
+        monkeypatch.setattr(diagnosis, "discrepancies", lambda bench, fit, left: [(fit.model, len(left))])
         monkeypatch.setattr(diagnosis, "cannot_show", lambda bench, sizes: [])
         self.bench: Any = SimpleNamespace(
             state=lambda base: self.rungs[0], train=[], held_out=[], effects=self.toys.effects, trial=self.toys.trial,

@@ -10,7 +10,6 @@ import pytest
 
 from pneucli.diagnose import replay
 from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.unknown import REPLAYED, describe
 from pneucli.identify.views import Chambers, Forces, View, Whole
 from pneucli.simulate import layout as at
 from tests.simulate.benches import model
@@ -90,9 +89,3 @@ def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeyp
 
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
     assert replay.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=Chambers)) == []
-
-
-def test_what_goes_astray_is_said_in_words(monkeypatch: pytest.MonkeyPatch):
-    views = seen(np.full(STRETCHES, 2.0), monkeypatch)
-    found = describe(None, views, Remainder(Whole, "x", 2.0, 2.0, ()))
-    assert (found.subsystem, found.channel, found.character) == ("the whole axis", "x", REPLAYED)

@@ -1,83 +1,106 @@
-"""Describing what remains: a channel is sought only in the views that have it."""
+"""Describing what remains: of what it is a function, as what it acts, and where nothing of that can be said."""
 
 from __future__ import annotations
 
-import re
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pneucli.diagnose import unknown
+from pneucli.diagnose.laws import Law
+from pneucli.diagnose.periods import Period
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.unknown import Unknown, describe
-from pneucli.identify.views import Chambers
-from pneucli.simulate import layout as at
+from pneucli.identify.views import Chambers, Forces, Imposed, Whole
 
-TIME = np.arange(0.0, 4.0, 1e-3)
-
-
-class Seen(Chambers):
-    """What a view shows, without a rig behind it."""
-
-    channels = ()
-
-    def __init__(self, channels: tuple[str, ...], left: Any) -> None:
-        self.__dict__.update(channels=channels, left=left)
-        inputs = np.zeros((TIME.size, len(at.INPUTS)))
-        inputs[:, at.IN_X] = TIME
-        each = np.arange(0, TIME.size, 500)
-        self.__dict__["experiment"] = SimpleNamespace(time=TIME, inputs=inputs, raw={"x": TIME}, restarts=each)
-
-    def residual(self, _model: object) -> dict[str, Any]:
-        return dict.fromkeys(self.channels, self.left)
+VIEW: Any = Forces(SimpleNamespace())  # type: ignore[arg-type]
+VIEW.__dict__["channels"] = ("force",)
 
 
-def period(found: Unknown) -> float:
-    """The period that is told."""
-    told = re.search(r"periodic over .*, period ([\d.e-]+) ", found.character)
-    assert told is not None
-    return float(told[1])
+def law(signal: str, share: float, way: str = "force") -> Law:
+    """A law that explains a share."""
+    return Law(signal, way, "N", 0, share, 0.0, 1.0, np.zeros(60))
 
 
-def test_a_ripple_of_p2_is_found_though_a_vessel_has_no_p2():
-    ripple = 100.0 * np.sin(2 * np.pi * 7.0 * TIME) + np.random.default_rng(1).normal(size=TIME.size)
-    views = [Seen(("p1",), np.ones(TIME.size)), Seen(("p1", "p2"), ripple)]
-    found = describe(None, views, Remainder(Seen, "p2", 3.0, 3.0, ()))
-    assert (found.channel, found.law) == ("p2", "a sine")
-    assert period(found) == pytest.approx(1 / 7, rel=0.01)
+def described(
+    monkeypatch: pytest.MonkeyPatch, *laws: Law, repeats: Period | None = None, simple: str | None = None
+) -> Unknown:
+    """What is said of a remainder of the force of which these laws and this period are known."""
+    ranked = sorted(laws, key=lambda one: -one.share)
+    known = SimpleNamespace(
+        ranked=lambda fit: ranked, simple=lambda fit, one: simple if one is ranked[0] else "another"
+    )
+    bench = SimpleNamespace(train=[VIEW], channel=lambda fit, *one: {(Forces, "force"): known}[one])
+    monkeypatch.setattr(unknown, "period", lambda *_: repeats)
+    return describe(bench, SimpleNamespace(model=None), Remainder(Forces, "force", 3.0, 3.0, ()))  # type: ignore[arg-type]
 
 
-def test_what_grows_from_restart_to_restart_is_the_comparisons_and_no_period_of_the_rig():
-    """An error that grows after each of the restarts, 0.5 s apart, and is set back at the next."""
-    saw = 50.0 * (TIME % 0.5) + np.random.default_rng(1).normal(size=TIME.size)
-    vessel = Seen(("p1",), saw)
-    del vessel.experiment.raw["x"]
-    found = describe(None, [vessel], Remainder(Seen, "p1", 3.0, 3.0, ()))
-    assert "periodic" not in found.character
+def test_it_is_a_function_of_the_signal_that_explains_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = described(monkeypatch, law("x", 0.9, "dry friction"), law("p1", 0.5), simple="a parabola")
+    assert (found.subsystem, found.channel, found.ratio) == (Forces.title, "force", 3.0)
+    assert (found.variable, found.share, found.law, found.alike) == ("x", 0.9, "a parabola", ())
+    assert found.character == "a dry friction, a function of piston position"
+    assert found.course is not None
+    assert (found.course.signal, found.course.way) == ("x", "dry friction")
 
 
-@pytest.mark.parametrize("frequency", [1.3, 3.0, 7.0])
-def test_a_period_of_the_rig_is_found_whatever_the_restarts(frequency: float):
-    wave = 5.0 * np.sin(2 * np.pi * frequency * TIME) + np.random.default_rng(1).normal(size=TIME.size)
-    found = describe(None, [Seen(("p1",), wave)], Remainder(Seen, "p1", 3.0, 3.0, ()))
-    assert period(found) == pytest.approx(1 / frequency, rel=0.01)
+def test_of_time_it_drifts(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert described(monkeypatch, law("time", 0.9)).character == "a force that drifts over each recording"
 
 
-def test_what_is_not_replayed_has_no_period_of_restarts():
-    """A balance of forces starts nowhere anew: a force that swings at 2 Hz is the rig's, though restarts do so too."""
-
-    class Balance(Seen):
-        replayed = False
-
-    wave = np.sin(2 * np.pi * 2.0 * TIME)
-    balance = Balance(("p1",), wave)
-    del balance.experiment.raw["x"]
-    found = describe(None, [balance], Remainder(Balance, "p1", 3.0, 3.0, ()))
-    assert period(found) == pytest.approx(0.5, rel=0.01)
+def test_signals_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They leave 0.1, 0.14 and 0.15: ten independent readings vary by 1.47, as the answer's sets of effects have it."""
+    found = described(monkeypatch, law("p1", 0.9), law("p2", 0.86), law("p1", 0.88, "dry friction"), law("x", 0.85))
+    assert found.alike == ("p2",)
 
 
-def test_a_recording_that_says_nothing_has_no_period():
-    """Such as one in which the piston rests all the time, so that no reading of the force is compared."""
-    found = describe(None, [Seen(("p1",), np.zeros(TIME.size))], Remainder(Seen, "p1", 3.0, 3.0, ()))
-    assert found.character == "without a shape over any signal"
+def test_where_no_signal_stands_out_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What leaves 0.7 leaves about as much as what explains nothing."""
+    found = described(monkeypatch, law("x", 0.3), law("p1", 0.29))
+    assert (found.variable, found.alike) == ("x", ())
+    assert found.character == "mostly without a shape; 30% of it is a force, a function of piston position"
+
+
+def test_what_explains_little_is_not_spoken_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = described(monkeypatch, law("x", 0.04))
+    assert (found.variable, found.share) == (None, None)
+    assert found.character == "something without a shape over any signal"
+    assert described(monkeypatch).variable is None
+    assert described(monkeypatch, law("x", 0.06)).variable == "x"
+
+
+def test_a_period_over_the_same_signal_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = described(monkeypatch, law("x", 0.9), repeats=Period("x", 0.02, 0.6))
+    assert (found.variable, found.law, found.share) == ("x", "a sine", 0.9)
+    assert found.character == "a force that repeats over piston position, period 0.02 m"
+    assert found.course is not None
+    assert found.course.signal == "x"
+
+
+def test_what_repeats_over_time_without_a_law_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as a load that swings on a spring: no signal has its phase."""
+    found = described(monkeypatch, law("x", 0.1), repeats=Period("time", 0.12, 0.6))
+    assert (found.variable, found.share, found.course) == ("time", 0.6, None)
+    assert found.character == "something that repeats over time, period 0.12 s"
+    assert described(monkeypatch, repeats=Period("time", 0.12, 0.4)).variable == "time"
+
+
+def test_a_law_that_explains_more_than_a_period_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is a function of the position comes back with the motion."""
+    assert described(monkeypatch, law("x", 0.9), repeats=Period("time", 1.0, 0.6)).variable == "x"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (Chambers, "gas, valve and their sensors"),
+        (Whole, "the whole axis"),
+        (Imposed, "mechanics: friction, load or a force on the piston"),
+    ],
+)
+def test_what_no_view_shows_is_one_of_the_replay(kind: Any, words: str) -> None:
+    found = describe(SimpleNamespace(train=[VIEW]), None, Remainder(kind, "x", 2.0, 2.0, ()))  # type: ignore[arg-type]
+    assert (found.subsystem, found.channel, found.character) == (words, "x", unknown.REPLAYED)
+    assert found.variable is None

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
+from pneucli.identify.chamber import Chamber
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Fit
-from pneucli.identify.paths import Chamber, Command, command_of, on_a_vessel
+from pneucli.identify.paths import Command, command_of, on_a_vessel
 from pneucli.identify.start import STAND_IN_VOLUME, first_guess
 from pneucli.identify.valve.evenly import error_of, is_uneven
 from pneucli.identify.valve.fit import (

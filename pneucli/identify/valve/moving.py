@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from pneucli.errors import InputError
+from pneucli.identify.chamber import PRESSURES, Chamber
 from pneucli.identify.fit import Fit
-from pneucli.identify.paths import PRESSURES, Chamber, Paths, command_of, driven, on_a_vessel, paths
+from pneucli.identify.paths import Paths, command_of, driven, on_a_vessel, paths
 from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.identification import ValveIdentification, from_null, identified
 from pneucli.identify.valve.iso import iso_conductance

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
+from pneucli.identify.chamber import Chamber, Gas, modelled_gas, pressure_of
 from pneucli.identify.flow import flow_errors
+from pneucli.identify.paths import opening_of
 from pneucli.identify.restarts import carried, start_errors, volume, whitened
-from pneucli.identify.views.view import Array, View, difference
+from pneucli.identify.views.view import Array, Lacking, View, Way, difference
 from pneucli.physics.declaration import Side
+from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import simulate
+from pneucli.simulate.run import run, simulate
+
+CHAMBERS: dict[str, Chamber] = {"p1": 1, "p2": 2}
+MODELLED = {"p1": at.P1, "p2": at.P2}
+HYSTERESIS = (0.02, 0.06, 0.18)  # of the range of openings: plays that are tried
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,30 @@ class Chambers(View):
         """Return what errors of the starts become, in units of noise (:mod:`pneucli.identify.restarts`)."""
         return carried(model, self.experiment, self._start_errors) if self.whitened else {}
 
+    def lacking(self, model: Model, channel: str) -> Lacking:
+        """Return flows in kg/s into the chamber that a pressure reads: a flow, shares of what flows and is swept."""
+        if channel not in CHAMBERS:
+            return super().lacking(model, channel)
+        e, gas = self.experiment, self._gas(model, channel)
+        opening = opening_of(e, e.recording.chamber if e.vessel else CHAMBERS[channel])
+        opening = np.zeros(e.time.size) if opening is None else opening
+        ways = [
+            Way("flow", "kg/s", np.ones(gas.flow.size)),
+            Way("share of the flow", "1", gas.flow),
+            Way("share of the swept volume", "1", gas.swept),
+            *(Way("hysteresis of the flow", "1", gas.flow * in_play(opening, share), "u") for share in HYSTERESIS),
+        ]
+        fading = self.carried(model).get(channel, np.ones((1, e.time.size)))[0]
+        return Lacking(ways, lambda flow: pressure_of(e, gas, flow, fading) / self.noise[channel])
+
+    def _gas(self, model: Model, channel: str) -> Gas:
+        base = model.base()
+        dead_1, dead_2 = (base[f"rig.dead_volume_{i}"] + model.total(f"volume_{i}") for i in (1, 2))
+        rig = replace(model.rig, dead_volume_1=dead_1, dead_volume_2=dead_2)
+        vessel = model.values.get("rig.vessel_volume", 1.0)
+        pressure = run(model, self.experiment)[:, MODELLED[channel]]
+        return modelled_gas(self.experiment, rig, CHAMBERS[channel], vessel, pressure)
+
     def flow_errors(self, model: Model) -> dict[str, Array]:
         """Return what relative errors of the flow become, in units of noise (:mod:`pneucli.identify.flow`)."""
         return flow_errors(model, self.experiment)
@@ -62,3 +93,16 @@ class Chambers(View):
     @cached_property
     def _start_errors(self) -> dict[str, tuple[float, float]]:
         return start_errors(self.experiment)
+
+
+def in_play(opening: Array, share: float) -> Array:
+    """Return where an opening (n,) stands in a play that it drags along, from -1 to 1; of a constant one, 0.
+
+    To each side the play has a share of the range. 1 where it fills more than before, or vents less.
+    """
+    play = share * float(np.ptp(opening))
+    held, out = opening[0], np.zeros_like(opening)
+    for i, value in enumerate(opening if play > 0.0 else ()):
+        held = min(max(held, value - play), value + play)
+        out[i] = (value - held) / play
+    return np.asarray(out * np.sign(opening))

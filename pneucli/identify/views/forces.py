@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.rests import RESTED, STARTED, breakaways, unsure
-from pneucli.identify.views.view import Array, View
+from pneucli.identify.views.view import Array, Lacking, View, forces
 from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
@@ -46,6 +46,11 @@ class Forces(View):
     def alone(self, effect: Effect) -> tuple[str, ...]:
         """Return the accelerometer, at rest: whatever acts on the piston, there it reads but its own fault."""
         return ("a",) if "read_a" in effect.ports and "a" in self.channels else ()
+
+    def lacking(self, model: Model, channel: str) -> Lacking:
+        """Return a force and frictions; by what the accelerometer errs at rest."""
+        at_rest = super().lacking(model, channel)
+        return at_rest._replace(ways=forces(self.experiment)) if channel == "force" else at_rest
 
     def known(self, model: Model, inputs: Array) -> Array:
         """Return inputs (n, 8) with what they lack."""

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.paths import Chamber, opening_of
+from pneucli.identify.chamber import Chamber
+from pneucli.identify.paths import opening_of
 from pneucli.physics.declaration import Effect, Side
+from pneucli.quantities import SIGNALS
+from pneucli.simulate import layout as at
 from pneucli.simulate.deviations import deviations
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -20,6 +23,29 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 
 FAR = 1e9  # times the noise: more than any model errs that does not run away
+
+
+@dataclass(frozen=True)
+class Way:
+    """As what something unknown may act: its ``name``, its ``unit``, and what one such unit is over time (n,).
+
+    It may be a function of any signal, or of the one that is its ``only`` one.
+    """
+
+    name: str
+    unit: str
+    one: Array
+    only: str | None = None
+
+
+class Lacking(NamedTuple):
+    """As what something that a model lacks may act in one channel.
+
+    ``becomes`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
+    """
+
+    ways: Sequence[Way]
+    becomes: Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -83,6 +109,11 @@ class View(ABC):
         """Return what relative errors of the flow become, in units of noise; nothing where the view has no flow."""
         return {}
 
+    def lacking(self, model: Model, channel: str) -> Lacking:
+        """Return as what something that a model lacks may act in a channel, and what it makes of the residual there."""
+        error = Way("error", SIGNALS[channel].unit, np.ones(self.experiment.time.size))
+        return Lacking((error,), lambda added: added / self.noise[channel])
+
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals whitened for such errors."""
         return dict(residual)
@@ -143,6 +174,16 @@ class View(ABC):
     def measured(self) -> dict[str, Array]:
         """What was measured by channel, each (n,), NaN where it was not."""
         return {c: self.experiment.measured(c) for c in self.channels}
+
+
+def forces(experiment: Experiment) -> tuple[Way, ...]:
+    """Return as what a force may act on the piston: 1 N of it, or 1 N s/m."""
+    v = experiment.inputs[:, at.IN_V]
+    return (
+        Way("force", "N", np.ones(v.size)),
+        Way("dry friction", "N", np.sign(v)),
+        Way("viscous friction", "N s/m", v),
+    )
 
 
 def difference(measured: Array, modelled: Array, noise: float) -> Array:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pneucli.identify.views.view import Array, View, difference
+from pneucli.identify.views.view import Array, Lacking, View, difference, forces
 from pneucli.physics.declaration import Side
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
@@ -38,6 +38,10 @@ class Imposed(Whole):
     base: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
     states_force: ClassVar[bool] = False
     replayed: ClassVar[bool] = False
+
+    def lacking(self, model: Model, channel: str) -> Lacking:
+        """Return a force and frictions."""
+        return super().lacking(model, channel)._replace(ways=forces(self.experiment))
 
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals without those at a turn, where nothing is held against the model."""

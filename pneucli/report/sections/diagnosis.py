@@ -37,7 +37,7 @@ def section(material: Material) -> Section | None:
     parts += _evidence(answer, material.table("diagnose/shape"))
     if moved := _moved(answer.get("moved") or []):
         parts.append(moved)
-    parts += [*_remarks(answer), *warnings(material, "diagnose")]
+    parts += [*_remarks(answer), *_unknown(material.table("diagnose/law")), *warnings(material, "diagnose")]
     lead = (
         "Each effect of the catalogue was added in turn, refitted, and judged by how much of the error it explains on "
         "recordings that were not fitted."
@@ -78,6 +78,22 @@ def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Ta
         one.axes.plot(x, curves["expected"], "--", color=INK, linewidth=1.0, label="taken away")
         one.canvas.legend(loc="outside upper right", ncols=3)
     return one
+
+
+def _unknown(law: Table) -> list[Figure]:
+    """Return the law of what no effect accounts for, over its signal."""
+    if not len(law):
+        return []
+    channel, way, variable, unit = (law.text(name) for name in ("channel", "acts_as", "variable", "unit"))
+    caption = (
+        f"What no effect of the catalogue accounts for, as {channel} shows it: as a function of this signal it "
+        "explains most of what was left out. Where the curve has a shape that you know, that is what to look for."
+    )
+    title = f"{way} in {shown_unit(unit)}" if shown_unit(unit) else way
+    with drawing(caption, axis(variable), title) as one:
+        one.axes.axhline(0.0, color=INK, linewidth=0.6)
+        one.axes.plot(shown(law["value"], signal_unit(variable)), shown(law["law"], unit), color=ORANGE)
+    return figures([one])
 
 
 def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | None:
@@ -121,8 +137,7 @@ def _remarks(answer: Answer) -> list[Part]:
     if share and answer["verdict"] != "adequate":
         parts.append(Note(f"{percent(share)} of the error beyond noise stays unexplained."))
     if rest := answer.get("unexplained"):
-        words = ", ".join(f"{key}: {value}" for key, value in rest.items() if value)
-        parts.append(Note(f"What remains – {words}."))
+        parts.append(Note(diagnose.unknown(rest)))
     parts += _discrepancy(answer.get("discrepancy", []))
     if following := answer.get("next_experiment"):
         parts.append(Note(f"Next experiment: {following}"))

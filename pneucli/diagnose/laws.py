@@ -1,0 +1,269 @@
+"""Laws of one signal: how much of what is left over a smooth function of a signal explains.
+
+What a model lacks may be a force, a friction or a flow without a name in any catalogue, and yet a function of one
+signal: of the position, of time, of a pressure. Each such law is fitted to what a channel leaves over as a penalised
+spline (Eilers and Marx, Statistical Science 11, 1996), beside the parameters that the model has, and to first order.
+It counts by what it explains of recordings that were left out, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, solve
+
+from pneucli.compare.where import locators
+from pneucli.identify.fit import Fit
+from pneucli.identify.views import View
+from pneucli.identify.views.view import Lacking, Way
+
+Array = NDArray[np.float64]
+Folds = Sequence[Array]
+
+KNOTS = 60  # of a spline, evenly over the range of its signal
+SMOOTH = (1e-5, 1e-3, 1e-1, 1e1, 1e3)  # penalties of its second differences that are tried, over the mean curvature
+SLIGHT = 1e-6  # the same of its coefficients, which holds those that no sample has
+ENOUGH = 8000  # samples of a channel
+MOST_LAWS = 4  # of one channel, fitted together
+SOME = 0.01  # of all squares: a law that explains less is none
+QUARTERS = 4  # of the only recording, left out one after the other
+NEAR = 0.95  # of what a spline explains: a simple course that explains as much says it all
+READINGS = "a"  # the accelerometer's noise is in the force too
+
+SIMPLE: dict[str, Callable[[Array], Array]] = {
+    "a constant": lambda q: np.array([np.ones_like(q)]),
+    "proportional to it": lambda q: np.array([q]),
+    "a constant that changes sign with it": lambda q: np.array([np.sign(q)]),
+    "growing with its square, sign kept": lambda q: np.array([q * np.abs(q)]),
+    "a straight line": lambda q: np.array([np.ones_like(q), q]),
+    "a parabola": lambda q: np.array([np.ones_like(q), q, q**2]),
+}
+_ROUGH = np.diff(np.eye(KNOTS), 2, axis=0)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A function of one signal in one channel.
+
+    ``way`` says as what it acts (:meth:`pneucli.identify.views.View.ways`), ``share`` how much it explains of the
+    squares that were left out; ``values`` (KNOTS,) are what it is in ``unit`` from the ``low`` to the
+    ``high`` of the signal. ``number`` tells ways apart.
+    """
+
+    signal: str
+    way: str
+    unit: str
+    number: int
+    share: float
+    low: float
+    high: float
+    values: Array
+
+
+class Channel:
+    """One channel of one kind of view: what laws of every signal make of its residuals, whichever fit leaves them.
+
+    To first order, so that what a model has of flows serves for others that are near to it.
+    """
+
+    def __init__(self, fit: Fit, views: Sequence[View], kind: type[View], name: str) -> None:
+        """Take the views that have such a channel, out of those to which ``fit`` was made."""
+        edges = np.cumsum([0, *(v.experiment.time.size for v in views for _ in v.channels)])
+        every = [(i, v, c) for i, v in enumerate(views) for c in v.channels]
+        mine = [(edges[row], *one) for row, one in enumerate(every) if type(one[1]) is kind and one[2] == name]
+        self._model, self._name = fit.model, name
+        self._views = [view for _, _, view, _ in mine]
+        self._errors = [fit.errors[i] for _, i, _, _ in mine]
+        step = max(sum(v.experiment.time.size for v in self._views) // ENOUGH, 1)
+        self._kept = [np.arange(0, v.experiment.time.size, step) for v in self._views]
+        self._rows = [first + kept for (first, _, _, _), kept in zip(mine, self._kept, strict=True)]
+        self._beyond: list[tuple[Fit, tuple[float, int]]] = []
+
+    def ranked(self, fit: Fit) -> list[Law]:
+        """Return laws of what a fit leaves over, first the one that explains most of what is left out."""
+        return [one.law for one in self._ranked(*self._of(fit))]
+
+    def simple(self, fit: Fit, law: Law) -> str | None:
+        """Return the simplest course that explains about as much as a law, in words; None where none does."""
+        column = next(c for c in self._columns if (c.signal, c.number) == (law.signal, law.number))
+        q = np.linspace(law.low, law.high, KNOTS) / max(abs(law.low), abs(law.high))
+        shares = ((words, _share(column, made(q), *self._of(fit))) for words, made in SIMPLE.items())
+        return next((words for words, share in shares if share > NEAR * law.share), None)
+
+    def beyond(self, fit: Fit) -> tuple[float, int]:
+        """Return the squares that no laws explain of what is left out, and the number of residuals.
+
+        Each is the best of what those before it leave, and all are fitted together, as long as one explains some.
+        """
+        for known, found in self._beyond:
+            if known is fit:
+                return found
+        left, own = self._of(fit)
+        rest, chosen = left, list[_Fitted]()
+        while len(chosen) < MOST_LAWS:
+            best = self._ranked(rest, own)[:1]
+            if not best or best[0].law.share * _squares(rest) < SOME * _squares(left):
+                break
+            chosen += best
+            rest = _together(chosen, left, own)
+        self._beyond.append((fit, (_squares(rest), sum(int(np.count_nonzero(r)) for r in left))))
+        return self._beyond[-1][1]
+
+    def _of(self, fit: Fit) -> tuple[list[Array], list[Array]]:
+        """Return by fold what a fit leaves over in this channel, and its derivatives."""
+        left, own = [fit.residual[r] for r in self._rows], [fit.jacobian[r].T for r in self._rows]
+        return self._folds(left), _scaled(self._folds(own))
+
+    def _ranked(self, left: Folds, own: Folds) -> list[_Fitted]:
+        """Return laws of what is left by fold, the best first."""
+        found = [_law(column, left, own) for column in self._columns]
+        return sorted((one for one in found if one is not None), key=lambda one: -one.law.share)
+
+    def _folds(self, rows: Sequence[Array]) -> list[Array]:
+        """Return what is left out together: the rows (..., n) of a recording, or a quarter of the only one."""
+        return list(rows) if len(rows) != 1 else np.array_split(rows[0], QUARTERS, axis=-1)
+
+    @cached_property
+    def _columns(self) -> list[_Column]:
+        return list(self._made())
+
+    def _made(self) -> Iterator[_Column]:
+        """Yield what each law of each signal is made of."""
+        seen = [locators(view.experiment) for view in self._views]
+        lacking = [view.lacking(self._model, self._name) for view in self._views]
+        for signal in [name for name in seen[0] if all(name in s for s in seen) and name != READINGS]:
+            values = [s[signal] - (s[signal][0] if signal == "time" else 0.0) for s in seen]
+            known = np.concatenate(values)
+            low, high = float(np.nanmin(known)), float(np.nanmax(known))
+            if not high > low:
+                continue
+            knots = [hats((v - low) / (high - low)) for v in values]
+            for number, ways in enumerate(zip(*(one.ways for one in lacking), strict=True)):
+                if ways[0].only in (None, signal):
+                    made = [self._kept_of(i, lacking[i], knots[i] * way.one) for i, way in enumerate(ways)]
+                    yield _Column(signal, ways[0], number, low, high, self._folds(made))
+
+    def _kept_of(self, i: int, lacking: Lacking, added: Array) -> Array:
+        """Return what is added (k, n) in a view makes of the residuals that are kept there (k, m)."""
+        settled = self._views[i].settled({self._name: lacking.becomes(added)}, self._errors[i])
+        kept = np.nan_to_num(settled[self._name][:, self._kept[i]], posinf=0.0, neginf=0.0)  # of a model that runs away
+        return kept.astype(np.float32)  # some 30 of these are held
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One signal and a way in which it may act; by fold what a unit at each knot makes of the residuals (KNOTS, n)."""
+
+    signal: str
+    way: Way
+    number: int
+    low: float
+    high: float
+    folds: Folds
+
+
+def hats(place: Array) -> Array:
+    """Return linear B-splines (KNOTS, n) at places (n,) from 0 to 1; nothing where a place is not known."""
+    out = np.zeros((KNOTS, place.size))
+    known = np.flatnonzero(np.isfinite(place))
+    knots = np.clip(place[known], 0.0, 1.0) * (KNOTS - 1)
+    first = np.minimum(knots.astype(np.int64), KNOTS - 2)
+    out[first, known], out[first + 1, known] = 1.0 - (knots - first), knots - first
+    return out
+
+
+class _Fitted(NamedTuple):
+    """A law with what it is made of, and the penalty (KNOTS, KNOTS) of its coefficients."""
+
+    law: Law
+    column: _Column
+    stiff: Array
+
+
+def _law(column: _Column, left: Folds, own: Folds) -> _Fitted | None:
+    """Return the spline of the smoothness that explains most of what is left out; None where it acts on nothing."""
+    sums = _Sums(column.folds, left, own)
+    mean = float(np.mean(np.diag(sum(sums.xx))))
+    if not mean > 0.0:
+        return None
+    stiff = [mean * (smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)) for smooth in SMOOTH]
+    best, held = max(((sums.explained(each), each) for each in stiff), key=lambda one: one[0].share)
+    law = Law(
+        *(column.signal, column.way.name, column.way.unit, column.number),
+        *(best.share, column.low, column.high, best.values),
+    )
+    return _Fitted(law, column, held)
+
+
+def _together(chosen: Sequence[_Fitted], left: Folds, own: Folds) -> list[Array]:
+    """Return what laws that are fitted together leave of each fold, without which they were fitted."""
+    rows = [np.vstack(parts) for parts in zip(*(one.column.folds for one in chosen), strict=True)]
+    found = _Sums(rows, left, own).explained(block_diag(*(one.stiff for one in chosen)))
+    each = zip(rows, left, own, found.without, strict=True)
+    return [np.where(r == 0.0, 0.0, r - values @ x - found.moved @ j) for x, r, j, values in each]
+
+
+def _share(column: _Column, course: Array, left: Folds, own: Folds) -> float:
+    """Return what courses (k, KNOTS) of the values at the knots explain of what is left out."""
+    sums = _Sums([course @ rows for rows in column.folds], left, own)
+    return sums.explained(SLIGHT * np.diag(np.diag(sum(sums.xx)) + SLIGHT)).share
+
+
+def _squares(left: Folds) -> float:
+    return sum(float(r @ r) for r in left)
+
+
+class _Explained(NamedTuple):
+    """The ``share`` of the squares that is explained of folds left out; coefficients of all, and without each fold.
+
+    ``moved`` are the changes of the fit's own parameters beside all of it.
+    """
+
+    share: float
+    values: Array
+    without: list[Array]
+    moved: Array
+
+
+class _Sums:
+    """Normal equations of coefficients (k,) of rows (k, n), beside those of a fit's own parameters, by fold."""
+
+    def __init__(self, rows: Folds, left: Folds, own: Folds) -> None:
+        rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, left, strict=True)]  # not read
+        each = list(zip(rows, left, own, strict=True))
+        self.total = [float(r @ r) for r in left]
+        self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r, _ in each]
+        self.xj, self.jr = [x @ j.T for x, _, j in each], [j @ r for _, r, j in each]
+        self.jj = [j @ j.T for j in own]
+
+    def explained(self, stiff: Array) -> _Explained:
+        """Return what is explained of folds that are left out, by coefficients held by a penalty (k, k).
+
+        The fit's own parameters are as they are beside all of it: a fold alone may be all that tells of one of them.
+        """
+        xx, xj, xr = np.sum(self.xx, axis=0) + stiff, np.sum(self.xj, axis=0), np.sum(self.xr, axis=0)
+        jj, jr = np.sum(self.jj, axis=0), np.sum(self.jr, axis=0)
+        jj = jj + SLIGHT * np.eye(jr.size)
+        through = np.linalg.solve(jj, np.column_stack([xj.T, jr]))
+        values = np.linalg.solve(xx - xj @ through[:, :-1], xr - xj @ through[:, -1])
+        moved = through[:, -1] - through[:, :-1] @ values
+        gain, without = 0.0, []
+        for x_x, x_j, x_r, j_j, j_r in zip(self.xx, self.xj, self.xr, self.jj, self.jr, strict=True):
+            mine = solve(xx - x_x, xr - x_r - (xj - x_j) @ moved, assume_a="pos")
+            without.append(mine)
+            gain += (
+                2.0 * (mine @ x_r + moved @ j_r) - mine @ x_x @ mine - moved @ j_j @ moved - 2.0 * mine @ x_j @ moved
+            )
+        return _Explained(gain / max(sum(self.total), 1e-300), values, without, moved)
+
+
+def _scaled(rows: Sequence[Array]) -> list[Array]:
+    """Return derivatives (k, n) by fold, each of length 1 over all, without those that do not act here."""
+    size = np.sqrt(sum(np.sum(r * r, axis=1) for r in rows))
+    acts = size > 0.0
+    return [r[acts] / size[acts, None] for r in rows]

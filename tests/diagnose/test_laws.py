@@ -1,0 +1,252 @@
+"""Laws of one signal: found over their own, on what was left out, beside what the model can do itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import laws
+from pneucli.diagnose.laws import KNOTS, Channel, Law, hats
+from pneucli.identify.views import Forces
+from tests.simulate.benches import bench, clock, model
+
+TIME = clock(6.0)
+Force = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def runs(number: int = 3) -> list[Forces]:
+    """Balances of forces of motions that differ in pace, and wander over the whole stroke; noise of 1 N."""
+    return [run(phase) for phase in range(number)]
+
+
+def run(phase: float, time: np.ndarray = TIME) -> Forces:
+    """One of them."""
+    pace = 2.1 + 0.3 * phase
+    x = 0.1 + 0.06 * np.sin(pace * time + phase) + 0.03 * np.sin(3.7 * time - phase)
+    v = 0.06 * pace * np.cos(pace * time + phase) + 0.111 * np.cos(3.7 * time - phase)
+    p1 = 3e5 + 5e4 * np.sin(1.3 * time + 2.0 * phase) + 2e4 * np.sin(5.3 * time)
+    view = Forces(bench("friction", time, {"x": x, "v": v, "p1": p1}))
+    view.__dict__.update(noise={"force": 1.0}, channels=("force",))
+    return view
+
+
+def left_by(views: Sequence[Forces], force: Force, seed: int = 1, noise: float = 1.0) -> list[np.ndarray]:
+    """What a force of (x, v, time) leaves over in each view, beside noise."""
+    rng, left = np.random.default_rng(seed), []
+    for view in views:
+        e = view.experiment
+        left.append(force(e.raw["x"], e.raw["v"], e.time) + noise * rng.standard_normal(e.time.size))
+    return left
+
+
+def fitted(left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> Any:
+    """A fit with its ``own`` derivatives that leaves so much over."""
+    residual = np.concatenate(left)
+    jacobian = np.concatenate(own, axis=0) if own else np.zeros((residual.size, 0))
+    return SimpleNamespace(model=model(), residual=residual, jacobian=jacobian, errors=[{}] * len(left))
+
+
+def ranked(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> list[Law]:
+    """The laws of what is left, the best first."""
+    fit = fitted(left, own)
+    return Channel(fit, views, Forces, "force").ranked(fit)
+
+
+def best(views: Sequence[Forces], left: Sequence[np.ndarray]) -> Law:
+    """The law that explains most."""
+    return ranked(views, left)[0]
+
+
+def simple(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray], signal: str) -> str | None:
+    """The simple course of a force of a signal."""
+    fit = fitted(left, own)
+    channel = Channel(fit, views, Forces, "force")
+    return channel.simple(fit, next(w for w in channel.ranked(fit) if (w.signal, w.way) == (signal, "force")))
+
+
+def cogging(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """A force with a pitch of 30 mm, of 5 N."""
+    return 5.0 * np.sin(2.0 * np.pi * x / 0.03)
+
+
+def rubbing(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Dry friction that grows by 10 N over the stroke."""
+    return np.sign(v) * 10.0 * (x / 0.2)
+
+
+def running_in(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Dry friction that starts 8 N higher, and loses that with a time constant of 2 s."""
+    return np.sign(v) * 8.0 * np.exp(-time / 2.0)
+
+
+def warming(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Viscous friction that falls by 40 N s/m over 6 s."""
+    return 40.0 * v * (1.0 - time / 6.0)
+
+
+def drag(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Drag with the square of the velocity: 10 N at 0.2 m/s."""
+    return 250.0 * v * np.abs(v)
+
+
+@pytest.mark.parametrize(
+    ("force", "signal", "ways"),
+    [
+        (cogging, "x", {"force"}),
+        (rubbing, "x", {"dry friction"}),
+        (running_in, "time", {"dry friction"}),
+        (warming, "time", {"viscous friction"}),
+        (drag, "v", {"force", "dry friction", "viscous friction"}),  # of the velocity these are one
+    ],
+)
+def test_a_law_is_found_over_its_own_signal_and_as_what_it_acts(force: Force, signal: str, ways: set[str]) -> None:
+    views = runs()
+    found = best(views, left_by(views, force))
+    assert found.signal == signal
+    assert found.way in ways
+
+
+def test_its_share_is_that_of_the_squares_that_are_no_noise() -> None:
+    """5 N of amplitude beside 1 N rms: 12.5 of 13.5, which 60 coefficients for 18,000 samples hardly change."""
+    views = runs()
+    assert best(views, left_by(views, cogging)).share == pytest.approx(12.5 / 13.5, abs=0.02)
+
+
+def test_its_values_are_the_force() -> None:
+    """To 0.5 N in the middle of the range: 250 samples a knot with 1 N of noise, and a sine of 8 knots a cycle."""
+    views = runs()
+    found = best(views, left_by(views, cogging))
+    x = np.linspace(found.low, found.high, KNOTS)[5:-5]
+    assert found.values[5:-5] == pytest.approx(cogging(x, x, x), abs=0.5)
+
+
+def test_noise_has_no_law() -> None:
+    views = runs()
+    for seed in range(5):
+        assert best(views, left_by(views, lambda x, v, t: 0.0 * x, seed)).share < 0.005
+
+
+def test_what_each_recording_has_its_own_way_is_no_law() -> None:
+    """Of one sign in two of them, of the other in the third: it explains nothing of one that was left out."""
+    views = runs()
+    left = left_by(views, cogging)
+    left[1] = -left[1]
+    found = [law for law in ranked(views, left) if law.signal == "x"]
+    assert all(law.share < 0.2 for law in found)
+
+
+def test_what_the_model_can_do_itself_is_beside_it() -> None:
+    """What its own dry and viscous friction have taken of a force of the pressure is seen through."""
+    views = runs()
+    left = left_by(views, lambda x, v, t: 0.0 * x)
+    left = [r + 2e-9 * (v.experiment.raw["p1"] - 3e5) ** 2 for r, v in zip(left, views, strict=True)]
+    own = [np.column_stack([np.sign(v.experiment.raw["v"]), v.experiment.raw["v"]]) for v in views]
+    design, target = np.concatenate(own), np.concatenate(left)
+    target = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
+    law = ranked(views, np.split(target, len(views)), own)[0]
+    assert (law.signal, law.way) == ("p1", "force")
+    assert simple(views, np.split(target, len(views)), own, "p1") == "a parabola"
+
+
+def test_the_only_recording_is_held_out_by_quarters() -> None:
+    """A force that comes once, in the first quarter, is of no signal; one that comes back is."""
+    view = run(0.0)
+    once = left_by([view], lambda x, v, t: np.where(t < 1.5, cogging(x, v, t), 0.0))
+    assert best([view], once).share < 0.2
+    assert best([view], left_by([view], cogging)).share > 0.8
+
+
+def test_what_was_not_read_says_nothing() -> None:
+    """Zeros of a residual stand for that: they are no readings in which nothing acted."""
+    views = runs()
+    left = [
+        np.where(v.experiment.time % 0.4 < 0.2, 0.0, r) for r, v in zip(left_by(views, cogging), views, strict=True)
+    ]
+    found = best(views, left)
+    x = np.linspace(found.low, found.high, KNOTS)[8:-8]
+    assert (found.signal, found.share) == ("x", pytest.approx(12.5 / 13.5, abs=0.02))
+    assert found.values[8:-8] == pytest.approx(cogging(x, x, x), abs=0.7)
+
+
+def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    views = runs()
+    whole = best(views, left_by(views, cogging))
+    monkeypatch.setattr(laws, "ENOUGH", 3000)
+    few = best(views, left_by(views, cogging))
+    assert (few.signal, few.way) == (whole.signal, whole.way)
+    assert few.share == pytest.approx(whole.share, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [
+        (lambda x, v, t: 0.0 * x + 4.0, "a constant"),
+        (lambda x, v, t: 100.0 * (x - 0.1), "a straight line"),
+        (lambda x, v, t: 3000.0 * (x - 0.1) ** 2, "a parabola"),
+        (cogging, None),
+    ],
+)
+def test_a_simple_course_is_named_where_it_says_it_all(force: Force, words: str | None) -> None:
+    views = runs()
+    assert simple(views, left_by(views, force), (), "x") == words
+
+
+# --- one beside the other
+
+
+def beyond(views: Sequence[Forces], left: Sequence[np.ndarray]) -> tuple[float, int]:
+    """What no laws explain."""
+    fit = fitted(left)
+    return Channel(fit, views, Forces, "force").beyond(fit)
+
+
+def test_what_several_laws_make_is_explained_to_the_noise() -> None:
+    """Cogging and friction that runs in: noise of 1 stays, and what splines cost; of 18,003 readings a half."""
+    views = runs()
+    squares, number = beyond(views, left_by(views, lambda *at: cogging(*at) + running_in(*at)))
+    assert number == 9003
+    assert squares == pytest.approx(number, rel=0.05)
+
+
+def test_what_has_a_memory_is_beyond_all_laws() -> None:
+    """A load that swings on a spring: no signal has its phase."""
+    views, rng = runs(), np.random.default_rng(7)
+    phases = [np.cumsum(2.0 * np.pi * 8.0 * 1e-3 + 0.1 * rng.standard_normal(TIME.size)) for _ in views]
+    left = [r + 5.0 * np.sin(phase) for r, phase in zip(left_by(views, drag), phases, strict=True)]
+    squares, number = beyond(views, left)
+    assert squares == pytest.approx(13.5 * number, rel=0.1)
+
+
+def test_noise_is_left_as_it_is() -> None:
+    """No law explains some of it, so that none is taken."""
+    views = runs()
+    left = left_by(views, lambda x, v, t: 0.0 * x)
+    assert beyond(views, left) == (pytest.approx(sum(float(r[::2] @ r[::2]) for r in left)), 9003)
+
+
+def test_each_fit_is_asked_once() -> None:
+    views = runs()
+    one, other = fitted(left_by(views, cogging)), fitted(left_by(views, drag, seed=2))
+    channel = Channel(one, views, Forces, "force")
+    first = channel.beyond(one)
+    assert channel.beyond(other) != first
+    assert channel.beyond(one) is first
+
+
+# --- splines
+
+
+def test_splines_sum_to_one_and_keep_straight_lines() -> None:
+    place = np.linspace(-0.1, 1.1, 1001)
+    made = hats(place)
+    assert made.shape == (KNOTS, place.size)
+    assert made.sum(axis=0) == pytest.approx(1.0)
+    assert np.linspace(0.0, 1.0, KNOTS) @ made == pytest.approx(np.clip(place, 0.0, 1.0))
+
+
+def test_where_a_signal_is_not_known_nothing_is_made_of_it() -> None:
+    assert np.all(hats(np.array([np.nan, 0.5]))[:, 0] == 0.0)
