@@ -45,7 +45,7 @@ from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
 RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed", "beyond")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of

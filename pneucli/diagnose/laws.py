@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, solve
+from scipy.linalg import solve
 
 from pneucli.compare.where import locators
 from pneucli.identify.fit import Fit
@@ -29,8 +29,8 @@ KNOTS = 60  # of a spline, evenly over the range of its signal
 SMOOTH = (1e-5, 1e-3, 1e-1, 1e1, 1e3)  # penalties of its second differences that are tried, over the mean curvature
 SLIGHT = 1e-6  # the same of its coefficients, which holds those that no sample has
 ENOUGH = 8000  # samples of a channel
-MOST_LAWS = 4  # of one channel, fitted together
-SOME = 0.01  # of all squares: a law that explains less is none
+MOST_LAWS = 3  # of one channel, one after the other
+SOME = 0.02  # of all squares: a law that explains less is none
 QUARTERS = 4  # of the only recording, left out one after the other
 NEAR = 0.95  # of what a spline explains: a simple course that explains as much says it all
 READINGS = "a"  # the accelerometer's noise is in the force too
@@ -98,20 +98,20 @@ class Channel:
     def beyond(self, fit: Fit) -> tuple[float, int]:
         """Return the squares that no laws explain of what is left out, and the number of residuals.
 
-        Each is the best of what those before it leave, and all are fitted together, as long as one explains some.
+        One law after the other, each the best of what those before it leave, as long as it explains some of all.
         """
         for known, found in self._beyond:
             if known is fit:
                 return found
         left, own = self._of(fit)
-        rest, chosen = left, list[_Fitted]()
-        while len(chosen) < MOST_LAWS:
-            best = self._ranked(rest, own)[:1]
-            if not best or best[0].law.share * _squares(rest) < SOME * _squares(left):
+        total = squares = _squares(left)
+        for _ in range(MOST_LAWS):
+            best = self._ranked(left, own)[:1]
+            if not best or best[0].law.share * squares < SOME * total:
                 break
-            chosen += best
-            rest = _together(chosen, left, own)
-        self._beyond.append((fit, (_squares(rest), sum(int(np.count_nonzero(r)) for r in left))))
+            left = best[0].rest(left, own)
+            squares = _squares(left)
+        self._beyond.append((fit, (squares, sum(int(np.count_nonzero(r)) for r in left))))
         return self._beyond[-1][1]
 
     def _of(self, fit: Fit) -> tuple[list[Array], list[Array]]:
@@ -178,11 +178,16 @@ def hats(place: Array) -> Array:
 
 
 class _Fitted(NamedTuple):
-    """A law with what it is made of, and the penalty (KNOTS, KNOTS) of its coefficients."""
+    """A law with what it is made of, and its coefficients."""
 
     law: Law
     column: _Column
-    stiff: Array
+    found: _Explained
+
+    def rest(self, left: Folds, own: Folds) -> list[Array]:
+        """Return what the law leaves of each fold, without which it was fitted."""
+        each = zip(self.column.folds, left, own, self.found.without, strict=True)
+        return [np.where(r == 0.0, 0.0, r - values @ x - self.found.moved @ j) for x, r, j, values in each]
 
 
 def _law(column: _Column, left: Folds, own: Folds) -> _Fitted | None:
@@ -191,21 +196,13 @@ def _law(column: _Column, left: Folds, own: Folds) -> _Fitted | None:
     mean = float(np.mean(np.diag(sum(sums.xx))))
     if not mean > 0.0:
         return None
-    stiff = [mean * (smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)) for smooth in SMOOTH]
-    best, held = max(((sums.explained(each), each) for each in stiff), key=lambda one: one[0].share)
+    stiff = (mean * (smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)) for smooth in SMOOTH)
+    best = max((sums.explained(each) for each in stiff), key=lambda one: one.share)
     law = Law(
         *(column.signal, column.way.name, column.way.unit, column.number),
         *(best.share, column.low, column.high, best.values),
     )
-    return _Fitted(law, column, held)
-
-
-def _together(chosen: Sequence[_Fitted], left: Folds, own: Folds) -> list[Array]:
-    """Return what laws that are fitted together leave of each fold, without which they were fitted."""
-    rows = [np.vstack(parts) for parts in zip(*(one.column.folds for one in chosen), strict=True)]
-    found = _Sums(rows, left, own).explained(block_diag(*(one.stiff for one in chosen)))
-    each = zip(rows, left, own, found.without, strict=True)
-    return [np.where(r == 0.0, 0.0, r - values @ x - found.moved @ j) for x, r, j, values in each]
+    return _Fitted(law, column, best)
 
 
 def _share(column: _Column, course: Array, left: Folds, own: Folds) -> float:
