@@ -11,6 +11,7 @@ from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench
 from pneucli.identify.fit import Fit
 from pneucli.quantities import SIGNALS
+from pneucli.words.numbers import percent
 
 TELLING = 0.05  # share that a law of a signal must explain to be spoken of
 REPLAYED = "something that shows only where all is simulated together (by itself each subsystem fits)"
@@ -54,7 +55,7 @@ def describe(bench: Bench, fit: Fit, worst: Remainder) -> Unknown:
     if best is None:
         return Unknown(*where, None, SHAPELESS)
     if BY_CHANCE * (1.0 - best.share) > 1.0:
-        character = f"mostly without a shape; {best.share:.0%} of it is {_course(best)}"
+        character = f"mostly without a shape; {percent(best.share)} of it is {_course(best)}"
         return Unknown(*where, best.signal, character, channel.simple(fit, best), best.share, (), best)
     others = [law.signal for law in ranked if 1.0 - law.share < BY_CHANCE * (1.0 - best.share)]
     also = tuple(name for name in dict.fromkeys(others) if name != best.signal)

@@ -60,7 +60,7 @@ def test_where_no_signal_stands_out_that_is_said(monkeypatch: pytest.MonkeyPatch
     """What leaves 0.7 leaves about as much as what explains nothing."""
     found = described(monkeypatch, law("x", 0.3), law("p1", 0.29))
     assert (found.variable, found.alike) == ("x", ())
-    assert found.character == "mostly without a shape; 30% of it is a force, a function of piston position"
+    assert found.character == "mostly without a shape; 30 % of it is a force, a function of piston position"
 
 
 def test_what_explains_little_is_not_spoken_of(monkeypatch: pytest.MonkeyPatch) -> None:
