@@ -1,16 +1,14 @@
 """Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
 
-    pneucli exam M --condition messy --cases 60 --nulls 150 --seed 2302326355
-    pneucli exam D --condition messy --cases 60 --nulls 60 --seed 711
-    pneucli exam I --condition imposed+messy --cases 60 --nulls 60 --seed 20261125
+    pneucli exam M --condition messy --cases 60 --nulls 150 --seed 1045187245
+    pneucli exam I1 --condition imposed+messy --cases 60 --nulls 60 --seed 20261124
+    pneucli exam I2 --condition imposed+messy --cases 60 --nulls 60 --seed 20261125
     (each once more with --answer)
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.confidence --real REAL M D I
+    python -m benchmarks.confidence --real REAL M I1 I2
 
-These gave BESIDE, drawn toward (-3.83, 1.17, 3.62, -3.0, 1.3, 0), which 448 other cases had given, before there was
-``beyond``. That was computed for 147 of the cases of M and D by a first form of it that differs in details: a memory of
-the command had six ways in place of three, and where a vessel was recorded as well the swept volume had no law.
+These gave BESIDE, drawn toward (-3.4, 1.74, 3.32, -1.42, 0), which 123 cases of another exam of ``messy`` had given.
 COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
     pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
@@ -47,7 +45,7 @@ from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
 RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed", "beyond")}
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of

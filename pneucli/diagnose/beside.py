@@ -125,28 +125,26 @@ def evidence_of(bench: Bench, last: State, trial: Trial, place: Place | None, *,
     ``complete``: the last state leaves nothing but noise.
     """
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
-    return _known(bench, last, trial.effect, place, complete=complete)._replace(share=share)
+    left = 1.0 if place is None else place.left(bench)
+    sure, size = _sure_and_size(bench, last, trial.effect)
+    return Evidence(share, sure, size, complete, left, imposed(bench, trial.effect))
 
 
 def likely(bench: Bench, trial: Trial) -> float:
     """Return the probability that an effect, in its place beside others and something unknown, is there."""
-    return probability(_known(bench, trial.state, trial.effect, Place(trial, ()), complete=False))
-
-
-def _known(bench: Bench, last: State, effect: Effect, place: Place | None, *, complete: bool) -> Evidence:
-    facts = facts_of(last.model, [view.experiment for view in bench.train])
-    sure, size = significance(last.fit, effect), magnitude(last.fit, effect, facts)
-    known = Evidence(None, sure, size, complete, imposed=imposed(bench, effect))
-    if place is None:
-        return known
-    # of an imposed motion an effect is a law of signals itself: as a rival that says nothing against it
-    beyond = 1.0 if complete or known.imposed else place.beyond(bench)
-    return known._replace(left=place.left(bench), beyond=beyond)
+    sure, size = _sure_and_size(bench, trial.state, trial.effect)
+    left = Place(trial, ()).left(bench)
+    return probability(Evidence(None, sure, size, complete=False, left=left, imposed=imposed(bench, trial.effect)))
 
 
 def imposed(bench: Bench, effect: Effect) -> bool:
     """Whether an effect acts in nothing but recordings whose motion is imposed and whose force is measured."""
     return all(type(view) is Imposed for view in bench.train if view.feels(effect))
+
+
+def _sure_and_size(bench: Bench, state: State, effect: Effect) -> tuple[float, float]:
+    facts = facts_of(state.model, [view.experiment for view in bench.train])
+    return significance(state.fit, effect), magnitude(state.fit, effect, facts)
 
 
 def agreement(bench: Bench, state: State, name: str) -> float:

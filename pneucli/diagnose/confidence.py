@@ -30,8 +30,6 @@ class Evidence(NamedTuple):
     is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it acts in, that is left
     with it in its place; of readings that show it alone, where there are such. ``imposed``: it acts in nothing but
     recordings whose motion is imposed and whose force is measured, where no error of the model piles up over time.
-    ``beyond``: part that is left of the squares that no law of a signal would explain without it either
-    (:meth:`pneucli.diagnose.place.Place.beyond`).
     """
 
     share: float | None
@@ -40,7 +38,6 @@ class Evidence(NamedTuple):
     complete: bool = False
     left: float = 1.0
     imposed: bool = False
-    beyond: float = 1.0
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -49,8 +46,7 @@ class Evidence(NamedTuple):
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
-        left, beyond = _decades(self.left, 0.01, 1.0), _decades(self.beyond, 0.01, 1.0)
-        return 1.0, significance, size, left, float(self.imposed), beyond
+        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), float(self.imposed)
 
 
 def _decades(value: float, low: float, high: float) -> float:
@@ -59,7 +55,7 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-4.99, 1.34, 3.8, -2.95, 3.08, -1.35)  # beside something unknown
+BESIDE = (-3.83, 1.17, 3.62, -3.0, 1.3)  # beside something unknown
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,

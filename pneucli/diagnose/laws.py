@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +28,6 @@ KNOTS = 60  # of a spline, evenly over the range of its signal
 SMOOTH = (1e-5, 1e-3, 1e-1, 1e1, 1e3)  # penalties of its second differences that are tried, over the mean curvature
 SLIGHT = 1e-6  # the same of its coefficients, which holds those that no sample has
 ENOUGH = 8000  # samples of a channel
-MOST_LAWS = 3  # of one channel, one after the other
-SOME = 0.02  # of all squares: a law that explains less is none
 QUARTERS = 4  # of the only recording, left out one after the other
 NEAR = 0.95  # of what a spline explains: a simple course that explains as much says it all
 READINGS = "a"  # the accelerometer's noise is in the force too
@@ -50,9 +47,9 @@ _ROUGH = np.diff(np.eye(KNOTS), 2, axis=0)
 class Law:
     """A function of one signal in one channel.
 
-    ``way`` says as what it acts (:meth:`pneucli.identify.views.View.ways`), ``share`` how much it explains of the
-    squares that were left out; ``values`` (KNOTS,) are what it is in ``unit`` from the ``low`` to the
-    ``high`` of the signal. ``number`` tells ways apart.
+    ``way`` says as what it acts (:class:`pneucli.identify.views.view.Way`), ``share`` how much it explains of the
+    squares that were left out; ``values`` (KNOTS,) are what it is, in ``unit``, from the
+    ``low`` to the ``high`` of the signal. ``number`` tells ways apart.
     """
 
     signal: str
@@ -82,47 +79,25 @@ class Channel:
         step = max(sum(v.experiment.time.size for v in self._views) // ENOUGH, 1)
         self._kept = [np.arange(0, v.experiment.time.size, step) for v in self._views]
         self._rows = [first + kept for (first, _, _, _), kept in zip(mine, self._kept, strict=True)]
-        self._beyond: list[tuple[Fit, tuple[float, int]]] = []
 
     def ranked(self, fit: Fit) -> list[Law]:
         """Return laws of what a fit leaves over, first the one that explains most of what is left out."""
-        return [one.law for one in self._ranked(*self._of(fit))]
+        left, own = self._of(fit)
+        laws = [_law(column, left, own) for column in self._columns]
+        return sorted((law for law in laws if law is not None), key=lambda law: -law.share)
 
     def simple(self, fit: Fit, law: Law) -> str | None:
         """Return the simplest course that explains about as much as a law, in words; None where none does."""
         column = next(c for c in self._columns if (c.signal, c.number) == (law.signal, law.number))
         q = np.linspace(law.low, law.high, KNOTS) / max(abs(law.low), abs(law.high))
-        shares = ((words, _share(column, made(q), *self._of(fit))) for words, made in SIMPLE.items())
-        return next((words for words, share in shares if share > NEAR * law.share), None)
-
-    def beyond(self, fit: Fit) -> tuple[float, int]:
-        """Return the squares that no laws explain of what is left out, and the number of residuals.
-
-        One law after the other, each the best of what those before it leave, as long as it explains some of all.
-        """
-        for known, found in self._beyond:
-            if known is fit:
-                return found
         left, own = self._of(fit)
-        total = squares = _squares(left)
-        for _ in range(MOST_LAWS):
-            best = self._ranked(left, own)[:1]
-            if not best or best[0].law.share * squares < SOME * total:
-                break
-            left = best[0].rest(left, own)
-            squares = _squares(left)
-        self._beyond.append((fit, (squares, sum(int(np.count_nonzero(r)) for r in left))))
-        return self._beyond[-1][1]
+        shares = ((words, _share(column, made(q), left, own)) for words, made in SIMPLE.items())
+        return next((words for words, share in shares if share > NEAR * law.share), None)
 
     def _of(self, fit: Fit) -> tuple[list[Array], list[Array]]:
         """Return by fold what a fit leaves over in this channel, and its derivatives."""
         left, own = [fit.residual[r] for r in self._rows], [fit.jacobian[r].T for r in self._rows]
         return self._folds(left), _scaled(self._folds(own))
-
-    def _ranked(self, left: Folds, own: Folds) -> list[_Fitted]:
-        """Return laws of what is left by fold, the best first."""
-        found = [_law(column, left, own) for column in self._columns]
-        return sorted((one for one in found if one is not None), key=lambda one: -one.law.share)
 
     def _folds(self, rows: Sequence[Array]) -> list[Array]:
         """Return what is left out together: the rows (..., n) of a recording, or a quarter of the only one."""
@@ -177,54 +152,22 @@ def hats(place: Array) -> Array:
     return out
 
 
-class _Fitted(NamedTuple):
-    """A law with what it is made of, and its coefficients."""
-
-    law: Law
-    column: _Column
-    found: _Explained
-
-    def rest(self, left: Folds, own: Folds) -> list[Array]:
-        """Return what the law leaves of each fold, without which it was fitted."""
-        each = zip(self.column.folds, left, own, self.found.without, strict=True)
-        return [np.where(r == 0.0, 0.0, r - values @ x - self.found.moved @ j) for x, r, j, values in each]
-
-
-def _law(column: _Column, left: Folds, own: Folds) -> _Fitted | None:
+def _law(column: _Column, left: Folds, own: Folds) -> Law | None:
     """Return the spline of the smoothness that explains most of what is left out; None where it acts on nothing."""
     sums = _Sums(column.folds, left, own)
     mean = float(np.mean(np.diag(sum(sums.xx))))
     if not mean > 0.0:
         return None
     stiff = (mean * (smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)) for smooth in SMOOTH)
-    best = max((sums.explained(each) for each in stiff), key=lambda one: one.share)
-    law = Law(
-        *(column.signal, column.way.name, column.way.unit, column.number),
-        *(best.share, column.low, column.high, best.values),
-    )
-    return _Fitted(law, column, best)
+    share, values = max((sums.explained(each) for each in stiff), key=lambda pair: pair[0])
+    way = column.way
+    return Law(column.signal, way.name, way.unit, column.number, share, column.low, column.high, values)
 
 
 def _share(column: _Column, course: Array, left: Folds, own: Folds) -> float:
     """Return what courses (k, KNOTS) of the values at the knots explain of what is left out."""
     sums = _Sums([course @ rows for rows in column.folds], left, own)
-    return sums.explained(SLIGHT * np.diag(np.diag(sum(sums.xx)) + SLIGHT)).share
-
-
-def _squares(left: Folds) -> float:
-    return sum(float(r @ r) for r in left)
-
-
-class _Explained(NamedTuple):
-    """The ``share`` of the squares that is explained of folds left out; coefficients of all, and without each fold.
-
-    ``moved`` are the changes of the fit's own parameters beside all of it.
-    """
-
-    share: float
-    values: Array
-    without: list[Array]
-    moved: Array
+    return sums.explained(SLIGHT * np.diag(np.diag(sum(sums.xx)) + SLIGHT))[0]
 
 
 class _Sums:
@@ -238,10 +181,11 @@ class _Sums:
         self.xj, self.jr = [x @ j.T for x, _, j in each], [j @ r for _, r, j in each]
         self.jj = [j @ j.T for j in own]
 
-    def explained(self, stiff: Array) -> _Explained:
-        """Return what is explained of folds that are left out, by coefficients held by a penalty (k, k).
+    def explained(self, stiff: Array) -> tuple[float, Array]:
+        """Return the share of the squares that is explained of folds left out, and the coefficients of all.
 
-        The fit's own parameters are as they are beside all of it: a fold alone may be all that tells of one of them.
+        These are held by a penalty (k, k). The fit's own parameters are as they are beside all of it: a fold alone may
+        be all that tells of one of them.
         """
         xx, xj, xr = np.sum(self.xx, axis=0) + stiff, np.sum(self.xj, axis=0), np.sum(self.xr, axis=0)
         jj, jr = np.sum(self.jj, axis=0), np.sum(self.jr, axis=0)
@@ -249,14 +193,13 @@ class _Sums:
         through = np.linalg.solve(jj, np.column_stack([xj.T, jr]))
         values = np.linalg.solve(xx - xj @ through[:, :-1], xr - xj @ through[:, -1])
         moved = through[:, -1] - through[:, :-1] @ values
-        gain, without = 0.0, []
+        gain = 0.0
         for x_x, x_j, x_r, j_j, j_r in zip(self.xx, self.xj, self.xr, self.jj, self.jr, strict=True):
             mine = solve(xx - x_x, xr - x_r - (xj - x_j) @ moved, assume_a="pos")
-            without.append(mine)
             gain += (
                 2.0 * (mine @ x_r + moved @ j_r) - mine @ x_x @ mine - moved @ j_j @ moved - 2.0 * mine @ x_j @ moved
             )
-        return _Explained(gain / max(sum(self.total), 1e-300), values, without, moved)
+        return gain / max(sum(self.total), 1e-300), values
 
 
 def _scaled(rows: Sequence[Array]) -> list[Array]:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from pneucli.diagnose.equals import ONE_PARAMETER, equal
 from pneucli.diagnose.judge import NOISE
 from pneucli.diagnose.trial import Bench, State, Trial
@@ -54,22 +52,6 @@ class Place:
         after = (trial or self.named).state
         left = self._left(bench.alone, after) or self._left(bench.parts, after)
         return min(max([LEAST, *left]), 1.0 / LEAST) if left else 1.0
-
-    def beyond(self, bench: Bench) -> float:
-        """Return the part of the squares that is left of those that no law of a signal would explain without it either.
-
-        Of the fitted recordings, each held out from the laws in turn, and of what the effect acts in. Such laws are the
-        rivals that need no effect: a stand-in leaves as much beside them as there is without it. Where readings show
-        the effect alone they tell more: it is what is left of these.
-        """
-        if self.read_alone(bench):
-            return self.left(bench)
-        before, after = self.named.before.fit, self.named.state.fit
-        felt = [view for view in bench.train if view.feels(self.named.effect)]
-        channels = [bench.channel(after, *one) for one in dict.fromkeys((type(v), c) for v in felt for c in v.channels)]
-        (start, n), (end, _) = (np.sum([c.beyond(fit) for c in channels], axis=0) for fit in (before, after))
-        least = (NOISE - 1.0) * n  # beyond noise: less is not known
-        return float((max(end - n, 0.0) + least) / (max(start - n, 0.0) + least))
 
     def _left(self, parts: Callable[[State, Effect], Sequence[tuple[float, float]]], after: State) -> list[float]:
         """Return what a state leaves of each part in which more than noise was."""

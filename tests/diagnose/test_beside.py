@@ -161,8 +161,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         beside, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    mine = {"left": 0.2, "beyond": 0.1}
-    stood: Any = SimpleNamespace(**{k: lambda bench, v=v: v if bench is where else None for k, v in mine.items()})
+    stood: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
     return evidence_of(where, last, tried, stood if placed else None, complete=complete)
 
 
@@ -170,8 +169,7 @@ def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch
     errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
     for complete in (True, False):
         found = evidence(monkeypatch, errors.__getitem__, complete=complete)
-        beyond = 1.0 if complete else 0.1  # where noise is left no law is asked
-        assert found == pytest.approx(Evidence(0.5, 20.0, 0.5, complete, left=0.2, beyond=beyond))
+        assert found == pytest.approx(Evidence(0.5, 20.0, 0.5, complete, left=0.2))
 
 
 def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -192,8 +190,7 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
     monkeypatch.setattr(place.Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
-    monkeypatch.setattr(place.Place, "beyond", lambda self, bench: 0.2 if self.named is tried else None)
-    known = Evidence(None, 20.0, 0.5, complete=False, left=0.3, imposed=True)  # no law is asked
+    known = Evidence(None, 20.0, 0.5, complete=False, left=0.3, imposed=True)
     assert beside.likely(where, tried) == probability(known)
 
 

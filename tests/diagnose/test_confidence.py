@@ -13,14 +13,13 @@ from pneucli.diagnose.decision import Reason
 from pneucli.diagnose.trial import State
 from tests.diagnose.trials import costing
 
-MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3, left=0.3, beyond=0.3)
+MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3, left=0.3)
 COMPLETE = MIDDLING._replace(complete=True)
 WITHIN: list[tuple[Evidence, str, list[float]]] = [
     (COMPLETE, "share", [0.05, 0.3, 0.6, 0.9]),
     *[(one, "significance", [2.0, 5.0, 20.0, 80.0]) for one in (COMPLETE, MIDDLING)],
     *[(one, "size", [0.05, 0.2, 0.5, 0.9]) for one in (COMPLETE, MIDDLING)],
     (MIDDLING, "left", [0.9, 0.5, 0.1, 0.02]),
-    (MIDDLING, "beyond", [0.9, 0.5, 0.1, 0.02]),
 ]
 BEYOND: list[tuple[Evidence, str, float, float]] = [
     (COMPLETE, "share", 0.02, -0.5),
@@ -31,8 +30,6 @@ BEYOND: list[tuple[Evidence, str, float, float]] = [
     (MIDDLING, "size", 1.0, 100.0),
     (MIDDLING, "left", 1.0, 20.0),
     (MIDDLING, "left", 0.01, 0.005),
-    (MIDDLING, "beyond", 1.0, 20.0),
-    (MIDDLING, "beyond", 0.01, 0.005),
 ]
 
 

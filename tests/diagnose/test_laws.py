@@ -195,51 +195,6 @@ def test_a_simple_course_is_named_where_it_says_it_all(force: Force, words: str 
     assert simple(views, left_by(views, force), (), "x") == words
 
 
-# --- one beside the other
-
-
-def beyond(views: Sequence[Forces], left: Sequence[np.ndarray]) -> tuple[float, int]:
-    """What no laws explain."""
-    fit = fitted(left)
-    return Channel(fit, views, Forces, "force").beyond(fit)
-
-
-def test_what_several_laws_make_is_explained_one_after_the_other() -> None:
-    """Most of cogging and of friction that runs in, of a half of 18,003 readings: 12.5 and 10 times the noise.
-
-    Not all: the first spline bends to what the second will take.
-    """
-    views = runs()
-    squares, number = beyond(views, left_by(views, lambda *at: cogging(*at) + running_in(*at)))
-    assert number == 9003
-    assert number < squares < 2.0 * number
-
-
-def test_what_has_a_memory_is_beyond_all_laws() -> None:
-    """A load that swings on a spring: no signal has its phase."""
-    views, rng = runs(), np.random.default_rng(7)
-    phases = [np.cumsum(2.0 * np.pi * 8.0 * 1e-3 + 0.1 * rng.standard_normal(TIME.size)) for _ in views]
-    left = [r + 5.0 * np.sin(phase) for r, phase in zip(left_by(views, drag), phases, strict=True)]
-    squares, number = beyond(views, left)
-    assert squares == pytest.approx(13.5 * number, rel=0.1)
-
-
-def test_noise_is_left_as_it_is() -> None:
-    """No law explains some of it, so that none is taken."""
-    views = runs()
-    left = left_by(views, lambda x, v, t: 0.0 * x)
-    assert beyond(views, left) == (pytest.approx(sum(float(r[::2] @ r[::2]) for r in left)), 9003)
-
-
-def test_each_fit_is_asked_once() -> None:
-    views = runs()
-    one, other = fitted(left_by(views, cogging)), fitted(left_by(views, drag, seed=2))
-    channel = Channel(one, views, Forces, "force")
-    first = channel.beyond(one)
-    assert channel.beyond(other) != first
-    assert channel.beyond(one) is first
-
-
 # --- splines
 
 

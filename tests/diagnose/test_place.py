@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -59,41 +58,6 @@ def test_what_readings_show_alone_counts_where_they_show_it(
     read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.named.state): [(after, 100.0), (0.0, 0.0)]}
     monkeypatch.setattr(Bench, "alone", lambda self, state, effect: read[id(state)])
     assert found.left(BENCH) == pytest.approx(left)
-
-
-def beyond_laws(monkeypatch: pytest.MonkeyPatch, before: float, after: float) -> float:
-    """What is left beyond laws where of 100 readings in each of two channels so many squares were, and are."""
-    found, asked = place(2500.0), []
-
-    def channel(fit: object, kind: type, name: str) -> SimpleNamespace:
-        asked.append((fit is found.named.state.fit, kind, name))
-        return SimpleNamespace(beyond=lambda of: (before if of is BEFORE.fit else after, 100))
-
-    felt = {True: ("force", "a"), False: ("p1",)}
-    views = [SimpleNamespace(feels=lambda e, f=f: f, channels=felt[f]) for f in (True, False, True)]
-    monkeypatch.setattr(Place, "read_alone", lambda self, bench: False)
-    left = found.beyond(SimpleNamespace(train=views, channel=channel))  # type: ignore[arg-type]
-    assert asked == [(True, SimpleNamespace, "force"), (True, SimpleNamespace, "a")]
-    return left
-
-
-def test_what_is_left_beyond_laws_is_of_all_channels_that_feel_the_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    """400 of 800 squares beyond noise, which are 10 more where 5 % of the noise is not known."""
-    assert beyond_laws(monkeypatch, 500.0, 300.0) == pytest.approx(410.0 / 810.0)
-
-
-@pytest.mark.parametrize(("before", "after"), [(100.0, 99.0), (90.0, 80.0)])
-def test_where_laws_leave_noise_alone_the_effect_explains_nothing(
-    monkeypatch: pytest.MonkeyPatch, before: float, after: float
-) -> None:
-    assert beyond_laws(monkeypatch, before, after) == 1.0
-
-
-def test_of_what_readings_show_alone_no_law_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = place(2500.0)
-    read = {id(BEFORE): [(300.0, 100.0)], id(found.named.state): [(120.0, 100.0)]}
-    monkeypatch.setattr(Bench, "alone", lambda self, state, effect: read[id(state)])
-    assert found.beyond(BENCH) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.48, False), (1.45, True)])
