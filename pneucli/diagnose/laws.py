@@ -114,9 +114,10 @@ class Channel:
         for signal in [name for name in seen[0] if all(name in s for s in seen) and name != READINGS]:
             values = [s[signal] - (s[signal][0] if signal == "time" else 0.0) for s in seen]
             known = np.concatenate(values)
-            low, high = float(np.nanmin(known)), float(np.nanmax(known))
-            if not high > low:
+            known = known[np.isfinite(known)]
+            if not known.size or not np.ptp(known) > 0.0:
                 continue
+            low, high = float(known.min()), float(known.max())
             knots = [hats((v - low) / (high - low)) for v in values]
             for number, ways in enumerate(zip(*(one.ways for one in lacking), strict=True)):
                 if ways[0].only in (None, signal):

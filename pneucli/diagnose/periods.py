@@ -21,6 +21,7 @@ RESOLVED = 0.5  # cycles over a range, by which two periods can be told apart
 FEWEST_CYCLES = 2.0  # over the range; fewer cannot be told from a drift
 MOST_CYCLES = 250.0
 FEWEST_SAMPLES = 16  # in a cycle
+FEWEST = 100  # readings of a view that say anything of a period
 MOST_SAMPLES = 4000
 BINS = int(FEWEST_SAMPLES * MOST_CYCLES)  # of the range
 STEP, FINE = 0.125, 21  # cycles between two that are tried, and how many are tried about the best
@@ -37,7 +38,7 @@ class Period(NamedTuple):
 def period(model: Model, views: Sequence[View], channel: str) -> Period | None:
     """Return the period that holds most of the squares of a channel, None where none holds much."""
     left = [(view, view.residual(model)[channel] / view.noise[channel]) for view in views]
-    left = [(view, r) for view, r in left if np.any(r)]
+    left = [(view, r) for view, r in left if np.count_nonzero(r) >= FEWEST]
     found = [_over_time(left), _over_position([(v, r) for v, r in left if "x" in v.experiment.raw])]
     return max((p for p in found if p is not None and p.share > PERIODIC), key=lambda p: p.share, default=None)
 
@@ -53,6 +54,8 @@ def _over_time(left: Sequence[tuple[View, Array]]) -> Period | None:
     held = sum(_below(f, p, middles * WIDTH) - _below(f, p, middles / WIDTH) for f, p in powers)
     total = sum(float(r @ r) for _, r in left)
     best = int(np.argmax(held))
+    if not np.asarray(held)[best] > 0.0:
+        return None
     within = [(f, np.where(np.abs(f - middles[best]) < (WIDTH - 1.0) * middles[best], p, 0.0)) for f, p in powers]
     mean = sum(float(f @ p) for f, p in within) / sum(float(p.sum()) for _, p in within)
     return Period("time", 1.0 / mean, float(np.asarray(held)[best]) / total)
@@ -81,7 +84,7 @@ def _below(frequency: Array, power: Array, edges: Array) -> Array:
 def _over_position(left: Sequence[tuple[View, Array]]) -> Period | None:
     """Return the sine over position that holds most, of the same length in all views."""
     pairs = [(view.experiment.inputs[r != 0.0, at.IN_X], r[r != 0.0]) for view, r in left]
-    pairs = [(x, r - r.mean()) for x, r in pairs if r.size >= FEWEST_SAMPLES and np.ptp(x) > 0.0]
+    pairs = [(x, r - r.mean()) for x, r in pairs if np.ptp(x) > 0.0]
     if not pairs:
         return None
     reach = max(float(np.ptp(x)) for x, _ in pairs)

@@ -195,6 +195,15 @@ def test_a_simple_course_is_named_where_it_says_it_all(force: Force, words: str 
     assert simple(views, left_by(views, force), (), "x") == words
 
 
+def test_a_signal_that_is_never_known_has_no_law() -> None:
+    """Such as the pressure ratio at a valve that was never opened."""
+    views = runs()
+    for view in views:
+        view.experiment.raw["u"] = np.zeros(TIME.size)
+        view.experiment.raw["p1"] = np.full(TIME.size, 3e5)
+    assert "p_ratio" not in {law.signal for law in ranked(views, left_by(views, cogging))}
+
+
 # --- splines
 
 

@@ -121,3 +121,16 @@ def test_a_recording_that_says_nothing_has_no_period() -> None:
     """Such as one in which the piston rests all the time, so that no reading of the force is compared."""
     assert found(Seen(np.zeros(TIME.size))) is None
     assert found(Seen(np.r_[1.0, np.zeros(TIME.size - 1)], np.full(TIME.size, 0.1))) is None
+
+
+@pytest.mark.parametrize("readings", [1, 20, 99])
+def test_few_readings_have_no_period(readings: int) -> None:
+    """As of an accelerometer that hardly ever rests."""
+    left = np.where(np.arange(TIME.size) < readings, np.sin(TIME * 300.0) + 2.0, 0.0)
+    assert found(Seen(left, wandering(0))) is None
+
+
+def test_what_stands_at_the_restarts_alone_has_no_period() -> None:
+    """Nothing is left of its power."""
+    saw = np.tile(np.arange(500.0) - 249.5, TIME.size // 500)
+    assert found(Seen(saw)) is None
