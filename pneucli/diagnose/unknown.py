@@ -23,8 +23,8 @@ class Unknown:
     """Where the unexplained stands, how many times its noise, and of what it is a function, in words.
 
     ``share`` is the part of the squares that a function of the ``variable`` explains of recordings that were left out;
-    functions of those in ``alike`` explain about as much. ``course`` is the function itself, ``law`` the name of a
-    simple one that comes near it.
+    of a sine (``law``) it may be a part of the fitted ones. Functions of those in ``alike`` explain about as much.
+    ``course`` is the function itself, ``law`` the name of a simple one that comes near it.
     """
 
     subsystem: str
@@ -49,9 +49,9 @@ def describe(bench: Bench, fit: Fit, worst: Remainder) -> Unknown:
     repeats = period(fit.model, same, worst.channel)
     best = ranked[0] if ranked and ranked[0].share > TELLING else None
     if repeats is not None and (best is None or repeats.variable == best.signal or repeats.share > best.share):
-        share = repeats.share if best is None or repeats.variable != best.signal else max(best.share, repeats.share)
         course = best if best is not None and best.signal == repeats.variable else None
-        return Unknown(*where, repeats.variable, _repeating(repeats, best), "a sine", share, (), course)
+        share = repeats.share if course is None else max(course.share, repeats.share)
+        return Unknown(*where, repeats.variable, _repeating(repeats, course), "a sine", share, (), course)
     if best is None:
         return Unknown(*where, None, SHAPELESS)
     if BY_CHANCE * (1.0 - best.share) > 1.0:
@@ -62,9 +62,8 @@ def describe(bench: Bench, fit: Fit, worst: Remainder) -> Unknown:
     return Unknown(*where, best.signal, _course(best), channel.simple(fit, best), best.share, also, best)
 
 
-def _repeating(repeats: Period, best: Law | None) -> str:
-    unit = "s" if repeats.variable == "time" else "m"
-    what = f"a {best.way}" if best is not None and best.signal == repeats.variable else "something"
+def _repeating(repeats: Period, course: Law | None) -> str:
+    unit, what = "s" if repeats.variable == "time" else "m", "something" if course is None else f"a {course.way}"
     return f"{what} that repeats over {titled(repeats.variable)}, period {repeats.length:.3g} {unit}"
 
 

@@ -42,10 +42,15 @@ def unknown(rest: Answer) -> str:
     """Return what is known of what no effect accounts for: where it is, of what it is a function, how much of it."""
     course = f" ({rest['law']})" if rest.get("law") else ""
     also = "".join(f", or of {name}" for name in rest.get("also_over") or [])
-    share = f" A function of {rest['variable']} explains {percent(rest['share'])} of it" if rest.get("share") else ""
-    held = " in recordings that were left out." if share else ""
+    share = ""
+    if rest.get("share"):
+        fitted = rest.get("law") == "a sine"  # a period is found in all recordings, none is left out of it
+        what, held = (
+            ("This", "") if fitted else (f"A function of {rest['variable']}", " in recordings that were left out")
+        )
+        share = f" {what} explains {percent(rest['share'])} of it{held}."
     where = f"{rest['channel']} errs by {number(rest['times_noise'], 2)} times its noise ({rest['subsystem']})"
-    return f"What remains is {rest['character']}{course}{also}: {where}.{share}{held}"
+    return f"What remains is {rest['character']}{course}{also}: {where}.{share}"
 
 
 def sure(answer: Answer) -> str:

@@ -23,6 +23,20 @@ def test_it_is_told_where_it_is_and_of_what_it_is_a_function() -> None:
     )
 
 
+def test_a_period_is_not_said_to_hold_in_what_was_left_out() -> None:
+    """It is found in all recordings at once."""
+    rest = REST | {
+        "variable": "time",
+        "law": "a sine",
+        "also_over": [],
+        "character": "something that repeats over time",
+    }
+    assert diagnose.unknown(rest) == (
+        "What remains is something that repeats over time (a sine): force errs by 13 times its noise (mechanics). "
+        "This explains 95 % of it."
+    )
+
+
 def test_of_what_has_no_shape_that_is_said() -> None:
     rest = REST | {
         "variable": None,
