@@ -15,8 +15,9 @@ from pneucli.diagnose.judge import supported
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.unnamed import outdone
 from pneucli.identify.views import Chambers, Forces, Imposed, Inferred, View
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.facts import facts_of
@@ -50,6 +51,8 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], 
         (bool(left) and not _good(bench, trial, place), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
+    if reason == "supported" and place is not None and not place.read_alone(bench) and outdone(bench, place):
+        reason = "explained-by-signal"
     return Decision(trial.effect, reason, trial), evidence
 
 
@@ -60,20 +63,30 @@ def without_refused(bench: Bench, last: State, weights: Sequence[Weighed], left:
     stands in for something unknown; by itself it is nothing.
     """
     refused = [d.effect for d, _ in weights if not d.supported]
-    if not left or not refused or len(refused) == len(weights):
+    stood_in = any(d.reason == "explained-by-signal" for d, _ in weights)
+    if not (left or stood_in) or not refused or len(refused) == len(weights):
         return list(weights)
     for effect in refused:
         (last,) = bench.without(last, [effect])
-    return [_held(bench, last, one, left) if one[0].supported else one for one in weights]
+    now = left or beyond_noise(bench, last)
+    return [_held(bench, last, one, now, same=bool(left) or not now) if one[0].supported else one for one in weights]
 
 
-def _held(bench: Bench, last: State, known: Weighed, left: Sequence[Remainder]) -> Weighed:
-    """Return what is known of a named effect, or what the named model says of it where it does not pass there."""
+def beyond_noise(bench: Bench, state: State) -> list[Remainder]:
+    """Return what a state leaves that is more than noise, worst first."""
+    return too_much(remainders(state.model, bench.train), remainders(state.model, bench.held_out))
+
+
+def _held(bench: Bench, last: State, known: Weighed, left: Sequence[Remainder], *, same: bool) -> Weighed:
+    """Return what is known of a named effect, or what the named model says of it where it does not pass there.
+
+    So too where it is not the ``same``: beside what was taken for noise something is left without those refused.
+    """
     effect = known[0].effect
     (before,) = bench.without(last, [effect])
     place = Place(bench.trial(before, last, effect), ())
     stays = bool(supported(bench, before, [place.named])) and _good(bench, place.named, place)
-    return known if stays else weighed(bench, last, place.named, left, place)
+    return known if stays and same else weighed(bench, last, place.named, left, place)
 
 
 def _good(bench: Bench, trial: Trial, place: Place | None) -> bool:

@@ -22,6 +22,7 @@ Reason = Literal[
     "needless",  # it passed alone, and beside what was taken nothing is left for it
     "contradicted-by-reading",  # samples at a known pressure refute the fault of a sensor
     "explained-by-unknown",  # something unknown remains, and it may but stand in for that
+    "explained-by-signal",  # a function of one signal, without a name, stands better in its place
 ]
 
 

@@ -9,16 +9,16 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pneucli.diagnose.beside import examined, likely, weighed, without_refused
+from pneucli.diagnose.beside import Weighed, examined, likely, weighed, without_refused
 from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
 from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder, too_much
+from pneucli.diagnose.remainder import Remainder, remainders, too_much
 from pneucli.diagnose.replay import astray
 from pneucli.diagnose.search import Search, remains, search
-from pneucli.diagnose.trial import Bench, Trial
+from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.physics.declaration import Effect
@@ -81,11 +81,13 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     alike = [Decision(t.effect, "supported", t) for name in missing for t in twins.get(name, [])]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
-    evidence = {d.effect.name: e for d, e in weights if d.reason != "cannot-show"}
+    evidence = {d.effect.name: e for d, e in weights if d.reason not in ("cannot-show", "explained-by-signal")}
     parts = {n: _parts(bench, places[n], twins[n], complete=not left) for n in missing if n in places}
     sure = _confidence(bench, decisions, evidence, parts)
     shown = found.last if left and missing else found.rungs[_known([d for d, _ in weights])]
-    unexplained = left if shown is found.last else too_much(*remains(bench, shown)) or left
+    unexplained = (
+        left if shown is found.last else too_much(*remains(bench, shown)) or left or _stood_in(bench, shown, weights)
+    )
     unknown = describe(bench, shown.fit, unexplained[0]) if unexplained else None
     moved = tuple(_moved(start.fit, found.last.fit))
     verdict = _verdict(bench, unexplained, missing, sizes)
@@ -103,6 +105,14 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
         evidence=evidence,
         left=tuple(remaining),
     )
+
+
+def _stood_in(bench: Bench, shown: State, weights: Sequence[Weighed]) -> list[Remainder]:
+    """Return what a state leaves where a law of a signal explains more than an effect: faint or not, it is sure."""
+    effects = [d.effect for d, _ in weights if d.reason == "explained-by-signal"]
+    kinds = {type(v) for v in bench.train for effect in effects if v.feels(effect)}
+    left = remainders(shown.model, bench.train) if kinds else []
+    return sorted((r for r in left if r.kind in kinds), key=lambda r: -r.ratio)[:1]
 
 
 def _verdict(bench: Bench, left: Sequence[Remainder], missing: Sequence[str], sizes: Sequence[Detectable]) -> Verdict:

@@ -166,6 +166,17 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
     return float(np.sqrt(np.average(wanted**2, weights=known[known > 0.0]))) if wanted.size else 0.0
 
 
+def from_null(found: Fit, effect: Effect) -> Array | None:
+    """Return how far the fit's coordinates (k,) are from where an effect is absent; None where no value makes it so."""
+    away = np.zeros(len(found.free))
+    for j, f in enumerate(found.free):
+        for p in effect.parameters:
+            null = null_value(p, found.model)
+            if f.name == f"{effect.name}.{p.name}" and null is not None:
+                away[j] = f.inward(value_of(found.model, f.name)) - f.inward(null)
+    return away if np.any(away) and np.all(np.isfinite(away)) else None
+
+
 def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
     """Return p values adjusted for a family of ``hypotheses``, of which these are the smallest (S. Holm, 1979)."""
     order = np.argsort(p_values, kind="stable")

@@ -9,7 +9,7 @@ It counts by what it explains of recordings that were left out, one after the ot
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.linalg import solve
 from pneucli.compare.where import locators
 from pneucli.identify.fit import Fit
 from pneucli.identify.views import View
-from pneucli.identify.views.view import Lacking, Way
+from pneucli.identify.views.view import Way
 
 Array = NDArray[np.float64]
 Folds = Sequence[Array]
@@ -48,8 +48,9 @@ class Law:
     """A function of one signal in one channel.
 
     ``way`` says as what it acts (:class:`pneucli.identify.views.view.Way`), ``share`` how much it explains of the
-    squares that were left out; ``values`` (KNOTS,) are what it is, in ``unit``, from the
-    ``low`` to the ``high`` of the signal. ``number`` tells ways apart.
+    squares that were left out; ``values`` (KNOTS,) are what it is, in ``unit``, from the ``low`` to the ``high`` of the
+    signal. It is a spline, held by the penalty ``smooth``, or has one of the SIMPLE courses. ``number`` tells ways
+    apart.
     """
 
     signal: str
@@ -60,6 +61,15 @@ class Law:
     low: float
     high: float
     values: Array
+    smooth: float
+    course: str | None = None
+
+    @property
+    def parts(self) -> Array:
+        """What it is made of: values at the knots (k, KNOTS)."""
+        if self.course is None:
+            return np.eye(KNOTS)
+        return SIMPLE[self.course](np.linspace(self.low, self.high, KNOTS) / max(abs(self.low), abs(self.high)))
 
 
 class Channel:
@@ -88,11 +98,52 @@ class Channel:
 
     def simple(self, fit: Fit, law: Law) -> str | None:
         """Return the simplest course that explains about as much as a law, in words; None where none does."""
-        column = next(c for c in self._columns if (c.signal, c.number) == (law.signal, law.number))
-        q = np.linspace(law.low, law.high, KNOTS) / max(abs(law.low), abs(law.high))
+        return next((one.course for one in self.courses(fit, law) if one.share > NEAR * law.share), None)
+
+    def courses(self, fit: Fit, law: Law) -> Iterator[Law]:
+        """Yield the laws of simple courses that act as another law does, over the same signal."""
         left, own = self._of(fit)
-        shares = ((words, _share(column, made(q), left, own)) for words, made in SIMPLE.items())
-        return next((words for words, share in shares if share > NEAR * law.share), None)
+        for course in SIMPLE:
+            one = replace(law, course=course)
+            share, values = _Sums(self._rows_of(one), left, own).explained(one)
+            yield replace(one, share=share, values=values @ one.parts)
+
+    def costs(self, fit: Fit) -> Array:
+        """Return the squares of what a fit leaves over, by block of time."""
+        return self._by_block(fit, self._of(fit)[0])
+
+    def readings(self, fit: Fit) -> int:
+        """Return how many of them there are."""
+        return sum(int(np.count_nonzero(fit.residual[rows])) for rows in self._rows)
+
+    def unseen(self, fit: Fit, law: Law) -> Array:
+        """Return the same of what a law leaves beside that of each recording, found without it."""
+        sums = _Sums(self._rows_of(law), *self._of(fit))
+        _, moved, apart = sums.solved(law)
+        parts = zip(sums.each, apart, strict=True)
+        return self._by_block(fit, [np.where(r == 0.0, 0.0, r - mine @ x - moved @ j) for (x, r, j), mine in parts])
+
+    def settled(self, fit: Fit) -> float:
+        """Return the squares of what a fit leaves where its own parameters adjust, to first order."""
+        return _least(*self._of(fit))
+
+    def lacks(self, fit: Fit, law: Law, change: Array) -> float:
+        """Return the part of the squares of a change of all residuals (N,) that a law cannot be, beside a fit's own."""
+        left, own = self._folds([change[r] for r in self._rows]), self._of(fit)[1]
+        sums = _Sums(self._rows_of(law), left, own)
+        values, moved, _ = sums.solved(law)
+        lacking = sum(float(np.sum((r - values @ x - moved @ j) ** 2)) for x, r, j in sums.each)
+        return lacking / max(_least(left, own), 1e-300)
+
+    def _by_block(self, fit: Fit, left: Folds) -> Array:
+        blocks = np.concatenate([fit.blocks[r] for r in self._rows])
+        costs = np.bincount(np.unique(blocks, return_inverse=True)[1], np.concatenate(left) ** 2)
+        return costs.astype(np.float64)
+
+    def _rows_of(self, law: Law) -> list[Array]:
+        """Return by fold what a unit of each part of a law makes of the residuals (k, n)."""
+        folds = next(c.folds for c in self._columns if (c.signal, c.number) == (law.signal, law.number))
+        return [law.parts @ rows for rows in folds]
 
     def _of(self, fit: Fit) -> tuple[list[Array], list[Array]]:
         """Return by fold what a fit leaves over in this channel, and its derivatives."""
@@ -119,14 +170,14 @@ class Channel:
                 continue
             low, high = float(known.min()), float(known.max())
             knots = [hats((v - low) / (high - low)) for v in values]
-            for number, ways in enumerate(zip(*(one.ways for one in lacking), strict=True)):
+            for number, ways in enumerate(zip(*lacking, strict=True)):
                 if ways[0].only in (None, signal):
-                    made = [self._kept_of(i, lacking[i], knots[i] * way.one) for i, way in enumerate(ways)]
+                    made = [self._kept_of(i, way.becomes(knots[i] * way.one)) for i, way in enumerate(ways)]
                     yield _Column(signal, ways[0], number, low, high, self._folds(made))
 
-    def _kept_of(self, i: int, lacking: Lacking, added: Array) -> Array:
-        """Return what is added (k, n) in a view makes of the residuals that are kept there (k, m)."""
-        settled = self._views[i].settled({self._name: lacking.becomes(added)}, self._errors[i])
+    def _kept_of(self, i: int, becomes: Array) -> Array:
+        """Return of what becomes of a view's residuals (k, n) that of those which are kept there (k, m)."""
+        settled = self._views[i].settled({self._name: becomes}, self._errors[i])
         kept = np.nan_to_num(settled[self._name][:, self._kept[i]], posinf=0.0, neginf=0.0)  # of a model that runs away
         return kept.astype(np.float32)  # some 30 of these are held
 
@@ -156,19 +207,15 @@ def hats(place: Array) -> Array:
 def _law(column: _Column, left: Folds, own: Folds) -> Law | None:
     """Return the spline of the smoothness that explains most of what is left out; None where it acts on nothing."""
     sums = _Sums(column.folds, left, own)
-    mean = float(np.mean(np.diag(sum(sums.xx))))
-    if not mean > 0.0:
+    if not np.any(sum(sums.xx)):
         return None
-    stiff = (mean * (smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)) for smooth in SMOOTH)
-    share, values = max((sums.explained(each) for each in stiff), key=lambda pair: pair[0])
-    way = column.way
-    return Law(column.signal, way.name, way.unit, column.number, share, column.low, column.high, values)
-
-
-def _share(column: _Column, course: Array, left: Folds, own: Folds) -> float:
-    """Return what courses (k, KNOTS) of the values at the knots explain of what is left out."""
-    sums = _Sums([course @ rows for rows in column.folds], left, own)
-    return sums.explained(SLIGHT * np.diag(np.diag(sum(sums.xx)) + SLIGHT))[0]
+    way, none = column.way, np.zeros(KNOTS)
+    each = [
+        Law(column.signal, way.name, way.unit, column.number, 0.0, column.low, column.high, none, smooth)
+        for smooth in SMOOTH
+    ]
+    (share, values), law = max(((sums.explained(one), one) for one in each), key=lambda pair: pair[0][0])
+    return replace(law, share=share, values=values)
 
 
 class _Sums:
@@ -176,31 +223,51 @@ class _Sums:
 
     def __init__(self, rows: Folds, left: Folds, own: Folds) -> None:
         rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, left, strict=True)]  # not read
-        each = list(zip(rows, left, own, strict=True))
+        self.each = list(zip(rows, left, own, strict=True))
         self.total = [float(r @ r) for r in left]
-        self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r, _ in each]
-        self.xj, self.jr = [x @ j.T for x, _, j in each], [j @ r for _, r, j in each]
+        self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r, _ in self.each]
+        self.xj, self.jr = [x @ j.T for x, _, j in self.each], [j @ r for _, r, j in self.each]
         self.jj = [j @ j.T for j in own]
 
-    def explained(self, stiff: Array) -> tuple[float, Array]:
-        """Return the share of the squares that is explained of folds left out, and the coefficients of all.
+    def _stiff(self, law: Law) -> Array:
+        """Return the penalty (k, k) of a law's parts: of a spline its second differences, by the squares' curvature."""
+        curvature = np.diag(sum(self.xx))
+        if law.course is not None:
+            return np.asarray(SLIGHT * np.diag(curvature + SLIGHT))
+        return np.asarray(float(np.mean(curvature)) * (law.smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)))
 
-        These are held by a penalty (k, k). The fit's own parameters are as they are beside all of it: a fold alone may
+    def explained(self, law: Law) -> tuple[float, Array]:
+        """Return the share of the squares that is explained of folds left out, and the coefficients of all."""
+        values, moved, apart = self.solved(law)
+        gain = 0.0
+        for mine, x_x, x_j, x_r, j_j, j_r in zip(apart, self.xx, self.xj, self.xr, self.jj, self.jr, strict=True):
+            gain += (
+                2.0 * (mine @ x_r + moved @ j_r) - mine @ x_x @ mine - moved @ j_j @ moved - 2.0 * mine @ x_j @ moved
+            )
+        return gain / max(sum(self.total), 1e-300), values
+
+    def solved(self, law: Law) -> tuple[Array, Array, list[Array]]:
+        """Return the coefficients of all folds, the fit's own parameters beside them, and those without each fold.
+
+        These are held by the law's penalty. The fit's own parameters are as they are beside all of it: a fold alone may
         be all that tells of one of them.
         """
-        xx, xj, xr = np.sum(self.xx, axis=0) + stiff, np.sum(self.xj, axis=0), np.sum(self.xr, axis=0)
+        xx, xj, xr = np.sum(self.xx, axis=0) + self._stiff(law), np.sum(self.xj, axis=0), np.sum(self.xr, axis=0)
         jj, jr = np.sum(self.jj, axis=0), np.sum(self.jr, axis=0)
         jj = jj + SLIGHT * np.eye(jr.size)
         through = np.linalg.solve(jj, np.column_stack([xj.T, jr]))
         values = np.linalg.solve(xx - xj @ through[:, :-1], xr - xj @ through[:, -1])
         moved = through[:, -1] - through[:, :-1] @ values
-        gain = 0.0
-        for x_x, x_j, x_r, j_j, j_r in zip(self.xx, self.xj, self.xr, self.jj, self.jr, strict=True):
-            mine = solve(xx - x_x, xr - x_r - (xj - x_j) @ moved, assume_a="pos")
-            gain += (
-                2.0 * (mine @ x_r + moved @ j_r) - mine @ x_x @ mine - moved @ j_j @ moved - 2.0 * mine @ x_j @ moved
-            )
-        return gain / max(sum(self.total), 1e-300), values
+        parts = zip(self.xx, self.xj, self.xr, strict=True)
+        apart = [solve(xx - x_x, xr - x_r - (xj - x_j) @ moved, assume_a="pos") for x_x, x_j, x_r in parts]
+        return values, moved, apart
+
+
+def _least(left: Folds, own: Folds) -> float:
+    """Return the squares that are left of all folds beside a fit's own derivatives."""
+    jj, jr = sum(j @ j.T for j in own), np.asarray(sum(j @ r for j, r in zip(own, left, strict=True)))
+    explained = float(jr @ np.linalg.solve(jj + SLIGHT * np.eye(jr.size), jr))
+    return sum(float(r @ r) for r in left) - explained
 
 
 def _scaled(rows: Sequence[Array]) -> list[Array]:

@@ -63,14 +63,18 @@ def describe(bench: Bench, fit: Fit, worst: Remainder) -> Unknown:
 
 
 def _repeating(repeats: Period, course: Law | None) -> str:
-    unit, what = "s" if repeats.variable == "time" else "m", "something" if course is None else f"a {course.way}"
+    unit, what = "s" if repeats.variable == "time" else "m", "something" if course is None else _a(course.way)
     return f"{what} that repeats over {titled(repeats.variable)}, period {repeats.length:.3g} {unit}"
 
 
 def _course(law: Law) -> str:
     if law.signal == "time":
-        return f"a {law.way} that drifts over each recording"
-    return f"a {law.way}, a function of {titled(law.signal)}"
+        return f"{_a(law.way)} that drifts over each recording"
+    return f"{_a(law.way)}, a function of {titled(law.signal)}"
+
+
+def _a(way: str) -> str:
+    return f"an {way}" if way[0] in "aeio" else f"a {way}"
 
 
 def titled(variable: str) -> str:

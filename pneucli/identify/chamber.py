@@ -73,6 +73,17 @@ def pressure_of(e: Experiment, gas: Gas, flow: Array, fading: Array) -> Array:
     return np.asarray((total - before) * scale)
 
 
+def misread(e: Experiment, error: Array, fading: Array) -> Array:
+    """Return by how much a pressure that is read with an ``error`` (k, n), in Pa, differs from a simulated one.
+
+    That one starts from the reading, too, and carries its error on; ``fading`` as in :func:`pressure_of`.
+    """
+    each = lengths(e.restarts, e.time.size)
+    first = fading[e.restarts]
+    faded = fading / np.repeat(np.where(first == 0.0, 1.0, first), each)
+    return np.asarray(error - np.repeat(error[:, e.restarts], each, axis=-1) * faded)
+
+
 def _volume(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array, Array]:
     """Return the volume in m^3 and its growth in m^3/s."""
     if e.vessel:

@@ -178,6 +178,7 @@ WHY_NOT = {
         "It more likely stands in for something unknown: it takes too little, is too small or not sure enough beside "
         "what remains."
     ),
+    "explained-by-signal": "A function of one signal explains more in its place: it stands in for something unknown.",
 }
 """What is said of an effect that is not named, by its ``reason``: the only place."""
 HELD_OUT = {

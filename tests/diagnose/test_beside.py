@@ -51,12 +51,19 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The decision about an effect with evidence, a reading that contradicts it, and the error that the user sees."""
 
     def reason(
-        evidence: Evidence, *, unknown: bool, contradicted: bool = False, falls: bool = True, read: float | None = None
+        evidence: Evidence,
+        *,
+        unknown: bool,
+        contradicted: bool = False,
+        falls: bool = True,
+        read: float | None = None,
+        law: bool = False,
     ) -> str:
         place = None if read is None else Place(TRIED, ())
         monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(read, 100.0)])
         monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: evidence._replace(complete=complete))
         monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: contradicted)
+        monkeypatch.setattr(beside, "outdone", lambda bench, one: "a law" if law and one is place else None)
         errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
         monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
@@ -73,6 +80,16 @@ def test_only_what_is_likely_there_is_named(judged: Any, unknown: bool) -> None:
     assert probability(WEAK) < 0.5 < probability(STRONG)
     assert judged(STRONG, unknown=unknown) == "supported"
     assert judged(WEAK, unknown=unknown) == "explained-by-unknown"
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_what_a_law_of_a_signal_outdoes_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, read=100.0, law=True) == "explained-by-signal"
+    assert judged(WEAK, unknown=unknown, read=100.0, law=True) == "explained-by-unknown"
+
+
+def test_a_direct_reading_beats_any_law(judged: Any) -> None:
+    assert judged(STRONG, unknown=True, read=200.0, law=True) == "supported"
 
 
 def test_where_nothing_unknown_is_left_the_error_that_the_user_sees_may_stay(judged: Any) -> None:
@@ -247,3 +264,32 @@ def test_only_what_passes_without_the_effects_that_are_refused_is_named(
     assert without_refused(found, last, weights, []) == weights  # noise alone is left
     assert without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
     assert without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named
+
+
+@pytest.mark.parametrize(("left", "likely", "named"), [(5.0, False, False), (5.0, True, True), (1.0, False, True)])
+def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
+    monkeypatch: pytest.MonkeyPatch, left: float, likely: bool, named: bool
+) -> None:
+    """With a spring, which a law outdoes, the mass seemed to be complete; it is weighed anew beside what is left."""
+    mass, spring = (trial(n) for n in ("extra-mass", "spring-force"))
+    last, alone, neither = (trials.state(n) for n in (["extra-mass", "spring-force"], ["extra-mass"], []))
+    ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
+    monkeypatch.setattr(Bench, "without", lambda self, one, effects: [ways[id(one), effects[0].name]])
+    monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: replace(mass, before=before, state=after))
+    monkeypatch.setattr(beside, "supported", lambda bench, before, tried: tried)
+    monkeypatch.setattr(
+        beside, "remainders", lambda model, views: [Remainder(Forces, "force", left, left, ())] * (model is alone.model)
+    )
+    there = STRONG if likely else WEAK
+    monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
+    monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: False)
+    monkeypatch.setattr(beside, "outdone", lambda bench, one: None)
+    found = bench([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
+    weights = [
+        (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),
+        (Decision(spring.effect, "explained-by-signal", spring), STRONG),
+    ]
+    (first, evidence), (second, _) = without_refused(found, last, weights, [])
+    assert (first.supported, second.reason) == (named, "explained-by-signal")
+    assert evidence.complete == (left == 1.0)

@@ -54,7 +54,7 @@ class Diagnosed:
             assert place is places[step.effect.name]
             self.steps.append((step.effect.name, step.before.names, step.state.names, bool(left)))
             stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
-            reason: Reason = "supported" if stands else "explained-by-unknown"
+            reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")
             return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
 
         def without_refused(bench: Any, last: Any, weights: Any, left: Any) -> Any:
@@ -68,7 +68,7 @@ class Diagnosed:
 
         monkeypatch.setattr(diagnosis, "search", lambda bench, start: found)
         monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
-        monkeypatch.setattr(diagnosis, "remains", lambda bench, state: ([MUCH], []))
+        monkeypatch.setattr(diagnosis, "remains", lambda bench, state: (given.get("remains", [MUCH]), []))
         monkeypatch.setattr(diagnosis, "weighed", weighed)
         monkeypatch.setattr(diagnosis, "without_refused", without_refused)
         monkeypatch.setattr(diagnosis, "likely", lambda bench, one: 0.25 if one is rival else 0.75)  # odds 1 : 9
@@ -79,8 +79,8 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "discrepancies", lambda bench, fit, left: [(fit.model, len(left))])
         monkeypatch.setattr(diagnosis, "cannot_show", lambda bench, sizes: [])
         self.bench: Any = SimpleNamespace(
-            state=lambda base: self.rungs[0], train=[], held_out=[], effects=self.toys.effects, trial=self.toys.trial,
-            implausible=given.get("implausible", False),
+            state=lambda base: self.rungs[0], train=given.get("train", []), held_out=[],
+            effects=self.toys.effects, trial=self.toys.trial, implausible=given.get("implausible", False),
         )  # fmt: skip
         self.result = diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
 
@@ -114,6 +114,20 @@ def test_beside_something_unknown_only_what_stands_is_named(
     assert d.steps == [("a", [], ["a"], True), ("b", ["a"], ["a", "b"], True)]
     assert d.reasons == {"a": "explained-by-unknown", "b": "supported"}
     assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
+
+
+def test_what_a_law_outdoes_leaves_something_unknown_however_faint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The model without it passed for noise; what the effect acted in is described, the largest there."""
+    faint = [Remainder(Forces, c, r, r, ()) for c, r in (("a", 1.01), ("force", 1.04))]
+    elsewhere = Remainder(Whole, "x", 1.05, 1.05, ())
+    felt = object.__new__(Forces)
+    felt.__dict__["feels"] = lambda effect: effect is B
+    monkeypatch.setattr(diagnosis, "remainders", lambda model, views: [elsewhere, *faint])
+    d = Diagnosed(monkeypatch, doubted={"b"}, standing={"a"}, why="explained-by-signal", remains=[], train=[felt])
+    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", ("a",), "unknown")
+    assert d.described == [(["a"], faint[1])]
+    assert d.result.confidence["b"].of_set == refused("explained-by-signal")
+    assert "b" not in d.result.evidence
 
 
 def test_what_does_not_stand_without_the_refused_ones_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:

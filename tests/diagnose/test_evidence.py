@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.evidence import block_costs, disagreement, effective_number, gain, holm, significance, wald
+from pneucli.diagnose.evidence import (
+    block_costs,
+    disagreement,
+    effective_number,
+    from_null,
+    gain,
+    holm,
+    significance,
+    wald,
+)
 from pneucli.identify.fit import Fit
 from pneucli.identify.parameters import effect_parameters
 from pneucli.physics.declaration import Effect
@@ -98,3 +107,18 @@ def test_recordings_that_want_another_size_disagree():
     assert disagreement(found, force, halves) < 0.05
     other = replace(found, residual=found.residual - halves * 0.5 * size)
     assert disagreement(other, force, halves) == pytest.approx(0.5 / np.sqrt(2), rel=0.1)
+
+
+def test_where_an_effect_is_absent_is_so_far_in_the_coordinates_of_the_fit():
+    force = catalogue()["constant-force"]
+    found = fitted(force, {"force": 10.0}, np.ones((N, 1)))
+    away = from_null(found, force)
+    assert away is not None
+    assert away.tolist() == [10.0 / found.free[0].scale]
+
+
+def test_what_no_value_makes_absent_is_nowhere_absent():
+    """Rigid bristles have an infinite stiffness."""
+    bristles = catalogue()["presliding"]
+    found = fitted(bristles, {"stiffness": 1e5, "damping": 100.0}, np.ones((N, 2)))
+    assert from_null(found, bristles) is None

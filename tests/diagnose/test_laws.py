@@ -50,6 +50,13 @@ def fitted(left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> Any:
     return SimpleNamespace(model=model(), residual=residual, jacobian=jacobian, errors=[{}] * len(left))
 
 
+def rival(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> tuple[Any, Channel]:
+    """The same fit, its residuals in blocks of 0.25 s, and its channel."""
+    fit = fitted(left, own)
+    fit.blocks = np.arange(fit.residual.size) // 250
+    return fit, Channel(fit, views, Forces, "force")
+
+
 def ranked(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> list[Law]:
     """The laws of what is left, the best first."""
     fit = fitted(left, own)
@@ -202,6 +209,43 @@ def test_a_signal_that_is_never_known_has_no_law() -> None:
         view.experiment.raw["u"] = np.zeros(TIME.size)
         view.experiment.raw["p1"] = np.full(TIME.size, 3e5)
     assert "p_ratio" not in {law.signal for law in ranked(views, left_by(views, cogging))}
+
+
+def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
+    monkeypatch.setattr(laws, "ENOUGH", 20_000)
+    views = runs()
+    left = left_by(views, cogging)
+    left[0][:500] = 0.0
+    fit, channel = rival(views, left)
+    law = channel.ranked(fit)[0]
+    costs, unseen = channel.costs(fit), channel.unseen(fit, law)
+    assert costs == pytest.approx(np.bincount(fit.blocks, np.concatenate(left) ** 2))
+    assert channel.readings(fit) == 3 * TIME.size - 500
+    assert np.all(unseen[:2] == 0.0)
+    assert unseen.sum() == pytest.approx((1.0 - law.share) * costs.sum())
+
+
+def test_a_law_of_a_simple_course_has_few_parts() -> None:
+    views = runs()
+    fit, channel = rival(views, left_by(views, lambda x, v, t: 100.0 * (x - 0.1)))
+    law = next(one for one in channel.ranked(fit) if (one.signal, one.way) == ("x", "force"))
+    line = next(one for one in channel.courses(fit, law) if one.course == "a straight line")
+    assert (line.signal, line.way, line.parts.shape) == ("x", "force", (2, KNOTS))
+    x = np.linspace(line.low, line.high, KNOTS)
+    assert line.values == pytest.approx(100.0 * (x - 0.1), abs=0.3)  # 3000 readings of 1 N and more
+    assert channel.unseen(fit, line).sum() == pytest.approx((1.0 - line.share) * channel.costs(fit).sum())
+
+
+def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
+    """A line is a part of a spline over the same signal, and of none over another; what the fit can do is no matter."""
+    views = runs()
+    own = [np.ones((TIME.size, 1)) for _ in views]
+    fit, channel = rival(views, left_by(views, cogging), own)
+    line = np.concatenate([100.0 * (v.experiment.raw["x"] - 0.1) + 30.0 for v in views])
+    of = {(law.signal, law.way): channel.lacks(fit, law, line) for law in channel.ranked(fit)}
+    assert of["x", "force"] < 1e-3
+    assert of["time", "force"] > 0.8
 
 
 # --- splines

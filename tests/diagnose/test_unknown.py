@@ -21,7 +21,7 @@ VIEW.__dict__["channels"] = ("force",)
 
 def law(signal: str, share: float, way: str = "force") -> Law:
     """A law that explains a share."""
-    return Law(signal, way, "N", 0, share, 0.0, 1.0, np.zeros(60))
+    return Law(signal, way, "N", 0, share, 0.0, 1.0, np.zeros(60), 1.0)
 
 
 def described(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.chamber import gas_of, modelled_gas, pressure_of
+from pneucli.identify.chamber import gas_of, misread, modelled_gas, pressure_of
 from pneucli.identify.views import Chambers
 from pneucli.identify.views.chambers import in_play
 from pneucli.physics.flows import orifice_flows
@@ -90,12 +90,31 @@ def test_a_flow_acts_on_its_own_chamber() -> None:
     view = Chambers(e)
     view.__dict__.update(noise={"p1": 100.0, "p2": 100.0}, channels=("p1", "p2"))
     first, second = (view.lacking(BARE, name) for name in ("p1", "p2"))
-    names = [way.name for way in first.ways]
+    names = [way.name for way in first]
     assert names[:3] == ["flow", "share of the flow", "share of the swept volume"]
-    swept = {name: lacking.ways[2].one for name, lacking in (("p1", first), ("p2", second))}
+    swept = {name: ways[2].one for name, ways in (("p1", first), ("p2", second))}
     assert np.all(np.sign(swept["p1"]) == -np.sign(swept["p2"]))
-    assert {way.only for way in first.ways} == {None, "u"}
-    assert np.all(first.becomes(np.full((1, TIME.size), 1e-5))[0, [399, 699, 1000]] > 0.0)
+    assert [way.only for way in first] == [*[None] * 3, *["u"] * (len(first) - 4), "p1"]
+    assert [way.only for way in second][-1] == "p2"
+    assert np.all(first[0].becomes(np.full((1, TIME.size), 1e-5))[0, [399, 699, 1000]] > 0.0)
+
+
+def test_a_wrong_reading_is_an_error_of_its_own_and_of_the_start() -> None:
+    """Readings wrong by up to 60 Pa: measured less simulated, which starts from them, within 2 % of that."""
+    e = moved()
+    wrong = 60.0 * np.sin(7.0 * TIME)
+    read = e.inputs.copy()
+    read[:, at.IN_P1] += wrong
+    left = wrong - (simulate(BARE, e, read)["p1"] - simulate(BARE, e)["p1"])
+    nudged = e.inputs.copy()
+    nudged[:, at.IN_P1] += 50.0
+    fading = simulate(BARE, e, nudged)["p1"] - simulate(BARE, e)["p1"]
+    assert misread(e, wrong[None], fading)[0] == pytest.approx(left, abs=1.2)
+    view = Chambers(e)
+    view.__dict__.update(noise={"p1": 100.0, "p2": 100.0}, channels=("p1", "p2"), whitened=False)
+    way = view.lacking(BARE, "p1")[-1]
+    assert (way.name, way.unit) == ("error of its sensor", "Pa")
+    assert way.becomes(wrong[None])[0] == pytest.approx(misread(e, wrong[None], np.ones(TIME.size))[0] / 100.0)
 
 
 def test_a_vessel_has_no_swept_volume() -> None:
@@ -104,7 +123,7 @@ def test_a_vessel_has_no_swept_volume() -> None:
     vessel, axis = Chambers(bench("valve", TIME, {"u": u, "p1": 3e5})), Chambers(moved())
     for view in (vessel, axis):
         view.__dict__.update(noise={"p1": 100.0}, channels=("p1",))
-    ways = [view.lacking(model(values={"rig.vessel_volume": 1e-3}), "p1").ways for view in (vessel, axis)]
+    ways = [view.lacking(model(values={"rig.vessel_volume": 1e-3}), "p1") for view in (vessel, axis)]
     assert [(way.name, way.unit, way.only) for way in ways[0]] == [(way.name, way.unit, way.only) for way in ways[1]]
     assert not np.any(ways[0][2].one)
     assert np.any(ways[1][2].one)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from pneucli.identify.chamber import Chamber, Gas, modelled_gas, pressure_of
+from pneucli.identify.chamber import Chamber, Gas, misread, modelled_gas, pressure_of
 from pneucli.identify.flow import flow_errors
 from pneucli.identify.paths import opening_of
 from pneucli.identify.restarts import carried, start_errors, volume, whitened
-from pneucli.identify.views.view import Array, Lacking, View, Way, difference
+from pneucli.identify.views.view import Array, View, Way, difference
 from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
@@ -52,21 +52,37 @@ class Chambers(View):
         """Return what errors of the starts become, in units of noise (:mod:`pneucli.identify.restarts`)."""
         return carried(model, self.experiment, self._start_errors) if self.whitened else {}
 
-    def lacking(self, model: Model, channel: str) -> Lacking:
-        """Return flows in kg/s into the chamber that a pressure reads: a flow, shares of what flows and is swept."""
+    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+        """Return flows in kg/s into the chamber that a pressure reads: a flow, shares of what flows and is swept.
+
+        Of the sensor an error in Pa, a function of what it reads.
+        """
         if channel not in CHAMBERS:
             return super().lacking(model, channel)
         e, gas = self.experiment, self._gas(model, channel)
         opening = opening_of(e, e.recording.chamber if e.vessel else CHAMBERS[channel])
         opening = np.zeros(e.time.size) if opening is None else opening
-        ways = [
-            Way("flow", "kg/s", np.ones(gas.flow.size)),
-            Way("share of the flow", "1", gas.flow),
-            Way("share of the swept volume", "1", gas.swept),
-            *(Way("hysteresis of the flow", "1", gas.flow * in_play(opening, share), "u") for share in HYSTERESIS),
-        ]
-        fading = self.carried(model).get(channel, np.ones((1, e.time.size)))[0]
-        return Lacking(ways, lambda flow: pressure_of(e, gas, flow, fading) / self.noise[channel])
+        fading, noise = self.carried(model).get(channel, np.ones((1, e.time.size)))[0], self.noise[channel]
+
+        def flow(added: Array) -> Array:
+            return pressure_of(e, gas, added, fading) / noise
+
+        return (
+            Way("flow", "kg/s", np.ones(gas.flow.size), flow),
+            Way("share of the flow", "1", gas.flow, flow),
+            Way("share of the swept volume", "1", gas.swept, flow),
+            *(
+                Way("hysteresis of the flow", "1", gas.flow * in_play(opening, share), flow, "u")
+                for share in HYSTERESIS
+            ),
+            Way(
+                "error of its sensor",
+                "Pa",
+                np.ones(gas.flow.size),
+                lambda read: misread(e, read, fading) / noise,
+                channel,
+            ),
+        )
 
     def _gas(self, model: Model, channel: str) -> Gas:
         base = model.base()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.rests import RESTED, STARTED, breakaways, unsure
-from pneucli.identify.views.view import Array, Lacking, View, forces
+from pneucli.identify.views.view import Array, View, Way, forces
 from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.draws import kept
@@ -47,10 +47,10 @@ class Forces(View):
         """Return the accelerometer, at rest: whatever acts on the piston, there it reads but its own fault."""
         return ("a",) if "read_a" in effect.ports and "a" in self.channels else ()
 
-    def lacking(self, model: Model, channel: str) -> Lacking:
+    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
         """Return a force and frictions; by what the accelerometer errs at rest."""
         at_rest = super().lacking(model, channel)
-        return at_rest._replace(ways=forces(self.experiment)) if channel == "force" else at_rest
+        return forces(self.experiment, self.noise[channel]) if channel == "force" else at_rest
 
     def known(self, model: Model, inputs: Array) -> Array:
         """Return inputs (n, 8) with what they lack."""

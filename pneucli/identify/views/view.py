@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,25 +27,18 @@ FAR = 1e9  # times the noise: more than any model errs that does not run away
 
 @dataclass(frozen=True)
 class Way:
-    """As what something unknown may act: its ``name``, its ``unit``, and what one such unit is over time (n,).
+    """As what something that a model lacks may act in one channel: its ``name``, its ``unit``, and what one such unit
+    is over time (n,).
 
+    ``becomes`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
     It may be a function of any signal, or of the one that is its ``only`` one.
     """
 
     name: str
     unit: str
     one: Array
-    only: str | None = None
-
-
-class Lacking(NamedTuple):
-    """As what something that a model lacks may act in one channel.
-
-    ``becomes`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
-    """
-
-    ways: Sequence[Way]
     becomes: Callable[[Array], Array]
+    only: str | None = None
 
 
 @dataclass(frozen=True)
@@ -109,10 +102,10 @@ class View(ABC):
         """Return what relative errors of the flow become, in units of noise; nothing where the view has no flow."""
         return {}
 
-    def lacking(self, model: Model, channel: str) -> Lacking:
-        """Return as what something that a model lacks may act in a channel, and what it makes of the residual there."""
-        error = Way("error", SIGNALS[channel].unit, np.ones(self.experiment.time.size))
-        return Lacking((error,), lambda added: added / self.noise[channel])
+    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+        """Return as what something that a model lacks may act in a channel."""
+        one = np.ones(self.experiment.time.size)
+        return (Way("error", SIGNALS[channel].unit, one, lambda added: added / self.noise[channel]),)
 
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals whitened for such errors."""
@@ -176,14 +169,11 @@ class View(ABC):
         return {c: self.experiment.measured(c) for c in self.channels}
 
 
-def forces(experiment: Experiment) -> tuple[Way, ...]:
-    """Return as what a force may act on the piston: 1 N of it, or 1 N s/m."""
+def forces(experiment: Experiment, noise: float) -> tuple[Way, ...]:
+    """Return as what a force, whose ``noise`` is in N, may act on the piston: 1 N of it, or 1 N s/m."""
     v = experiment.inputs[:, at.IN_V]
-    return (
-        Way("force", "N", np.ones(v.size)),
-        Way("dry friction", "N", np.sign(v)),
-        Way("viscous friction", "N s/m", v),
-    )
+    each = (("force", "N", np.ones(v.size)), ("dry friction", "N", np.sign(v)), ("viscous friction", "N s/m", v))
+    return tuple(Way(name, unit, one, lambda added: added / noise) for name, unit, one in each)
 
 
 def difference(measured: Array, modelled: Array, noise: float) -> Array:

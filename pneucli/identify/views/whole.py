@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from pneucli.identify.views.view import Array, Lacking, View, difference, forces
+from pneucli.identify.views.view import Array, View, Way, difference, forces
 from pneucli.physics.declaration import Side
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import outputs
@@ -39,9 +39,9 @@ class Imposed(Whole):
     states_force: ClassVar[bool] = False
     replayed: ClassVar[bool] = False
 
-    def lacking(self, model: Model, channel: str) -> Lacking:
+    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
         """Return a force and frictions."""
-        return super().lacking(model, channel)._replace(ways=forces(self.experiment))
+        return forces(self.experiment, self.noise[channel])
 
     def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals without those at a turn, where nothing is held against the model."""
