@@ -58,6 +58,11 @@ def cogging(e: Any) -> np.ndarray:
     return np.asarray(12.0 * np.sin(2.0 * np.pi * e.raw["x"] / 0.03))
 
 
+def swinging(e: Any) -> np.ndarray:
+    """A force with a frequency of 11 Hz, of 3 N."""
+    return np.asarray(3.0 * np.sin(70.0 * e.time))
+
+
 def slight(e: Any) -> np.ndarray:
     """Dry friction that grows by 1 N over the stroke: the pressure, which wanders, would leave 1 % more than noise."""
     return np.asarray(np.sign(e.raw["v"]) * 6.0 * e.raw["x"])
@@ -146,6 +151,7 @@ def test_an_effect_that_is_there_is_not_outdone() -> None:
 def test_a_law_of_which_the_effect_is_a_part_says_nothing_against_it() -> None:
     """Any force over the position has a spring in it, which may be there beside the rest."""
     assert rival("spring-force", spring, spring, cogging) is None
+    assert rival("spring-force", spring, spring, cogging, swinging) is None  # what else is there is no matter
 
 
 def test_what_is_there_beside_something_larger_is_not_outdone_by_that() -> None:
@@ -178,3 +184,7 @@ def test_a_fit_without_the_effect_is_that_to_first_order() -> None:
     assert gone.jacobian == pytest.approx(after.jacobian[:, 1:])
     acted = np.concatenate([pressed(v.experiment) for v in views])
     assert gone.residual - after.residual == pytest.approx(acted, rel=0.02, abs=0.1)
+    after.residual[:100] = 0.0
+    unread = absent(after, effect)
+    assert unread is not None
+    assert np.all(unread.residual[:100] == 0.0)  # what was not read is not read without the effect either
