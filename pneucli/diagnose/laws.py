@@ -129,8 +129,8 @@ class Channel:
 
     def lacks(self, fit: Fit, law: Law, change: Array) -> float:
         """Return the part of the squares of a change of all residuals (N,) that a law cannot be, beside a fit's own."""
-        left, own = self._folds([change[r] for r in self._rows]), self._of(fit)[1]
-        sums = _Sums(self._rows_of(law), left, own)
+        (read, own), left = self._of(fit), self._folds([change[r] for r in self._rows])
+        sums = _Sums(self._rows_of(law), left, own, read)
         values, moved, _ = sums.solved(law)
         lacking = sum(float(np.sum((r - values @ x - moved @ j) ** 2)) for x, r, j in sums.each)
         return lacking / max(_least(left, own), 1e-300)
@@ -221,8 +221,9 @@ def _law(column: _Column, left: Folds, own: Folds) -> Law | None:
 class _Sums:
     """Normal equations of coefficients (k,) of rows (k, n), beside those of a fit's own parameters, by fold."""
 
-    def __init__(self, rows: Folds, left: Folds, own: Folds) -> None:
-        rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, left, strict=True)]  # not read
+    def __init__(self, rows: Folds, left: Folds, own: Folds, read: Folds | None = None) -> None:
+        read = left if read is None else read  # 0 where nothing was
+        rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, read, strict=True)]
         self.each = list(zip(rows, left, own, strict=True))
         self.total = [float(r @ r) for r in left]
         self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r, _ in self.each]
@@ -234,7 +235,8 @@ class _Sums:
         curvature = np.diag(sum(self.xx))
         if law.course is not None:
             return np.asarray(SLIGHT * np.diag(curvature + SLIGHT))
-        return np.asarray(float(np.mean(curvature)) * (law.smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)))
+        mean = float(np.mean(curvature)) or 1.0  # of a law that acts on nothing that was read
+        return np.asarray(mean * (law.smooth * _ROUGH.T @ _ROUGH + SLIGHT * np.eye(KNOTS)))
 
     def explained(self, law: Law) -> tuple[float, Array]:
         """Return the share of the squares that is explained of folds left out, and the coefficients of all."""

@@ -248,6 +248,26 @@ def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
     assert of["time", "force"] > 0.8
 
 
+def test_a_law_must_be_nothing_where_the_change_is_nothing() -> None:
+    """A force over the position is a law of it, not so if it is there in the first second alone."""
+    views = runs()
+    fit, channel = rival(views, left_by(views, cogging))
+    law = next(one for one in channel.ranked(fit) if (one.signal, one.way) == ("x", "force"))
+    change = np.concatenate([cogging(v.experiment.raw["x"], TIME, TIME) for v in views])
+    once = np.concatenate([np.where(TIME < 1.0, 1.0, 0.0) for _ in views]) * change
+    assert channel.lacks(fit, law, change) < 0.01
+    assert channel.lacks(fit, law, once) > 0.5
+    assert channel.lacks(fit, law, np.zeros(change.size)) == 0.0
+
+
+def test_where_nothing_was_read_a_law_leaves_nothing() -> None:
+    views = runs()
+    fit, channel = rival(views, left_by(views, cogging))
+    law = channel.ranked(fit)[0]
+    fit.residual = np.zeros(fit.residual.size)
+    assert not np.any(channel.unseen(fit, law))
+
+
 # --- splines
 
 
