@@ -15,8 +15,8 @@ from pneucli.diagnose.judge import supported
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder, remainders, too_much
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.remainder import Remainder, too_much
+from pneucli.diagnose.trial import Bench, State, Trial, remains
 from pneucli.diagnose.unnamed import outdone
 from pneucli.identify.views import Chambers, Forces, Imposed, Inferred, View
 from pneucli.physics.declaration import Effect
@@ -68,13 +68,8 @@ def without_refused(bench: Bench, last: State, weights: Sequence[Weighed], left:
         return list(weights)
     for effect in refused:
         (last,) = bench.without(last, [effect])
-    now = left or beyond_noise(bench, last)
+    now = left or too_much(*remains(bench, last))
     return [_held(bench, last, one, now, same=bool(left) or not now) if one[0].supported else one for one in weights]
-
-
-def beyond_noise(bench: Bench, state: State) -> list[Remainder]:
-    """Return what a state leaves that is more than noise, worst first."""
-    return too_much(remainders(state.model, bench.train), remainders(state.model, bench.held_out))
 
 
 def _held(bench: Bench, last: State, known: Weighed, left: Sequence[Remainder], *, same: bool) -> Weighed:

@@ -15,10 +15,10 @@ from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
 from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder, remainders, too_much
+from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.replay import astray
-from pneucli.diagnose.search import Search, remains, search
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.search import Search, search
+from pneucli.diagnose.trial import Bench, State, Trial, remains
 from pneucli.diagnose.unknown import Unknown, describe
 from pneucli.identify.fit import Estimate, Fit
 from pneucli.physics.declaration import Effect
@@ -85,9 +85,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     parts = {n: _parts(bench, places[n], twins[n], complete=not left) for n in missing if n in places}
     sure = _confidence(bench, decisions, evidence, parts)
     shown = found.last if left and missing else found.rungs[_known([d for d, _ in weights])]
-    unexplained = (
-        left if shown is found.last else too_much(*remains(bench, shown)) or left or _stood_in(bench, shown, weights)
-    )
+    unexplained = left if shown is found.last else _unexplained(bench, shown, weights, left)
     unknown = describe(bench, shown.fit, unexplained[0]) if unexplained else None
     moved = tuple(_moved(start.fit, found.last.fit))
     verdict = _verdict(bench, unexplained, missing, sizes)
@@ -107,12 +105,18 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     )
 
 
-def _stood_in(bench: Bench, shown: State, weights: Sequence[Weighed]) -> list[Remainder]:
-    """Return what a state leaves where a law of a signal explains more than an effect: faint or not, it is sure."""
+def _unexplained(
+    bench: Bench, shown: State, weights: Sequence[Weighed], left: Sequence[Remainder]
+) -> Sequence[Remainder]:
+    """Return what a state leaves that is more than noise, worst first, or what the last one did.
+
+    Where a law of a signal explains more than an effect, what that acts in: faint or not, it is sure.
+    """
+    train, test = remains(bench, shown)
     effects = [d.effect for d, _ in weights if d.reason == "explained-by-signal"]
     kinds = {type(v) for v in bench.train for effect in effects if v.feels(effect)}
-    left = remainders(shown.model, bench.train) if kinds else []
-    return sorted((r for r in left if r.kind in kinds), key=lambda r: -r.ratio)[:1]
+    faint = sorted((r for r in train if r.kind in kinds), key=lambda r: -r.ratio)
+    return too_much(train, test) or left or faint[:1]
 
 
 def _verdict(bench: Bench, left: Sequence[Remainder], missing: Sequence[str], sizes: Sequence[Detectable]) -> Verdict:

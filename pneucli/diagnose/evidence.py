@@ -152,12 +152,7 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
     ``recordings`` (N,) numbers the recording of each residual; each counts by what it knows of the effect, the other
     parameters adjusting. Near 0 one law holds for all; near 1 what the recordings show is not this effect.
     """
-    size = np.zeros(len(found.free))
-    for j, f in enumerate(found.free):
-        for p in effect.parameters:
-            if f.name == f"{effect.name}.{p.name}":
-                null = null_value(p, found.model)
-                size[j] = 1.0 if null is None else f.inward(value_of(found.model, f.name)) - f.inward(null)
+    size = _away(found, effect, without_null=1.0)
     rest = found.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in found.free]]
     change = found.jacobian @ size
     change -= rest @ (inverse(rest.T @ rest) @ (rest.T @ change))
@@ -168,13 +163,19 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
 
 def from_null(found: Fit, effect: Effect) -> Array | None:
     """Return how far the fit's coordinates (k,) are from where an effect is absent; None where no value makes it so."""
+    away = _away(found, effect, without_null=0.0)
+    return away if np.any(away) and np.all(np.isfinite(away)) else None
+
+
+def _away(found: Fit, effect: Effect, *, without_null: float) -> Array:
+    """Return how far the fit's coordinates (k,) of an effect are from their nulls, those of all others being 0."""
     away = np.zeros(len(found.free))
     for j, f in enumerate(found.free):
         for p in effect.parameters:
-            null = null_value(p, found.model)
-            if f.name == f"{effect.name}.{p.name}" and null is not None:
-                away[j] = f.inward(value_of(found.model, f.name)) - f.inward(null)
-    return away if np.any(away) and np.all(np.isfinite(away)) else None
+            if f.name == f"{effect.name}.{p.name}":
+                null = null_value(p, found.model)
+                away[j] = without_null if null is None else f.inward(value_of(found.model, f.name)) - f.inward(null)
+    return away
 
 
 def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:

@@ -12,9 +12,9 @@ from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import at_noise, material, supported
 from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder, remainders, too_much
+from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.round import Round, tried
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.trial import Bench, State, Trial, remains
 from pneucli.identify.effects import Signature
 from pneucli.physics.declaration import Effect
 
@@ -84,11 +84,6 @@ def decided(rounds: Sequence[Round], refused: Sequence[Decision], names: Sequenc
         if d.effect.name not in names:
             found.setdefault(d.effect.name, replace(d, reason="needless") if d.supported else d)
     return tuple(found.values())
-
-
-def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder]]:
-    """Return what a state leaves over in the fitted and in the held-out views."""
-    return remainders(state.model, bench.train), remainders(state.model, bench.held_out)
 
 
 def _forward(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:

@@ -7,6 +7,7 @@ recordings that it has not seen than the effect does of those to which it was fi
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -58,13 +59,15 @@ class _Contest:
         found = (law for fit in (self._before, self._gone) if fit is not None for law in self._rivals(fit))
         return next(found, None)
 
-    def _rivals(self, fit: Fit) -> list[Law]:
-        """Return the laws that explain what a fit without the effect leaves, and better than the effect does."""
+    def _rivals(self, fit: Fit) -> Iterator[Law]:
+        """Yield the laws that explain what a fit without the effect leaves, and better than the effect does."""
         ranked = self.channel.ranked(fit)
         laws = [*ranked, *(self.channel.courses(fit, ranked[0]) if ranked else ())]
         there, named = float(self.channel.costs(fit).sum()), float(self._named.sum())
-        able = [law for law in laws if there * (1.0 - law.share) < named]
-        return [law for law in able if not self._has_it(law) and self._better(fit, law, len(laws))]
+        for law in laws:
+            able = there * (1.0 - law.share) < named
+            if able and not self._has_it(law) and self._better(fit, law, len(laws)):
+                yield law
 
     def _has_it(self, law: Law) -> bool:
         """Whether the effect is a part of what a law may be."""
@@ -74,12 +77,13 @@ class _Contest:
         return self.channel.lacks(self._gone, law, change) < SLIGHTLY
 
     def _better(self, fit: Fit, law: Law, tried: int) -> bool:
-        left = self.channel.unseen(fit, law)
+        left, named = self.channel.unseen(fit, law), float(self._named.sum())
         better = gain(self._named, left)
         sure = better.certain and better.p_value * tried < ALPHA
-        matters = better.total > material(float(self._named.sum()), self.channel.readings(self._after))
+        if not (sure and better.total > material(named, self.channel.readings(self._after))):
+            return False
         beside = float((left - self.channel.unseen(self._after, law)).sum())
-        return sure and matters and beside < SLIGHTLY * (self.channel.settled(fit) - float(self._named.sum()))
+        return beside < SLIGHTLY * (self.channel.settled(fit) - named)
 
     @property
     def _before(self) -> Fit:

@@ -278,7 +278,9 @@ def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
     monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: replace(mass, before=before, state=after))
     monkeypatch.setattr(beside, "supported", lambda bench, before, tried: tried)
     monkeypatch.setattr(
-        beside, "remainders", lambda model, views: [Remainder(Forces, "force", left, left, ())] * (model is alone.model)
+        beside,
+        "remains",
+        lambda bench, one: ([Remainder(Forces, "force", left, left, ())] * (one.model is alone.model), []),
     )
     there = STRONG if likely else WEAK
     monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: there._replace(complete=complete))

@@ -122,8 +122,8 @@ def test_what_a_law_outdoes_leaves_something_unknown_however_faint(monkeypatch: 
     elsewhere = Remainder(Whole, "x", 1.05, 1.05, ())
     felt = object.__new__(Forces)
     felt.__dict__["feels"] = lambda effect: effect is B
-    monkeypatch.setattr(diagnosis, "remainders", lambda model, views: [elsewhere, *faint])
-    d = Diagnosed(monkeypatch, doubted={"b"}, standing={"a"}, why="explained-by-signal", remains=[], train=[felt])
+    left = [elsewhere, *faint]
+    d = Diagnosed(monkeypatch, doubted={"b"}, standing={"a"}, why="explained-by-signal", remains=left, train=[felt])
     assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", ("a",), "unknown")
     assert d.described == [(["a"], faint[1])]
     assert d.result.confidence["b"].of_set == refused("explained-by-signal")
