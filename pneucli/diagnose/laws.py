@@ -129,7 +129,8 @@ class Channel:
 
     def lacks(self, fit: Fit, law: Law, change: Array) -> float:
         """Return the part of the squares of a change of all residuals (N,) that a law cannot be, beside a fit's own."""
-        (read, own), left = self._of(fit), self._folds([change[r] for r in self._rows])
+        read, own = self._of(fit)
+        left = self._folds([np.where(fit.residual[r] == 0.0, 0.0, change[r]) for r in self._rows])
         sums = _Sums(self._rows_of(law), left, own, read)
         values, moved, _ = sums.solved(law)
         lacking = sum(float(np.sum((r - values @ x - moved @ j) ** 2)) for x, r, j in sums.each)

@@ -7,8 +7,7 @@ recordings that it has not seen than the effect does of those to which it was fi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +20,6 @@ from pneucli.diagnose.laws import Channel, Law
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.trial import Bench
 from pneucli.identify.fit import Fit
-from pneucli.physics.declaration import Effect
 
 Array = NDArray[np.float64]
 
@@ -37,16 +35,6 @@ def outdone(bench: Bench, place: Place) -> Law | None:
     return None if channel is None else _Contest(channel, place).won()
 
 
-def absent(found: Fit, effect: Effect) -> Fit | None:
-    """Return what a fit is to first order where an effect is absent, without its parameters; None without a null."""
-    away = from_null(found, effect)
-    if away is None:
-        return None
-    others = [not f.name.startswith(f"{effect.name}.") for f in found.free]
-    residual = np.where(found.residual == 0.0, 0.0, found.residual - found.jacobian @ away)
-    return replace(found, residual=residual, jacobian=found.jacobian[:, others])
-
-
 @dataclass(frozen=True)
 class _Contest:
     """An effect in its place against laws, in one channel."""
@@ -55,35 +43,30 @@ class _Contest:
     place: Place
 
     def won(self) -> Law | None:
-        """Return the law that wins, from the model without the effect or, to first order, from the one with it."""
-        found = (law for fit in (self._before, self._gone) if fit is not None for law in self._rivals(fit))
-        return next(found, None)
-
-    def _rivals(self, fit: Fit) -> Iterator[Law]:
-        """Yield the laws that explain what a fit without the effect leaves, and better than the effect does."""
-        ranked = self.channel.ranked(fit)
-        laws = [*ranked, *(self.channel.courses(fit, ranked[0]) if ranked else ())]
-        there, named = float(self.channel.costs(fit).sum()), float(self._named.sum())
-        for law in laws:
-            able = there * (1.0 - law.share) < named
-            if able and not self._has_it(law) and self._better(fit, law, len(laws)):
-                yield law
+        """Return the law that wins: it explains what the model without the effect leaves, and better than this does."""
+        ranked = self.channel.ranked(self._before)
+        laws = [*ranked, *(self.channel.courses(self._before, ranked[0]) if ranked else ())]
+        there, named = float(self.channel.costs(self._before).sum()), float(self._named.sum())
+        able = [law for law in laws if there * (1.0 - law.share) < named]
+        return next((law for law in able if not self._has_it(law) and self._better(law, len(laws))), None)
 
     def _has_it(self, law: Law) -> bool:
-        """Whether the effect is a part of what a law may be."""
-        if self._gone is None:
-            return False
-        change = self._gone.residual - self._after.residual
-        return self.channel.lacks(self._gone, law, change) < SLIGHTLY
+        """Whether the effect, to first order, is a part of what a law may be; not known of one that has no null.
 
-    def _better(self, fit: Fit, law: Law, tried: int) -> bool:
-        left, named = self.channel.unseen(fit, law), float(self._named.sum())
+        Beside the derivatives of the model without it: friction that grows with the pressure is so many times the dry
+        friction, whose own derivative has the effect in it where that is in the model.
+        """
+        away = from_null(self._after, self.place.named.effect)
+        return away is not None and self.channel.lacks(self._before, law, self._after.jacobian @ away) < SLIGHTLY
+
+    def _better(self, law: Law, tried: int) -> bool:
+        left, named = self.channel.unseen(self._before, law), float(self._named.sum())
         better = gain(self._named, left)
         sure = better.certain and better.p_value * tried < ALPHA
         if not (sure and better.total > material(named, self.channel.readings(self._after))):
             return False
         beside = float((left - self.channel.unseen(self._after, law)).sum())
-        return beside < SLIGHTLY * (self.channel.settled(fit) - named)
+        return beside < SLIGHTLY * (self.channel.settled(self._before) - named)
 
     @property
     def _before(self) -> Fit:
@@ -92,10 +75,6 @@ class _Contest:
     @property
     def _after(self) -> Fit:
         return self.place.named.state.fit
-
-    @cached_property
-    def _gone(self) -> Fit | None:
-        return absent(self._after, self.place.named.effect)
 
     @cached_property
     def _named(self) -> Array:
