@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
+from scipy.stats import t as student
 
 from pneucli.compare.where import locators
 from pneucli.identify.blocks import block_numbers
+from pneucli.identify.fit import Fit
+from pneucli.identify.parameters import value_of
+from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
 from pneucli.simulate.model import Model
 
@@ -26,6 +30,7 @@ TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exa
 TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
 WHOLE = 2.0  # times these limits for the rms with the worst samples
 SHAPED = 0.2  # share of the squared residual that a shape may hold
+LIKELY = float(norm.ppf(0.975))  # standard errors by which a parameter may be off
 FAINT = 1.06  # a ratio below which a shape is too small to matter
 
 
@@ -46,7 +51,8 @@ class Remainder:
     """One channel seen through one kind of view, over all recordings of a use.
 
     ``ratio`` is its rms over what a correct model would show, ``bulk`` the same without the worst samples: those at
-    the edge of a stretch or at a stop, which no sampling resolves.
+    the edge of a stretch or at a stop, which no sampling resolves. ``open``, in the same unit: how much of it the
+    parameters' own uncertainty may cause, in recordings that were not fitted.
     """
 
     kind: type[View]
@@ -54,6 +60,7 @@ class Remainder:
     ratio: float
     bulk: float
     shapes: tuple[Shape, ...]
+    open: float = 0.0
 
 
 def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
@@ -68,6 +75,36 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
             if np.any(scaled):
                 groups.setdefault((type(view), channel), []).append((view, scaled, expected[channel]))
     return [_remainder(kind, channel, members) for (kind, channel), members in groups.items()]
+
+
+def unseen(found: Fit, views: Sequence[View]) -> list[Remainder]:
+    """Return what a fitted model leaves over in views that were not fitted, and what its parameters leave open there.
+
+    To first order, by their covariance; asked for only where something is large, since it costs a simulation for each
+    parameter.
+    """
+    left = remainders(found.model, views)
+    if not any(_large(r, TEST_LIMIT) for r in left):
+        return left
+    known = _opened(found, views)
+    return [replace(r, open=known.get((r.kind, r.channel), 0.0)) for r in left]
+
+
+def _opened(found: Fit, views: Sequence[View]) -> dict[tuple[type[View], str], float]:
+    """Return by channel of each kind of view the rms that the parameters' uncertainty makes, of what is expected."""
+    problem = Problem(found.model, views, found.free)
+    at = np.array([f.inward(value_of(found.model, f.name)) for f in found.free])
+    derivatives = problem.jacobian(at)
+    variance = np.einsum("ij,jk,ik->i", derivatives, found.covariance, derivatives)
+    parts: dict[tuple[type[View], str], list[Array]] = {}
+    first = 0
+    for view, errors in zip(views, problem.errors, strict=True):
+        expected = expected_rms(found.model, view, errors)
+        for channel in view.channels:
+            last = first + view.experiment.time.size
+            parts.setdefault((type(view), channel), []).append(variance[first:last] / expected[channel] ** 2)
+            first = last
+    return {key: float(np.sqrt(np.mean(np.concatenate(each)))) for key, each in parts.items()}
 
 
 def expected_rms(model: Model, view: View, errors: Mapping[str, Array]) -> dict[str, float]:
@@ -133,14 +170,22 @@ def shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int6
     total = np.bincount(bins, counts)
     means = np.bincount(bins, sums) / np.maximum(total, 1)
     scatter = np.bincount(bins, (sums - counts * means[bins]) ** 2)
+    number = total**2 / np.maximum(np.bincount(bins, counts**2.0), 1)  # of blocks in a bin, as of equal ones
     enough = np.bincount(bins) >= FEWEST_BLOCKS
-    errors = np.sqrt(scatter) / np.maximum(total, 1)
     if not enough.any():
         return None
-    z = means[enough] / np.maximum(errors[enough], 1e-12)
-    held = float(np.sum(total[enough] * (means[enough] ** 2 - errors[enough] ** 2)))
+    means, total, number = means[enough], total[enough], number[enough]
+    freedom = np.maximum(number - 1.0, 1.0)
+    errors = np.sqrt(scatter[enough] * number / freedom) / total
+    held = float(np.sum(total * (means**2 - errors**2)))
     share = max(held, 0.0) / max(float(np.sum(residual**2)), 1e-300)
-    return Shape(variable, share, float(chi2.sf(z @ z, z.size)))
+    return Shape(variable, share, _chance(means / np.maximum(errors, 1e-12), freedom))
+
+
+def _chance(ratios: Array, freedom: Array) -> float:
+    """Return the chance of means so far from zero, over errors that are known with so many degrees of freedom each."""
+    normal = norm.isf(np.maximum(student.sf(np.abs(ratios), freedom), 1e-300))
+    return float(chi2.sf(normal @ normal, normal.size))
 
 
 def bins_of(values: Array, most: int) -> NDArray[np.int64]:
@@ -153,8 +198,13 @@ def bins_of(values: Array, most: int) -> NDArray[np.int64]:
 def too_much(train: Sequence[Remainder], test: Sequence[Remainder]) -> list[Remainder]:
     """Return the remainders that are more than noise and known uncertainty, worst first."""
     rest = [r for r in train if _large(r, TRAIN_LIMIT) or (r.bulk > FAINT and _shaped(r))]
-    rest += [r for r in test if _large(r, TEST_LIMIT)]
+    rest += [r for r in test if _large(r, TEST_LIMIT * float(np.hypot(1.0, LIKELY * r.open)))]
     return sorted(rest, key=lambda r: -r.ratio)
+
+
+def allowed_for(test: Sequence[Remainder]) -> list[Remainder]:
+    """Return the remainders that are more than noise, but no more than the parameters leave open."""
+    return [r for r in test if _large(r, TEST_LIMIT) and not too_much([], [r])]
 
 
 def _large(r: Remainder, limit: float) -> bool:

@@ -15,6 +15,7 @@ from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.discrepancy import Discrepancy
 from pneucli.diagnose.errors import ShownErrors, left_over, taken_away, told
 from pneucli.diagnose.manoeuvres import separation
+from pneucli.diagnose.remainder import allowed_for
 from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench, Errors, State
 from pneucli.diagnose.turns import turns_of
@@ -40,6 +41,10 @@ BY_TURNS = 'no recording has use = "test": each is held out in turn, from a mode
 THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
 INFERRED_P2 = "{}: p2 was not recorded and follows from the model; a force like that of a spring can hide in its start"
 NO_P2 = "{}: chamber 2 is shut or driven and p2 was not recorded, so what acts on the piston cannot be told: record p2"
+LEFT_OPEN = (
+    "{} of recordings that were not fitted errs by {:.2g} times its noise, no more than the fitted parameters' own "
+    "uncertainty allows (95 %): record such commands or speeds for the fit, too"
+)
 NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted recordings alone"
 
 
@@ -63,7 +68,7 @@ def run(context: Context) -> dict[str, Any]:
     bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments), implausible=implausible)
     model, answer = _diagnosed(study, bench, guess)
     give_back()  # the derivatives of all that was tried
-    answer["warnings"], answer["thinned"] = warnings, thinned
+    answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], thinned
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
     context.progress("what later comparisons need", 0.95)
     whole = keep_reference(study, bench, model)
@@ -81,6 +86,7 @@ def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[st
         found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
+    answer["warnings"] = [LEFT_OPEN.format(r.channel, r.ratio) for r in allowed_for(found.found.test)]
     write_diagnosis(study, bench, found, answer)
     return base.model, answer
 

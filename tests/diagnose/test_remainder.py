@@ -22,11 +22,15 @@ def test_white_noise_has_no_shape():
 
 
 def test_coloured_noise_has_no_shape():
-    """AR(1) with pole 0.9 over a slow variable: its blocks scatter more, and the means' errors with them."""
+    """AR(1) with pole 0.9 over a slow variable: its blocks scatter more, and the means' errors with them.
+
+    They are some ten to a bin, so that errors are known to a quarter or so. Of 3000 other draws 0.2 % are below a
+    chance of 0.001, of 200 five or more once in ten thousand times; taken for normal 7 % would be.
+    """
     x = np.sin(np.arange(N) / 300.0)
-    found = [shape("x", x, coloured(), BLOCKS) for _ in range(20)]
+    found = [shape("x", x, coloured(), BLOCKS) for _ in range(200)]
     assert np.mean([f.share for f in found]) < 0.03
-    assert np.mean([f.p_value < 0.001 for f in found]) <= 0.1
+    assert sum(f.p_value < 0.001 for f in found) < 5
 
 
 def test_a_square_law_is_found_over_its_variable():

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from pneucli.diagnose.laws import Channel, Law
 from pneucli.diagnose.place import Place
