@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import t as student
 
 from pneucli.identify.blocks import rows_of, scores
 from pneucli.identify.least_squares import inverse, minimise
@@ -138,13 +138,19 @@ def _summary(problem: Problem, z: Array, residual: Array, jacobian: Array) -> Fi
     )
 
 
-def estimates_of(free: Sequence[Free], model: Model, covariance: Array) -> tuple[Estimate, ...]:
-    """Return a fitted model's free parameters with their intervals, by the coordinates' covariance (k, k)."""
+def estimates_of(
+    free: Sequence[Free], model: Model, covariance: Array, freedom: Array | None = None
+) -> tuple[Estimate, ...]:
+    """Return a fitted model's free parameters with their intervals, by the coordinates' covariance (k, k).
+
+    ``freedom`` (k,) are the degrees of freedom with which that is known, without end where none are given.
+    """
+    within = np.asarray(student.ppf(0.975, np.full(len(free), np.inf) if freedom is None else freedom))
     estimates = []
     for j, f in enumerate(free):
         value = value_of(model, f.name)
         z, error = f.inward(value), float(np.sqrt(max(covariance[j, j], 0.0)))
-        edge = norm.ppf(0.975) * error
+        edge = float(within[j]) * error
         low, high = f.outward(z - edge), f.outward(z + edge)
         at_bound = bool(z - f.inward(f.lower) < 1e-6 or f.inward(f.upper) - z < 1e-6)
         estimates.append(Estimate(f.name, f.unit, value, error * f.slope(value), (low, high), at_bound))

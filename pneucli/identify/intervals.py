@@ -3,9 +3,10 @@
 What a model misses is a function of something: of position, speed, pressure, command or time. Blocks of time are not
 independent of each other then: each time the piston comes by, the same is missing. So the samples are grouped by each
 of these signals as well, and what leaving out one group after the other (a jackknife over groups) moves a parameter by,
-beyond what leaving out blocks of time does, is added to its variance. Sources: Cameron, Gelbach and Miller, J. Bus.
-Econ. Stat. 29 (2011) 238, for groups of several kinds; Bell and McCaffrey, Survey Methodology 28 (2002) 169, for the
-jackknife.
+beyond what leaving out blocks of time does, is added to its variance. A variance that ten groups tell is itself known
+badly, so intervals are those of Student's t. Sources: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29 (2011) 238,
+for groups of several kinds; Bell and McCaffrey, Survey Methodology 28 (2002) 169, for the jackknife and its degrees of
+freedom.
 """
 
 from __future__ import annotations
@@ -33,21 +34,37 @@ def with_intervals(found: Fit, views: Sequence[View]) -> Fit:
     """Return a fit whose covariance and intervals allow for what the model misses, from the views it was fitted to."""
     if not found.free or not found.residual.size:
         return found
-    wider = np.sqrt(widening(found, groupings(views)))
-    covariance = found.covariance * np.outer(wider, wider)
-    return replace(found, covariance=covariance, estimates=estimates_of(found.free, found.model, covariance))
+    growth, freedom = widening(found, groupings(views))
+    covariance = found.covariance * np.outer(np.sqrt(growth), np.sqrt(growth))
+    return replace(found, covariance=covariance, estimates=estimates_of(found.free, found.model, covariance, freedom))
 
 
-def widening(found: Fit, groups: Iterator[Labels]) -> Array:
-    """Return by how much each parameter's variance grows (k,), at least 1; ``groups`` number the residuals (N,)."""
+def widening(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
+    """Return by how much each parameter's variance grows (k,), at least 1, and its degrees of freedom (k,).
+
+    ``groups`` number the residuals (N,). What they add has one degree less than there are groups, as of equal ones,
+    that tell of the parameter; what blocks of time tell is taken for known. The sum has the degrees of Welch and
+    Satterthwaite.
+    """
     blocks, usual = _sandwich(found, found.blocks), _jackknife(found, found.blocks)
-    more = np.zeros(len(found.free))
+    variance, tell = np.diag(found.covariance), (found.jacobian @ found.bread) ** 2
+    more, unsure = np.zeros(len(found.free)), np.zeros(len(found.free))
     for labels in groups:
         beyond = _sandwich(found, labels) > blocks
         if beyond.any():
-            more += np.where(beyond, np.maximum(_jackknife(found, labels) - usual, 0.0), 0.0)
-    variance = np.diag(found.covariance)
-    return np.asarray(1.0 + np.divide(more, variance, out=np.zeros_like(more), where=variance > 0.0))
+            part = np.where(beyond, np.maximum(_jackknife(found, labels) - usual, 0.0), 0.0)
+            more, unsure = more + part, unsure + part**2 / _freedom(tell, labels)
+    growth = 1.0 + np.divide(more, variance, out=np.zeros_like(more), where=variance > 0.0)
+    freedom = np.divide((variance + more) ** 2, unsure, out=np.full_like(more, np.inf), where=unsure > 0.0)
+    return growth, np.maximum(freedom, 1.0)
+
+
+def _freedom(tell: Array, labels: Labels) -> Array:
+    """Return one less than how many groups, as of equal ones, ``tell`` (N, k) of each parameter, shape (k,)."""
+    each = scores(tell, np.ones(len(labels)), labels)
+    squares = (each**2).sum(axis=0)
+    number = np.divide(each.sum(axis=0) ** 2, squares, out=np.ones_like(squares), where=squares > 0.0)
+    return np.asarray(np.maximum(number - 1.0, 1.0))
 
 
 def groupings(views: Sequence[View]) -> Iterator[Labels]:

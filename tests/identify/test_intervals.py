@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from pneucli.identify import intervals
 from pneucli.identify.fit import Fit, estimates_of
@@ -37,27 +38,49 @@ def test_leaving_out_groups_of_equal_size_gives_the_variance_of_their_means() ->
 
 
 def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it() -> None:
-    """60 rigs whose level is 10: of the 95 % intervals about 95 % hold it, where something over x is missed too."""
+    """200 rigs whose level is 10: of the 95 % intervals 95 % hold it, where something over x is missed too (of 200 not
+    fewer than 181 but once in 300 times). Ten groups tell how much, so there are nine degrees of freedom and a few for
+    what blocks tell.
+    """
     position = np.arange(N) // 10 % 10  # the piston comes by each place 40 times
     blocks, held, usual, wider = np.arange(N) // 20, 0, 0, []
-    for seed in range(60):
+    for seed in range(200):
         rng = np.random.default_rng(seed)
         noise = rng.standard_normal(N)
         missed = mean_of(noise + rng.standard_normal(10)[position], blocks)
-        growth = float(widening(missed, iter([position]))[0])
+        (growth,), (freedom,) = widening(missed, iter([position]))
         error = abs(missed.estimates[0].value - 10.0)
         usual += error < 1.96 * missed.covariance[0, 0] ** 0.5
-        held += error < 1.96 * (missed.covariance[0, 0] * growth) ** 0.5
-        wider.append(float(widening(mean_of(noise, blocks), iter([position]))[0]))
-    assert usual < 30
-    assert held >= 52
+        within = student.ppf(0.975, freedom)
+        held += error < within * (missed.covariance[0, 0] * growth) ** 0.5
+        wider.append(float(widening(mean_of(noise, blocks), iter([position]))[0][0]))
+        assert 9.0 < freedom < 10.0
+    assert usual < 100
+    assert 181 <= held < 200
     assert np.median(wider) < 1.5
+
+
+def test_intervals_are_those_of_students_t() -> None:
+    """Position is one sample in ten after another, and ten groups of it are all that tells."""
+    time = clock(4.0)
+    view: Any = SimpleNamespace(
+        experiment=bench("axis", time, {"x": 0.01 * (np.arange(N + 1) // 10 % 10)}), channels=("p1",)
+    )
+    rng = np.random.default_rng(2)
+    at = np.arange(N + 1) // 10 % 10
+    found = with_intervals(
+        mean_of(rng.standard_normal(N + 1) + rng.standard_normal(10)[at], np.arange(N + 1) // 20), [view]
+    )
+    (level,) = found.estimates
+    assert (level.ci95[1] - level.ci95[0]) / 2.0 == pytest.approx(student.ppf(0.975, 9.3) * level.error, rel=0.02)
 
 
 def test_what_one_group_alone_tells_is_not_left_out_of_it() -> None:
     found = mean_of(np.random.default_rng(1).standard_normal(N), np.arange(N) // 20)
     assert np.isfinite(intervals._jackknife(found, np.zeros(N, dtype=int))).all()
-    assert widening(found, iter([np.zeros(N, dtype=int)])) == pytest.approx(1.0)
+    growth, freedom = widening(found, iter([np.zeros(N, dtype=int)]))
+    assert growth == pytest.approx(1.0)
+    assert freedom == np.inf
 
 
 def test_groups_are_recordings_and_bins_of_each_signal_with_as_many_samples() -> None:
