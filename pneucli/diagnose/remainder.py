@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from pneucli.compare.where import locators
 from pneucli.identify.blocks import block_numbers
-from pneucli.identify.fit import Fit
+from pneucli.identify.fit import BEYOND, Fit
 from pneucli.identify.parameters import value_of
 from pneucli.identify.problem import Problem
 from pneucli.identify.views import View
@@ -51,7 +51,7 @@ class Remainder:
     """One channel seen through one kind of view, over all recordings of a use.
 
     ``ratio`` is its rms over what a correct model would show, ``bulk`` the same without the worst samples: those at
-    the edge of a stretch or at a stop, which no sampling resolves. ``open``, in the same unit: how much of it the
+    the edge of a stretch or at a stop, which no sampling resolves. ``left_open``, in the same unit: how much of it the
     parameters' own uncertainty may cause, in recordings that were not fitted.
     """
 
@@ -60,7 +60,7 @@ class Remainder:
     ratio: float
     bulk: float
     shapes: tuple[Shape, ...]
-    open: float = 0.0
+    left_open: float = 0.0
 
 
 def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
@@ -77,24 +77,25 @@ def remainders(model: Model, views: Sequence[View]) -> list[Remainder]:
     return [_remainder(kind, channel, members) for (kind, channel), members in groups.items()]
 
 
-def unseen(found: Fit, views: Sequence[View]) -> list[Remainder]:
+def held_out_remainders(found: Fit, views: Sequence[View]) -> list[Remainder]:
     """Return what a fitted model leaves over in views that were not fitted, and what its parameters leave open there.
 
     To first order, by their covariance; asked for only where something is large, since it costs a simulation for each
     parameter.
     """
     left = remainders(found.model, views)
-    if not any(_large(r, TEST_LIMIT) for r in left):
+    if not found.free or not any(_large(r, TEST_LIMIT) for r in left):
         return left
-    known = _opened(found, views)
-    return [replace(r, open=known.get((r.kind, r.channel), 0.0)) for r in left]
+    known = _left_open(found, views)
+    return [replace(r, left_open=known.get((r.kind, r.channel), 0.0)) for r in left]
 
 
-def _opened(found: Fit, views: Sequence[View]) -> dict[tuple[type[View], str], float]:
+def _left_open(found: Fit, views: Sequence[View]) -> dict[tuple[type[View], str], float]:
     """Return by channel of each kind of view the rms that the parameters' uncertainty makes, of what is expected."""
     problem = Problem(found.model, views, found.free)
     at = np.array([f.inward(value_of(found.model, f.name)) for f in found.free])
     derivatives = problem.jacobian(at)
+    derivatives[~(np.abs(derivatives) < BEYOND)] = 0.0  # of a model that runs away nothing is known
     variance = np.einsum("ij,jk,ik->i", derivatives, found.covariance, derivatives)
     parts: dict[tuple[type[View], str], list[Array]] = {}
     first = 0
@@ -198,7 +199,7 @@ def bins_of(values: Array, most: int) -> NDArray[np.int64]:
 def too_much(train: Sequence[Remainder], test: Sequence[Remainder]) -> list[Remainder]:
     """Return the remainders that are more than noise and known uncertainty, worst first."""
     rest = [r for r in train if _large(r, TRAIN_LIMIT) or (r.bulk > FAINT and _shaped(r))]
-    rest += [r for r in test if _large(r, TEST_LIMIT * float(np.hypot(1.0, LIKELY * r.open)))]
+    rest += [r for r in test if _large(r, TEST_LIMIT * float(np.hypot(1.0, LIKELY * r.left_open)))]
     return sorted(rest, key=lambda r: -r.ratio)
 
 

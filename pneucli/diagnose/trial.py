@@ -14,7 +14,7 @@ from pneucli.diagnose.costs import fitted_costs, unseen_costs
 from pneucli.diagnose.evidence import Gain, gain, wald
 from pneucli.diagnose.laws import Channel
 from pneucli.diagnose.refits import Refit, Refits, here
-from pneucli.diagnose.remainder import Remainder, remainders, unseen
+from pneucli.diagnose.remainder import Remainder, held_out_remainders, remainders
 from pneucli.diagnose.turns import models_by_turn
 from pneucli.experiments import Part
 from pneucli.identify.blocks import block_numbers
@@ -258,7 +258,7 @@ class State:
 
 def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder]]:
     """Return what a state leaves over in the fitted and in the held-out views."""
-    return remainders(state.model, bench.train), unseen(state.fit, bench.held_out)
+    return remainders(state.model, bench.train), held_out_remainders(state.fit, bench.held_out)
 
 
 @dataclass(frozen=True)

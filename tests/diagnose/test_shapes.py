@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import manoeuvres, remainder
-from pneucli.diagnose.remainder import Remainder, Shape, _remainder, allowed_for, bulk_rms, shape, too_much, unseen
+from pneucli.diagnose.remainder import (
+    Remainder,
+    Shape,
+    _remainder,
+    allowed_for,
+    bulk_rms,
+    held_out_remainders,
+    shape,
+    too_much,
+)
 from pneucli.identify.fit import fit
 from pneucli.identify.parameters import base_parameters
 from pneucli.identify.views import Chambers, Forces
@@ -128,13 +137,13 @@ def test_what_slow_motions_leave_open_is_not_held_against_a_fast_one() -> None:
     for seed in range(30):
         slow = moved(0.003, 45.0, seed)
         found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
-        left = unseen(found, [moved(0.3, 45.0, 100 + seed)])
+        left = held_out_remainders(found, [moved(0.3, 45.0, 100 + seed)])
         flagged += bool(too_much([], left))
         allowed += len(allowed_for(left))
     assert flagged < 3
     assert allowed > 8  # of 20
-    (other,) = unseen(found, [moved(0.3, 150.0, 7)])
-    assert other.open == pytest.approx(10.4 * 0.3 / np.sqrt(2.0), rel=0.3)  # by 40 blocks
+    (other,) = held_out_remainders(found, [moved(0.3, 150.0, 7)])
+    assert other.left_open == pytest.approx(10.4 * 0.3 / np.sqrt(2.0), rel=0.3)  # by 40 blocks
     assert too_much([], [other]) == [other]
     assert not allowed_for([other])
 
@@ -142,7 +151,19 @@ def test_what_slow_motions_leave_open_is_not_held_against_a_fast_one() -> None:
 def test_what_fits_asks_nothing_of_the_parameters() -> None:
     slow = moved(0.003, 45.0, 1)
     found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
-    assert [r.open for r in unseen(found, [moved(0.003, 45.0, 2)])] == [0.0]
+    assert [r.left_open for r in held_out_remainders(found, [moved(0.003, 45.0, 2)])] == [0.0]
+
+
+def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it misses is too much: without a number for its derivatives, nothing was."""
+    slow = moved(0.003, 45.0, 1)
+    found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
+    monkeypatch.setattr(
+        remainder.Problem, "jacobian", lambda self, z: np.full((slow.experiment.time.size, z.size), np.nan)
+    )
+    left = held_out_remainders(found, [moved(0.3, 150.0, 2)])
+    assert [r.left_open for r in left] == [0.0]
+    assert too_much([], left) == left
 
 
 # --- over all recordings
