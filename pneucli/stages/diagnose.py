@@ -15,7 +15,7 @@ from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.discrepancy import Discrepancy
 from pneucli.diagnose.errors import ShownErrors, left_over, taken_away, told
 from pneucli.diagnose.manoeuvres import separation
-from pneucli.diagnose.remainder import allowed_for
+from pneucli.diagnose.remainder import Remainder, allowed_for
 from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench, Errors, State
 from pneucli.diagnose.turns import turns_of
@@ -86,7 +86,7 @@ def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[st
         found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
-    answer["warnings"] = [LEFT_OPEN.format(r.channel, r.ratio) for r in allowed_for(found.found.test)]
+    answer["warnings"] = left_open(found.found.test)
     write_diagnosis(study, bench, found, answer)
     return base.model, answer
 
@@ -103,6 +103,11 @@ def unread_p2(views: Sequence[View]) -> list[str]:
     inferred = [view.experiment.recording.name for view in views if isinstance(view, Inferred)]
     blind = [view.experiment.recording.name for view in views if lacks_p2(view)]
     return [text.format(", ".join(names)) for text, names in ((INFERRED_P2, inferred), (NO_P2, blind)) if names]
+
+
+def left_open(held_out: Sequence[Remainder]) -> list[str]:
+    """Return what is to be said of recordings that the model misses by no more than its parameters may be off."""
+    return [LEFT_OPEN.format(r.channel, r.ratio) for r in allowed_for(held_out)]
 
 
 def _bench(study: Study) -> tuple[Bench, list[str]]:

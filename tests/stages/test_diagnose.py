@@ -12,8 +12,10 @@ import pytest
 
 from pneucli.config import load
 from pneucli.diagnose.decision import Reason
+from pneucli.diagnose.remainder import Remainder
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
+from pneucli.identify.views import Chambers
 from pneucli.io.artifacts import read_table
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
@@ -100,6 +102,15 @@ def test_what_remains_is_told_by_channel(hysteresis: Diagnosed) -> None:
     keys = {"subsystem", "channel", "size", "time_constant_s", "over", "share"}
     assert all(one.keys() == keys for one in left)
     assert not left or sum(one["share"] for one in left) == pytest.approx(1.0)
+
+
+def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
+    open_, fits, missed = (
+        Remainder(Chambers, name, ratio, ratio, (), 4.7) for name, ratio in (("p1", 7.7), ("p2", 1.1), ("p2", 77.0))
+    )
+    (said,) = diagnose.left_open([open_, fits, missed])
+    assert "p1 of recordings that were not fitted errs by 7.7 times its noise" in said
+    assert "record such commands or speeds" in said
 
 
 @pytest.mark.parametrize(
