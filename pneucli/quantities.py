@@ -44,6 +44,12 @@ _ALL = (
 
 SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}
 
+
+def titled(signal: str) -> str:
+    """Return the words for a signal, or for what is made of signals, such as p_ratio."""
+    return SIGNALS[signal].title if signal in SIGNALS else signal.replace("_", " ")
+
+
 # the channels that `compare` reports, in the order in which people read them
 CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature", "flow")
 COMMANDS = ("u", "u2")  # compared too where the controller that gave them is known

@@ -10,7 +10,7 @@ from pneucli.diagnose.place import BY_CHANCE
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench
 from pneucli.identify.fit import Fit
-from pneucli.quantities import SIGNALS
+from pneucli.quantities import titled
 from pneucli.words.numbers import percent
 
 TELLING = 0.05  # share that a law of a signal must explain to be spoken of
@@ -75,8 +75,3 @@ def _course(law: Law) -> str:
 
 def _a(way: str) -> str:
     return f"an {way}" if way[0] in "aeio" else f"a {way}"
-
-
-def titled(variable: str) -> str:
-    """Return the words for a signal."""
-    return SIGNALS[variable].title if variable in SIGNALS else variable.replace("_", " ")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from pneucli.diagnose.remainder import Remainder, allowed_for
 from pneucli.diagnose.stretches import MOST
 from pneucli.diagnose.trial import Bench, Errors, State
 from pneucli.diagnose.turns import turns_of
-from pneucli.diagnose.unknown import titled
+from pneucli.diagnose.unknown import Unknown
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.effects import fit_model
 from pneucli.identify.fit import Fit
@@ -35,7 +35,7 @@ from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
 from pneucli.stages.since import keep_reference, since
 from pneucli.stages.study import Study
-from pneucli.words.diagnose import why
+from pneucli.words.diagnose import course, where, why
 
 BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
 THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
@@ -141,6 +141,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
     settled = with_intervals(_settled(found).fit, bench.train)
     candidates = [_candidate(study, bench, found, settled, decision) for decision in found.decisions]
     pairs = [(n, other) for n in found.missing for other in found.equals[n]]
+    rest = None if found.unknown is None else _unknown(found.unknown)
     following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
     return {
         "schema": "pneucli/diagnose/1",
@@ -155,25 +156,27 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
         "candidates": candidates,
         "unexplained_share": left_over(rungs[0], rungs[-1]),
         "next_experiment": following or _next(bench, found),
-        "sentence": sentence(found, rungs),
+        "sentence": sentence(found, rungs, rest),
         "detectable": [_detectable(d) for d in found.detectable],
         "discrepancy": [_discrepancy(d) for d in found.left],
         "moved": [
             {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
             for m in found.moved
         ],
-        "unexplained": None
-        if found.unknown is None
-        else {
-            "subsystem": found.unknown.subsystem,
-            "channel": found.unknown.channel,
-            "times_noise": found.unknown.ratio,
-            "variable": found.unknown.variable,
-            "character": found.unknown.character,
-            "law": found.unknown.law,
-            "share": found.unknown.share,
-            "also_over": list(found.unknown.alike),
-        },
+        "unexplained": rest,
+    }
+
+
+def _unknown(one: Unknown) -> dict[str, Any]:
+    return {
+        "subsystem": one.subsystem,
+        "channel": one.channel,
+        "times_noise": one.ratio,
+        "variable": one.variable,
+        "character": one.character,
+        "law": one.law,
+        "share": one.share,
+        "also_over": list(one.alike),
     }
 
 
@@ -273,8 +276,8 @@ def _next(bench: Bench, found: Diagnosis) -> str | None:
     return None
 
 
-def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
-    """Return the verdict as an engineer would say it."""
+def sentence(found: Diagnosis, rungs: Sequence[Errors], rest: Mapping[str, Any] | None) -> str:
+    """Return the verdict as an engineer would say it; ``rest`` is what is said of the unexplained."""
     before, after = _number(told(rungs[0])), _number(told(rungs[-1]))
     titles = {e.name: e.title.lower() for e in found.found.last.model.effects}
     named = " and ".join(f"{titles[n]} ({n})" for n in found.missing)
@@ -290,12 +293,8 @@ def sentence(found: Diagnosis, rungs: Sequence[Errors]) -> str:
         text = f"The model lacks {named}: with {what} the error goes from {before} to {after} times the noise."
         equals = sorted({e for n in found.missing for e in found.equals[n]})
         return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
-    assert found.unknown is not None
-    known, also = found.unknown, [titled(name) for name in found.unknown.alike]
-    text = (
-        f"What remains is {known.character}{''.join(f', or of {name}' for name in also)}; no effect of the catalogue "
-    )
-    text += f"accounts for it: {known.channel} errs by {known.ratio:.2g} times its noise ({known.subsystem})."
+    assert rest is not None
+    text = f"What remains is {course(rest)}; no effect of the catalogue accounts for it: {where(rest)}."
     return text + (f" Beside it stands what helped: {named}." if named else "")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pneucli.quantities import titled
 from pneucli.words import labelled, table, warnings
 from pneucli.words.compare import judged
 from pneucli.words.numbers import joined, number, parameters, percent, quantity, times, with_interval
@@ -40,8 +41,6 @@ def found(answer: Answer) -> str:
 
 def unknown(rest: Answer) -> str:
     """Return what is known of what no effect accounts for: where it is, of what it is a function, how much of it."""
-    course = f" ({rest['law']})" if rest.get("law") else ""
-    also = "".join(f", or of {name}" for name in rest.get("also_over") or [])
     share = ""
     if rest.get("share"):
         fitted = rest.get("law") == "a sine"  # a period is found in all recordings, none is left out of it
@@ -49,8 +48,18 @@ def unknown(rest: Answer) -> str:
             ("This", "") if fitted else (f"A function of {rest['variable']}", " in recordings that were left out")
         )
         share = f" {what} explains {percent(rest['share'])} of it{held}."
-    where = f"{rest['channel']} errs by {number(rest['times_noise'], 2)} times its noise ({rest['subsystem']})"
-    return f"What remains is {rest['character']}{course}{also}: {where}.{share}"
+    return f"What remains is {course(rest)}: {where(rest)}.{share}"
+
+
+def course(rest: Answer) -> str:
+    """Return as what the unknown acts, over which signal, and over which others as well."""
+    law = f" ({rest['law']})" if rest.get("law") else ""
+    return f"{rest['character']}{law}" + "".join(f", or of {titled(name)}" for name in rest.get("also_over") or [])
+
+
+def where(rest: Answer) -> str:
+    """Return in which channel the unknown is, and how large."""
+    return f"{rest['channel']} errs by {number(rest['times_noise'], 2)} times its noise ({rest['subsystem']})"
 
 
 def sure(answer: Answer) -> str:

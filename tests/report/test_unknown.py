@@ -18,8 +18,9 @@ REST: dict[str, Any] = {
 
 def test_it_is_told_where_it_is_and_of_what_it_is_a_function() -> None:
     assert diagnose.unknown(REST) == (
-        "What remains is a force, a function of piston position (a parabola), or of p1, or of p2: force errs by 13 "
-        "times its noise (mechanics). A function of x explains 95 % of it in recordings that were left out."
+        "What remains is a force, a function of piston position (a parabola), or of pressure of chamber 1, or of "
+        "pressure of chamber 2: force errs by 13 times its noise (mechanics). A function of x explains 95 % of it in "
+        "recordings that were left out."
     )
 
 

@@ -126,7 +126,7 @@ def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: st
         verdict="inconclusive", missing=(), found=SimpleNamespace(last=last),
         detectable=[SimpleNamespace(typical=t) for t in typical],
     )  # fmt: skip
-    told = diagnose.sentence(found, [{"train": 1.1, "test": None}])
+    told = diagnose.sentence(found, [{"train": 1.1, "test": None}], None)
     assert told == f"Nothing can be said: {words} (error 1.1 times the noise)."
 
 
