@@ -173,7 +173,11 @@ class Channel:
             knots = [hats((v - low) / (high - low)) for v in values]
             for number, ways in enumerate(zip(*lacking, strict=True)):
                 if ways[0].only in (None, signal):
-                    made = [self._kept_of(i, way.becomes(knots[i] * way.one)) for i, way in enumerate(ways)]
+                    at = [
+                        k if w.modelled is None else hats((w.modelled - low) / (high - low))
+                        for k, w in zip(knots, ways, strict=True)
+                    ]
+                    made = [self._kept_of(i, way.becomes(at[i] * way.one)) for i, way in enumerate(ways)]
                     yield _Column(signal, ways[0], number, low, high, self._folds(made))
 
     def _kept_of(self, i: int, becomes: Array) -> Array:

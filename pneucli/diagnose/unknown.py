@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pneucli.diagnose.laws import Law
@@ -23,7 +24,8 @@ class Unknown:
     """Where the unexplained stands, how many times its noise, and of what it is a function, in words.
 
     ``share`` is the part of the squares that a function of the ``variable`` explains of recordings that were left out;
-    of a sine (``law``) it may be a part of the fitted ones. Functions of those in ``alike`` explain about as much.
+    of a sine (``law``) it may be a part of the fitted ones. Functions of those in ``alike`` explain about as much, and
+    each of the ways to act over the ``variable`` that ``character`` tells.
     ``course`` is the function itself, ``law`` the name of a simple one that comes near it.
     """
 
@@ -57,9 +59,10 @@ def describe(bench: Bench, fit: Fit, worst: Remainder) -> Unknown:
     if BY_CHANCE * (1.0 - best.share) > 1.0:
         character = f"mostly without a shape; {percent(best.share)} of it is {_course(best)}"
         return Unknown(*where, best.signal, character, channel.simple(fit, best), best.share, (), best)
-    others = [law.signal for law in ranked if 1.0 - law.share < BY_CHANCE * (1.0 - best.share)]
-    also = tuple(name for name in dict.fromkeys(others) if name != best.signal)
-    return Unknown(*where, best.signal, _course(best), channel.simple(fit, best), best.share, also, best)
+    close = [law for law in ranked if 1.0 - law.share < BY_CHANCE * (1.0 - best.share)]
+    ways = [law.way for law in close if law.signal == best.signal]
+    also = tuple(name for name in dict.fromkeys(law.signal for law in close) if name != best.signal)
+    return Unknown(*where, best.signal, _course(best, ways), channel.simple(fit, best), best.share, also, best)
 
 
 def _repeating(repeats: Period, course: Law | None) -> str:
@@ -67,10 +70,12 @@ def _repeating(repeats: Period, course: Law | None) -> str:
     return f"{what} that repeats over {titled(repeats.variable)}, period {repeats.length:.3g} {unit}"
 
 
-def _course(law: Law) -> str:
+def _course(law: Law, ways: Sequence[str] = ()) -> str:
+    """Return a law in words, as whichever of some ways it may act: those that explain about as much."""
+    acts = " or ".join(_a(way) for way in dict.fromkeys([law.way, *ways]))
     if law.signal == "time":
-        return f"{_a(law.way)} that drifts over each recording"
-    return f"{_a(law.way)}, a function of {titled(law.signal)}"
+        return f"{acts} that drifts over each recording"
+    return f"{acts}, a function of {titled(law.signal)}"
 
 
 def _a(way: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,13 +11,13 @@ from pneucli.diagnose import elsewhere
 from pneucli.diagnose.beside import lacks_p2
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable
-from pneucli.diagnose.diagnosis import BLIND, Diagnosis, diagnose, how_to_tell
+from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
 from pneucli.diagnose.discrepancy import Discrepancy
 from pneucli.diagnose.errors import ShownErrors, left_over, taken_away, told
 from pneucli.diagnose.manoeuvres import separation
 from pneucli.diagnose.remainder import Remainder, allowed_for
 from pneucli.diagnose.stretches import MOST
-from pneucli.diagnose.trial import Bench, Errors, State
+from pneucli.diagnose.trial import Bench, State
 from pneucli.diagnose.turns import turns_of
 from pneucli.diagnose.unknown import Unknown
 from pneucli.errors import InputError, did_you_mean
@@ -31,11 +31,12 @@ from pneucli.pipeline.context import Context
 from pneucli.pipeline.identity import identity
 from pneucli.simulate.model import Model
 from pneucli.stages import history
+from pneucli.stages.diagnose_sentence import sentence
 from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
 from pneucli.stages.since import keep_reference, since
 from pneucli.stages.study import Study
-from pneucli.words.diagnose import course, where, why
+from pneucli.words.diagnose import why
 
 BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
 THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
@@ -86,7 +87,7 @@ def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[st
         found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
-    answer["warnings"] = left_open(found.found.test)
+    answer["warnings"] = [] if found.unknown else left_open(found.found.test)  # what is unknown widens errors, too
     write_diagnosis(study, bench, found, answer)
     return base.model, answer
 
@@ -274,29 +275,3 @@ def _next(bench: Bench, found: Diagnosis) -> str | None:
     if found.verdict in ("adequate", "inconclusive") and blind:
         return f"These recordings could not have shown {blind[0].effect.name}: {blind[0].effect.separate}"
     return None
-
-
-def sentence(found: Diagnosis, rungs: Sequence[Errors], rest: Mapping[str, Any] | None) -> str:
-    """Return the verdict as an engineer would say it; ``rest`` is what is said of the unexplained."""
-    before, after = _number(told(rungs[0])), _number(told(rungs[-1]))
-    titles = {e.name: e.title.lower() for e in found.found.last.model.effects}
-    named = " and ".join(f"{titles[n]} ({n})" for n in found.missing)
-    if found.verdict == "adequate":
-        return f"Nothing in the residual is more than noise and known uncertainty (error {after} times the noise)."
-    if found.verdict == "inconclusive":
-        blind = sum(not d.typical for d in found.detectable)
-        of = f"{blind} of {len(found.detectable)} effects would not have shown at a typical size"
-        why = "what the recordings say does not fit together" if blind <= BLIND * len(found.detectable) else of
-        return f"Nothing can be said: {why} (error {after} times the noise)."
-    if found.verdict == "missing-effect":
-        what = "it" if len(found.missing) == 1 else "them"
-        text = f"The model lacks {named}: with {what} the error goes from {before} to {after} times the noise."
-        equals = sorted({e for n in found.missing for e in found.equals[n]})
-        return text + (f" These recordings cannot tell it from {', '.join(equals)}." if equals else "")
-    assert rest is not None
-    text = f"What remains is {course(rest)}; no effect of the catalogue accounts for it: {where(rest)}."
-    return text + (f" Beside it stands what helped: {named}." if named else "")
-
-
-def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3g}"

@@ -56,6 +56,12 @@ def test_signals_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyP
     assert found.alike == ("p2",)
 
 
+def test_ways_to_act_over_the_signal_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the velocity a force, a dry and a viscous friction may be one: they leave 0.1, 0.14 and 0.5."""
+    ways = law("v", 0.9), law("v", 0.86, "dry friction"), law("v", 0.5, "viscous friction"), law("p1", 0.86, "flow")
+    assert described(monkeypatch, *ways).character == "a force or a dry friction, a function of piston velocity"
+
+
 def test_where_no_signal_stands_out_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves 0.7 leaves about as much as what explains nothing."""
     found = described(monkeypatch, law("x", 0.3), law("p1", 0.29))

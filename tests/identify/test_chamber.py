@@ -117,6 +117,18 @@ def test_a_wrong_reading_is_an_error_of_its_own_and_of_the_start() -> None:
     assert way.becomes(wrong[None])[0] == pytest.approx(misread(e, wrong[None], np.ones(TIME.size))[0] / 100.0)
 
 
+def test_a_sensor_errs_over_what_the_model_reads() -> None:
+    """Of what was measured all that the model lacks is a part, and an error of the whole reading would explain that."""
+    time = clock(2.0)
+    held = 3e5 + 2e4 * np.sin(time)  # a shut chamber whose pressure nothing in the model moves
+    view = Chambers(bench("valve", time, {"p1": held}, valve_shut=True))
+    view.__dict__.update(noise={"p1": 100.0}, channels=("p1",), whitened=False)
+    shut = model(values={"rig.vessel_volume": 1e-3})
+    way = view.lacking(shut, "p1")[-1]
+    assert way.modelled == pytest.approx(simulate(shut, view.experiment)["p1"])
+    assert np.ptp(way.becomes(way.modelled[None])) < 0.01 * np.ptp(way.becomes(held[None]))
+
+
 def test_a_vessel_has_no_swept_volume() -> None:
     """Its ways are those of a chamber all the same: one law goes over recordings of both."""
     u = steps_of_command(TIME, (3.0, -4.0), 0.5)

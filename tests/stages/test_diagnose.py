@@ -20,6 +20,7 @@ from pneucli.io.artifacts import read_table
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
+from pneucli.stages.diagnose_sentence import sentence
 from tests.stages.chain import known_as_declared
 
 Diagnosed = tuple[Path, dict[str, Any]]
@@ -126,7 +127,7 @@ def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: st
         verdict="inconclusive", missing=(), found=SimpleNamespace(last=last),
         detectable=[SimpleNamespace(typical=t) for t in typical],
     )  # fmt: skip
-    told = diagnose.sentence(found, [{"train": 1.1, "test": None}], None)
+    told = sentence(found, [{"train": 1.1, "test": None}], None)
     assert told == f"Nothing can be said: {words} (error 1.1 times the noise)."
 
 

@@ -59,7 +59,8 @@ class Chambers(View):
         """
         if channel not in CHAMBERS:
             return super().lacking(model, channel)
-        e, gas = self.experiment, self._gas(model, channel)
+        e, pressure = self.experiment, run(model, self.experiment)[:, MODELLED[channel]]
+        gas = self._gas(model, channel, pressure)
         opening = opening_of(e, e.recording.chamber if e.vessel else CHAMBERS[channel])
         opening = np.zeros(e.time.size) if opening is None else opening
         fading, noise = self.carried(model).get(channel, np.ones((1, e.time.size)))[0], self.noise[channel]
@@ -81,15 +82,15 @@ class Chambers(View):
                 np.ones(gas.flow.size),
                 lambda read: misread(e, read, fading) / noise,
                 channel,
+                pressure,
             ),
         )
 
-    def _gas(self, model: Model, channel: str) -> Gas:
+    def _gas(self, model: Model, channel: str, pressure: Array) -> Gas:
         base = model.base()
         dead_1, dead_2 = (base[f"rig.dead_volume_{i}"] + model.total(f"volume_{i}") for i in (1, 2))
         rig = replace(model.rig, dead_volume_1=dead_1, dead_volume_2=dead_2)
         vessel = model.values.get("rig.vessel_volume", 1.0)
-        pressure = run(model, self.experiment)[:, MODELLED[channel]]
         return modelled_gas(self.experiment, rig, CHAMBERS[channel], vessel, pressure)
 
     def flow_errors(self, model: Model) -> dict[str, Array]:

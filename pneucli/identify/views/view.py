@@ -31,7 +31,8 @@ class Way:
     is over time (n,).
 
     ``becomes`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
-    It may be a function of any signal, or of the one that is its ``only`` one.
+    It may be a function of any signal, or of the one that is its ``only`` one. ``modelled`` (n,) is that signal as the
+    model has it: of what was measured, what the model lacks is a part, which would explain itself.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Way:
     one: Array
     becomes: Callable[[Array], Array]
     only: str | None = None
+    modelled: Array | None = None
 
 
 @dataclass(frozen=True)
