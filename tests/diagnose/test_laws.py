@@ -12,6 +12,7 @@ import pytest
 from pneucli.diagnose import laws
 from pneucli.diagnose.laws import KNOTS, Channel, Law, hats
 from pneucli.identify.views import Forces
+from pneucli.identify.views.view import Way
 from tests.simulate.benches import bench, clock, model
 
 TIME = clock(6.0)
@@ -281,3 +282,18 @@ def test_splines_sum_to_one_and_keep_straight_lines() -> None:
 
 def test_where_a_signal_is_not_known_nothing_is_made_of_it() -> None:
     assert np.all(hats(np.array([np.nan, 0.5]))[:, 0] == 0.0)
+
+
+def test_what_a_way_has_of_the_model_is_the_signal_of_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It errs over what the model reads, here the position a quarter of a second late, not over what was measured."""
+    views = runs()
+    late = {id(view): np.roll(view.experiment.raw["x"], 250) for view in views}
+
+    def lacking(view: Forces, *_: object) -> list[Way]:
+        return [Way("error of its sensor", "m", np.ones(TIME.size), lambda q: q, "x", late[id(view)])]
+
+    monkeypatch.setattr(Forces, "lacking", lacking)
+    left = [cogging(x, x, x) + np.random.default_rng(1).standard_normal(TIME.size) for x in late.values()]
+    (law,) = ranked(views, left)
+    assert law.signal == "x"
+    assert law.share == pytest.approx(12.5 / 13.5, abs=0.02)
