@@ -87,7 +87,6 @@ def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[st
         found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
-    answer["warnings"] = [] if found.unknown else left_open(found.found.test)  # what is unknown widens errors, too
     write_diagnosis(study, bench, found, answer)
     return base.model, answer
 
@@ -165,6 +164,7 @@ def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
             for m in found.moved
         ],
         "unexplained": rest,
+        "warnings": [] if found.unknown else left_open(found.found.test),  # what is unknown widens errors, too
     }
 
 
