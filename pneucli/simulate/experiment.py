@@ -35,7 +35,7 @@ RESTING = 4.0  # standard deviations of the smoothed velocity, below which the p
 GAP = 20  # sampling periods
 SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
 STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
-FILLING = 200.0  # while a vessel would be filled at the highest rate seen
+FILLING = 300.0  # while a chamber whose volume is known would be filled at the highest rate seen
 PARTS = 4.0  # of a sampling period, where neither is known
 
 
@@ -97,13 +97,18 @@ class Experiment:
 
     @cached_property
     def step(self) -> float:
-        """The longest step of the kernel in s."""
-        if not self.vessel:
+        """The longest step of the kernel in s: a piston's that forces move, else that of chambers which are filled."""
+        filled = [p for p in ("p1", "p2") if p in self.raw]
+        if self.flags[at.MECHANICS] > 0.0 or not filled:
             return longest_step(self.rig, self.recording.period)
-        half, p = 2.0 / PARTS * self.recording.period, self.inputs[:, at.IN_P1]
-        slope = self.smoothers["p1"].slope(self.raw["p1"]) if "p1" in self.smoothers else np.gradient(p, self.time)
+        return min(self.filling(p) for p in filled) / FILLING
+
+    def filling(self, name: str) -> float:
+        """Return the time in s in which a chamber would be filled at the highest rate that its pressure shows."""
+        p = self.inputs[:, at.INPUTS.index(name)]
+        slope = self.smoothers[name].slope(self.raw[name]) if name in self.smoothers else np.gradient(p, self.time)
         fastest = float(np.quantile(np.abs(slope), USUALLY))
-        return min(half, float(p.max()) / (FILLING * fastest)) if fastest > 0.0 else half
+        return float(p.max()) / fastest if fastest > 0.0 else np.inf
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

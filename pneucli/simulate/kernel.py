@@ -314,11 +314,19 @@ def delayed(ring, tail, t):
 
 
 def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, on):
-    """Advance one chamber by h; returns p, dp/dt, gas mass, gas temperature (constant in the base model)."""
-    T = p_mid * volume / (base[GAS] * mass) if hot else base[TEMP]
-    warm = heat(T, base[WALL], th, on) if hot else 0.0
-    rate = pressure_rate(p_mid, T, volume, growth, q_in, q_out, warm, base)
-    return max(p + h * rate, 1.0), rate, max(mass + h * (q_in - q_out), 1e-9), T
+    """Advance one chamber by h; returns p, dp/dt, gas mass, gas temperature (constant in the base model).
+
+    Heat to the wall is implicit in the pressure (at the midpoint), so that it may settle within a step.
+    """
+    T, warm, drag, flow = base[TEMP], 0.0, 0.0, q_in - q_out
+    if hot:
+        slope = volume / (base[GAS] * max(mass + 0.5 * h * flow, 1e-9))  # of the temperature over the pressure
+        T = p_mid * slope
+        fading = 0.5 * slope * (heat(T - 1.0, base[WALL], th, on) - heat(T + 1.0, base[WALL], th, on))
+        warm = heat(T, base[WALL], th, on) + fading * (p_mid - p)
+        drag = 0.5 * h * (base[GAMMA] - 1.0) * fading / volume
+    rate = pressure_rate(p_mid, T, volume, growth, q_in, q_out, warm, base) / (1.0 + drag)
+    return max(p + h * rate, 1.0), rate, max(mass + h * flow, 1e-9), T
 
 
 def undo_lag(time, inputs, column, lag, true, chamber):
@@ -466,6 +474,8 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
+        if hot and pneumatics:
+            out[k, GAS_T] = p1 * (dead_1 + area_1 * x) / (base[GAS] * m1)
         read_pressures(time, inputs, true, out, before, first, k, base, th, on)
         u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
         if loop:
