@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -158,14 +158,15 @@ def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list
     Returns the rungs, the place of each effect, and what was refused after it was taken.
     """
     base = rungs[0]
-    last, needless = _without_needless(bench, base, rungs[-1])
+    last, needless, without = _without_needless(bench, base, rungs[-1])
     ladder, raising = _ladder(bench, base, last, rungs)
     before = [state for state in rungs if not {d.effect.name for d in raising} & set(state.names)]
     # what made others needless and may not stay itself gives them back
     rungs, refused = (before, raising) if raising and len(before) > len(ladder) else (ladder, needless + raising)
     for swaps in range(SWAPS + 1):
         known = rounds[0] if swaps == 0 else None
-        places, better = _places(bench, base, rungs[-1], known, [d.effect.name for d in refused])
+        less = without if rungs[-1] is last else {}
+        places, better = _places(bench, base, rungs[-1], known, less, [d.effect.name for d in refused])
         if better is None or swaps == SWAPS:
             break
         swapped, raising = _ladder(bench, base, better.state, rungs)
@@ -177,14 +178,18 @@ def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list
 
 
 def _places(
-    bench: Bench, base: State, last: State, known: Round | None, barred: Sequence[str]
+    bench: Bench, base: State, last: State, known: Round | None, less: Mapping[str, State], barred: Sequence[str]
 ) -> tuple[dict[str, Place], Trial | None]:
-    """Return the place of each effect, up to the first one in which another one should stand."""
+    """Return the place of each effect, up to the first one in which another one should stand.
+
+    ``known`` is the round of a base that lacks one effect alone, ``less`` are states without single effects.
+    """
     places: dict[str, Place] = {}
     names = last.names[len(base.names) :]
     for name in names:
-        before = base if len(names) == 1 else bench.without(last, [bench.effects[name]])[0]
-        decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name])
+        alone = base if len(names) == 1 else less.get(name)
+        before = bench.without(last, [bench.effects[name]])[0] if alone is None else alone
+        decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name], last)
         rivals = tuple(t for t in passed(decisions) if t.effect.name != name)
         place = places[name] = Place(bench.trial(before, last, bench.effects[name]), rivals)
         free = tuple(t for t in place.rivals if t.effect.name not in barred)
@@ -209,22 +214,25 @@ def _likelier(bench: Bench, place: Place) -> Trial | None:
     return best if best is not place.named and too_much(*remains(bench, place.named.state)) else None
 
 
-def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round]:
+def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round, dict[str, State]]:
     """Return the state without effects that are not supported beside the others, the least missed first; and these.
 
     What the data would certainly and noticeably miss stays: it may not be supported alone, and yet carry the others.
+    Returns, too, the states that lack one more, by its name, where more than one effect is left.
     """
     refused: Round = []
+    without: dict[str, State] = {}
     while len(names := last.names[len(base.names) :]) > 1:
         effects = [bench.effects[name] for name in names]
-        trials = [bench.trial(b, last, e) for b, e in zip(bench.without(last, effects), effects, strict=True)]
+        without = dict(zip(names, bench.without(last, effects), strict=True))
+        trials = [bench.trial(without[e.name], last, e) for e in effects]
         needless = [t for t in trials if not supported(bench, t.before, [t]) and not _missed(t.before, last)]
         if not needless:
             break
         least = min(needless, key=lambda t: t.before.cost)
         refused.append(Decision(least.effect, "needless", least))
         last = least.before
-    return last, refused
+    return last, refused, without
 
 
 def _missed(before: State, last: State) -> bool:

@@ -37,3 +37,17 @@ def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
     }
     beside = rounds.tried(where, BEFORE, ["extra-mass"])
     assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}
+
+
+@pytest.mark.parametrize(("named", "ended"), [(None, 1), (4001.0, 1), (3000.0, 0)])
+def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
+    monkeypatch: pytest.MonkeyPatch, named: float | None, ended: int
+):
+    """A rival that leaves 4000: it is the best of its round, and far from what leaves 3000."""
+    rival, polished = trial("extra-mass", 4000.0, before=BEFORE), []
+    monkeypatch.setattr(Bench, "screen", lambda self, state: [(rival.effect, [signature(5000.0)])])
+    monkeypatch.setattr(Bench, "added", lambda *_: [rival])
+    monkeypatch.setattr(Bench, "polished", lambda self, trials: polished.extend(trials) or trials)
+    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
+    rounds.tried(where, BEFORE, ["stribeck"], None if named is None else state(["stribeck"], named))
+    assert len(polished) == ended

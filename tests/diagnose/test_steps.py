@@ -176,9 +176,35 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(monkeypatch: 
         raising=False,
     )
     monkeypatch.setattr(search, "supported", lambda bench, before, trials: [])
-    kept, refused = search._without_needless(where, where.of(()), last)
+    kept, refused, _ = search._without_needless(where, where.of(()), last)
     assert kept.names == [MASS]
     assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")]
+
+
+def test_a_model_without_one_of_its_effects_is_fitted_once(monkeypatch: pytest.MonkeyPatch):
+    """What tells whether an effect is needless is where its rivals start, too."""
+    where = climbing(
+        ("", 9000.0, 9.0, 9.0), (MASS, 5000.0, 5.0, 5.0), (LAG, 8000.0, 8.0, 8.0), (f"{MASS} {LAG}", 3000.0, 3.0, 3.0)
+    )
+    last, asked, started = where.of((MASS, LAG)), [], {}
+
+    def without(self: Climbing, state: State, effects) -> list[State]:
+        asked.extend(e.name for e in effects)
+        return [self.of(tuple(n for n in state.names if n != e.name)) for e in effects]
+
+    def tried(bench: Bench, before: State, names: list[str], named: State) -> list[Decision]:
+        started[names[0]] = before.names
+        assert named is last
+        return []
+
+    monkeypatch.setattr(Climbing, "without", without, raising=False)
+    monkeypatch.setattr(search, "supported", lambda bench, before, trials: trials)
+    monkeypatch.setattr(search, "tried", tried)
+    monkeypatch.setattr(search, "_likelier", lambda bench, place: None)
+    _, places, _ = search._revise(where, [where.of(()), where.of((MASS,)), last], [[], []])
+    assert sorted(asked) == sorted([MASS, LAG])
+    assert started == {MASS: [LAG], LAG: [MASS]}
+    assert list(places) == [MASS, LAG]
 
 
 def test_everything_that_was_screened_has_one_decision():
