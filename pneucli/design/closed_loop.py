@@ -17,8 +17,8 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import longest_step
 from pneucli.simulate.model import Model
+from pneucli.simulate.steps import longest_step
 
 Array = NDArray[np.float64]
 

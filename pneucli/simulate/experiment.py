@@ -21,22 +21,19 @@ from pneucli.simulate.flags import flags_of
 from pneucli.simulate.motion import smooth_motion, turning
 from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
 from pneucli.simulate.stand_ins import stand_in
+from pneucli.simulate.steps import filling_step, longest_step
 
 Array = NDArray[np.float64]
 
 PRESSURES = ("p1", "p2", "p_supply")
 OUTPUTS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
 SMOOTHED_FROM = 80  # samples; fewer are taken as they are
-USUALLY = 0.99  # of the samples: what is faster is noise or an instant
 FINEST = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
 SMEARING = 3.0  # times the smoothing's memory, over which it spreads a stop
 STILL = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
 RESTING = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 GAP = 20  # sampling periods
 SHORTEST = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
-STEPS = 150.0  # of the kernel, at least, while the supply's force moves the mass over the stroke
-FILLING = 300.0  # while a chamber whose volume is known would be filled at the highest rate seen
-PARTS = 4.0  # of a sampling period, where neither is known
 
 
 @dataclass(frozen=True)
@@ -96,19 +93,23 @@ class Experiment:
         )
 
     @cached_property
+    def driven(self) -> Experiment:
+        """The same with its motion imposed, started at the first sample and after each gap in the record."""
+        flags = self.flags.copy()
+        flags[at.MECHANICS] = 0.0
+        return replace(self, flags=flags, restarts=restarts(self.time, None))
+
+    @cached_property
     def step(self) -> float:
         """The longest step of the kernel in s: a piston's that forces move, else that of chambers which are filled."""
         filled = [p for p in ("p1", "p2") if p in self.raw]
         if self.flags[at.MECHANICS] > 0.0 or not filled:
             return longest_step(self.rig, self.recording.period)
-        return min(self.filling(p) for p in filled) / FILLING
+        return min(filling_step(self.inputs[:, at.INPUTS.index(p)], self._slope(p)) for p in filled)
 
-    def filling(self, name: str) -> float:
-        """Return the time in s in which a chamber would be filled at the highest rate that its pressure shows."""
-        p = self.inputs[:, at.INPUTS.index(name)]
-        slope = self.smoothers[name].slope(self.raw[name]) if name in self.smoothers else np.gradient(p, self.time)
-        fastest = float(np.quantile(np.abs(slope), USUALLY))
-        return float(p.max()) / fastest if fastest > 0.0 else np.inf
+    def _slope(self, name: str) -> Array:
+        known = self.smoothers.get(name)
+        return known.slope(self.raw[name]) if known else np.gradient(self.raw[name], self.time)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -273,14 +274,6 @@ def smooth(
     if "x" in raw:
         inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, fusion, time)
     return inputs
-
-
-def longest_step(rig: Rig, period: float) -> float:
-    """Return the longest step of the kernel in s, where a piston moves; from the sampling ``period`` (s) if need be."""
-    if not (rig.supply_pressure and rig.piston_area_1 and rig.stroke and rig.moving_mass):
-        return period / PARTS
-    force = abs(rig.supply_pressure - rig.ambient_pressure) * rig.piston_area_1
-    return float(np.sqrt(rig.moving_mass * rig.stroke / force)) / STEPS if force > 0.0 else period / PARTS
 
 
 def restarts(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +14,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import OUTPUTS, Experiment, restarts
+from pneucli.simulate.experiment import OUTPUTS, Experiment
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -51,11 +50,8 @@ def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
     """
     if not experiment.infers_p2:
         return inputs
-    flags = experiment.flags.copy()
-    flags[at.MECHANICS] = 0.0
-    once = replace(experiment, flags=flags, restarts=restarts(experiment.time, None))
     inputs = inputs.copy()
-    inputs[:, at.IN_P2] = _run(model, once, inputs)[:, at.R2]
+    inputs[:, at.IN_P2] = _run(model, experiment.driven, inputs)[:, at.R2]
     return inputs
 
 

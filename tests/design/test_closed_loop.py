@@ -21,7 +21,7 @@ from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
-from pneucli.simulate.experiment import longest_step
+from pneucli.simulate.steps import longest_step
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()

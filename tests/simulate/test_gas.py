@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import longest_step
 from pneucli.simulate.run import run
+from pneucli.simulate.steps import longest_step
 
 from .benches import RIG, bench, clock, model, steps_of_command
 
@@ -104,6 +104,12 @@ def test_steps_are_a_300th_of_the_time_in_which_the_faster_chamber_fills_where_t
     e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
     e.flags[at.MECHANICS] = 0.0
     assert e.step == pytest.approx(4e5 / (2e5 * np.pi) / 300, rel=1e-3)
+
+
+def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() -> None:
+    e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5 + 1e5 * np.sin(2 * np.pi * clock(1.0))}, restarts=(0, 300))
+    assert e.driven is e.driven
+    assert (e.flags[at.MECHANICS], e.driven.flags[at.MECHANICS], e.driven.restarts.tolist()) == (1.0, 0.0, [0])
 
 
 def test_what_never_fills_takes_one_step_a_sample() -> None:
