@@ -105,7 +105,10 @@ class Experiment:
         filled = [p for p in ("p1", "p2") if p in self.raw]
         if self.flags[at.MECHANICS] > 0.0 or not filled:
             return longest_step(self.rig, self.recording.period)
-        return min(filling_step(self.inputs[:, at.INPUTS.index(p)], self._slope(p)) for p in filled)
+        period, columns = self.recording.period, [at.INPUTS.index(p) for p in filled]
+        return min(
+            filling_step(self.inputs[:, c], self._slope(p), period) for c, p in zip(columns, filled, strict=True)
+        )
 
     def _slope(self, name: str) -> Array:
         known = self.smoothers.get(name)

@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 
 STEPS = 150.0  # at least, while the supply's force moves the mass over the stroke
 FILLING = 300.0  # while a chamber whose volume is known would be filled at the highest rate seen
+HALF = 0.5  # of a sampling period, at most: a recording at rest does not tell how fast a command fills
 PARTS = 4.0  # of a sampling period, where neither is known
 USUALLY = 0.99  # of the samples: what is faster is noise or an instant
 
@@ -23,10 +24,10 @@ def longest_step(rig: Rig, period: float) -> float:
     return float(np.sqrt(rig.moving_mass * rig.stroke / force)) / STEPS if force > 0.0 else period / PARTS
 
 
-def filling_step(pressure: Array, slope: Array) -> float:
+def filling_step(pressure: Array, slope: Array, period: float) -> float:
     """Return the longest step in s of a chamber that showed such a pressure in Pa and its slope in Pa/s, each (n,).
 
-    Infinite where it never changed: the kernel takes at least one step a sample.
+    At most half the sampling ``period`` (s).
     """
     fastest = float(np.quantile(np.abs(slope), USUALLY))
-    return float(pressure.max()) / (FILLING * fastest) if fastest > 0.0 else np.inf
+    return min(HALF * period, float(pressure.max()) / (FILLING * fastest)) if fastest > 0.0 else HALF * period

@@ -84,10 +84,10 @@ def test_adiabatic_charging_heats_the_gas_as_its_energy_says() -> None:
 
 
 def test_heat_that_settles_within_a_step_makes_an_isothermal_chamber() -> None:
-    """At 500 W/K 0.1 g of air follow the wall in 0.2 ms, a step is 1 ms: 1/kappa of the isentropic rate."""
+    """At 500 W/K 0.1 g of air follow the wall in 0.2 ms, a step is 0.5 ms: 1/kappa of the isentropic rate."""
     values = {"heat-transfer.conductance": 500.0, "rig.vessel_volume": 1e-4}
     e = bench("valve", TIME, {"u": STEP, "p1": np.linspace(1e5, 5e5, TIME.size)}, rig=VESSEL)
-    assert e.step > 1e-3
+    assert e.step == pytest.approx(0.5e-3)
     out = run(model(["heat-transfer"], values, rig=VESSEL), e)
     p = out[:, at.P1]
     assert p[-1] - p[100] == pytest.approx(0.3 * CHOKED * (VOLUME / 1e-4) / KAPPA, rel=2e-3)
@@ -97,13 +97,13 @@ def test_heat_that_settles_within_a_step_makes_an_isothermal_chamber() -> None:
 
 @pytest.mark.parametrize("name", ["p1", "p2"])
 def test_steps_are_a_300th_of_the_time_in_which_the_faster_chamber_fills_where_the_motion_is_imposed(name: str) -> None:
-    """A sine of 1 Hz between 2 and 4 bar rises by at most 6.28 bar/s, and would fill 4 bar in 0.64 s."""
-    wave = {name: 3e5 + 1e5 * np.sin(2 * np.pi * clock(1.0))}
+    """A sine of 5 Hz between 2 and 4 bar rises by at most 31.4 bar/s, and would fill 4 bar in 0.13 s."""
+    wave = {name: 3e5 + 1e5 * np.sin(10 * np.pi * clock(1.0))}
     e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
     assert e.step == longest_step(RIG, 1e-3)
     e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
     e.flags[at.MECHANICS] = 0.0
-    assert e.step == pytest.approx(4e5 / (2e5 * np.pi) / 300, rel=1e-3)
+    assert e.step == pytest.approx(4e5 / (10e5 * np.pi) / 300, rel=1e-3)
 
 
 def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() -> None:
@@ -112,9 +112,11 @@ def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() ->
     assert (e.flags[at.MECHANICS], e.driven.flags[at.MECHANICS], e.driven.restarts.tolist()) == (1.0, 0.0, [0])
 
 
-def test_what_never_fills_takes_one_step_a_sample() -> None:
-    e = bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
-    assert e.step > 1.0
+@pytest.mark.parametrize("rise", [0.0, 1e4])
+def test_what_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
+    """A full vessel behind an open valve would ring with longer ones: its flow has no slope at equal pressures."""
+    e = bench("valve", TIME, {"u": STEP, "p1": np.linspace(101_300.0, 101_300.0 + rise, TIME.size)}, rig=VESSEL)
+    assert e.step == pytest.approx(0.5e-3)
 
 
 @settings(max_examples=20, deadline=None)
