@@ -105,14 +105,12 @@ class Experiment:
         filled = [p for p in ("p1", "p2") if p in self.raw]
         if self.flags[at.MECHANICS] > 0.0 or not filled:
             return longest_step(self.rig, self.recording.period)
-        period, columns = self.recording.period, [at.INPUTS.index(p) for p in filled]
-        return min(
-            filling_step(self.inputs[:, c], self._slope(p), period) for c, p in zip(columns, filled, strict=True)
-        )
+        return min(self._filling_step(p) for p in filled)
 
-    def _slope(self, name: str) -> Array:
+    def _filling_step(self, name: str) -> float:
         known = self.smoothers.get(name)
-        return known.slope(self.raw[name]) if known else np.gradient(self.raw[name], self.time)
+        slope = known.slope(self.raw[name]) if known else np.gradient(self.raw[name], self.time)
+        return filling_step(self.inputs[:, at.INPUTS.index(name)], slope, self.recording.period)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
