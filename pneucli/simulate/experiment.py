@@ -92,12 +92,16 @@ class Experiment:
             and self.rig.areas[1] > 0.0
         )
 
+    def imposing(self) -> Experiment:
+        """Return the same with its motion imposed."""
+        flags = self.flags.copy()
+        flags[at.MECHANICS] = 0.0
+        return replace(self, flags=flags)
+
     @cached_property
     def driven(self) -> Experiment:
         """The same with its motion imposed, started at the first sample and after each gap in the record."""
-        flags = self.flags.copy()
-        flags[at.MECHANICS] = 0.0
-        return replace(self, flags=flags, restarts=restarts(self.time, None))
+        return replace(self.imposing(), restarts=restarts(self.time, None))
 
     @cached_property
     def step(self) -> float:

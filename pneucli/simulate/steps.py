@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 STEPS = 150.0  # at least, while the supply's force moves the mass over the stroke
 FILLING = 300.0  # while a chamber whose volume is known would be filled at the highest rate seen
 HALF = 0.5  # of a sampling period, at most: a recording at rest does not tell how fast a command fills
-PARTS = 4.0  # of a sampling period, where neither is known
+PARTS = 4.0  # of a sampling period, where the rig does not tell how fast its piston may be
 USUALLY = 0.99  # of the samples: what is faster is noise or an instant
 
 

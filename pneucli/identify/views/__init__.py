@@ -19,7 +19,6 @@ from pneucli.identify.views.forces import Forces
 from pneucli.identify.views.inferred import Inferred
 from pneucli.identify.views.view import View
 from pneucli.identify.views.whole import Imposed, Whole
-from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
 __all__ = ["Chambers", "Forces", "Imposed", "Inferred", "View", "Whole", "views_of", "weighted"]
@@ -39,9 +38,7 @@ def _of(e: Experiment, *, whitened: bool) -> list[View]:
         return [Whole(e)]
     if not e.recording.kind.valve:
         return [Forces(e)]
-    given = e.flags.copy()
-    given[at.MECHANICS] = 0.0
-    return [Inferred(e) if e.infers_p2 else Forces(e), Chambers(replace(e, flags=given), whitened)]
+    return [Inferred(e) if e.infers_p2 else Forces(e), Chambers(e.imposing(), whitened)]
 
 
 def weighted(views: Sequence[View], weights: Mapping[Any, float]) -> list[View]:
