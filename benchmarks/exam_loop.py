@@ -107,7 +107,7 @@ def driven(
 ) -> Trace:  # fmt: skip
     """Let the controller follow a ``reference`` (m) under a ``load`` (N), called every ``h`` s."""
     s, o, work, rest = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
-    spools, line, steps = np.zeros(4), empty_line(par, STEP), round(h / STEP)
+    spools, line, steps = np.zeros(6), empty_line(par, STEP), round(h / STEP)
     s[X] = s[XL] = reference[0]
     balanced = par.constant_force + par.spring_stiffness * (reference[0] - par.spring_rest)
     s[P1] = s[P2] = np.sqrt(par.ambient * par.supply)

@@ -100,7 +100,7 @@ def read(par: Parameters, s: Array, lagged: Array, skewed: Array, row: int, h: f
 @njit(nogil=True)
 def _loop(step, par, pushed, c, cs, every, period, reference, load, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
     s, o, work, rest, air = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0, 0.0
-    spools, line = np.zeros(4), empty_line(par, STEP)
+    spools, line = np.zeros(6), empty_line(par, STEP)
     s[X], s[P1], s[P2] = start[0], start[1], start[2]
     s[XL], s[T1], s[T2], s[PS] = s[X], par.temperature, par.temperature, par.supply
     lagged = np.array([s[P1], s[P2]])

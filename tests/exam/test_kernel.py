@@ -28,6 +28,7 @@ from pneucli.exam.rig.run import Manoeuvre
 
 PAR = Parameters(coulomb=15.0, viscous=50.0, overlap=0.5, exponent=2.0)
 C_V = GAS_CONSTANT / (KAPPA - 1.0)
+HALF_A_STEP = STEP / math.log(2.0)  # s, of a lag that takes half the way in one step
 
 
 def state(**given: float) -> np.ndarray:
@@ -396,19 +397,24 @@ def test_motion_that_turns_under_load_goes_on_in_the_new_direction_within_the_st
 @pytest.mark.parametrize(
     ("changed", "before", "after"),
     [
-        ({}, (0.0, 0.0), (4.0, 4.0)),
-        ({"spool_stiction": 1.0}, (2.5, 2.5), (4.0, 4.0)),
-        ({"spool_stiction": 1.0}, (3.5, 3.5), (3.5, 3.5)),
-        ({"spool_stiction": 1.0}, (3.0, 3.0), (3.0, 3.0)),
-        ({"valve_lag": STEP / math.log(2.0)}, (0.0, 0.0), (2.0, 2.0)),  # half the way in one step
-        ({"valve_half_width": 0.5}, (0.0, 0.0), (4.0, 3.5)),
-        ({"valve_half_width": 0.5}, (0.0, 9.0), (4.0, 4.5)),
-        ({"valve_half_width": 0.5}, (0.0, 4.2), (4.0, 4.2)),
+        ({}, (0.0, 0.0, 0.0), (4.0, 4.0, 4.0)),
+        ({"spool_stiction": 1.0}, (2.5, 2.5, 2.5), (4.0, 4.0, 4.0)),
+        ({"spool_stiction": 1.0}, (3.5, 3.5, 3.5), (3.5, 3.5, 3.5)),
+        ({"spool_stiction": 1.0}, (3.0, 3.0, 3.0), (3.0, 3.0, 3.0)),
+        ({"valve_lag": HALF_A_STEP}, (0.0, 0.0, 0.0), (4.0, 2.0, 2.0)),
+        ({"valve_lag": HALF_A_STEP, "spool_stiction": 1.0}, (0.0, 0.0, 0.0), (4.0, 2.0, 2.0)),
+        ({"valve_lag": HALF_A_STEP, "spool_stiction": 1.0}, (3.5, 1.5, 1.5), (3.5, 2.5, 2.5)),
+        ({"sluggish_opening": HALF_A_STEP, "spool_stiction": 1.0}, (3.5, 1.5, 1.5), (3.5, 2.5, 2.5)),
+        ({"sluggish_opening": HALF_A_STEP}, (4.0, 5.0, 5.0), (4.0, 4.0, 4.0)),
+        ({"valve_half_width": 0.5}, (0.0, 0.0, 0.0), (4.0, 4.0, 3.5)),
+        ({"valve_half_width": 0.5}, (0.0, 0.0, 9.0), (4.0, 4.0, 4.5)),
+        ({"valve_half_width": 0.5}, (0.0, 0.0, 4.2), (4.0, 4.0, 4.2)),
     ],
 )
 def test_spool_and_opening_follow_a_command_of_4_v(
-    plain: SimpleNamespace, changed: dict, before: tuple[float, float], after: tuple[float, float]
+    plain: SimpleNamespace, changed: dict, before: tuple[float, float, float], after: tuple[float, float, float]
 ) -> None:
+    """Each in the order: where the spool goes, where it is, the opening; of a spool that sticks the lag stays."""
     assert plain._spool(PAR._replace(**changed), STEP, 4.0, *before) == pytest.approx(after)
 
 

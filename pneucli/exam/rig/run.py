@@ -97,17 +97,14 @@ def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flow
 
 
 @compiled()
-def _spool(par: Parameters, h: float, u: float, spool: float, opening: float) -> tuple[float, float]:
-    """Spool (lag, stiction) and opening (play) in V after one step."""
-    if par.spool_stiction > 0.0:
-        spool = u if abs(u - spool) > par.spool_stiction else spool
-    elif par.valve_lag > 0.0 or par.sluggish_opening > 0.0:
-        slow = par.valve_lag + (par.sluggish_opening if abs(u) > abs(spool) else 0.0)
-        spool = u + (spool - u) * math.exp(-h / slow) if slow > 0.0 else u
-    else:
-        spool = u
+def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, opening: float) -> tuple[float, float, float]:
+    """Where the spool goes (stiction), where it is (lag) and the opening (play), in V after one step."""
+    if abs(u - aim) > par.spool_stiction:
+        aim = u
+    slow = par.valve_lag + (par.sluggish_opening if abs(aim) > abs(spool) else 0.0)
+    spool = aim + (spool - aim) * math.exp(-h / slow) if slow > 0.0 else aim
     width = par.valve_half_width
-    return spool, min(max(opening, spool - width), spool + width)
+    return aim, spool, min(max(opening, spool - width), spool + width)
 
 
 @compiled()
@@ -133,19 +130,19 @@ def drive(
 ) -> tuple[float, Flows]:
     """Step ``i`` of length ``step`` (s) under openings o and o2 (V): spools, flows, hose, gas and motion.
 
-    ``spools``: spool and opening (V) of either valve, ``line``: what is in the hose; both are brought forward with
-    ``s``. Returns the time at rest in s and the flows.
+    ``spools`` (6,): of either valve where its spool goes, where it is, and the opening (V), ``line``: what is in the
+    hose; both are brought forward with ``s``. Returns the time at rest in s and the flows.
     """
     t = i * step
-    spools[0], spools[1] = _spool(par, step, o, spools[0], spools[1])
+    spools[0], spools[1], spools[2] = _spool(par, step, o, spools[0], spools[1], spools[2])
     now = line[i % len(line)]
-    now[0], now[1] = valve_flow(par, valve_area(par, spools[1], t), t, s)
+    now[0], now[1] = valve_flow(par, valve_area(par, spools[2], t), t, s)
     if par.arrangement == TWO_VALVES:
-        spools[2], spools[3] = _spool(par, step, o2, spools[2], spools[3])
+        spools[3], spools[4], spools[5] = _spool(par, step, o2, spools[3], spools[4], spools[5])
     elif par.arrangement == FIVE_THREE:
-        spools[3] = -spools[1]
+        spools[5] = -spools[2]
     if par.arrangement != ONE_CHAMBER:
-        now[2], now[3] = valve_flow(par, valve_area_2(par, spools[3], t), t, s, 1)
+        now[2], now[3] = valve_flow(par, valve_area_2(par, spools[5], t), t, s, 1)
     late = line[(i + 1) % len(line)]
     q = (late[0], late[1], late[2], late[3])
     return _advance(par, t, step, s, rest, q, held, work), q
@@ -186,7 +183,7 @@ def _run(
     s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty(((steps - 1) // every + 1, 10))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
     s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
-    spools, line = np.zeros(4), empty_line(par, step)
+    spools, line = np.zeros(6), empty_line(par, step)
     o, o2, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
     for i in range(steps):
         k, t = i // hold, i * step
