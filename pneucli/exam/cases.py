@@ -163,13 +163,13 @@ def _vessel(similar: Similar, rng: np.random.Generator) -> float:
 
 
 def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
-    """Three or four effects from outside the catalogue, and their sizes over the usual."""
+    """Three or four effects from outside the catalogue, or as many as there are, and their sizes over the usual."""
     taken = set(BY_NAME[outside].scaled) if outside else set()
     mess: dict[str, float] = {}
     wanted = int(rng.integers(3, 5))
     for i in rng.permutation(len(OUTSIDE)):
         effect = OUTSIDE[i]
-        fits = kind in effect.kinds and conditions.allows(effect.name) and not taken & set(effect.scaled)
+        fits = kind in effect.kinds and conditions.allows_besides(effect.name) and not taken & set(effect.scaled)
         if fits and len(mess) < wanted:
             mess[effect.name] = float(rng.uniform(*conditions.mess))
             taken |= set(effect.scaled)

@@ -51,6 +51,14 @@ UNSEEN_IMPOSED = frozenset(
         *("resonance of a flexibly coupled load", "backlash between piston and load"),
     }
 )
+# what acts besides on any rig, and resembles no effect of the catalogue
+UNEVEN = frozenset(
+    {
+        *("dry friction falls over the first seconds", "viscous friction falls while warming up"),
+        *("force periodic over position", "supply ripple that its sensor misses"),
+        "valve gain drifts over each recording",
+    }
+)
 PIPED = frozenset({"supply-droop", "line-delay", "critical-ratio"})
 
 
@@ -74,6 +82,7 @@ class Conditions:
     imposed: bool = False  # a machine imposes the motion and its force is measured
     messy: bool = False  # several unknown effects act besides
     mess: tuple[float, float] = (0.05, 0.25)  # their sizes over the usual, from and to
+    mess_of: frozenset[str] = frozenset()  # what they are drawn from; from all if empty
     bits: int = 0  # of the converters; 0: finer than the noise
     drift: float = 0.0  # of the sensors' zeros over a recording, over their noise
     outliers: float = 0.0  # share of the samples
@@ -94,6 +103,10 @@ class Conditions:
     def allows(self, effect: str) -> bool:
         """Whether the effect may be hidden under these conditions."""
         return effect not in self.excluded
+
+    def allows_besides(self, effect: str) -> bool:
+        """Whether the effect, of those outside the catalogue, may act besides."""
+        return self.allows(effect) and (not self.mess_of or effect in self.mess_of)
 
 
 @dataclass(frozen=True)
@@ -178,6 +191,11 @@ CONDITIONS = (
     Condition("messy", "several small unknown effects in every case", _always(messy=True)),
     Condition(
         "rough", "several unknown effects of nearly full size in every case", _always(messy=True, mess=(0.3, 1.0))
+    ),
+    Condition(
+        "uneven",
+        "friction that warms up, a force over the stroke, a supply that ripples, a gain that drifts, all small",
+        _always(messy=True, mess_of=UNEVEN),
     ),
     Condition("bits-#", "converters of so many bits", lambda bits: {"bits": int(bits)}, 8, 16),
     Condition(

@@ -11,7 +11,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case, write_exam
-from pneucli.exam.conditions import CONDITIONS, DRAWN, Conditions, listed, parse
+from pneucli.exam.conditions import CONDITIONS, DRAWN, UNEVEN, Conditions, listed, parse
 from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE
 
 
@@ -139,6 +139,15 @@ def test_small_unknown_effects_act_besides_in_messy_cases_and_may_stay_unexplain
     assert (clean["mess"], clean["unexplained_is_right"]) == ({}, False)
     table, pure = (np.genfromtxt(tmp_path / n / "raw" / "axis_1.csv", delimiter=",", skip_header=3) for n in "ab")
     assert np.std(table[:, 3] - pure[:, 3]) > 0.005  # bar: more than the noise
+
+
+def test_on_an_uneven_rig_nothing_acts_besides_that_resembles_an_effect_of_the_catalogue(tmp_path):
+    of_valve, _ = _conditions(tmp_path / "a", "valve", "uneven")
+    assert set(of_valve["mess"]) == {"supply ripple that its sensor misses", "valve gain drifts over each recording"}
+    of_axis, _ = _conditions(tmp_path / "b", "axis", "uneven", hidden=["extra-mass"])
+    assert set(of_axis["mess"]) <= UNEVEN
+    assert 3 <= len(of_axis["mess"]) <= 4
+    assert of_axis["unexplained_is_right"]
 
 
 def test_a_healthy_rig_may_be_messy_too(tmp_path):
