@@ -32,19 +32,22 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from pneucli.diagnose.confidence import BESIDE, COMPLETE, Evidence
+from pneucli.diagnose.confidence import BESIDE, COMPLETE, UNLIKE, Evidence
 from pneucli.exam.calibration import EDGES
 from pneucli.exam.graded import Graded
 from pneucli.exam.grading import graded_cases
 
 Array = NDArray[np.float64]
-RIDGES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
+OF_EFFECTS = (0.3, 1.0, 3.0)  # the same of the weights of single effects
+ROUNDED = 0.1  # a weight of an effect that is smaller is not stated
 FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
 
 
@@ -68,18 +71,21 @@ def real(folder: Path) -> list[Graded]:
     return cases
 
 
-def told(cases: Sequence[Graded], *, complete: bool) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return the features (n, k) of effects that were added, whether one or a twin was there (n,), the case (n,).
+def told(
+    cases: Sequence[Graded], *, complete: bool
+) -> tuple[Array, NDArray[np.str_], NDArray[np.float64], NDArray[np.int64]]:
+    """Return of effects that were added the features (n, k), the name, whether one or a twin was there, and the case.
 
     Of cases in which nothing but noise is left (``complete``), or of the others.
     """
     rows = [
-        (evidence_of(g, c).features, is_there(g, c), i)
+        (evidence_of(g, c).features, c["effect"], is_there(g, c), i)
         for i, g in enumerate(cases)
         for c in g.answer.get("candidates", [])
         if c.get("evidence") and complete == (g.verdict != "unexplained")
     ]
-    return np.array([r[0] for r in rows]), np.array([r[1] for r in rows], float), np.array([r[2] for r in rows])
+    features, names, there, case = zip(*rows, strict=True)
+    return np.array(features), np.array(names), np.array(there, float), np.array(case)
 
 
 def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
@@ -105,19 +111,31 @@ def counted(cases: Sequence[Graded], *, complete: bool) -> Array:
     return np.where(asked, asked.sum() / (2.0 * np.maximum(number, 1)), 1.0)
 
 
-def fitted(x: Array, y: Array, counts: Array, ridge: float, known: Array) -> Array:
-    """Return the weights (k,) of the most likely logistic law, drawn toward the ``known`` one, the constant free."""
-    penalty = np.array([0.0, *[ridge] * (x.shape[1] - 1)])
+class Ridge(NamedTuple):
+    """How strongly weights are drawn: those of the evidence toward the known ones, those of single effects toward 0."""
+
+    evidence: float
+    effect: float
+
+
+def fitted(x: Array, y: Array, counts: Array, ridge: Ridge, known: Array) -> Array:
+    """Return the weights (k,) of the most likely logistic law; the constant is free.
+
+    The first of the features are those that ``known`` (m,) has weights of, the others tell the effect.
+    """
+    target = np.concatenate([known, np.zeros(x.shape[1] - known.size)])
+    penalty = np.where(np.arange(target.size) < known.size, ridge.evidence, ridge.effect)
+    penalty[0] = 0.0
 
     def cost(w: Array) -> tuple[float, Array]:
-        z, off = x @ w, penalty * (w - known)
-        value = float(counts @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - known))
+        z, off = x @ w, penalty * (w - target)
+        value = float(counts @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - target))
         return value, x.T @ (counts * (expit(z) - y)) + off
 
-    return np.asarray(minimize(cost, known, jac=True, method="BFGS").x)
+    return np.asarray(minimize(cost, target, jac=True, method="BFGS").x)
 
 
-def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: float, known: Array) -> Array:
+def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: Ridge, known: Array) -> Array:
     """Return the probability (n,) of each effect by the law of all other cases."""
     p = np.zeros(y.size)
     for one in np.unique(case):
@@ -144,25 +162,34 @@ def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
 
 def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew: bool) -> None:
     """Print a law, what each of its terms is worth, and its reliability; the first ``exams`` cases are of exams."""
-    x, y, case = told(cases, complete=complete)
+    x, effect, y, case = told(cases, complete=complete)
     if len(set(y)) < 2:
         return
-    now = np.array(COMPLETE if complete else BESIDE)
-    known = np.zeros(x.shape[1]) if anew else now
+    now, features = np.array(COMPLETE if complete else BESIDE), x.shape[1]
+    stated = expit(x @ now + [0.0 if complete else UNLIKE.get(e, 0.0) for e in effect])
+    known = np.zeros(features) if anew else now
     counts = counted(cases, complete=complete)[case]
-    ridge = min(RIDGES, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y, counts))
+    names = [] if complete else sorted(set(effect))
+    x = np.column_stack([x, *(effect == one for one in names)])
+    ridges = [Ridge(a, b) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
+    ridge = min(ridges, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y, counts))
     p = left_out(x, y, counts, case, ridge, known)
-    weights = tuple(round(float(w), 2) for w in fitted(x, y, counts, ridge, known))
-    print(f"{name} = {weights}, ridge {ridge}, {y.size} effects")
+    weights = fitted(x, y, counts, ridge, known)
+    print(f"{name} = {tuple(round(float(w), 2) for w in weights[:features])}, {ridge}, {y.size} effects")
+    of_effects = dict(zip(names, weights[features:], strict=True))
+    print({one: round(float(w), 1) for one, w in of_effects.items() if abs(w) > ROUNDED})
     print(
         f"{int(y.sum())} effects were there; Brier {np.average((p - y) ** 2, weights=counts):.3f}, "
         f"log score {log_score(p, y, counts):.3f}, "
         "each by a law that has not seen its case"
     )
-    print(f"the law as it is: log score {log_score(expit(x @ now), y, counts):.3f}")
+    print(f"the law as it is: log score {log_score(stated, y, counts):.3f}")
     for i, feature in enumerate(FEATURES[complete], 1):
         lesser = left_out(np.delete(x, i, 1), y, counts, case, ridge, np.delete(known, i))
         print(f"without {feature}: log score {log_score(lesser, y, counts):.3f}")
+    if names:
+        alike = left_out(x[:, :features], y, counts, case, ridge, known)
+        print(f"with all effects alike: log score {log_score(alike, y, counts):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():

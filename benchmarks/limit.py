@@ -67,7 +67,7 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
             (before,) = bench.without(last, [effect])
             place = Place(bench.trial(before, last, effect), ())
             found = evidence_of(bench, last, place.named, place, complete=not left)
-            yield Row(case.name, effect.name, probability(found), found.left)
+            yield Row(case.name, effect.name, probability(found, effect.name), found.left)
 
 
 def main(exams: list[Path]) -> None:

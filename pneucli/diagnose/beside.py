@@ -39,7 +39,7 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], 
     """
     evidence = evidence_of(bench, last, trial, place, complete=not left)
     if examined(bench, trial.effect):
-        known = probability(evidence) >= NAMED
+        known = probability(evidence, trial.effect.name) >= NAMED
     else:
         share = explained(trial.before, trial.state)
         agree = agreement(bench, last, trial.effect.name)
@@ -51,7 +51,13 @@ def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], 
         (bool(left) and not _good(bench, trial, place), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
-    if reason == "supported" and place is not None and not place.read_alone(bench) and outdone(bench, place):
+    if (
+        reason == "supported"
+        and not left
+        and place is not None
+        and not place.read_alone(bench)
+        and outdone(bench, place)
+    ):
         reason = "explained-by-signal"
     return Decision(trial.effect, reason, trial), evidence
 
@@ -85,8 +91,13 @@ def _held(bench: Bench, last: State, known: Weighed, left: Sequence[Remainder], 
 
 
 def _good(bench: Bench, trial: Trial, place: Place | None) -> bool:
-    """Whether the error that the user sees falls, or readings show the effect alone, which need no such proof."""
-    return bench.falls(trial.before, trial.state) or (place is not None and place.read_alone(bench))
+    """Whether the error that the user sees falls, as a rung of the ladder or in its place beside all others.
+
+    Or readings show the effect alone, which need no such proof.
+    """
+    if bench.falls(trial.before, trial.state) or place is None:
+        return bench.falls(trial.before, trial.state)
+    return bench.falls(place.named.before, place.named.state) or place.read_alone(bench)
 
 
 def lawful(effect: Effect, left: Sequence[Remainder]) -> bool:
@@ -142,7 +153,8 @@ def likely(bench: Bench, trial: Trial) -> float:
     """Return the probability that an effect, in its place beside others and something unknown, is there."""
     sure, size = _sure_and_size(bench, trial.state, trial.effect)
     left = Place(trial, ()).left(bench)
-    return probability(Evidence(None, sure, size, complete=False, left=left, imposed=imposed(bench, trial.effect)))
+    evidence = Evidence(None, sure, size, complete=False, left=left, imposed=imposed(bench, trial.effect))
+    return probability(evidence, trial.effect.name)
 
 
 def imposed(bench: Bench, effect: Effect) -> bool:

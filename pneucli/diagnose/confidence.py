@@ -56,6 +56,9 @@ def _decades(value: float, low: float, high: float) -> float:
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
 BESIDE = (-3.83, 1.17, 3.62, -3.0, 1.3)  # beside something unknown
+# beside something unknown, in its unit: how much less an effect resembles what small unknown things do than others
+# are alike; 0 of one that no exam has hidden
+UNLIKE: dict[str, float] = {}
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {
     "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,
@@ -63,10 +66,11 @@ REFUSED: dict[Reason, float] = {
 OTHERWISE = 0.003  # of all other reasons together
 
 
-def probability(evidence: Evidence) -> float:
-    """Return the probability that an effect with this evidence is there."""
+def probability(evidence: Evidence, effect: str = "") -> float:
+    """Return the probability that an effect with this evidence is there, by its name where exams have hidden it."""
     weights = COMPLETE if evidence.complete else BESIDE
     exponent = sum(w * x for w, x in zip(weights, evidence.features, strict=True))
+    exponent += 0.0 if evidence.complete else UNLIKE.get(effect, 0.0)
     return 1.0 / (1.0 + math.exp(-exponent))
 
 

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pneucli.diagnose.beside import Weighed, examined, likely, weighed, without_refused
+from pneucli.diagnose.beside import Weighed, evidence_of, examined, likely, weighed, without_refused
 from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
@@ -81,7 +81,10 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     alike = [Decision(t.effect, "supported", t) for name in missing for t in twins.get(name, [])]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
-    evidence = {d.effect.name: e for d, e in weights if d.reason not in ("cannot-show", "explained-by-signal")}
+    doubted = {t.effect.name: evidence_of(bench, t.state, t, Place(t, ()), complete=False) for t in found.doubted}
+    evidence = doubted | {
+        d.effect.name: e for d, e in weights if d.reason not in ("cannot-show", "explained-by-signal")
+    }
     parts = {n: _parts(bench, places[n], twins[n], complete=not left) for n in missing if n in places}
     sure = _confidence(bench, decisions, evidence, parts)
     shown = found.last if left and missing else found.rungs[_known([d for d, _ in weights])]
@@ -145,7 +148,7 @@ def _confidence(
     show of which there is no exam.
     """
     sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions if examined(bench, d.effect)}
-    known = {name: probability(evidence) for name, evidence in added.items() if name in sure}
+    known = {name: probability(evidence, name) for name, evidence in added.items() if name in sure}
     sure |= {name: Confidence(p, p) for name, p in known.items()}
     for name, of_each in parts.items():
         if name in known:

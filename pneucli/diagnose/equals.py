@@ -67,12 +67,11 @@ def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
     return sure and better.total > material(named.state.cost, named.state.samples)
 
 
-def equal(rival: Trial, best: State, *, noise_alone: bool) -> bool:
-    """Whether the data cannot tell an effect's rival from it.
+def equal(rival: Trial, best: State) -> bool:
+    """Whether the data cannot tell an effect's rival from it, where noise alone is left.
 
-    It is as good; or, where noise alone is left, it costs so little more that what is known of the noise and of the
-    state at each restart does not decide.
+    It is as good, or costs so little more that what is known of the noise and of the state at each restart does not
+    decide.
     """
     more, gained = rival.state.cost - best.cost, rival.before.cost - rival.state.cost
-    slight = more < SLIGHTLY * min(best.cost, gained + more)
-    return as_good(rival.state, best) or (noise_alone and slight)
+    return as_good(rival.state, best) or more < SLIGHTLY * min(best.cost, gained + more)

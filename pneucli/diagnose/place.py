@@ -29,14 +29,12 @@ class Place:
         """Return the rivals that the data cannot tell from the named effect.
 
         Where it is not ``complete``, what is left is no noise that would average out, but a few independent readings of
-        something unknown: of two that leave about as much the one may be ahead by chance.
+        something unknown: of two that leave about as much of what the named one acts in, the one may be ahead by
+        chance. What explains more of something else is no rival there.
         """
-        chance = 0.0 if complete else BY_CHANCE
-        return [
-            t
-            for t in self.rivals
-            if equal(t, self.named.state, noise_alone=complete) or self.left(bench, t) < chance * self.left(bench)
-        ]
+        if complete:
+            return [t for t in self.rivals if equal(t, self.named.state)]
+        return [t for t in self.rivals if self.left(bench, t) < BY_CHANCE * self.left(bench)]
 
     def read_alone(self, bench: Bench) -> bool:
         """Whether readings show such an effect alone, and show anything of it: a direct reading beats an inference."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from pneucli.diagnose.beside import lawful, likely
+from pneucli.diagnose.confidence import NAMED
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
@@ -28,7 +29,7 @@ class Search:
     """The way taken: ``rungs`` from the model as it is to the last, each with one effect more.
 
     ``places`` holds every effect of the last model with what passed in its place; ``decisions`` what became of the
-    others that were screened, one for each.
+    others that were screened, one for each; ``doubted`` are those of them that were added and were likelier absent.
     """
 
     rungs: tuple[State, ...]
@@ -36,6 +37,7 @@ class Search:
     decisions: tuple[Decision, ...]
     train: tuple[Remainder, ...]
     test: tuple[Remainder, ...]
+    doubted: tuple[Trial, ...] = ()
 
     @property
     def last(self) -> State:
@@ -56,19 +58,24 @@ class Search:
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
     rungs, rounds = _forward(bench, [base], [])
-    judged_by = rungs[-1]
-    left = remains(bench, judged_by)
-    if too_much(*left):
+    if too_much(*remains(bench, rungs[-1])):
         whole = _explaining_all(bench, rungs[-1], rounds[-1]) if len(rounds) == len(rungs) else None
         if whole is not None:
             rungs = [*rungs, whole.state]
         elif len(rungs) <= 2:
             rungs, rounds = _pairs(bench, rungs, rounds)
     rungs, places, refused = _revise(bench, rungs, rounds)
-    if rungs[-1] is not judged_by:
-        left = remains(bench, rungs[-1])
-    decisions = decided(rounds, refused, rungs[-1].names)
-    return Search(tuple(rungs), places, decisions, tuple(left[0]), tuple(left[1]))
+    last = rungs[-1]
+    doubted = [d for d in refused if d.reason == "explained-by-unknown" and d.effect.name not in last.names]
+    train, test = remains(bench, last)
+    return Search(
+        rungs=tuple(rungs),
+        places=places,
+        decisions=decided(rounds, refused, last.names),
+        doubted=tuple(d.trial for d in doubted if d.trial is not None),
+        train=tuple(train),
+        test=tuple(test),
+    )
 
 
 def decided(rounds: Sequence[Round], refused: Sequence[Decision], names: Sequence[str]) -> tuple[Decision, ...]:
@@ -116,7 +123,7 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
     same remainder would but stand in for it.
     """
     while able := passed(decisions):
-        first = foremost(able, lambda t: plausible(bench, t))
+        first = _first(bench, able)
         if hides(bench, first):
             decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
             continue
@@ -125,6 +132,19 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
             return first, decisions
         decisions = [_beside(d, first, refused) for d in decisions]
     return None, decisions
+
+
+def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
+    """Return the trial that leaves least; where even that leaves something unknown, the one likeliest to be there.
+
+    What leaves least is no better then: a spring of a tenth of its usual stiffness far from its rest is a force.
+    """
+    first = foremost(able, lambda t: plausible(bench, t))
+    return first if len(able) == 1 or not too_much(*remains(bench, first.state)) else _likeliest(bench, [first, *able])
+
+
+def _likeliest(bench: Bench, trials: Sequence[Trial]) -> Trial:
+    return max(trials, key=lambda t: likely(bench, t))
 
 
 def hides(bench: Bench, trial: Trial) -> bool:
@@ -193,31 +213,28 @@ def _places(
         rivals = tuple(t for t in passed(decisions) if t.effect.name != name)
         place = places[name] = Place(bench.trial(before, last, bench.effects[name]), rivals)
         free = tuple(t for t in place.rivals if t.effect.name not in barred)
-        better = [t for t in free if replaces(bench, t, place.named)]
-        if better:
-            return places, foremost(better, lambda t: plausible(bench, t))
-        likelier = _likelier(bench, Place(place.named, free))
-        if likelier is not None:
-            return places, likelier
+        better = _better(bench, Place(place.named, free))
+        if better is not None:
+            return places, better
     return places, None
 
 
-def _likelier(bench: Bench, place: Place) -> Trial | None:
-    """Return what the data cannot tell from the named effect and is likelier to be there, beside something unknown.
+def _better(bench: Bench, place: Place) -> Trial | None:
+    """Return what should stand in the place of the named effect, None where that is the best.
 
-    What leaves least is no better then: of a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
+    What replaces it as the data tell; beside something unknown the likeliest of what explains as much there: of a mass
+    of some grams and a sensor's scale of 8 % a rig has rather the scale.
     """
-    alike = place.alike(bench, complete=False)
-    if not alike:
-        return None
-    best = max([place.named, *alike], key=lambda t: likely(bench, t))
-    return best if best is not place.named and too_much(*remains(bench, place.named.state)) else None
+    able = [t for t in place.rivals if replaces(bench, t, place.named)]
+    first = foremost(able, lambda t: plausible(bench, t)) if able else place.named
+    if place.rivals and too_much(*remains(bench, first.state)):
+        first = _likeliest(bench, [place.named, *place.alike(bench, complete=False)])
+    return None if first is place.named else first
 
 
 def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round, dict[str, State]]:
-    """Return the state without effects that are not supported beside the others, the least missed first; and these.
+    """Return the state without effects that should not stay beside the others, one after the other; and these.
 
-    What the data would certainly and noticeably miss stays: it may not be supported alone, and yet carry the others.
     Returns, too, the states that lack one more, by its name, where more than one effect is left.
     """
     refused: Round = []
@@ -225,14 +242,29 @@ def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Ro
     while len(names := last.names[len(base.names) :]) > 1:
         effects = [bench.effects[name] for name in names]
         without = dict(zip(names, bench.without(last, effects), strict=True))
-        trials = [bench.trial(without[e.name], last, e) for e in effects]
-        needless = [t for t in trials if not supported(bench, t.before, [t]) and not _missed(t.before, last)]
-        if not needless:
+        least = _least(bench, last, [bench.trial(without[e.name], last, e) for e in effects])
+        if least is None:
             break
-        least = min(needless, key=lambda t: t.before.cost)
-        refused.append(Decision(least.effect, "needless", least))
-        last = least.before
+        refused.append(least)
+        last = without[least.effect.name]
     return last, refused, without
+
+
+def _least(bench: Bench, last: State, trials: Sequence[Trial]) -> Decision | None:
+    """Return which of the last state's effects should go first, None where all should stay.
+
+    One that is not supported beside the others, the least missed; but what the data would certainly and noticeably miss
+    stays: it may not be supported alone, and yet carry the others. Beside something unknown also the least likely, if
+    it is likelier absent: such a one takes from the others what is theirs.
+    """
+    needless = [t for t in trials if not supported(bench, t.before, [t]) and not _missed(t.before, last)]
+    if needless:
+        least = min(needless, key=lambda t: t.before.cost)
+        return Decision(least.effect, "needless", least)
+    if not too_much(*remains(bench, last)):
+        return None
+    least = min(trials, key=lambda t: likely(bench, t))
+    return Decision(least.effect, "explained-by-unknown", least) if likely(bench, least) < NAMED else None
 
 
 def _missed(before: State, last: State) -> bool:
@@ -288,11 +320,18 @@ def _pairs(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[
 
 
 def _both(bench: Bench, base: State, first: Trial, other: Effect, found: Sequence[Signature]) -> list[State] | None:
-    """Return the way over both effects, where each is supported beside the other."""
+    """Return the way over both effects, where each is supported beside the other.
+
+    Where even both leave something unknown each must be likely, too.
+    """
     (second,) = bench.added(first.state, [other], [found])
     if not supported(bench, first.state, [second]):
         return None
     (without,) = bench.without(second.state, [first.effect])
-    if not supported(bench, without, [bench.trial(without, second.state, first.effect)]):
+    beside = bench.trial(without, second.state, first.effect)
+    if not supported(bench, without, [beside]):
+        return None
+    stand_in = min(likely(bench, second), likely(bench, beside)) < NAMED
+    if stand_in and too_much(*remains(bench, second.state)):
         return None
     return [base, first.state, second.state]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import zip_longest
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ RISE = 1.05  # of an error that rests on few stick-slips, whose start noise shif
 READING = frozenset({"pressure sensor"})  # faults of it cannot show where no pressure is recorded
 Screened = tuple[Effect, list[Signature]]
 Errors = Mapping[str, float | None]
+Remainders = tuple[list[Remainder], list[Remainder]]
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,11 @@ class Bench:
         if (kind, name) not in self._channels:
             self._channels[kind, name] = Channel(found, self.train, kind, name)
         return self._channels[kind, name]
+
+    @cached_property
+    def remaining(self) -> WeakKeyDictionary[State, Remainders]:
+        """What states leave over, as far as it was asked for; a state that nobody needs any more is let go."""
+        return WeakKeyDictionary()
 
     @cached_property
     def _channels(self) -> dict[tuple[type[View], str], Channel]:
@@ -221,7 +228,7 @@ def _read_alone(model: Model, views: Sequence[View], effect: Effect) -> tuple[fl
     return float(sum(r @ r for r in left)), float(sum(np.count_nonzero(r) for r in left))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A fitted model and what it leaves over, as costs by block: ``train`` as fitted, ``test`` held out.
 
@@ -256,9 +263,11 @@ class State:
         return float(self.costs.sum())
 
 
-def remains(bench: Bench, state: State) -> tuple[list[Remainder], list[Remainder]]:
+def remains(bench: Bench, state: State) -> Remainders:
     """Return what a state leaves over in the fitted and in the held-out views."""
-    return remainders(state.model, bench.train), held_out_remainders(state.fit, bench.held_out)
+    if state not in bench.remaining:
+        bench.remaining[state] = remainders(state.model, bench.train), held_out_remainders(state.fit, bench.held_out)
+    return bench.remaining[state]
 
 
 @dataclass(frozen=True)

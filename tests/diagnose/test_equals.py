@@ -92,11 +92,9 @@ def test_a_simpler_equal_replaces_what_was_named():
 
 
 def test_equals_are_told_where_noise_alone_decides():
-    worse = rival("friction-asymmetry", -4000.0)
-    assert not equal(worse, CONSTANT.state, noise_alone=False)
-    assert equal(worse, CONSTANT.state, noise_alone=True)
-    assert not equal(rival("friction-asymmetry", -6000.0), CONSTANT.state, noise_alone=True)
-    assert equal(rival("friction-asymmetry", -100.0, 200.0), CONSTANT.state, noise_alone=False)
+    assert equal(rival("friction-asymmetry", -4000.0), CONSTANT.state)
+    assert not equal(rival("friction-asymmetry", -6000.0), CONSTANT.state)
+    assert equal(rival("friction-asymmetry", -100.0, 200.0), CONSTANT.state)
 
 
 def test_of_twins_the_last_digits_of_their_fits_decide_nothing():

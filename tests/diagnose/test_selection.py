@@ -12,7 +12,6 @@ import pytest
 from pneucli.diagnose import evidence
 from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.search import Search, search, tried
 from pneucli.diagnose.trial import State, Trial
@@ -26,15 +25,10 @@ def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(autouse=True)
-def likelier(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
-    """Which effect the law has rather than another one, where the data do not tell them apart; none unless stated."""
-    known: dict[str, str] = {}
-
-    def of(bench: Any, place: Place) -> Trial | None:
-        wanted = known.get(place.named.effect.name)
-        return next((t for t in place.rivals if t.effect.name == wanted), None)
-
-    monkeypatch.setattr(selection, "_likelier", of)
+def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """How likely each effect is beside something unknown; 0.9 unless stated."""
+    known: dict[str, float] = {}
+    monkeypatch.setattr(selection, "likely", lambda bench, trial: known.get(trial.effect.name, 0.9))
     return known
 
 
@@ -154,16 +148,50 @@ def test_a_better_rival_takes_the_place_of_an_effect() -> None:
     assert {d.effect.name: d.reason for d in refused.decisions} == {"b": "raises-error"}
 
 
-def test_what_is_likelier_and_not_told_from_an_effect_takes_its_place(likelier: dict[str, str]) -> None:
-    """Not where the user would see the error rise by it."""
+def test_where_something_unknown_is_left_the_likeliest_leads(sure: dict[str, float]) -> None:
+    """Not where the user would see the error rise by it, nor where the other leaves nothing."""
 
     def takes(chosen: frozenset[str]) -> float:
-        return max({"a": 0.62, "b": 0.6}.get(n, 0.0) for n in {*chosen, "c"})
+        return max({"a": 0.605, "b": 0.6}.get(n, 0.0) for n in {*chosen, "c"})
 
-    assert found(Toys([A, B, C], takes)).added == ["a"]
-    likelier["a"] = "b"
-    assert found(Toys([A, B, C], takes)).added == ["b"]
-    assert found(Toys([A, B, C], takes, worse={"b"})).added == ["a"]
+    assert found(Toys([A, B, C], takes, excess=2.0)).added == ["a"]
+    sure["b"] = 0.95
+    assert found(Toys([A, B, C], takes, excess=2.0)).added == ["b"]
+    assert found(Toys([A, B, C], takes, worse={"b"}, excess=2.0)).added == ["a"]
+    assert found(Toys([A, B, C], lambda chosen: max(takes(chosen), 2.0 * ("a" in chosen)), excess=2.0)).added == ["a"]
+
+
+def test_what_is_likelier_and_leaves_as_much_takes_the_place_of_an_effect(sure: dict[str, float]) -> None:
+    """Beside c, that is: alone b explained too little. What only leaves less of something else does not."""
+    sure["a"] = 0.8
+
+    def takes(chosen: frozenset[str]) -> float:
+        alone = {"a": 0.5, "b": 0.5 * ("c" in chosen)}
+        return max((alone[n] for n in chosen & {"a", "b"}), default=0.0) + 0.3 * ("c" in chosen)
+
+    assert names(found(Toys([A, B, C], takes, excess=2.0))) == {"b", "c"}
+    sure["b"] = 0.7
+    assert names(found(Toys([A, B, C], takes, excess=2.0))) == {"a", "c"}
+
+
+def test_what_is_likelier_absent_goes_where_something_unknown_is_left(sure: dict[str, float]) -> None:
+    """The least likely first; what is there alone stays, and all that leave nothing together."""
+    sure.update(b=0.4, c=0.3)
+    result = found(Toys([A, B, C], adding(a=0.4, b=0.2, c=0.2), excess=2.0))
+    assert result.added == ["a"]
+    assert [t.effect.name for t in result.doubted] == ["c", "b"]
+    assert {d.effect.name: d.reason for d in result.decisions} == dict.fromkeys("bc", "explained-by-unknown")
+    assert found(Toys([B, C], adding(b=0.4), excess=2.0)).added == ["b"]
+    assert names(found(Toys([A, B, C], adding(a=0.8, b=0.6, c=0.6), excess=2.0))) == {"a", "b", "c"}
+
+
+def test_a_pair_beside_something_unknown_must_be_likely(sure: dict[str, float]) -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        return 0.7 if {"a", "b"} <= chosen else 0.002 * len(chosen & {"a", "b"})
+
+    assert names(found(Toys([A, B], takes, excess=2.0))) == {"a", "b"}
+    sure["a"] = 0.4
+    assert names(found(Toys([A, B], takes, excess=2.0))) == set()
 
 
 def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:

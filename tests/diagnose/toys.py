@@ -79,6 +79,12 @@ class Toys:
     def felt(self, state: State, one: Any) -> tuple[float, int]:
         return float(state.train.sum()), TRAIN * SAMPLES
 
+    def parts(self, state: State, one: Any) -> list[tuple[float, float]]:
+        return [(float(state.train.sum()), TRAIN * SAMPLES), (float(state.test.sum()), state.test.size * SAMPLES)]
+
+    def alone(self, state: State, one: Any) -> list[tuple[float, float]]:
+        return []
+
     def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
         assert all(self.can_start(state, one) for one in effects)
         self.added_names += [(*state.names, one.name) for one in effects]
