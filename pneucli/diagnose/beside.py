@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,7 +15,7 @@ from pneucli.diagnose.evidence import disagreement, significance
 from pneucli.diagnose.judge import supported
 from pneucli.diagnose.known import contradicted
 from pneucli.diagnose.magnitude import magnitude
-from pneucli.diagnose.place import Place
+from pneucli.diagnose.place import INDEPENDENT, Place
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.trial import Bench, State, Trial, remains
 from pneucli.diagnose.unnamed import outdone
@@ -28,6 +29,7 @@ MUCH = 3.5  # times the expected rms: where so much is left, more than one thing
 EXPLAINS = 0.25  # of what exceeds noise, where much is left
 EXPLAINS_MOST = 0.95  # the same where little is left: an effect that resembles one unknown would leave little too
 EXPLAINS_ALONE = 0.9  # the same where no recording was held out to contradict it
+CERTAIN = 1e-6  # no effect is there, or absent, with less doubt
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 
 
@@ -155,6 +157,17 @@ def likely(bench: Bench, trial: Trial) -> float:
     left = Place(trial, ()).left(bench)
     evidence = Evidence(None, sure, size, complete=False, left=left, imposed=imposed(bench, trial.effect))
     return probability(evidence, trial.effect.name)
+
+
+def standing(bench: Bench, trial: Trial) -> float:
+    """Return the log of how likely a trial is against others that leave as much in its place.
+
+    Its odds, and what is left of the error that the user sees, as so many independent readings: a balance of forces has
+    few break-aways, and a trajectory hangs on them.
+    """
+    p = min(max(likely(bench, trial), CERTAIN), 1.0 - CERTAIN)
+    errors = [] if bench.shown is None else [e for e in bench.shown(trial.state.model).values() if e]
+    return math.log(p / (1.0 - p)) - INDEPENDENT * (float(np.mean(np.log(errors))) if errors else 0.0)
 
 
 def imposed(bench: Bench, effect: Effect) -> bool:

@@ -8,8 +8,9 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.special import softmax
 
-from pneucli.diagnose.beside import Weighed, evidence_of, examined, likely, weighed, without_refused
+from pneucli.diagnose.beside import Weighed, evidence_of, examined, standing, weighed, without_refused
 from pneucli.diagnose.confidence import Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
@@ -159,11 +160,11 @@ def _confidence(
 def _parts(bench: Bench, place: Place, alike: Sequence[Trial], *, complete: bool) -> dict[str, float]:
     """Return the likelihood of an effect and of those alike over that of all, by name.
 
-    Beside something unknown squares do not tell: there it is what the law says of each, one of them being there.
+    Beside something unknown squares do not tell: there it is how each stands against the others, one of them being
+    there.
     """
     trials = [place.named, *alike]
-    odds = [] if complete else [p / (1.0 - p) for p in (likely(bench, t) for t in trials)]
-    parts = shares([t.state for t in trials]) if complete else [one / sum(odds) for one in odds]
+    parts = shares([t.state for t in trials]) if complete else softmax([standing(bench, t) for t in trials]).tolist()
     return dict(zip([t.effect.name for t in trials], parts, strict=True))
 
 

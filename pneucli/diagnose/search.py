@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from pneucli.diagnose.beside import lawful, likely
+from pneucli.diagnose.beside import likely
 from pneucli.diagnose.confidence import NAMED
-from pneucli.diagnose.decision import Decision, Reason, passed
-from pneucli.diagnose.equals import as_good, foremost, plausible, replaces
+from pneucli.diagnose.decision import Decision, passed
+from pneucli.diagnose.equals import foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.judge import at_noise, material, supported
+from pneucli.diagnose.judge import material, supported
+from pneucli.diagnose.lead import best_placed, leading
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.round import Round, tried
@@ -116,62 +117,6 @@ def _explaining_all(bench: Bench, before: State, decisions: Round) -> Trial | No
     return best if best is not None and not too_much(*remains(bench, best.state)) else None
 
 
-def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
-    """Return the foremost trial that passes and that the user sees the good of, and what is decided with that.
-
-    Where that one is refused, only what the data cannot tell from it may come in its place: a lesser explanation of the
-    same remainder would but stand in for it.
-    """
-    while able := passed(decisions):
-        first = _first(bench, able)
-        if hides(bench, first):
-            decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
-            continue
-        refused = unseen(bench, first)
-        if refused is None:
-            return first, decisions
-        decisions = [_beside(d, first, refused) for d in decisions]
-    return None, decisions
-
-
-def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
-    """Return the trial that leaves least; where even that leaves something unknown, the one likeliest to be there.
-
-    What leaves least is no better then: a spring of a tenth of its usual stiffness far from its rest is a force.
-    """
-    first = foremost(able, lambda t: plausible(bench, t))
-    return first if len(able) == 1 or not too_much(*remains(bench, first.state)) else _likeliest(bench, [first, *able])
-
-
-def _likeliest(bench: Bench, trials: Sequence[Trial]) -> Trial:
-    return max(trials, key=lambda t: likely(bench, t))
-
-
-def hides(bench: Bench, trial: Trial) -> bool:
-    """Whether an effect that states bounds leaves a force over: any force within them would stay hidden."""
-    return trial.effect.bounds and not lawful(trial.effect, too_much(*remains(bench, trial.state)))
-
-
-def _beside(decision: Decision, first: Trial, refused: Reason) -> Decision:
-    """Return what becomes of a decision where the foremost trial is refused."""
-    trial = decision.trial
-    if trial is first:
-        return replace(decision, reason=refused)
-    lesser = trial is not None and decision.supported and not as_good(trial.state, first.state)
-    return replace(decision, reason="explained-by-unknown") if lesser else decision
-
-
-def unseen(bench: Bench, trial: Trial) -> Reason | None:
-    """Return why the error that the user sees speaks against a trial, None where it does not.
-
-    Where no more than noise is left, it must fall by more than chance moves it: a sure and tiny effect is one that the
-    rig's description, the smoothing or the clock may have as well.
-    """
-    if bench.raises(trial.before, trial.state):
-        return "raises-error"
-    return "immaterial" if at_noise(trial.before) and not bench.lowers(trial.before, trial.state) else None
-
-
 def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], dict[str, Place], Round]:
     """Drop what later additions made needless, and put better rivals in place of effects.
 
@@ -222,13 +167,13 @@ def _places(
 def _better(bench: Bench, place: Place) -> Trial | None:
     """Return what should stand in the place of the named effect, None where that is the best.
 
-    What replaces it as the data tell; beside something unknown the likeliest of what explains as much there: of a mass
-    of some grams and a sensor's scale of 8 % a rig has rather the scale.
+    What replaces it as the data tell; beside something unknown what stands best of all that explains as much there: of
+    a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
     """
     able = [t for t in place.rivals if replaces(bench, t, place.named)]
     first = foremost(able, lambda t: plausible(bench, t)) if able else place.named
     if place.rivals and too_much(*remains(bench, first.state)):
-        first = _likeliest(bench, [place.named, *place.alike(bench, complete=False)])
+        first = best_placed(bench, place)
     return None if first is place.named else first
 
 

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 BINS = 10  # of a signal, each with as many samples
+UNSHOWN = 6.0  # times the variance that groups show where more than noise is left: what all have in common they do not
 ALONE = 0.9  # of what is known of a direction: a group that knows more is not left out of it, the others cannot tell
 
 
@@ -44,7 +45,8 @@ def widening(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
 
     ``groups`` number the residuals (N,). What they add has one degree less than there are groups, as of equal ones,
     that tell of the parameter; what blocks of time tell is taken for known. The sum has the degrees of Welch and
-    Satterthwaite.
+    Satterthwaite. A law that the model lacks moves a parameter also by what all groups have in common, which none of
+    them shows: so what they add counts UNSHOWN times, as far as the squares that tell of it are beyond noise.
     """
     blocks, usual = _sandwich(found, found.blocks), _jackknife(found, found.blocks)
     variance, tell = np.diag(found.covariance), (found.jacobian @ found.bread) ** 2
@@ -54,9 +56,17 @@ def widening(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
         if beyond.any():
             part = np.where(beyond, np.maximum(_jackknife(found, labels) - usual, 0.0), 0.0)
             more, unsure = more + part, unsure + part**2 / _freedom(tell, labels)
+    scale = 1.0 + (UNSHOWN - 1.0) * _beyond_noise(tell, found.residual)
+    more, unsure = scale * more, scale**2 * unsure
     growth = 1.0 + np.divide(more, variance, out=np.zeros_like(more), where=variance > 0.0)
     freedom = np.divide((variance + more) ** 2, unsure, out=np.full_like(more, np.inf), where=unsure > 0.0)
     return growth, np.maximum(freedom, 1.0)
+
+
+def _beyond_noise(tell: Array, residual: Array) -> Array:
+    """Return the share beyond noise of the squares of residuals (N,) that ``tell`` (N, k) of each parameter, (k,)."""
+    total, squares = tell.sum(axis=0), residual**2 @ tell
+    return np.asarray(1.0 - np.divide(total, squares, out=np.ones_like(total), where=squares > total))
 
 
 def _freedom(tell: Array, labels: Labels) -> Array:

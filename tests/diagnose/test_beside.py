@@ -211,7 +211,26 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
     monkeypatch.setattr(place.Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
     known = Evidence(None, 20.0, 0.5, complete=False, left=0.3, imposed=True)
-    assert beside.likely(where, tried) == probability(known)
+    assert beside.likely(where, tried) == probability(known, "extra-mass")
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        (None, np.log(3.0)),
+        ({"train": 2.0, "test": None}, np.log(3.0) - 10.0 * np.log(2.0)),
+        ({"train": 2.0, "test": 8.0}, np.log(3.0) - 10.0 * np.log(4.0)),
+    ],
+)
+def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readings(
+    monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
+) -> None:
+    """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
+    monkeypatch.setattr(beside, "likely", lambda bench, trial: 0.75)
+    where = replace(bench(held_out=False), shown=None if errors is None else lambda model: errors)
+    assert beside.standing(where, trial("stribeck", before=trials.state())) == pytest.approx(expected)
+    monkeypatch.setattr(beside, "likely", lambda bench, trial: 1.0)
+    assert np.isfinite(beside.standing(where, trial("stribeck", before=trials.state())))
 
 
 def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:

@@ -71,7 +71,8 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "remains", lambda bench, state: (given.get("remains", [MUCH]), []))
         monkeypatch.setattr(diagnosis, "weighed", weighed)
         monkeypatch.setattr(diagnosis, "without_refused", without_refused)
-        monkeypatch.setattr(diagnosis, "likely", lambda bench, one: 0.25 if one is rival else 0.75)  # odds 1 : 9
+        odds = np.log([1.0, 9.0])
+        monkeypatch.setattr(diagnosis, "standing", lambda bench, one: odds[0] if one is rival else odds[1])
         monkeypatch.setattr(diagnosis, "examined", lambda bench, effect: given.get("examined", True))
         monkeypatch.setattr(diagnosis, "describe", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import evidence
+from pneucli.diagnose import evidence, lead
 from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.remainder import Remainder
@@ -21,14 +21,17 @@ from tests.diagnose.toys import Toys, adding, effect
 
 @pytest.fixture(autouse=True)
 def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(selection, "plausible", lambda bench, trial: True)
+    for module in (selection, lead):
+        monkeypatch.setattr(module, "plausible", lambda bench, trial: True)
 
 
 @pytest.fixture(autouse=True)
 def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """How likely each effect is beside something unknown; 0.9 unless stated."""
     known: dict[str, float] = {}
-    monkeypatch.setattr(selection, "likely", lambda bench, trial: known.get(trial.effect.name, 0.9))
+    for module in (selection, lead):
+        monkeypatch.setattr(module, "likely", lambda bench, trial: known.get(trial.effect.name, 0.9))
+    monkeypatch.setattr(lead, "standing", lambda bench, trial: known.get(trial.effect.name, 0.9))
     return known
 
 
@@ -40,7 +43,8 @@ def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
         ratio = float(np.sqrt(state.cost / state.samples))
         return [Remainder(Forces, "force", ratio, ratio, ())], []
 
-    monkeypatch.setattr(selection, "remains", left)
+    for module in (selection, lead):
+        monkeypatch.setattr(module, "remains", left)
     monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
 
 

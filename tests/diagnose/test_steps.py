@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pneucli.diagnose import search
+from pneucli.diagnose import lead, search
 from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
@@ -20,12 +20,14 @@ MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
 
 @pytest.fixture(autouse=True)
 def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "plausible", lambda bench, trial: True)
+    for module in (search, lead):
+        monkeypatch.setattr(module, "plausible", lambda bench, trial: True)
 
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "remains", lambda bench, state: ([], []))
+    for module in (search, lead):
+        monkeypatch.setattr(module, "remains", lambda bench, state: ([], []))
 
 
 def decision(tried: Trial) -> Decision:
@@ -46,7 +48,7 @@ def decision(tried: Trial) -> Decision:
 def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[float, float | None], reason: str):
     tried = trial("extra-mass", before=BEFORE)
     where = bench([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.state, *after)])
-    leader, (decided,) = search.leading(where, [decision(tried)])
+    leader, (decided,) = lead.leading(where, [decision(tried)])
     assert decided.reason == reason
     assert (leader is tried) == (reason == "supported")
 
@@ -64,7 +66,7 @@ def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(co
     start = state(cost=cost)
     tried = trial("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
     where = bench([(start, 1.1, 1.1), (tried.state, *after)])
-    assert search.leading(where, [decision(tried)])[1][0].reason == reason
+    assert lead.leading(where, [decision(tried)])[1][0].reason == reason
 
 
 @pytest.mark.parametrize(
@@ -77,7 +79,7 @@ def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(co
 def test_only_an_equal_leads_where_the_best_raises_the_error(cost: float, leads: bool, reason: str):
     best, second = trial("extra-mass", cost, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
     where = bench([(BEFORE, 10.0, 10.0), (best.state, 11.0, 11.0), (second.state, 5.0, 5.0)])
-    leader, decisions = search.leading(where, [decision(best), decision(second)])
+    leader, decisions = lead.leading(where, [decision(best), decision(second)])
     assert leader is (second if leads else None)
     assert [d.reason for d in decisions] == ["raises-error", reason]
 
@@ -88,16 +90,17 @@ def test_what_states_bounds_does_not_lead_where_a_force_is_left(monkeypatch, kin
     bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
     where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
     left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
-    monkeypatch.setattr(search, "remains", lambda bench, state: (left, []))
-    monkeypatch.setattr(search, "likely", lambda bench, one: 0.6 if one is bounds else 0.5)
-    leader, decisions = search.leading(where, [decision(bounds), decision(other)])
+    monkeypatch.setattr(lead, "remains", lambda bench, state: (left, []))
+    for name in ("likely", "standing"):
+        monkeypatch.setattr(lead, name, lambda bench, one: 0.6 if one is bounds else 0.5)
+    leader, decisions = lead.leading(where, [decision(bounds), decision(other)])
     assert leader is (bounds if leads else other)
     assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
 def test_without_a_supported_trial_nobody_leads():
     tried = trial("extra-mass", before=BEFORE)
-    assert search.leading(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
+    assert lead.leading(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
 
 
 class Climbing(Bench):
@@ -261,7 +264,7 @@ def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_is_fou
     named, *rivals = (trial(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
     far = trial("heat-transfer", 7900.0, before=BEFORE)
     likely = law | {"stribeck": 0.5, "heat-transfer": 0.99}
-    monkeypatch.setattr(search, "likely", lambda bench, one: likely[one.effect.name])
+    monkeypatch.setattr(lead, "standing", lambda bench, one: likely[one.effect.name])
     monkeypatch.setattr(search, "remains", lambda bench, state: (left, []))
     better = search._better(bench(held_out=False), Place(named, (*rivals, far)))
     assert (better.effect.name if better else None) == found

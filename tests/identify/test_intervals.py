@@ -37,11 +37,14 @@ def test_leaving_out_groups_of_equal_size_gives_the_variance_of_their_means() ->
     assert intervals._jackknife(found, labels) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
 
 
-def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it() -> None:
-    """200 rigs whose level is 10: of the 95 % intervals 95 % hold it, where something over x is missed too (of 200 not
-    fewer than 181 but once in 300 times). Ten groups tell how much, so there are nine degrees of freedom and a few for
-    what blocks tell.
+def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where groups show all: 200 rigs whose level is 10. Of the 95 % intervals 95 % hold it, where something over x is
+    missed too (of 200 not fewer than 181 but once in 300 times). Ten groups tell how much, so there are nine degrees of
+    freedom and a few for what blocks tell.
     """
+    monkeypatch.setattr(intervals, "UNSHOWN", 1.0)
     position = np.arange(N) // 10 % 10  # the piston comes by each place 40 times
     blocks, held, usual, wider = np.arange(N) // 20, 0, 0, []
     for seed in range(200):
@@ -60,8 +63,26 @@ def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it
     assert np.median(wider) < 1.5
 
 
-def test_intervals_are_those_of_students_t() -> None:
+@pytest.mark.parametrize(("noise", "times"), [(0.1, 1.0), (1.0, 1.0), (2.0, 4.75), (10.0, 5.95)])
+def test_what_groups_add_counts_six_times_as_far_as_squares_are_beyond_noise(
+    monkeypatch: pytest.MonkeyPatch, noise: float, times: float
+) -> None:
+    """At twice the noise three quarters of the squares are beyond it: 1 + 5 times 3/4."""
+    labels = np.arange(N) // 10 % 10
+    left = np.random.default_rng(5).standard_normal(N) + 0.5 * np.sin(labels)
+    left -= left.mean()
+    found = mean_of(noise * left / np.sqrt(np.mean(left**2)), np.arange(N) // 20)
+    (told,), (freedom,) = widening(found, iter([labels]))
+    monkeypatch.setattr(intervals, "UNSHOWN", 1.0)
+    (shown,), _ = widening(found, iter([labels]))
+    assert told - 1.0 == pytest.approx(times * (shown - 1.0))
+    assert shown > 1.5
+    assert freedom >= 9.0
+
+
+def test_intervals_are_those_of_students_t(monkeypatch: pytest.MonkeyPatch) -> None:
     """Position is one sample in ten after another, and ten groups of it are all that tells."""
+    monkeypatch.setattr(intervals, "UNSHOWN", 1.0)
     time = clock(4.0)
     view: Any = SimpleNamespace(
         experiment=bench("axis", time, {"x": 0.01 * (np.arange(N + 1) // 10 % 10)}), channels=("p1",)

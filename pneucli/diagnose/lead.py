@@ -1,0 +1,75 @@
+"""Which effect leads a round: what is added next to the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from pneucli.diagnose.beside import lawful, likely, standing
+from pneucli.diagnose.decision import Decision, Reason, passed
+from pneucli.diagnose.equals import as_good, foremost, plausible
+from pneucli.diagnose.judge import at_noise
+from pneucli.diagnose.place import Place
+from pneucli.diagnose.remainder import too_much
+from pneucli.diagnose.round import Round
+from pneucli.diagnose.trial import Bench, Trial, remains
+
+
+def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
+    """Return the foremost trial that passes and that the user sees the good of, and what is decided with that.
+
+    Where that one is refused, only what the data cannot tell from it may come in its place: a lesser explanation of the
+    same remainder would but stand in for it.
+    """
+    while able := passed(decisions):
+        first = _first(bench, able)
+        if hides(bench, first):
+            decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
+            continue
+        refused = unseen(bench, first)
+        if refused is None:
+            return first, decisions
+        decisions = [_beside(d, first, refused) for d in decisions]
+    return None, decisions
+
+
+def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
+    """Return the trial that leaves least; where even that leaves something unknown, the one likeliest to be there.
+
+    What leaves least is no better then: a spring of a tenth of its usual stiffness far from its rest is a force.
+    """
+    first = foremost(able, lambda t: plausible(bench, t))
+    if len(able) == 1 or not too_much(*remains(bench, first.state)):
+        return first
+    likeliest = max([first, *able], key=lambda t: likely(bench, t))
+    return best_placed(bench, Place(likeliest, tuple(t for t in able if t is not likeliest)))
+
+
+def best_placed(bench: Bench, place: Place) -> Trial:
+    """Return what stands best of the named effect and of what leaves as much in its place, beside something unknown."""
+    return max([place.named, *place.alike(bench, complete=False)], key=lambda t: standing(bench, t))
+
+
+def hides(bench: Bench, trial: Trial) -> bool:
+    """Whether an effect that states bounds leaves a force over: any force within them would stay hidden."""
+    return trial.effect.bounds and not lawful(trial.effect, too_much(*remains(bench, trial.state)))
+
+
+def _beside(decision: Decision, first: Trial, refused: Reason) -> Decision:
+    """Return what becomes of a decision where the foremost trial is refused."""
+    trial = decision.trial
+    if trial is first:
+        return replace(decision, reason=refused)
+    lesser = trial is not None and decision.supported and not as_good(trial.state, first.state)
+    return replace(decision, reason="explained-by-unknown") if lesser else decision
+
+
+def unseen(bench: Bench, trial: Trial) -> Reason | None:
+    """Return why the error that the user sees speaks against a trial, None where it does not.
+
+    Where no more than noise is left, it must fall by more than chance moves it: a sure and tiny effect is one that the
+    rig's description, the smoothing or the clock may have as well.
+    """
+    if bench.raises(trial.before, trial.state):
+        return "raises-error"
+    return "immaterial" if at_noise(trial.before) and not bench.lowers(trial.before, trial.state) else None
