@@ -1,14 +1,17 @@
 """Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
 
-    pneucli exam M --condition messy --cases 60 --nulls 150 --seed 1045187245
-    pneucli exam I1 --condition imposed+messy --cases 60 --nulls 60 --seed 20261124
-    pneucli exam I2 --condition imposed+messy --cases 60 --nulls 60 --seed 20261125
+    pneucli exam M1 --condition messy --cases 120 --nulls 40 --seed 918273
+    pneucli exam M2 --condition uneven --condition messy --cases 50 --nulls 30 --seed 60211
+    pneucli exam I --condition imposed+messy --cases 60 --nulls 40 --seed 77123
     (each once more with --answer)
+    python -m benchmarks.confidence --anew M1 M2 I
+
+These gave BESIDE and UNLIKE (in M1 as written before a spool that sticks kept its lag). With ``--real REAL`` the
+answers to real recordings count, too:
+
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.confidence --real REAL M I1 I2
 
-These gave BESIDE, drawn toward (-3.4, 1.74, 3.32, -1.42, 0), which 123 cases of another exam of ``messy`` had given.
 COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
     pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
@@ -20,8 +23,8 @@ COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does
     pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of the first twelve, and
     pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/diagnosis.md
 
-The law is fitted, drawn toward the one that it renews (``--anew``: toward none), and judged case by case, each by a law
-that has not seen it.
+The law is fitted, drawn toward the one that it renews (``--anew``: toward none) and its effects toward being alike, and
+judged case by case, each by a law that has not seen it.
 """
 
 from __future__ import annotations

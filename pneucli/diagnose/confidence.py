@@ -55,16 +55,16 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-1.86, 1.4, 4.27, -1.64, 1.3)  # beside something unknown
+BESIDE = (-2.73, 1.99, 3.41, -1.83, -0.34)  # beside something unknown
 # beside something unknown, in its unit: how much less an effect resembles what small unknown things do than others
 # are alike; 0 of one that no exam has hidden
 UNLIKE = {
-    "acceleration-bias": 0.7, "chamber-leak": 1.9, "constant-force": -1.7, "critical-ratio": 0.9, "dead-volume": 0.6,
-    "dwell-breakaway": 0.7, "end-cushion": 1.9, "extra-mass": -0.4, "friction-asymmetry": -1.3,
-    "friction-hysteresis": -2.5, "heat-transfer": 0.5, "laminar-leak": 2.5, "line-delay": -2.2, "piston-leak": 0.2,
-    "presliding": 1.0, "pressure-friction": -0.2, "pressure-lag": 0.4, "pressure-offset": -0.4, "pressure-scale": -1.5,
-    "spring-force": 0.4, "stribeck": -0.2, "supply-droop": 1.6, "time-skew": -0.5, "valve-hysteresis": -2.6,
-    "valve-lag": -1.8, "valve-leak": 1.6,
+    "acceleration-bias": 0.7, "chamber-leak": 2.2, "constant-force": -2.4, "critical-ratio": 1.3, "dead-volume": 0.4,
+    "dwell-breakaway": 0.8, "end-cushion": 0.6, "extra-mass": -1.3, "friction-asymmetry": -1.3,
+    "friction-hysteresis": -1.9, "heat-transfer": 0.7, "laminar-leak": 2.6, "line-delay": -2.0,
+    "position-friction": 1.4, "presliding": 0.9, "pressure-friction": -0.8, "pressure-lag": 0.3,
+    "pressure-offset": -0.3, "pressure-scale": -2.0, "spring-force": 1.0, "supply-droop": 1.8, "valve-deadband": 0.2,
+    "valve-hysteresis": -2.2, "valve-lag": -2.5, "valve-leak": 1.6,
 }  # fmt: skip
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import confidence
-from pneucli.diagnose.confidence import NAMED, Evidence, probability, refused, shares
+from pneucli.diagnose.confidence import NAMED, UNLIKE, Evidence, probability, refused, shares
 from pneucli.diagnose.decision import Reason
 from pneucli.diagnose.trial import State
+from pneucli.exam.hidden import CATALOGUE
 from tests.diagnose.trials import costing
 
 MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3, left=0.3)
@@ -62,9 +63,8 @@ def test_where_something_is_left_the_error_that_the_user_sees_says_nothing_besid
     assert probability(MIDDLING._replace(share=0.9)) == probability(MIDDLING)
 
 
-def test_where_the_motion_is_imposed_the_same_evidence_beside_something_unknown_is_surer() -> None:
-    """No error of the model piles up there that an effect could stand in for."""
-    assert probability(MIDDLING._replace(imposed=True)) > probability(MIDDLING)
+def test_where_the_motion_is_imposed_the_law_beside_something_unknown_is_another() -> None:
+    assert probability(MIDDLING._replace(imposed=True)) != probability(MIDDLING)
     assert probability(COMPLETE._replace(imposed=True)) == probability(COMPLETE)
 
 
@@ -124,3 +124,15 @@ def test_twins_share_equally() -> None:
 def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
     """A total of a hundredth, of the same sign in every block: far less than a chi-square of one parameter."""
     assert shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None:
+    """A spool's play is what many unknown things resemble, a leak what few do; where noise is left all are alike."""
+    unknown, leak, play = (probability(MIDDLING, name) for name in ("", "chamber-leak", "valve-hysteresis"))
+    assert play < unknown < leak
+    assert probability(MIDDLING, "of-a-plugin") == unknown
+    assert probability(COMPLETE, "chamber-leak") == probability(COMPLETE, "valve-hysteresis")
+
+
+def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
+    assert set(UNLIKE) <= {effect.name for effect in CATALOGUE}
