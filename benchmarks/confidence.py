@@ -4,14 +4,11 @@
     pneucli exam M2 --condition uneven --condition messy --cases 50 --nulls 30 --seed 60211
     pneucli exam I --condition imposed+messy --cases 60 --nulls 40 --seed 77123
     (each once more with --answer)
-    python -m benchmarks.confidence --anew M1 M2 I
-
-These gave BESIDE and UNLIKE (in M1 as written before a spool that sticks kept its lag). With ``--real REAL`` the
-answers to real recordings count, too:
-
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
+    python -m benchmarks.confidence --anew --real REAL M1 M2 I
 
+These gave BESIDE and UNLIKE (M1 as it was written before a spool that sticks kept its lag).
 COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
     pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
@@ -169,11 +166,12 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
     if len(set(y)) < 2:
         return
     now, features = np.array(COMPLETE if complete else BESIDE), x.shape[1]
-    stated = expit(x @ now + [0.0 if complete else UNLIKE.get(e, 0.0) for e in effect])
+    own = np.full(y.size, not complete) & (x[:, -1] == 0.0)  # where each effect has a weight of its own: not imposed
+    stated = expit(x @ now + own * [UNLIKE.get(e, 0.0) for e in effect])
     known = np.zeros(features) if anew else now
     counts = counted(cases, complete=complete)[case]
     names = [] if complete else sorted(set(effect))
-    x = np.column_stack([x, *(effect == one for one in names)])
+    x = np.column_stack([x, *(own & (effect == one) for one in names)])
     ridges = [Ridge(a, b) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
     ridge = min(ridges, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y, counts))
     p = left_out(x, y, counts, case, ridge, known)

@@ -55,16 +55,16 @@ def _decades(value: float, low: float, high: float) -> float:
 
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-2.73, 1.99, 3.41, -1.83, -0.34)  # beside something unknown
-# beside something unknown, in its unit: how much less an effect resembles what small unknown things do than others
-# are alike; 0 of one that no exam has hidden
+BESIDE = (-2.64, 1.66, 2.79, -2.23, -0.45)  # beside something unknown
+# how much less than others an effect resembles what small unknown things do beside it, in the law's unit; where the
+# motion is imposed all are alike, and so is an effect that no exam has hidden
 UNLIKE = {
-    "acceleration-bias": 0.7, "chamber-leak": 2.2, "constant-force": -2.4, "critical-ratio": 1.3, "dead-volume": 0.4,
-    "dwell-breakaway": 0.8, "end-cushion": 0.6, "extra-mass": -1.3, "friction-asymmetry": -1.3,
-    "friction-hysteresis": -1.9, "heat-transfer": 0.7, "laminar-leak": 2.6, "line-delay": -2.0,
-    "position-friction": 1.4, "presliding": 0.9, "pressure-friction": -0.8, "pressure-lag": 0.3,
-    "pressure-offset": -0.3, "pressure-scale": -2.0, "spring-force": 1.0, "supply-droop": 1.8, "valve-deadband": 0.2,
-    "valve-hysteresis": -2.2, "valve-lag": -2.5, "valve-leak": 1.6,
+    "acceleration-bias": 0.5, "chamber-leak": 2.1, "constant-force": -3.0, "critical-ratio": 1.2, "dead-volume": 0.4,
+    "dwell-breakaway": 0.8, "end-cushion": 2.0, "extra-mass": -0.6, "friction-asymmetry": -1.0,
+    "friction-hysteresis": -2.0, "heat-transfer": 0.7, "laminar-leak": 2.7, "line-delay": -1.9,
+    "position-friction": 1.5, "presliding": 0.8, "pressure-friction": -1.7, "pressure-lag": 0.4,
+    "pressure-scale": -2.0, "spring-force": 0.4, "stribeck": -0.2, "supply-droop": 1.8, "time-skew": 0.3,
+    "valve-deadband": 0.2, "valve-hysteresis": -2.1, "valve-lag": -2.5, "valve-leak": 1.6,
 }  # fmt: skip
 # the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
 REFUSED: dict[Reason, float] = {
@@ -77,7 +77,8 @@ def probability(evidence: Evidence, effect: str = "") -> float:
     """Return the probability that an effect with this evidence is there, by its name where exams have hidden it."""
     weights = COMPLETE if evidence.complete else BESIDE
     exponent = sum(w * x for w, x in zip(weights, evidence.features, strict=True))
-    exponent += 0.0 if evidence.complete else UNLIKE.get(effect, 0.0)
+    if not (evidence.complete or evidence.imposed):
+        exponent += UNLIKE.get(effect, 0.0)
     return 1.0 / (1.0 + math.exp(-exponent))
 
 

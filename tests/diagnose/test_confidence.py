@@ -127,11 +127,12 @@ def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
 
 
 def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None:
-    """A spool's play is what many unknown things resemble, a leak what few do; where noise is left all are alike."""
+    """A spool's play is what many unknown things resemble, a leak what few do. Where noise is left, or the motion is imposed, all are alike."""
     unknown, leak, play = (probability(MIDDLING, name) for name in ("", "chamber-leak", "valve-hysteresis"))
     assert play < unknown < leak
     assert probability(MIDDLING, "of-a-plugin") == unknown
-    assert probability(COMPLETE, "chamber-leak") == probability(COMPLETE, "valve-hysteresis")
+    for where in (COMPLETE, MIDDLING._replace(imposed=True)):
+        assert probability(where, "chamber-leak") == probability(where, "valve-hysteresis")
 
 
 def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
