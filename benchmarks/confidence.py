@@ -178,7 +178,7 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
     weights = fitted(x, y, counts, ridge, known)
     print(f"{name} = {tuple(round(float(w), 2) for w in weights[:features])}, {ridge}, {y.size} effects")
     of_effects = dict(zip(names, weights[features:], strict=True))
-    print({one: round(float(w), 1) for one, w in of_effects.items() if abs(w) > ROUNDED})
+    print({str(one): round(float(w), 1) for one, w in of_effects.items() if abs(w) > ROUNDED})
     print(
         f"{int(y.sum())} effects were there; Brier {np.average((p - y) ** 2, weights=counts):.3f}, "
         f"log score {log_score(p, y, counts):.3f}, "

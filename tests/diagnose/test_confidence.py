@@ -127,7 +127,10 @@ def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
 
 
 def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None:
-    """A spool's play is what many unknown things resemble, a leak what few do. Where noise is left, or the motion is imposed, all are alike."""
+    """A spool's play is what many unknown things resemble, a leak what few do.
+
+    Where noise is left, or the motion is imposed, all are alike.
+    """
     unknown, leak, play = (probability(MIDDLING, name) for name in ("", "chamber-leak", "valve-hysteresis"))
     assert play < unknown < leak
     assert probability(MIDDLING, "of-a-plugin") == unknown
