@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from pneucli.diagnose.confidence import BESIDE, COMPLETE, UNLIKE, Evidence
+from pneucli.diagnose.confidence import BESIDE, COMPLETE, Evidence, probability
 from pneucli.exam.calibration import EDGES
 from pneucli.exam.graded import Graded
 from pneucli.exam.grading import graded_cases
@@ -71,28 +71,33 @@ def real(folder: Path) -> list[Graded]:
     return cases
 
 
-def told(
-    cases: Sequence[Graded], *, complete: bool
-) -> tuple[Array, NDArray[np.str_], NDArray[np.float64], NDArray[np.int64]]:
-    """Return of effects that were added the features (n, k), the name, whether one or a twin was there, and the case.
+def told(cases: Sequence[Graded], *, complete: bool) -> tuple[list[Evidence], Array, NDArray[np.int64]]:
+    """Return of effects that were added what they rest on, whether one or a twin was there (n,), and the case (n,).
 
     Of cases in which nothing but noise is left (``complete``), or of the others.
     """
     rows = [
-        (evidence_of(g, c).features, c["effect"], is_there(g, c), i)
+        (evidence_of(g, c), is_there(g, c), i)
         for i, g in enumerate(cases)
         for c in g.answer.get("candidates", [])
         if c.get("evidence") and complete == (g.verdict != "unexplained")
     ]
-    features, names, there, case = zip(*rows, strict=True)
-    return np.array(features), np.array(names), np.array(there, float), np.array(case)
+    evidence, there, case = zip(*rows, strict=True) if rows else ((), (), ())
+    return list(evidence), np.array(there, float), np.array(case)
 
 
 def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
     """Return what a candidate rests on."""
     complete = graded.verdict != "unexplained"
     told = {name: value for name, value in candidate["evidence"].items() if name in Evidence._fields}
-    return Evidence(**{**told, "complete": complete})
+    alike = (candidate["effect"], *candidate["indistinguishable_from"])
+    return Evidence(**{**told, "complete": complete, "effects": alike})
+
+
+def parts_of(evidence: Sequence[Evidence], names: Sequence[str]) -> Array:
+    """Return which part of those that the data cannot tell apart each of the names is (n, k); 0 where all are alike."""
+    own = np.array([[not (e.complete or e.imposed)] for e in evidence])
+    return own * np.array([[e.effects.count(name) / len(e.effects) for name in names] for e in evidence])
 
 
 def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
@@ -162,16 +167,14 @@ def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
 
 def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew: bool) -> None:
     """Print a law, what each of its terms is worth, and its reliability; the first ``exams`` cases are of exams."""
-    x, effect, y, case = told(cases, complete=complete)
+    evidence, y, case = told(cases, complete=complete)
     if len(set(y)) < 2:
         return
-    now, features = np.array(COMPLETE if complete else BESIDE), x.shape[1]
-    own = np.full(y.size, not complete) & (x[:, -1] == 0.0)  # where each effect has a weight of its own: not imposed
-    stated = expit(x @ now + own * [UNLIKE.get(e, 0.0) for e in effect])
-    known = np.zeros(features) if anew else now
+    now, stated = np.array(COMPLETE if complete else BESIDE), np.array([probability(e) for e in evidence])
+    features, known = now.size, np.zeros(now.size) if anew else now
     counts = counted(cases, complete=complete)[case]
-    names = [] if complete else sorted(set(effect))
-    x = np.column_stack([x, *(own & (effect == one) for one in names)])
+    names = [] if complete else sorted({one for e in evidence for one in e.effects})
+    x = np.column_stack([[e.features for e in evidence], parts_of(evidence, names)])
     ridges = [Ridge(a, b) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
     ridge = min(ridges, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y, counts))
     p = left_out(x, y, counts, case, ridge, known)

@@ -20,9 +20,8 @@ from pneucli.diagnose.errors import ShownErrors
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import too_much
 from pneucli.diagnose.replay import astray
-from pneucli.diagnose.search import remains
 from pneucli.diagnose.stretches import MOST
-from pneucli.diagnose.trial import Bench
+from pneucli.diagnose.trial import Bench, remains
 from pneucli.identify.effects import fit_added, fit_model
 from pneucli.identify.fit import Fit
 from pneucli.identify.start import first_guess
@@ -67,7 +66,7 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
             (before,) = bench.without(last, [effect])
             place = Place(bench.trial(before, last, effect), ())
             found = evidence_of(bench, last, place.named, place, complete=not left)
-            yield Row(case.name, effect.name, probability(found, effect.name), found.left)
+            yield Row(case.name, effect.name, probability(found), found.left)
 
 
 def main(exams: list[Path]) -> None:

@@ -33,35 +33,43 @@ CERTAIN = 1e-6  # no effect is there, or absent, with less doubt
 DISAGREE = 0.5  # of an effect's size: recordings that want it changed by more do not show this effect
 
 
-def weighed(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], place: Place | None) -> Weighed:
+def weighed(
+    bench: Bench,
+    last: State,
+    trial: Trial,
+    left: Sequence[Remainder],
+    place: Place | None,
+    alike: Sequence[str] = (),
+) -> Weighed:
     """Return the decision about an effect that was added, and what it rests on, its ``place`` in the last model too.
 
     What is more likely a stand-in for something unknown is not named; where no exam tells how likely that is, only
-    beside something that is ``left``.
+    beside something that is ``left``. ``alike`` are the effects that the data cannot tell from it.
     """
-    evidence = evidence_of(bench, last, trial, place, complete=not left)
-    if examined(bench, trial.effect):
-        known = probability(evidence, trial.effect.name) >= NAMED
-    else:
-        share = explained(trial.before, trial.state)
-        agree = agreement(bench, last, trial.effect.name)
-        known = not left or (lawful(trial.effect, left) and told(bench, share, agree, left))
+    evidence = evidence_of(bench, last, trial, place, alike, complete=not left)
     failed: list[tuple[bool, Reason]] = [
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (unseen_force(bench.train, trial.effect), "cannot-show"),
-        (not known, "explained-by-unknown"),
+        (not _known(bench, last, trial, left, evidence), "explained-by-unknown"),
         (bool(left) and not _good(bench, trial, place), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
-    if (
-        reason == "supported"
-        and not left
-        and place is not None
-        and not place.read_alone(bench)
-        and outdone(bench, place)
-    ):
+    if reason == "supported" and not left and place is not None and _outdone(bench, place):
         reason = "explained-by-signal"
     return Decision(trial.effect, reason, trial), evidence
+
+
+def _known(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], evidence: Evidence) -> bool:
+    """Whether an effect is likelier there than absent; where no exam tells, whether it takes enough of what is left."""
+    if examined(bench, trial.effect):
+        return probability(evidence) >= NAMED
+    share, agree = explained(trial.before, trial.state), agreement(bench, last, trial.effect.name)
+    return not left or (lawful(trial.effect, left) and told(bench, share, agree, left))
+
+
+def _outdone(bench: Bench, place: Place) -> bool:
+    """Whether a law of one signal stands better in an effect's place, of what no readings show alone."""
+    return not place.read_alone(bench) and outdone(bench, place) is not None
 
 
 def without_refused(bench: Bench, last: State, weights: Sequence[Weighed], left: Sequence[Remainder]) -> list[Weighed]:
@@ -89,7 +97,7 @@ def _held(bench: Bench, last: State, known: Weighed, left: Sequence[Remainder], 
     (before,) = bench.without(last, [effect])
     place = Place(bench.trial(before, last, effect), ())
     stays = bool(supported(bench, before, [place.named])) and _good(bench, place.named, place)
-    return known if stays and same else weighed(bench, last, place.named, left, place)
+    return known if stays and same else weighed(bench, last, place.named, left, place, known[1].effects[1:])
 
 
 def _good(bench: Bench, trial: Trial, place: Place | None) -> bool:
@@ -140,34 +148,45 @@ def told(bench: Bench, share: float, disagreement: float, left: Sequence[Remaind
     return share > EXPLAINS_MOST or (share > EXPLAINS and left[0].ratio > MUCH)
 
 
-def evidence_of(bench: Bench, last: State, trial: Trial, place: Place | None, *, complete: bool) -> Evidence:
+def evidence_of(
+    bench: Bench, last: State, trial: Trial, place: Place | None, alike: Sequence[str] = (), *, complete: bool
+) -> Evidence:
     """Return what tells the effect of a trial, as it is in the ``last`` state, from a stand-in.
 
-    ``complete``: the last state leaves nothing but noise.
+    ``alike``: effects that the data cannot tell from it. ``complete``: the last state leaves nothing but noise.
     """
     share = None if bench.shown is None else taken_away(bench.shown(trial.before.model), bench.shown(trial.state.model))
     left = 1.0 if place is None else place.left(bench)
     sure, size = _sure_and_size(bench, last, trial.effect)
-    return Evidence(share, sure, size, complete, left, imposed(bench, trial.effect))
+    return Evidence(share, sure, size, complete, left, imposed(bench, trial.effect), (trial.effect.name, *alike))
 
 
-def likely(bench: Bench, trial: Trial) -> float:
-    """Return the probability that an effect, in its place beside others and something unknown, is there."""
-    sure, size = _sure_and_size(bench, trial.state, trial.effect)
-    left = Place(trial, ()).left(bench)
-    evidence = Evidence(None, sure, size, complete=False, left=left, imposed=imposed(bench, trial.effect))
-    return probability(evidence, trial.effect.name)
+def likely(bench: Bench, place: Place) -> float:
+    """Return the probability that an effect, in its place beside others and something unknown, is there.
+
+    Or one of those in its place that the data cannot tell from it.
+    """
+    alike = [t.effect.name for t in place.alike(bench, complete=False)]
+    return probability(_in_place(bench, place)._replace(effects=(place.named.effect.name, *alike)))
 
 
 def standing(bench: Bench, trial: Trial) -> float:
     """Return the log of how likely a trial is against others that leave as much in its place.
 
-    Its odds, and what is left of the error that the user sees, as so many independent readings: a balance of forces has
-    few break-aways, and a trajectory hangs on them.
+    Its odds, whatever effect it is: the unknown that one of them resembles, all of them do. And what is left of the
+    error that the user sees, as so many independent readings: a balance of forces has few break-aways, and a trajectory
+    hangs on them.
     """
-    p = min(max(likely(bench, trial), CERTAIN), 1.0 - CERTAIN)
+    p = min(max(probability(_in_place(bench, Place(trial, ()))), CERTAIN), 1.0 - CERTAIN)
     errors = [] if bench.shown is None else [e for e in bench.shown(trial.state.model).values() if e]
     return math.log(p / (1.0 - p)) - INDEPENDENT * (float(np.mean(np.log(errors))) if errors else 0.0)
+
+
+def _in_place(bench: Bench, place: Place) -> Evidence:
+    """Return what tells an effect that was just added from a stand-in for something unknown, whatever effect it is."""
+    trial = place.named
+    sure, size = _sure_and_size(bench, trial.state, trial.effect)
+    return Evidence(None, sure, size, complete=False, left=place.left(bench), imposed=imposed(bench, trial.effect))
 
 
 def imposed(bench: Bench, effect: Effect) -> bool:

@@ -30,6 +30,7 @@ class Evidence(NamedTuple):
     is, a stand-in may have a share of it. ``left``: part of the squares beyond noise, of what it acts in, that is left
     with it in its place; of readings that show it alone, where there are such. ``imposed``: it acts in nothing but
     recordings whose motion is imposed and whose force is measured, where no error of the model piles up over time.
+    ``effects``: the effect, and those that the data cannot tell from it.
     """
 
     share: float | None
@@ -38,6 +39,7 @@ class Evidence(NamedTuple):
     complete: bool = False
     left: float = 1.0
     imposed: bool = False
+    effects: tuple[str, ...] = ()
 
     @property
     def features(self) -> tuple[float, ...]:
@@ -73,13 +75,21 @@ REFUSED: dict[Reason, float] = {
 OTHERWISE = 0.003  # of all other reasons together
 
 
-def probability(evidence: Evidence, effect: str = "") -> float:
-    """Return the probability that an effect with this evidence is there, by its name where exams have hidden it."""
+def probability(evidence: Evidence) -> float:
+    """Return the probability that an effect with this evidence, or one that the data cannot tell from it, is there."""
     weights = COMPLETE if evidence.complete else BESIDE
     exponent = sum(w * x for w, x in zip(weights, evidence.features, strict=True))
     if not (evidence.complete or evidence.imposed):
-        exponent += UNLIKE.get(effect, 0.0)
+        exponent += unlike(evidence.effects)
     return 1.0 / (1.0 + math.exp(-exponent))
+
+
+def unlike(effects: Sequence[str]) -> float:
+    """Return how much less than others some effects resemble what small unknown things do, in the law's unit.
+
+    What all of them explain as well resembles the unknown as each of them does: their mean. The least would be chance.
+    """
+    return sum(UNLIKE.get(effect, 0.0) for effect in effects) / max(len(effects), 1)
 
 
 def refused(reason: Reason) -> float:

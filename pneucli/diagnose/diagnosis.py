@@ -75,10 +75,14 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
     found = search(bench, start)
     left = too_much(found.train, found.test) or astray(found.last.model, [*bench.train, *bench.held_out])
     places = found.places
-    weights = [weighed(bench, found.last, t, left, places.get(t.effect.name)) for t in _trials(bench, found)]
+    twins = {name: place.alike(bench, complete=not left) for name, place in places.items()}
+    equals = {name: tuple(t.effect.name for t in twins.get(name, [])) for name in found.added}
+    weights = [
+        weighed(bench, found.last, t, left, places.get(name), equals[name])
+        for name, t in zip(found.added, _trials(bench, found), strict=True)
+    ]
     weights = without_refused(bench, found.last, weights, left)
     missing = [d.effect.name for d, _ in weights if d.supported]
-    twins = {name: place.alike(bench, complete=not left) for name, place in places.items()}
     alike = [Decision(t.effect, "supported", t) for name in missing for t in twins.get(name, [])]
     sizes = detectable(bench, found.last)
     decisions = _one_each([*(d for d, _ in weights), *alike, *found.decisions, *cannot_show(bench, sizes)])
@@ -98,7 +102,7 @@ def diagnose(bench: Bench, base: Fit) -> Diagnosis:
         verdict=verdict,
         missing=tuple(missing),
         decisions=decisions,
-        equals={name: tuple(t.effect.name for t in twins.get(name, [])) for name in found.added},
+        equals=equals,
         found=found,
         moved=moved,
         detectable=tuple(sizes),
@@ -149,7 +153,7 @@ def _confidence(
     show of which there is no exam.
     """
     sure = {d.effect.name: Confidence(*[refused(d.reason)] * 2) for d in decisions if examined(bench, d.effect)}
-    known = {name: probability(evidence, name) for name, evidence in added.items() if name in sure}
+    known = {name: probability(evidence) for name, evidence in added.items() if name in sure}
     sure |= {name: Confidence(p, p) for name, p in known.items()}
     for name, of_each in parts.items():
         if name in known:

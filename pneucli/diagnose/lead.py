@@ -41,8 +41,8 @@ def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
     first = foremost(able, lambda t: plausible(bench, t))
     if len(able) == 1 or not too_much(*remains(bench, first.state)):
         return first
-    likeliest = max([first, *able], key=lambda t: likely(bench, t))
-    return best_placed(bench, Place(likeliest, tuple(t for t in able if t is not likeliest)))
+    places = [Place(t, tuple(other for other in able if other is not t)) for t in [first, *able]]
+    return best_placed(bench, max(places, key=lambda place: likely(bench, place)))
 
 
 def best_placed(bench: Bench, place: Place) -> Trial:

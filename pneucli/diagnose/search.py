@@ -208,8 +208,8 @@ def _least(bench: Bench, last: State, trials: Sequence[Trial]) -> Decision | Non
         return Decision(least.effect, "needless", least)
     if not too_much(*remains(bench, last)):
         return None
-    least = min(trials, key=lambda t: likely(bench, t))
-    return Decision(least.effect, "explained-by-unknown", least) if likely(bench, least) < NAMED else None
+    chance, least = min(((likely(bench, Place(t, ())), t) for t in trials), key=lambda each: each[0])
+    return Decision(least.effect, "explained-by-unknown", least) if chance < NAMED else None
 
 
 def _missed(before: State, last: State) -> bool:
@@ -276,7 +276,7 @@ def _both(bench: Bench, base: State, first: Trial, other: Effect, found: Sequenc
     beside = bench.trial(without, second.state, first.effect)
     if not supported(bench, without, [beside]):
         return None
-    stand_in = min(likely(bench, second), likely(bench, beside)) < NAMED
+    stand_in = min(likely(bench, Place(t, ())) for t in (second, beside)) < NAMED
     if stand_in and too_much(*remains(bench, second.state)):
         return None
     return [base, first.state, second.state]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import beside, place
+from pneucli.diagnose import beside
 from pneucli.diagnose.beside import (
     agreement,
     evidence_of,
@@ -182,14 +182,15 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     )
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
     stood: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
-    return evidence_of(where, last, tried, stood if placed else None, complete=complete)
+    return evidence_of(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
     for complete in (True, False):
         found = evidence(monkeypatch, errors.__getitem__, complete=complete)
-        assert found == pytest.approx(Evidence(0.5, 20.0, 0.5, complete, left=0.2))
+        assert found[:3] == pytest.approx((0.5, 20.0, 0.5))
+        assert found[3:] == (complete, 0.2, False, ("extra-mass", "pressure-scale"))
 
 
 def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,14 +205,18 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """No error that the user sees is simulated for it."""
-    where = replace(bench(held_out=False), train=kinds(Imposed), shown=None)
-    tried = trial("extra-mass", before=trials.state())
+    where = replace(bench(held_out=False), train=kinds(Imposed, Forces), shown=None)
+    tried, other = trial("time-skew", before=trials.state()), trial("valve-lag")
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None)
     monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
-    monkeypatch.setattr(place.Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
-    known = Evidence(None, 20.0, 0.5, complete=False, left=0.3, imposed=True)
-    assert beside.likely(where, tried) == probability(known, "extra-mass")
+    monkeypatch.setattr(Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
+    monkeypatch.setattr(Place, "alike", lambda self, bench, complete: () if complete else self.rivals)
+    known = Evidence(None, 20.0, 0.5, complete=False, left=0.3)
+    assert beside.likely(where, Place(tried, ())) == probability(known._replace(effects=("time-skew",)))
+    assert beside.likely(where, Place(tried, (other,))) == probability(
+        known._replace(effects=("time-skew", "valve-lag"))
+    )
 
 
 @pytest.mark.parametrize(
@@ -226,11 +231,21 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(beside, "likely", lambda bench, trial: 0.75)
+    monkeypatch.setattr(beside, "_in_place", lambda bench, place: WEAK)
+    monkeypatch.setattr(beside, "probability", lambda evidence: 0.75)
     where = replace(bench(held_out=False), shown=None if errors is None else lambda model: errors)
     assert beside.standing(where, trial("stribeck", before=trials.state())) == pytest.approx(expected)
-    monkeypatch.setattr(beside, "likely", lambda bench, trial: 1.0)
+    monkeypatch.setattr(beside, "probability", lambda evidence: 1.0)
     assert np.isfinite(beside.standing(where, trial("stribeck", before=trials.state())))
+
+
+def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The unknown that one of them resembles, all of them do."""
+    where = replace(bench(held_out=False), shown=None)
+    monkeypatch.setattr(beside, "_sure_and_size", lambda bench, state, effect: (20.0, 0.5))
+    monkeypatch.setattr(Place, "left", lambda self, bench: 0.3)
+    clock, spool = (beside.standing(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag"))
+    assert clock == spool
 
 
 def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:

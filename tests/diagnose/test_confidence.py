@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import confidence
-from pneucli.diagnose.confidence import NAMED, UNLIKE, Evidence, probability, refused, shares
+from pneucli.diagnose.confidence import NAMED, UNLIKE, Evidence, probability, refused, shares, unlike
 from pneucli.diagnose.decision import Reason
 from pneucli.diagnose.trial import State
 from pneucli.exam.hidden import CATALOGUE
@@ -126,16 +126,28 @@ def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
     assert shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
 
 
+def of(*effects: str, evidence: Evidence = MIDDLING) -> float:
+    return probability(evidence._replace(effects=effects))
+
+
 def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None:
     """A spool's play is what many unknown things resemble, a leak what few do.
 
     Where noise is left, or the motion is imposed, all are alike.
     """
-    unknown, leak, play = (probability(MIDDLING, name) for name in ("", "chamber-leak", "valve-hysteresis"))
-    assert play < unknown < leak
-    assert probability(MIDDLING, "of-a-plugin") == unknown
+    assert of("valve-hysteresis") < of() < of("chamber-leak")
+    assert of("of-a-plugin") == of()
     for where in (COMPLETE, MIDDLING._replace(imposed=True)):
-        assert probability(where, "chamber-leak") == probability(where, "valve-hysteresis")
+        assert of("chamber-leak", evidence=where) == of("valve-hysteresis", evidence=where)
+
+
+def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_in_the_mean() -> None:
+    """A late clock alone seldom stands in, a slow spool often: where nobody can tell them apart it may be either."""
+    clock, spool = of("time-skew"), of("valve-lag")
+    assert spool < of("time-skew", "valve-lag") == of("valve-lag", "time-skew") < clock
+    both = 0.5 * (UNLIKE["time-skew"] + UNLIKE["valve-lag"])
+    assert unlike(["time-skew", "valve-lag"]) == pytest.approx(both)
+    assert unlike(["time-skew", "of-a-plugin"]) == pytest.approx(0.5 * UNLIKE["time-skew"])
 
 
 def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:

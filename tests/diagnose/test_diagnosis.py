@@ -50,8 +50,9 @@ class Diagnosed:
         found = Search(self.rungs, places, tuple(given.get("refused", ())), tuple(left), ())
         standing = given.get("standing", {"a", "b"})
 
-        def weighed(bench: Any, last: Any, step: Trial, left: Any, place: Any) -> tuple[Decision, Evidence]:
+        def weighed(bench: Any, last: Any, step: Trial, left: Any, place: Any, alike: Any) -> tuple[Decision, Evidence]:
             assert place is places[step.effect.name]
+            assert alike == (() if place is places["a"] else (rival.effect.name,))
             self.steps.append((step.effect.name, step.before.names, step.state.names, bool(left)))
             stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
             reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")

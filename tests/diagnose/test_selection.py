@@ -30,7 +30,7 @@ def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """How likely each effect is beside something unknown; 0.9 unless stated."""
     known: dict[str, float] = {}
     for module in (selection, lead):
-        monkeypatch.setattr(module, "likely", lambda bench, trial: known.get(trial.effect.name, 0.9))
+        monkeypatch.setattr(module, "likely", lambda bench, place: known.get(place.named.effect.name, 0.9))
     monkeypatch.setattr(lead, "standing", lambda bench, trial: known.get(trial.effect.name, 0.9))
     return known
 

@@ -91,8 +91,8 @@ def test_what_states_bounds_does_not_lead_where_a_force_is_left(monkeypatch, kin
     where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
     left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
     monkeypatch.setattr(lead, "remains", lambda bench, state: (left, []))
-    for name in ("likely", "standing"):
-        monkeypatch.setattr(lead, name, lambda bench, one: 0.6 if one is bounds else 0.5)
+    monkeypatch.setattr(lead, "likely", lambda bench, place: 0.6 if place.named is bounds else 0.5)
+    monkeypatch.setattr(lead, "standing", lambda bench, one: 0.6 if one is bounds else 0.5)
     leader, decisions = lead.leading(where, [decision(bounds), decision(other)])
     assert leader is (bounds if leads else other)
     assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
