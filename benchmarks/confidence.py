@@ -2,13 +2,19 @@
 
     pneucli exam M1 --condition messy --cases 120 --nulls 40 --seed 918273
     pneucli exam M2 --condition uneven --condition messy --cases 50 --nulls 30 --seed 60211
-    pneucli exam I --condition imposed+messy --cases 60 --nulls 40 --seed 77123
-    (each once more with --answer)
+    pneucli exam I1 --condition imposed+messy --cases 60 --nulls 40 --seed 77123
+    (each once more with --answer; M1 as it was written before a spool that sticks kept its lag)
     for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.confidence --anew --real REAL M1 M2 I
+    python -m benchmarks.confidence --anew --real REAL M1 M2 I1
 
-These gave BESIDE and UNLIKE (M1 as it was written before a spool that sticks kept its lag).
+gave a first law beside something unknown, which others, answered with it, have renewed (BESIDE, UNLIKE):
+
+    pneucli exam M3 --condition messy --cases 70 --nulls 150 --seed 3362281473
+    pneucli exam M4 --condition uneven --cases 60 --nulls 40 --seed 3362281473
+    pneucli exam I2 --condition imposed+messy --cases 60 --nulls 40 --seed 2097309982
+    python -m benchmarks.confidence --real REAL M3 M4 I2
+
 COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
     pneucli exam E1 --condition usual --condition messy --cases 60 --nulls 150 --seed 334663411
@@ -20,7 +26,7 @@ COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does
     pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of the first twelve, and
     pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/diagnosis.md
 
-The law is fitted, drawn toward the one that it renews (``--anew``: toward none) and its effects toward being alike, and
+The law is fitted, drawn toward the one that it renews (``--anew``: toward none, its effects toward being alike), and
 judged case by case, each by a law that has not seen it.
 """
 
@@ -39,7 +45,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from pneucli.diagnose.confidence import BESIDE, COMPLETE, Evidence, probability
+from pneucli.diagnose.confidence import BESIDE, COMPLETE, UNLIKE, Evidence, probability
 from pneucli.exam.calibration import EDGES
 from pneucli.exam.graded import Graded
 from pneucli.exam.grading import graded_cases
@@ -117,35 +123,33 @@ def counted(cases: Sequence[Graded], *, complete: bool) -> Array:
 
 
 class Ridge(NamedTuple):
-    """How strongly weights are drawn: those of the evidence toward the known ones, those of single effects toward 0."""
+    """How strongly weights are drawn toward the known ones: those of the evidence, and those of single effects."""
 
     evidence: float
     effect: float
 
+    def penalty(self, features: int, effects: int) -> Array:
+        """Return it of each weight (features + effects,); the constant is free."""
+        return np.array([0.0, *[self.evidence] * (features - 1), *[self.effect] * effects])
 
-def fitted(x: Array, y: Array, counts: Array, ridge: Ridge, known: Array) -> Array:
-    """Return the weights (k,) of the most likely logistic law; the constant is free.
 
-    The first of the features are those that ``known`` (m,) has weights of, the others tell the effect.
-    """
-    target = np.concatenate([known, np.zeros(x.shape[1] - known.size)])
-    penalty = np.where(np.arange(target.size) < known.size, ridge.evidence, ridge.effect)
-    penalty[0] = 0.0
+def fitted(x: Array, y: Array, counts: Array, penalty: Array, known: Array) -> Array:
+    """Return the weights (k,) of the most likely logistic law, drawn toward the ``known`` ones."""
 
     def cost(w: Array) -> tuple[float, Array]:
-        z, off = x @ w, penalty * (w - target)
-        value = float(counts @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - target))
+        z, off = x @ w, penalty * (w - known)
+        value = float(counts @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - known))
         return value, x.T @ (counts * (expit(z) - y)) + off
 
-    return np.asarray(minimize(cost, target, jac=True, method="BFGS").x)
+    return np.asarray(minimize(cost, known, jac=True, method="BFGS").x)
 
 
-def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], ridge: Ridge, known: Array) -> Array:
+def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], penalty: Array, known: Array) -> Array:
     """Return the probability (n,) of each effect by the law of all other cases."""
     p = np.zeros(y.size)
     for one in np.unique(case):
         mine = case == one
-        p[mine] = expit(x[mine] @ fitted(x[~mine], y[~mine], counts[~mine], ridge, known))
+        p[mine] = expit(x[mine] @ fitted(x[~mine], y[~mine], counts[~mine], penalty, known))
     return p
 
 
@@ -171,29 +175,29 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
     if len(set(y)) < 2:
         return
     now, stated = np.array(COMPLETE if complete else BESIDE), np.array([probability(e) for e in evidence])
-    features, known = now.size, np.zeros(now.size) if anew else now
     counts = counted(cases, complete=complete)[case]
-    names = [] if complete else sorted({one for e in evidence for one in e.effects})
+    names = [] if complete else sorted({*UNLIKE, *(one for e in evidence for one in e.effects)})
     x = np.column_stack([[e.features for e in evidence], parts_of(evidence, names)])
-    ridges = [Ridge(a, b) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
-    ridge = min(ridges, key=lambda r: log_score(left_out(x, y, counts, case, r, known), y, counts))
-    p = left_out(x, y, counts, case, ridge, known)
-    weights = fitted(x, y, counts, ridge, known)
-    print(f"{name} = {tuple(round(float(w), 2) for w in weights[:features])}, {ridge}, {y.size} effects")
-    of_effects = dict(zip(names, weights[features:], strict=True))
-    print({str(one): round(float(w), 1) for one, w in of_effects.items() if abs(w) > ROUNDED})
+    known = np.array([*now, *(UNLIKE.get(name, 0.0) for name in names)]) * (not anew)
+    penalties = [Ridge(a, b).penalty(now.size, len(names)) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
+    penalty = min(penalties, key=lambda one: log_score(left_out(x, y, counts, case, one, known), y, counts))
+    p = left_out(x, y, counts, case, penalty, known)
+    weights = fitted(x, y, counts, penalty, known)
+    print(f"{name} = {tuple(round(float(w), 2) for w in weights[: now.size])}, {y.size} effects")
+    print("drawn by", dict.fromkeys(penalty[1:].tolist()).keys())
+    of_effects = dict(zip(names, weights[now.size :], strict=True))
+    print({one: round(float(w), 1) for one, w in of_effects.items() if abs(w) > ROUNDED})
     print(
         f"{int(y.sum())} effects were there; Brier {np.average((p - y) ** 2, weights=counts):.3f}, "
         f"log score {log_score(p, y, counts):.3f}, "
         "each by a law that has not seen its case"
     )
     print(f"the law as it is: log score {log_score(stated, y, counts):.3f}")
-    for i, feature in enumerate(FEATURES[complete], 1):
-        lesser = left_out(np.delete(x, i, 1), y, counts, case, ridge, np.delete(known, i))
-        print(f"without {feature}: log score {log_score(lesser, y, counts):.3f}")
-    if names:
-        alike = left_out(x[:, :features], y, counts, case, ridge, known)
-        print(f"with all effects alike: log score {log_score(alike, y, counts):.3f}")
+    terms = [*FEATURES[complete], "effects"] if names else FEATURES[complete]
+    for i, term in enumerate(terms, 1):
+        kept = np.delete(np.arange(x.shape[1]), i if i < now.size else range(now.size, x.shape[1]))
+        lesser = left_out(x[:, kept], y, counts, case, penalty[kept], known[kept])
+        print(f"without {term}: log score {log_score(lesser, y, counts):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():

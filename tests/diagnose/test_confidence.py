@@ -142,12 +142,12 @@ def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None
 
 
 def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_in_the_mean() -> None:
-    """A late clock alone seldom stands in, a slow spool often: where nobody can tell them apart it may be either."""
-    clock, spool = of("time-skew"), of("valve-lag")
-    assert spool < of("time-skew", "valve-lag") == of("valve-lag", "time-skew") < clock
-    both = 0.5 * (UNLIKE["time-skew"] + UNLIKE["valve-lag"])
-    assert unlike(["time-skew", "valve-lag"]) == pytest.approx(both)
-    assert unlike(["time-skew", "of-a-plugin"]) == pytest.approx(0.5 * UNLIKE["time-skew"])
+    """Sensors that lag seldom stand in, a slow spool often: where nobody can tell them apart it may be either."""
+    sensors, spool = of("pressure-lag"), of("valve-lag")
+    assert spool < of("pressure-lag", "valve-lag") == of("valve-lag", "pressure-lag") < sensors
+    both = 0.5 * (UNLIKE["valve-leak"] + UNLIKE["valve-lag"])
+    assert unlike(["valve-leak", "valve-lag"]) == pytest.approx(both)
+    assert unlike(["valve-leak", "of-a-plugin"]) == pytest.approx(0.5 * UNLIKE["valve-leak"])
 
 
 def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
