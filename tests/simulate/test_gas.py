@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.run import run
-from pneucli.simulate.steps import longest_step
+from pneucli.simulate.steps import filling_step, longest_step
 
 from .benches import RIG, bench, clock, model, steps_of_command
 
@@ -117,6 +117,13 @@ def test_what_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
     """A full vessel behind an open valve would ring with longer ones: its flow has no slope at equal pressures."""
     e = bench("valve", TIME, {"u": STEP, "p1": np.linspace(101_300.0, 101_300.0 + rise, TIME.size)}, rig=VESSEL)
     assert e.step == pytest.approx(0.5e-3)
+
+
+@pytest.mark.parametrize(("period", "step"), [(5e-3, 2.5e-3), (1e-3, 0.5e-3), (0.7e-3, 0.5e-3), (0.2e-3, 0.2e-3)])
+def test_where_samples_are_short_each_is_one_step(period: float, step: float) -> None:
+    """How often a logger samples does not change how fast a chamber fills."""
+    still = np.full(100, 2e5)
+    assert filling_step(still, np.zeros(100), period) == filling_step(still, np.full(100, 1e3), period) == step
 
 
 @settings(max_examples=20, deadline=None)
