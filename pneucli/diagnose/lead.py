@@ -70,6 +70,15 @@ def unseen(bench: Bench, trial: Trial) -> Reason | None:
     Where no more than noise is left, it must fall by more than chance moves it: a sure and tiny effect is one that the
     rig's description, the smoothing or the clock may have as well.
     """
-    if bench.raises(trial.before, trial.state):
+    if spoils(bench, trial):
         return "raises-error"
     return "immaterial" if at_noise(trial.before) and not bench.lowers(trial.before, trial.state) else None
+
+
+def spoils(bench: Bench, trial: Trial) -> bool:
+    """Whether a trial raises the error that the user sees.
+
+    What readings show alone does not: what is unknown besides may have leant on it, as a piston's friction on a bias of
+    its accelerometer.
+    """
+    return bench.raises(trial.before, trial.state) and not Place(trial, ()).read_alone(bench)

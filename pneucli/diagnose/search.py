@@ -12,7 +12,7 @@ from pneucli.diagnose.decision import Decision, passed
 from pneucli.diagnose.equals import foremost, plausible, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import material, supported
-from pneucli.diagnose.lead import best_placed, leading
+from pneucli.diagnose.lead import best_placed, leading, spoils
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.round import Round, tried
@@ -112,7 +112,7 @@ def _explaining_all(bench: Bench, before: State, decisions: Round) -> Trial | No
     """
     fitted = [d.trial for d in decisions if d.trial is not None]
     able = supported(bench, before, [t for t in fitted if t.train.certain and t.test.certain], hypotheses=1)
-    able = [t for t in able if not bench.raises(before, t.state)]
+    able = [t for t in able if not spoils(bench, t)]
     best = min(able, key=lambda t: t.state.cost, default=None)
     return best if best is not None and not too_much(*remains(bench, best.state)) else None
 
@@ -220,7 +220,7 @@ def _missed(before: State, last: State) -> bool:
 def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> tuple[list[State], Round]:
     """Return the states from base to last, the effect that explains most first, and what no rung can take.
 
-    No rung raises the error that the user sees: what does so wherever it is added is left out, and what has no size to
+    No rung spoils the error that the user sees: what does so wherever it is added is left out, and what has no size to
     start from on any rung.
     """
     if known[-1] is last and not any(bench.raises(before, after) for before, after in pairwise(known)):
@@ -231,7 +231,7 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
         ended = len(waiting) == 1
         here = [e for e in waiting if ended or bench.can_start(rungs[-1], e)]
         trials = [bench.trial(rungs[-1], last, here[0])] if ended else bench.added(rungs[-1], here)
-        able = [t for t in trials if not bench.raises(t.before, t.state)]
+        able = [t for t in trials if not spoils(bench, t)]
         if not able:
             refused += [Decision(t.effect, "raises-error", t) for t in trials]
             refused += [Decision(e, "cannot-show") for e in waiting if e not in here]

@@ -63,7 +63,7 @@ def where(rest: Answer) -> str:
 
 
 def sure(answer: Answer) -> str:
-    """Return the evidence: how the error falls, on which recordings, with which size, and what else it could be."""
+    """Return the evidence: how the error moves, on which recordings, with which size, and what else it could be."""
     if answer["verdict"] in ("adequate", "inconclusive"):
         return f"{fall(answer)}; {limits(answer)}"
     named = [f"{c['effect']} {parameters(c['parameters'])}{chance(c)}" for c in _named(answer)]
@@ -82,13 +82,14 @@ def chance(candidate: Answer) -> str:
 
 
 def fall(answer: Answer) -> str:
-    """Return how the error falls with what is named, on the recordings that it is judged by."""
+    """Return what becomes of the error with what is named, on the recordings that it is judged by."""
     first, last = answer["ladder"][0], rung(answer)
     use, before = judged({"train": first["error_train"], "test": first["error_test"]})
     on = HELD_OUT["apart" if use == "test" else answer.get("held_out", "none")]
     if first is last:
         return f"the error is {times(before)} × noise {on}"
-    return f"the error falls from {times(before)} to {times(last[f'error_{use}'])} × noise {on}"
+    after = last[f"error_{use}"]
+    return f"the error {'falls' if after < before else 'rises'} from {times(before)} to {times(after)} × noise {on}"
 
 
 def rung(answer: Answer) -> Answer:

@@ -268,3 +268,16 @@ def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_is_fou
     monkeypatch.setattr(search, "remains", lambda bench, state: (left, []))
     better = search._better(bench(held_out=False), Place(named, (*rivals, far)))
     assert (better.effect.name if better else None) == found
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_what_readings_show_alone_is_taken_though_the_error_rises(monkeypatch: pytest.MonkeyPatch, shown: bool):
+    """Of 100 resting samples of an accelerometer, off by three times their noise, its bias leaves noise alone."""
+    bias = "acceleration-bias"
+    where = climbing(("", 9000.0, 10.0, 12.0), (bias, 5000.0, 10.1, 12.1))
+    base, last = where.of(()), where.of((bias,))
+    squares = {id(base): 900.0 if shown else 100.0, id(last): 100.0}
+    monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(squares[id(state)], 100.0)])
+    tried = where.trial(base, last, where.effects[bias])
+    assert (lead.leading(where, [decision(tried)])[0] is tried) == shown
+    assert (search._ladder(where, base, last, [base, last])[0] == [base, last]) == shown

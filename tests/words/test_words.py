@@ -163,6 +163,13 @@ def model(*effects: str, test: float, current: bool = False, data: str = "here")
 MODELS = [model(test=18.1), model("piston-leak", test=0.834, current=True)]
 
 
+def test_where_the_error_rises_with_what_readings_show_it_is_said() -> None:
+    """A bias of an accelerometer, on which what is unknown of friction had leant."""
+    rising = {**DIAGNOSED["ladder"][1], "error_test": 19.2}
+    told = diagnose.fall({**DIAGNOSED, "ladder": [DIAGNOSED["ladder"][0], rising]})
+    assert told.startswith("the error rises from 18.1 to 19.2 × noise")
+
+
 def test_the_history_says_the_fall_and_draws_it() -> None:
     fall, _, first, last = history.lines(MODELS, "p.toml")
     assert fall == "error    18.1 → 0.83 × noise on test recordings with piston-leak"
