@@ -54,7 +54,7 @@ def weighed(
         (bool(left) and not _good(bench, trial, place), "raises-error"),
     ]
     reason: Reason = next((why for fails, why in failed if fails), "supported")
-    if reason == "supported" and not left and place is not None and _outdone(bench, place):
+    if reason == "supported" and place is not None and _outdone(bench, place):
         reason = "explained-by-signal"
     return Decision(trial.effect, reason, trial), evidence
 

@@ -82,17 +82,15 @@ def test_only_what_is_likely_there_is_named(judged: Any, unknown: bool) -> None:
     assert judged(WEAK, unknown=unknown) == "explained-by-unknown"
 
 
-def test_what_a_law_of_a_signal_outdoes_is_not_named_however_likely(judged: Any) -> None:
-    assert judged(STRONG, unknown=False, read=100.0, law=True) == "explained-by-signal"
-    assert judged(WEAK, unknown=False, read=100.0, law=True) == "explained-by-unknown"
+@pytest.mark.parametrize("unknown", [False, True])
+def test_what_a_law_of_a_signal_outdoes_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, read=100.0, law=True) == "explained-by-signal"
+    assert judged(WEAK, unknown=unknown, read=100.0, law=True) == "explained-by-unknown"
 
 
-def test_a_law_that_takes_up_something_unknown_besides_proves_nothing(judged: Any) -> None:
-    assert judged(STRONG, unknown=True, read=100.0, law=True) == "supported"
-
-
-def test_a_direct_reading_beats_any_law(judged: Any) -> None:
-    assert judged(STRONG, unknown=False, read=200.0, law=True) == "supported"
+@pytest.mark.parametrize("unknown", [False, True])
+def test_a_direct_reading_beats_any_law(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
 
 
 def test_where_nothing_unknown_is_left_the_error_that_the_user_sees_may_stay(judged: Any) -> None:
