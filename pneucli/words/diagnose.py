@@ -89,7 +89,8 @@ def fall(answer: Answer) -> str:
     if first is last:
         return f"the error is {times(before)} × noise {on}"
     after = last[f"error_{use}"]
-    return f"the error {'falls' if after < before else 'rises'} from {times(before)} to {times(after)} × noise {on}"
+    moves = "rises" if before and after and after > before else "falls"
+    return f"the error {moves} from {times(before)} to {times(after)} × noise {on}"
 
 
 def rung(answer: Answer) -> Answer:

@@ -234,10 +234,14 @@ def test_slow_sensors_are_followed_finely_before_the_logger_thins_them():
     assert seen[31:40] == pytest.approx(1e5 * (1 - np.exp(-(10 * np.arange(31, 40) - 304.5) / 20)), rel=1e-3)
 
 
+@pytest.mark.parametrize("but", ["valve-lag", "spool sticks and jumps"])
 @pytest.mark.parametrize("bore", [6e-3, 200e-3])
-def test_a_rig_of_another_bore_moves_as_the_usual_one_does(bore):
-    """With all that can be hidden at once: a quantity whose dimension is wrong or forgotten would show."""
-    par = everything_hidden()
+def test_a_rig_of_another_bore_moves_as_the_usual_one_does(bore, but):
+    """With all that can be hidden at once: a quantity whose dimension is wrong or forgotten would show.
+
+    But for one: a loop over a late spool that sticks makes a moment of a rounded command.
+    """
+    par = everything_hidden(but)
     similar = Similar.of(par, bore, None, 5.0)
     assert np.pi / 4 * bore**2 == pytest.approx(similar.rig(par).piston_area_1)
     for name, other in shown(similar.rig(par), similar).items():
