@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -65,7 +64,7 @@ def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it
 
 
 @pytest.mark.parametrize(("noise", "times"), [(0.1, 1.0), (1.0, 1.0), (2.0, 4.75), (10.0, 5.95)])
-def test_what_groups_add_to_the_base_counts_six_times_as_far_as_squares_are_beyond_noise(
+def test_what_groups_add_counts_six_times_as_far_as_squares_are_beyond_noise(
     monkeypatch: pytest.MonkeyPatch, noise: float, times: float
 ) -> None:
     """At twice the noise three quarters of the squares are beyond it: 1 + 5 times 3/4."""
@@ -79,19 +78,6 @@ def test_what_groups_add_to_the_base_counts_six_times_as_far_as_squares_are_beyo
     assert told - 1.0 == pytest.approx(times * (shown - 1.0))
     assert shown > 1.5
     assert freedom >= 9.0
-
-
-def test_what_groups_add_to_an_effect_beside_the_base_counts_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same readings and groups as those of a level: what all groups have in common the base takes up."""
-    labels = np.arange(N) // 10 % 10
-    level = mean_of(np.random.default_rng(5).standard_normal(N) + 5.0 * np.sin(labels), np.arange(N) // 20)
-    force = replace(LEVEL, name="constant-force.force", unit="N")
-    effect = replace(level, model=model(["constant-force"], {"constant-force.force": 10.0}), free=(force,))
-    (of_effect,), _ = widening(effect, iter([labels]))
-    (of_base,), _ = widening(level, iter([labels]))
-    monkeypatch.setattr(intervals, "UNSHOWN", 1.0)
-    assert of_effect == pytest.approx(widening(level, iter([labels]))[0][0])
-    assert of_base > 5.0 * of_effect
 
 
 def test_intervals_are_those_of_students_t(monkeypatch: pytest.MonkeyPatch) -> None:
