@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from pneucli.diagnose.beside import lawful, likely, standing
+from pneucli.diagnose.confidence import NAMED
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.equals import as_good, foremost, plausible
 from pneucli.diagnose.judge import at_noise
@@ -51,8 +52,12 @@ def best_placed(bench: Bench, place: Place) -> Trial:
 
 
 def hides(bench: Bench, trial: Trial) -> bool:
-    """Whether an effect that states bounds leaves a force over: any force within them would stay hidden."""
-    return trial.effect.bounds and not lawful(trial.effect, too_much(*remains(bench, trial.state)))
+    """Whether an effect that states bounds leaves a force over, any of which would stay hidden within them.
+
+    But not one that is likelier there than not, by what else it explains.
+    """
+    left = too_much(*remains(bench, trial.state)) if trial.effect.bounds else []
+    return not lawful(trial.effect, left) and likely(bench, Place(trial, ())) < NAMED
 
 
 def _beside(decision: Decision, first: Trial, refused: Reason) -> Decision:

@@ -84,14 +84,17 @@ def test_only_an_equal_leads_where_the_best_raises_the_error(cost: float, leads:
     assert [d.reason for d in decisions] == ["raises-error", reason]
 
 
-@pytest.mark.parametrize(("kind", "leads"), [(Forces, False), (Chambers, True), (None, True)])
-def test_what_states_bounds_does_not_lead_where_a_force_is_left(monkeypatch, kind, leads: bool):
+@pytest.mark.parametrize(
+    ("kind", "chance", "leads"),
+    [(Forces, 0.4, False), (Forces, 0.6, True), (Chambers, 0.6, True), (Chambers, 0.4, True), (None, 0.4, True)],
+)
+def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(monkeypatch, kind, chance, leads: bool):
     """Between two branches of friction any force stays hidden; another effect, however small, may lead then."""
     bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
     where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
     left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
     monkeypatch.setattr(lead, "remains", lambda bench, state: (left, []))
-    monkeypatch.setattr(lead, "likely", lambda bench, place: 0.6 if place.named is bounds else 0.5)
+    monkeypatch.setattr(lead, "likely", lambda bench, place: chance if place.named is bounds else 0.3)
     monkeypatch.setattr(lead, "standing", lambda bench, one: 0.6 if one is bounds else 0.5)
     leader, decisions = lead.leading(where, [decision(bounds), decision(other)])
     assert leader is (bounds if leads else other)
