@@ -63,8 +63,10 @@ def _known(bench: Bench, last: State, trial: Trial, left: Sequence[Remainder], e
     """Whether an effect is likelier there than absent; where no exam tells, whether it takes enough of what is left."""
     if examined(bench, trial.effect):
         return probability(evidence) >= NAMED
+    if not left:
+        return True
     share, agree = explained(trial.before, trial.state), agreement(bench, last, trial.effect.name)
-    return not left or (lawful(trial.effect, left) and told(bench, share, agree, left))
+    return lawful(trial.effect, left) and told(bench, share, agree, left)
 
 
 def _outdone(bench: Bench, place: Place) -> bool:

@@ -42,7 +42,8 @@ def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
     first = foremost(able, lambda t: plausible(bench, t))
     if len(able) == 1 or not too_much(*remains(bench, first.state)):
         return first
-    places = [Place(t, tuple(other for other in able if other is not t)) for t in [first, *able]]
+    ranked = [first, *(t for t in able if t is not first)]
+    places = [Place(t, tuple(other for other in able if other is not t)) for t in ranked]
     return best_placed(bench, max(places, key=lambda place: likely(bench, place)))
 
 
