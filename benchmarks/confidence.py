@@ -8,12 +8,15 @@
         pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
     python -m benchmarks.confidence --anew --real REAL M1 M2 I1
 
-gave a first law beside something unknown, which others, answered with it, have renewed (BESIDE, UNLIKE):
+gave a first law beside something unknown, which others, answered with such laws, have renewed (BESIDE, UNLIKE):
 
     pneucli exam M3 --condition messy --cases 70 --nulls 150 --seed 3362281473
     pneucli exam M4 --condition uneven --cases 60 --nulls 40 --seed 3362281473
     pneucli exam I2 --condition imposed+messy --cases 60 --nulls 40 --seed 2097309982
-    python -m benchmarks.confidence --real REAL M3 M4 I2
+    pneucli exam M5 --condition messy --cases 70 --nulls 150 --seed 2434437604
+    pneucli exam M6 --condition messy --cases 70 --nulls 150 --seed 3115428340
+    pneucli exam M7 --condition messy --condition uneven --cases 45 --nulls 40 --seed 2997824875
+    python -m benchmarks.confidence --real REAL M3 M4 I2 M5 M6 M7
 
 COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does not ask for:
 
@@ -54,7 +57,7 @@ Array = NDArray[np.float64]
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
 OF_EFFECTS = (0.3, 1.0, 3.0)  # the same of the weights of single effects
 ROUNDED = 0.1  # a weight of an effect that is smaller is not stated
-FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "imposed")}
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of
@@ -111,17 +114,6 @@ def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
     return bool(graded.hidden & {candidate["effect"], *candidate["indistinguishable_from"]})
 
 
-def counted(cases: Sequence[Graded], *, complete: bool) -> Array:
-    """Return by how much each case counts (n,): those with an effect of the catalogue as much as those without, in all.
-
-    So it is as likely beforehand that there is one as that there is none; of cases of which nothing is asked, 1.
-    """
-    asked = np.array([complete == (g.verdict != "unexplained") for g in cases])
-    there = np.array([bool(g.hidden) for g in cases])
-    number = np.where(there, np.sum(asked & there), np.sum(asked & ~there))
-    return np.where(asked, asked.sum() / (2.0 * np.maximum(number, 1)), 1.0)
-
-
 class Ridge(NamedTuple):
     """How strongly weights are drawn toward the known ones: those of the evidence, and those of single effects."""
 
@@ -133,37 +125,37 @@ class Ridge(NamedTuple):
         return np.array([0.0, *[self.evidence] * (features - 1), *[self.effect] * effects])
 
 
-def fitted(x: Array, y: Array, counts: Array, penalty: Array, known: Array) -> Array:
+def fitted(x: Array, y: Array, penalty: Array, known: Array) -> Array:
     """Return the weights (k,) of the most likely logistic law, drawn toward the ``known`` ones."""
 
     def cost(w: Array) -> tuple[float, Array]:
         z, off = x @ w, penalty * (w - known)
-        value = float(counts @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - known))
-        return value, x.T @ (counts * (expit(z) - y)) + off
+        value = float(np.sum(np.logaddexp(0.0, z) - y * z)) + 0.5 * float(off @ (w - known))
+        return value, x.T @ (expit(z) - y) + off
 
     return np.asarray(minimize(cost, known, jac=True, method="BFGS").x)
 
 
-def left_out(x: Array, y: Array, counts: Array, case: NDArray[np.int64], penalty: Array, known: Array) -> Array:
+def left_out(x: Array, y: Array, case: NDArray[np.int64], penalty: Array, known: Array) -> Array:
     """Return the probability (n,) of each effect by the law of all other cases."""
     p = np.zeros(y.size)
     for one in np.unique(case):
         mine = case == one
-        p[mine] = expit(x[mine] @ fitted(x[~mine], y[~mine], counts[~mine], penalty, known))
+        p[mine] = expit(x[mine] @ fitted(x[~mine], y[~mine], penalty, known))
     return p
 
 
-def log_score(p: Array, y: Array, counts: Array) -> float:
-    """Return the mean of -log of what was said of what came true, cases counting as they do for the law."""
-    return float(-np.average(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0)), weights=counts))
+def log_score(p: Array, y: Array) -> float:
+    """Return the mean of -log of what was said of what came true."""
+    return float(-np.mean(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0))))
 
 
 def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
-    """Return by reason how many effects that were refused for it were there, and of how many."""
+    """Return by reason how many effects that were refused for it, and not weighed, were there, and of how many."""
     of, there = Counter[str](), Counter[str]()
     for g in cases:
         for c in g.answer.get("candidates", []):
-            if not c["supported"]:
+            if not (c["supported"] or c.get("evidence")):
                 of[c["reason"]] += 1
                 there[c["reason"]] += c["effect"] in g.hidden
     return {reason: (there[reason], of[reason]) for reason in of}
@@ -175,29 +167,28 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
     if len(set(y)) < 2:
         return
     now, stated = np.array(COMPLETE if complete else BESIDE), np.array([probability(e) for e in evidence])
-    counts = counted(cases, complete=complete)[case]
     names = [] if complete else sorted({*UNLIKE, *(one for e in evidence for one in e.effects)})
     x = np.column_stack([[e.features for e in evidence], parts_of(evidence, names)])
     known = np.array([*now, *(UNLIKE.get(name, 0.0) for name in names)]) * (not anew)
     penalties = [Ridge(a, b).penalty(now.size, len(names)) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
-    penalty = min(penalties, key=lambda one: log_score(left_out(x, y, counts, case, one, known), y, counts))
-    p = left_out(x, y, counts, case, penalty, known)
-    weights = fitted(x, y, counts, penalty, known)
+    penalty = min(penalties, key=lambda one: log_score(left_out(x, y, case, one, known), y))
+    p = left_out(x, y, case, penalty, known)
+    weights = fitted(x, y, penalty, known)
     print(f"{name} = {tuple(round(float(w), 2) for w in weights[: now.size])}, {y.size} effects")
-    print("drawn by", dict.fromkeys(penalty[1:].tolist()).keys())
+    print("drawn by", sorted(set(penalty[1:].tolist())))
     of_effects = dict(zip(names, weights[now.size :], strict=True))
     print({one: round(float(w), 1) for one, w in of_effects.items() if abs(w) > ROUNDED})
     print(
-        f"{int(y.sum())} effects were there; Brier {np.average((p - y) ** 2, weights=counts):.3f}, "
-        f"log score {log_score(p, y, counts):.3f}, "
+        f"{int(y.sum())} effects were there; Brier {np.mean((p - y) ** 2):.3f}, "
+        f"log score {log_score(p, y):.3f}, "
         "each by a law that has not seen its case"
     )
-    print(f"the law as it is: log score {log_score(stated, y, counts):.3f}")
+    print(f"the law as it is: log score {log_score(stated, y):.3f}")
     terms = [*FEATURES[complete], "effects"] if names else FEATURES[complete]
     for i, term in enumerate(terms, 1):
         kept = np.delete(np.arange(x.shape[1]), i if i < now.size else range(now.size, x.shape[1]))
-        lesser = left_out(x[:, kept], y, counts, case, penalty[kept], known[kept])
-        print(f"without {term}: log score {log_score(lesser, y, counts):.3f}")
+        lesser = left_out(x[:, kept], y, case, penalty[kept], known[kept])
+        print(f"without {term}: log score {log_score(lesser, y):.3f}")
     for low, high in pairwise(EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():

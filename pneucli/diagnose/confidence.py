@@ -43,34 +43,38 @@ class Evidence(NamedTuple):
 
     @property
     def features(self) -> tuple[float, ...]:
-        """The terms of the law: each within the range that exams have shown; more than typical is no likelier."""
-        significance, size = _decades(self.significance, 1.0, 300.0), _decades(self.size, 0.03, 1.0)
+        """The terms of the law: each within the range that exams have shown."""
+        most = 1.0 if self.complete or self.imposed else LARGE
+        significance, size = _decades(self.significance, 1.0, 300.0), _decades(self.size, 0.03, most)
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
-        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), float(self.imposed)
+        return 1.0, significance, size, _decades(self.left, 0.01, 1.0)
 
 
 def _decades(value: float, low: float, high: float) -> float:
     return math.log10(min(max(value, low), high))
 
 
+# times the usual size, the mean of typical ones, which reach about so far: beyond no effect is likelier. Small unknown
+# things are not taken for one as large, unless the motion is imposed: what resembles grows against each other there
+LARGE = 2.0
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-2.48, 1.44, 3.51, -2.79, -0.17)  # beside something unknown
+BESIDE = (-3.26, 2.3, 5.67, -2.02)  # beside something unknown
 # how much less than others an effect resembles what small unknown things do beside it, in the law's unit; where the
 # motion is imposed all are alike, and so is an effect that no exam has hidden
 UNLIKE = {
-    "acceleration-bias": 0.5, "chamber-leak": 2.5, "constant-force": -3.0, "critical-ratio": 1.7,
-    "dead-volume": 0.5, "dwell-breakaway": 1.3, "end-cushion": 2.6, "extra-mass": 0.3,
-    "friction-asymmetry": -1.2, "friction-hysteresis": -2.5, "heat-transfer": 1.0, "laminar-leak": 2.7,
-    "line-delay": -1.9, "opening-leak": 0.3, "position-friction": 0.6, "presliding": 0.9,
-    "pressure-friction": -1.3, "pressure-scale": -3.0, "spring-force": 0.4, "stribeck": -1.0,
-    "supply-droop": 1.2, "valve-deadband": 0.3, "valve-hysteresis": -2.1, "valve-lag": -3.1, "valve-leak": 2.1,
+    "acceleration-bias": 0.6, "chamber-leak": 4.6, "constant-force": -3.2, "critical-ratio": 2.7, "dead-volume": 0.9,
+    "dwell-breakaway": 3.4, "end-cushion": 3.5, "extra-mass": 0.4, "friction-asymmetry": -1.5,
+    "friction-hysteresis": -4.0, "heat-transfer": 1.6, "laminar-leak": 3.3, "line-delay": -3.0, "opening-leak": 1.1,
+    "position-friction": -0.2, "presliding": 1.4, "pressure-friction": -1.5, "pressure-lag": -0.8,
+    "pressure-offset": -0.4, "pressure-scale": -4.1, "spring-force": 0.4, "stribeck": -2.6, "supply-droop": 1.1,
+    "time-skew": -0.3, "valve-deadband": 0.4, "valve-hysteresis": -3.5, "valve-lag": -4.1, "valve-leak": 3.9,
 }  # fmt: skip
-# the frequency with which an effect that was not named for this reason was there, on the exams of COMPLETE
+# the frequency with which an effect that was refused for this reason, and not weighed, was there on exams
 REFUSED: dict[Reason, float] = {
-    "explained-by-unknown": 0.13, "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "needless": 0.02,
+    "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "explained-by-unknown": 0.02, "needless": 0.02,
 }  # fmt: skip
 OTHERWISE = 0.003  # of all other reasons together
 
