@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import ALPHA, material
@@ -15,17 +15,20 @@ SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
 SMALL = 0.1  # of the usual size: sizes are known within a decade
 
 
-def foremost(trials: Sequence[Trial], plausible: Callable[[Trial], bool]) -> Trial:
+def foremost(bench: Bench, trials: Sequence[Trial]) -> Trial:
     """Return the trial that leaves least, or the simplest of those that leave as little.
 
     Of equals one of a plausible size comes first, and a sensor's fault last: sensors are calibrated, rigs are not.
+    Bounds of a force hold as well as the law of it, and say little of how the piston moves: that must replay as well.
     """
     best = min(trials, key=lambda t: t.state.cost)
     alike = [t for t in trials if as_good(t.state, best.state) or simpler(t, best)]
-    return min(
-        alike,
-        key=lambda t: (len(t.effect.parameters), not plausible(t), t.effect.part == "sensor", t.state.cost),
-    )
+    alike.sort(key=lambda t: (len(t.effect.parameters), not plausible(bench, t), _of_sensor(t), t.state.cost))
+    return next(t for t in alike if not (t.effect.bounds and any(bench.strays(o.state, t.state) for o in alike)))
+
+
+def _of_sensor(trial: Trial) -> bool:
+    return trial.effect.part == "sensor"
 
 
 def plausible(bench: Bench, trial: Trial) -> bool:
@@ -58,10 +61,14 @@ def simpler(trial: Trial, best: Trial) -> bool:
 def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
     """Whether a trial should stand in place of one that is named: simpler and as good, or surely better.
 
-    As sure as if it were added: of all that could stand there, chance makes one better more often than one of one.
+    As sure as if it were added: of all that could stand there, chance makes one better more often than one of one. Of
+    bounds and of what holds as well the one that replays.
     """
+    if named.effect.bounds and bench.strays(trial.state, named.state):
+        return as_good(trial.state, named.state)
     if len(trial.effect.parameters) < len(named.effect.parameters):
-        return as_good(trial.state, named.state) or simpler(trial, named)
+        good = as_good(trial.state, named.state) or simpler(trial, named)
+        return good and not (trial.effect.bounds and bench.strays(named.state, trial.state))
     better = gain(named.state.costs, trial.state.costs)
     sure = better.certain and better.p_value * bench.hypotheses < ALPHA
     return sure and better.total > material(named.state.cost, named.state.samples)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pneucli.diagnose.beside import lawful, likely, standing
 from pneucli.diagnose.confidence import NAMED
 from pneucli.diagnose.decision import Decision, Reason, passed
-from pneucli.diagnose.equals import as_good, foremost, plausible
+from pneucli.diagnose.equals import as_good, foremost
 from pneucli.diagnose.judge import at_noise
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import too_much
@@ -39,7 +39,7 @@ def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
 
     What leaves least is no better then: a spring of a tenth of its usual stiffness far from its rest is a force.
     """
-    first = foremost(able, lambda t: plausible(bench, t))
+    first = foremost(bench, able)
     if len(able) == 1 or not too_much(*remains(bench, first.state)):
         return first
     ranked = [first, *(t for t in able if t is not first)]

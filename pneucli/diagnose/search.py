@@ -9,7 +9,7 @@ from itertools import pairwise
 from pneucli.diagnose.beside import likely
 from pneucli.diagnose.confidence import NAMED
 from pneucli.diagnose.decision import Decision, passed
-from pneucli.diagnose.equals import foremost, plausible, replaces
+from pneucli.diagnose.equals import foremost, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import material, supported
 from pneucli.diagnose.lead import best_placed, leading, spoils
@@ -122,16 +122,12 @@ def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list
 
     Returns the rungs, the place of each effect, and what was refused after it was taken.
     """
-    base = rungs[0]
-    last, needless, without = _without_needless(bench, base, rungs[-1])
-    ladder, raising = _ladder(bench, base, last, rungs)
-    before = [state for state in rungs if not {d.effect.name for d in raising} & set(state.names)]
-    # what made others needless and may not stay itself gives them back
-    rungs, refused = (before, raising) if raising and len(before) > len(ladder) else (ladder, needless + raising)
+    base, refused = rungs[0], []
     for swaps in range(SWAPS + 1):
+        rungs, without, gone = _pruned(bench, base, rungs)
+        refused += gone
         known = rounds[0] if swaps == 0 else None
-        less = without if rungs[-1] is last else {}
-        places, better = _places(bench, base, rungs[-1], known, less, [d.effect.name for d in refused])
+        places, better = _places(bench, base, rungs[-1], known, without, [d.effect.name for d in refused])
         if better is None or swaps == SWAPS:
             break
         swapped, raising = _ladder(bench, base, better.state, rungs)
@@ -140,6 +136,19 @@ def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list
         else:
             rungs = swapped
     return rungs, places, refused
+
+
+def _pruned(bench: Bench, base: State, rungs: list[State]) -> tuple[list[State], dict[str, State], Round]:
+    """Return the rungs without what should not stay, states without single effects of the last, and what was refused.
+
+    What made others needless and may not stay itself gives them back.
+    """
+    last, needless, without = _without_needless(bench, base, rungs[-1])
+    ladder, raising = _ladder(bench, base, last, rungs)
+    before = [state for state in rungs if not {d.effect.name for d in raising} & set(state.names)]
+    if raising and len(before) > len(ladder):
+        return before, {}, raising
+    return ladder, without if ladder[-1] is last else {}, needless + raising
 
 
 def _places(
@@ -171,7 +180,7 @@ def _better(bench: Bench, place: Place) -> Trial | None:
     a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
     """
     able = [t for t in place.rivals if replaces(bench, t, place.named)]
-    first = foremost(able, lambda t: plausible(bench, t)) if able else place.named
+    first = foremost(bench, able) if able else place.named
     if place.rivals and too_much(*remains(bench, first.state)):
         first = best_placed(bench, place)
     return None if first is place.named else first

@@ -16,6 +16,7 @@ from pneucli.diagnose.evidence import Gain, gain, wald
 from pneucli.diagnose.laws import Channel
 from pneucli.diagnose.refits import Refit, Refits, here
 from pneucli.diagnose.remainder import Remainder, held_out_remainders, remainders
+from pneucli.diagnose.replay import ASTRAY
 from pneucli.diagnose.turns import models_by_turn
 from pneucli.experiments import Part
 from pneucli.identify.blocks import block_numbers
@@ -198,6 +199,11 @@ class Bench:
         """Whether it falls in that mean by more than chance may."""
         ratios = self._ratios(before, after)
         return not ratios or float(np.prod(ratios)) < RISE ** -len(ratios)
+
+    def strays(self, before: State, after: State) -> bool:
+        """Whether it rises for all uses by as much as tells a model that does not replay."""
+        ratios = self._ratios(before, after)
+        return bool(ratios) and min(ratios) > ASTRAY
 
     def _ratios(self, before: State, after: State) -> list[float]:
         """Return the error that the user sees after over that before, for each use that has one."""

@@ -15,8 +15,17 @@ BEFORE = state(cost=400_000.0)
 CONSTANT = trial("constant-force", 100_000.0, before=BEFORE)
 
 
-def usual(_: Trial) -> bool:
-    return True
+@pytest.fixture(autouse=True)
+def usual(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All sizes are plausible."""
+    of_size(monkeypatch, 1.0)
+
+
+def of_size(monkeypatch: pytest.MonkeyPatch, *sizes: float, of: tuple[Trial, ...] = ()) -> None:
+    """Effects have sizes, over usual ones: the first one, but those of some trials."""
+    others = {trial.effect.name: size for trial, size in zip(of, sizes[1:], strict=True)}
+    monkeypatch.setattr(equals, "facts_of", lambda model, experiments: "facts")
+    monkeypatch.setattr(equals, "magnitude", lambda fit, effect, facts: others.get(effect.name, sizes[0]))
 
 
 def rival(effect: str, fall: float, scatter: float = 0.0, than: Trial = CONSTANT) -> Trial:
@@ -28,37 +37,66 @@ def test_a_spring_does_not_lead_by_what_the_force_leaves_of_small_imperfections(
     """300 of the 300 000 that the force takes, the same in every block: sure, and no reason for one parameter more."""
     spring = rival("spring-force", 300.0)
     assert not as_good(CONSTANT.state, spring.state)
-    assert foremost([spring, CONSTANT], usual) is CONSTANT
+    assert foremost(bench(), [spring, CONSTANT]) is CONSTANT
 
 
 def test_a_spring_leads_where_it_leaves_much_less():
     spring = rival("spring-force", 40_000.0)
-    assert foremost([CONSTANT, spring], usual) is spring
+    assert foremost(bench(), [CONSTANT, spring]) is spring
 
 
 def test_of_equals_with_as_many_parameters_a_sensor_comes_last():
     offset = rival("pressure-offset", 0.0)
-    assert foremost([offset, CONSTANT], usual) is CONSTANT
+    assert foremost(bench(), [offset, CONSTANT]) is CONSTANT
 
 
-def test_of_equals_one_that_is_too_small_for_a_rig_comes_after_a_sensor():
+def test_of_equals_one_that_is_too_small_for_a_rig_comes_after_a_sensor(monkeypatch: pytest.MonkeyPatch):
     offset = rival("pressure-offset", 0.0)
-    assert foremost([CONSTANT, offset], lambda t: t is offset) is offset
-    assert foremost([CONSTANT, offset], lambda t: False) is CONSTANT
+    of_size(monkeypatch, 0.05, 1.0, of=(offset,))
+    assert foremost(bench(), [CONSTANT, offset]) is offset
+    of_size(monkeypatch, 0.05)
+    assert foremost(bench(), [CONSTANT, offset]) is CONSTANT
+
+
+BOUNDS = trial("friction-hysteresis", 100_000.0, before=BEFORE)
+
+
+@pytest.mark.parametrize(("train", "test", "holds"), [(1.5, 1.5, False), (1.3, 9.0, True), (9.0, 1.3, True)])
+def test_bounds_that_replay_far_worse_than_an_equal_neither_lead_nor_stay(train: float, test: float, holds: bool):
+    """They hold the balance of forces as well as its law does, and say little of how the piston moves."""
+    law = rival("friction-asymmetry", 300.0, than=BOUNDS)
+    seen = bench([(law.state, 1.0, 1.0), (BOUNDS.state, train, test)])
+    assert foremost(seen, [BOUNDS, law]) is (BOUNDS if holds else law)
+    assert replaces(seen, BOUNDS, law) == holds
+    assert replaces(seen, law, BOUNDS) != holds
+
+
+def test_bounds_stay_where_what_replays_better_leaves_more():
+    law = rival("friction-asymmetry", -5000.0, than=BOUNDS)
+    seen = bench([(law.state, 1.0, 1.0), (BOUNDS.state, 9.0, 9.0)])
+    assert foremost(seen, [BOUNDS, law]) is BOUNDS
+    assert not replaces(seen, law, BOUNDS)
+
+
+def test_a_law_leads_and_stays_however_it_replays():
+    """Stick-slips hang on few break-aways: of two laws the balance tells more."""
+    spring = rival("spring-force", 300.0)
+    seen = bench([(spring.state, 1.0, 1.0), (CONSTANT.state, 9.0, 9.0)])
+    assert foremost(seen, [CONSTANT, spring]) is CONSTANT
+    assert replaces(seen, CONSTANT, spring)
 
 
 @pytest.mark.parametrize(("size", "can_be"), [(0.11, True), (0.09, False), (9.9, True), (10.1, False)])
 def test_a_tenth_of_a_usual_size_and_ten_times_as_much_can_still_be(
     size: float, can_be: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(equals, "facts_of", lambda model, experiments: "facts")
-    monkeypatch.setattr(equals, "magnitude", lambda fit, effect, facts: size)
+    of_size(monkeypatch, size)
     assert plausible(bench(), CONSTANT) == can_be
 
 
 def test_a_sensor_that_is_surely_better_is_no_equal():
     offset = rival("pressure-offset", 300.0)
-    assert foremost([offset, CONSTANT], usual) is offset
+    assert foremost(bench(), [offset, CONSTANT]) is offset
 
 
 def test_less_than_matters_is_a_part_of_the_cost_and_of_what_the_effect_takes():

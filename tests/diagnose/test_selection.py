@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import evidence, lead
+from pneucli.diagnose import equals, evidence, lead
 from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.remainder import Remainder
@@ -21,8 +21,7 @@ from tests.diagnose.toys import Toys, adding, effect
 
 @pytest.fixture(autouse=True)
 def usual_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (selection, lead):
-        monkeypatch.setattr(module, "plausible", lambda bench, trial: True)
+    monkeypatch.setattr(equals, "plausible", lambda bench, trial: True)
 
 
 @pytest.fixture(autouse=True)
@@ -210,6 +209,20 @@ def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
     kept, _, refused = selection._revise(bench, rungs, [[]])  # type: ignore[arg-type]
     assert kept[-1].names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
+
+
+def test_what_a_better_rival_makes_needless_goes() -> None:
+    """d takes up what a leaves in the place of b."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        of_place = 0.7 if "b" in chosen else 0.4 * ("a" in chosen) + 0.1 * ("d" in chosen)
+        return of_place + 0.3 * ("c" in chosen)
+
+    bench = Toys([A, B, C, D], takes)
+    rungs = [bench.state(way) for way in ((), ("a",), ("a", "c"), ("a", "c", "d"))]
+    kept, places, refused = selection._revise(bench, rungs, [[]])  # type: ignore[arg-type]
+    assert set(kept[-1].names) == set(places) == {"b", "c"}
+    assert [(d.effect.name, d.reason) for d in refused] == [("d", "needless")]
 
 
 def test_equals_of_an_effect_are_its_rivals() -> None:
