@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
 OF_EFFECTS = (0.3, 1.0, 3.0)  # the same of the weights of single effects
 ROUNDED = 0.1  # a weight of an effect that is smaller is not stated
-FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left")}
+FEATURES = {True: ("significance", "size", "share"), False: ("significance", "size", "left", "share")}
 
 
 # what was published of real recordings (shared/real/README.md): friction that grows with the pressure, a mean force of

@@ -169,7 +169,7 @@ def likely(bench: Bench, place: Place) -> float:
     Or one of those in its place that the data cannot tell from it.
     """
     alike = [t.effect.name for t in place.alike(bench, complete=False)]
-    return probability(_in_place(bench, place)._replace(effects=(place.named.effect.name, *alike)))
+    return probability(evidence_of(bench, place.named.state, place.named, place, alike, complete=False))
 
 
 def standing(bench: Bench, trial: Trial) -> float:
@@ -179,16 +179,10 @@ def standing(bench: Bench, trial: Trial) -> float:
     error that the user sees, as so many independent readings: a balance of forces has few break-aways, and a trajectory
     hangs on them.
     """
-    p = min(max(probability(_in_place(bench, Place(trial, ()))), CERTAIN), 1.0 - CERTAIN)
+    evidence = evidence_of(bench, trial.state, trial, Place(trial, ()), complete=False)
+    p = min(max(probability(evidence._replace(effects=())), CERTAIN), 1.0 - CERTAIN)
     errors = [] if bench.shown is None else [e for e in bench.shown(trial.state.model).values() if e]
     return math.log(p / (1.0 - p)) - INDEPENDENT * (float(np.mean(np.log(errors))) if errors else 0.0)
-
-
-def _in_place(bench: Bench, place: Place) -> Evidence:
-    """Return what tells an effect that was just added from a stand-in for something unknown, whatever effect it is."""
-    trial = place.named
-    sure, size = _sure_and_size(bench, trial.state, trial.effect)
-    return Evidence(None, sure, size, complete=False, left=place.left(bench), imposed=imposed(bench, trial.effect))
 
 
 def imposed(bench: Bench, effect: Effect) -> bool:

@@ -49,7 +49,8 @@ class Evidence(NamedTuple):
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
-        return 1.0, significance, size, _decades(self.left, 0.01, 1.0)
+        kept = 1.0 - (self.share or 0.0)
+        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), _decades(kept, 0.01, 1.0)
 
 
 def _decades(value: float, low: float, high: float) -> float:
@@ -61,16 +62,16 @@ def _decades(value: float, low: float, high: float) -> float:
 LARGE = 2.0
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
 COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-3.26, 2.3, 5.67, -2.02)  # beside something unknown
+BESIDE = (-3.27, 2.06, 5.45, -1.47, -1.26)  # beside something unknown
 # how much less than others an effect resembles what small unknown things do beside it, in the law's unit; where the
 # motion is imposed all are alike, and so is an effect that no exam has hidden
 UNLIKE = {
-    "acceleration-bias": 0.6, "chamber-leak": 4.6, "constant-force": -3.2, "critical-ratio": 2.7, "dead-volume": 0.9,
-    "dwell-breakaway": 3.4, "end-cushion": 3.5, "extra-mass": 0.4, "friction-asymmetry": -1.5,
-    "friction-hysteresis": -4.0, "heat-transfer": 1.6, "laminar-leak": 3.3, "line-delay": -3.0, "opening-leak": 1.1,
-    "position-friction": -0.2, "presliding": 1.4, "pressure-friction": -1.5, "pressure-lag": -0.8,
-    "pressure-offset": -0.4, "pressure-scale": -4.1, "spring-force": 0.4, "stribeck": -2.6, "supply-droop": 1.1,
-    "time-skew": -0.3, "valve-deadband": 0.4, "valve-hysteresis": -3.5, "valve-lag": -4.1, "valve-leak": 3.9,
+    "acceleration-bias": 0.7, "chamber-leak": 4.4, "constant-force": -3.1, "critical-ratio": 2.5, "dead-volume": 0.8,
+    "dwell-breakaway": 3.3, "end-cushion": 3.5, "extra-mass": 0.4, "friction-asymmetry": -1.6,
+    "friction-hysteresis": -3.8, "heat-transfer": 1.6, "laminar-leak": 3.2, "line-delay": -2.9, "opening-leak": 1.0,
+    "position-friction": -0.5, "presliding": 1.3, "pressure-friction": -1.7, "pressure-lag": -0.6,
+    "pressure-offset": -0.5, "pressure-scale": -3.7, "spring-force": 0.5, "stribeck": -2.5, "supply-droop": 1.4,
+    "valve-deadband": 0.4, "valve-hysteresis": -3.6, "valve-lag": -4.2, "valve-leak": 3.8,
 }  # fmt: skip
 # the frequency with which an effect that was refused for this reason, and not weighed, was there on exams
 REFUSED: dict[Reason, float] = {

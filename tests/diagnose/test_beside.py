@@ -202,15 +202,20 @@ def test_what_has_no_place_in_the_last_model_leaves_all(monkeypatch: pytest.Monk
 def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_in_its_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """No error that the user sees is simulated for it."""
-    where = replace(bench(held_out=False), train=kinds(Imposed, Forces), shown=None)
+    """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
     tried, other = trial("time-skew", before=trials.state()), trial("valve-lag")
+    errors = {id(tried.before.model): 4.0, id(tried.state.model): 2.0}
+    where = replace(
+        bench(held_out=False),
+        train=kinds(Imposed, Forces),
+        shown=lambda model: {"train": 9.0, "test": errors[id(model)]},
+    )
     monkeypatch.setattr(beside, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None)
     monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
     monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
     monkeypatch.setattr(Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
     monkeypatch.setattr(Place, "alike", lambda self, bench, complete: () if complete else self.rivals)
-    known = Evidence(None, 20.0, 0.5, complete=False, left=0.3)
+    known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
     assert beside.likely(where, Place(tried, ())) == probability(known._replace(effects=("time-skew",)))
     assert beside.likely(where, Place(tried, (other,))) == probability(
         known._replace(effects=("time-skew", "valve-lag"))
@@ -229,7 +234,7 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(beside, "_in_place", lambda bench, place: WEAK)
+    monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: WEAK)
     monkeypatch.setattr(beside, "probability", lambda evidence: 0.75)
     where = replace(bench(held_out=False), shown=None if errors is None else lambda model: errors)
     assert beside.standing(where, trial("stribeck", before=trials.state())) == pytest.approx(expected)
