@@ -175,12 +175,13 @@ def likely(bench: Bench, place: Place) -> float:
 def standing(bench: Bench, trial: Trial) -> float:
     """Return the log of how likely a trial is against others that leave as much in its place.
 
-    Its odds, whatever effect it is: the unknown that one of them resembles, all of them do. And what is left of the
-    error that the user sees, as so many independent readings: a balance of forces has few break-aways, and a trajectory
-    hangs on them.
+    Its odds, whatever effect it is: the unknown that one of them resembles, all of them do; and one that is larger than
+    usual is no likelier than its twin. And what is left of the error that the user sees, as so many independent
+    readings: a balance of forces has few break-aways, and a trajectory hangs on them.
     """
     evidence = evidence_of(bench, trial.state, trial, Place(trial, ()), complete=False)
-    p = min(max(probability(evidence._replace(effects=())), CERTAIN), 1.0 - CERTAIN)
+    alone = evidence._replace(share=None, size=min(evidence.size, 1.0), effects=())
+    p = min(max(probability(alone), CERTAIN), 1.0 - CERTAIN)
     errors = [] if bench.shown is None else [e for e in bench.shown(trial.state.model).values() if e]
     return math.log(p / (1.0 - p)) - INDEPENDENT * (float(np.mean(np.log(errors))) if errors else 0.0)
 

@@ -251,6 +251,19 @@ def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch
     assert clock == spool
 
 
+@pytest.mark.parametrize(("size", "less"), [(0.5, True), (1.0, False), (4.0, False)])
+def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
+    monkeypatch: pytest.MonkeyPatch, size: float, less: bool
+) -> None:
+    """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
+    where = replace(bench(held_out=False), shown=None)
+    sizes = {"constant-force": 1.0, "pressure-offset": size}
+    monkeypatch.setattr(beside, "_sure_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
+    monkeypatch.setattr(Place, "left", lambda self, bench: 0.3)
+    force, offset = (beside.standing(where, trial(name, before=trials.state())) for name in sizes)
+    assert offset < force if less else offset == force
+
+
 def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:
     effect = catalogue()["extra-mass"]
     unfelt = kinds(Chambers, feels=False)
