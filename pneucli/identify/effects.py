@@ -273,8 +273,19 @@ def free_parameters(model: Model, views: Sequence[View]) -> list[Free]:
 def refit(found: Fit, views: Sequence[View], *, effort: Effort = FULL) -> Fit:
     """Fit on from where a fit ended."""
     free = free_parameters(found.model, views)
-    known = [f.name for f in free] == [f.name for f in found.free]
-    return fit(found.model, views, free, effort=effort, before=found.jacobian if known else None)
+    return fit(found.model, views, free, effort=effort, before=_derivatives(found, free))
+
+
+def _derivatives(found: Fit, free: Sequence[Free]) -> Array | None:
+    """Return a fit's derivatives (N, k) in the coordinates of free parameters, None where these are others.
+
+    The coordinate of a parameter is counted in its distance from its null at the start, which a fit moves.
+    """
+    if [f.name for f in free] != [f.name for f in found.free]:
+        return None
+    values = [value_of(found.model, f.name) for f in free]
+    scale = [new.slope(v) / old.slope(v) for new, old, v in zip(free, found.free, values, strict=True)]
+    return np.asarray(found.jacobian * scale)
 
 
 def fit_without(found: Fit, views: Sequence[View], effect: Effect, *, effort: Effort = FULL) -> Fit:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.identify import effects
 from pneucli.identify import problem as problems
 from pneucli.identify.blocks import block_numbers, scores
 from pneucli.identify.fit import Fit, fit, joined
-from pneucli.identify.parameters import Free
+from pneucli.identify.parameters import Free, value_of
 from pneucli.identify.problem import Problem
 from pneucli.identify.views import Chambers, Forces, Imposed, Whole
 from pneucli.simulate.valve_area import ValveArea
@@ -236,7 +237,7 @@ def test_an_effects_parameter_shows_where_the_effect_does() -> None:
 
 
 def problem(*free: Free) -> Problem:
-    return Problem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)  # type: ignore[list-item]
+    return Problem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)
 
 
 def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an_edge() -> None:
@@ -272,7 +273,7 @@ def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyP
     p = problem(COULOMB)
     assert p.at_once == 8
     for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):
-        p.views = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]  # type: ignore[list-item]
+        p.views = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]
         assert p.at_once == together
 
 
@@ -299,3 +300,19 @@ def test_a_part_fitted_by_itself_joins_what_was_found_of_the_rest() -> None:
     again = joined(found, fit(found.model, views[:1], [COULOMB]), views, np.array([True, False]))
     assert [f.name for f in again.free] == ["friction.coulomb", "friction.viscous"]
     assert again.jacobian == pytest.approx(both.jacobian, abs=1e-6)
+
+
+# --- how a fit goes on
+
+
+@pytest.mark.parametrize("times", [0.1, 27.0])
+def test_a_fit_that_goes_on_from_its_end_keeps_its_errors_whatever_its_coordinates(
+    monkeypatch: pytest.MonkeyPatch, times: float
+):
+    """The derivatives that the first one left are those of its own coordinates; noise of 2 tells the errors."""
+    first = fitted(COULOMB, VISCOUS, views=[Line()])
+    anew = [replace(f, start=value_of(first.model, f.name), scale=times * f.scale) for f in (COULOMB, VISCOUS)]
+    monkeypatch.setattr(effects, "free_parameters", lambda *_: anew)
+    then = effects.refit(first, [Line()])
+    for before, after in zip(first.estimates, then.estimates, strict=True):
+        assert (after.value, after.error) == pytest.approx((before.value, before.error), rel=1e-3)
