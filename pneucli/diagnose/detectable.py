@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,7 +22,8 @@ SEEN = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the
 class Detectable:
     """The size of one effect's leading parameter from which it would have shown, in the parameter's unit.
 
-    ``size`` is inf where no plausible size would have shown; ``typical`` tells whether a typical one would.
+    ``size`` is inf where no plausible size would have shown; ``typical`` tells whether a typical one would. ``where``
+    has the values of parameters that tell where, when or how fast it acts: of another value another size would show.
     """
 
     effect: Effect
@@ -30,12 +31,14 @@ class Detectable:
     size: float
     plausible: bool
     typical: bool
+    where: Mapping[Parameter, float] = field(default_factory=dict)
 
     @property
     def would_show(self) -> str:
         """A sentence for a person."""
         title, unit = self.effect.title, after_number(self.parameter.unit)
-        name = f"{self.parameter.title or self.parameter.name}"
+        told = [f"{p.title or p.name} {value:.2g}{after_number(p.unit)}" for p, value in self.where.items()]
+        name = "; ".join([self.parameter.title or self.parameter.name, *told])
         if not self.plausible:
             return f"{title}: these recordings cannot tell; no plausible size of it would have shown"
         null = self.parameter.null
@@ -68,9 +71,12 @@ def _size(effect: Effect, found: list[Signature], state: State) -> Detectable:
         return Detectable(effect, leading, np.inf, plausible=False, typical=False)
     best = min(seen, key=lambda s: s.error)
     null = null_value(leading, state.model)
-    if null is None:
-        seen_at_once = SEEN * best.error < 1.0
-        return Detectable(effect, leading, best.values[name], plausible=seen_at_once, typical=seen_at_once)
-    typical = abs(best.values[name] - null)
+    where = {
+        p: best.values[f"{effect.name}.{p.name}"] for p in effect.parameters if p.null is None and p is not leading
+    }
     size = SEEN * best.error
-    return Detectable(effect, leading, size * typical, plausible=size < 3.0, typical=size < 1.0)
+    if null is None:
+        once = size < 1.0
+        return Detectable(effect, leading, best.values[name], plausible=once, typical=once, where=where)
+    away = size * abs(best.values[name] - null)
+    return Detectable(effect, leading, away, plausible=size < 3.0, typical=size < 1.0, where=where)

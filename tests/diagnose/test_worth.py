@@ -385,6 +385,13 @@ def test_a_size_counts_from_the_null() -> None:
     assert "from a difference of 0.1" in found.would_show
 
 
+def test_what_would_have_shown_says_where_it_acts() -> None:
+    """A shorter cushion that the piston hardly reaches may be far stiffer."""
+    long, short = {"length": 0.08, "damping": 100.0}, {"length": 0.03, "damping": 100.0}
+    found = size_of("end-cushion", (short, np.inf), (long, 0.02))
+    assert "above 8 N s/m (damping at the very end; length of each cushion 0.08 m) it would" in found.would_show
+
+
 @pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
 def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: float, plausible: bool) -> None:
     found = size_of("constant-force", ({"force": 10.0}, error))
