@@ -11,7 +11,8 @@ import numpy as np
 from pneucli.diagnose.decision import Decision, Reason, passed
 from pneucli.diagnose.evidence import holm
 from pneucli.diagnose.known import contradicted
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.remainder import too_much
+from pneucli.diagnose.trial import Bench, State, Trial, remains
 from pneucli.identify.parameters import absent_value
 
 ALPHA = 0.02  # of naming any effect where none is, before it is held out
@@ -45,9 +46,21 @@ def _reason(bench: Bench, before: State, trial: Trial, p_value: float) -> Reason
         (contradicted(trial.state.model, trial.effect, bench.train), "contradicted-by-reading"),
         (not unlikely, "at-bound" if _at_any_bound(trial) else "not-significant"),
         (not trial.train.total > material(*bench.felt(before, trial.effect)), "immaterial"),
-        (not certain and not _rarely_shown(trial, p_value), "not-on-held-out"),
     ]
-    return next((reason for fails, reason in failed if fails), "supported")
+    refused = next((reason for fails, reason in failed if fails), None)
+    if refused is not None:
+        return refused
+    held = certain or _rarely_shown(trial, p_value) or _falls_beside(bench, trial)
+    return "supported" if held else "not-on-held-out"
+
+
+def _falls_beside(bench: Bench, trial: Trial) -> bool:
+    """Whether the cost of the data held out falls, though not for certain, and something unknown is left beside.
+
+    What that does to few recordings is as large as what they show of an effect: how sure it is then is not a matter of
+    a test, but of what it leaves there (:mod:`pneucli.diagnose.confidence`).
+    """
+    return trial.test.total > 0.0 and bool(too_much(*remains(bench, trial.state)))
 
 
 def _rarely_shown(trial: Trial, p_value: float) -> bool:

@@ -16,6 +16,11 @@ INDEPENDENT = 10  # readings, as which what is unknown besides counts (docs/diag
 BY_CHANCE = math.exp(ONE_PARAMETER / INDEPENDENT)  # the ratio of what two leave that is no more than chance
 
 
+def _no_less(left: float, mine: float) -> bool:
+    """Whether what one leaves is no more than what another does, and what it takes no less, but for chance."""
+    return left < BY_CHANCE * mine and BY_CHANCE * (1.0 - left) > 1.0 - mine
+
+
 @dataclass(frozen=True)
 class Place:
     """One effect of the last model: ``named``, the step to it from the model without, and what passed all tests there
@@ -29,12 +34,13 @@ class Place:
         """Return the rivals that the data cannot tell from the named effect.
 
         Where it is not ``complete``, what is left is no noise that would average out, but a few independent readings of
-        something unknown: of two that leave about as much of what the named one acts in, the one may be ahead by
-        chance. What explains more of something else is no rival there.
+        something unknown: of two that leave about as much of what the named one acts in, and take about as much, the
+        one may be ahead by chance. What explains more of something else is no rival there.
         """
         if complete:
             return [t for t in self.rivals if equal(t, self.named.state)]
-        return [t for t in self.rivals if self.left(bench, t) < BY_CHANCE * self.left(bench)]
+        mine = self.left(bench)
+        return [t for t in self.rivals if _no_less(self.left(bench, t), mine)]
 
     def read_alone(self, bench: Bench) -> bool:
         """Whether readings show such an effect alone, and show anything of it: a direct reading beats an inference."""

@@ -207,18 +207,17 @@ def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Ro
 def _least(bench: Bench, last: State, trials: Sequence[Trial]) -> Decision | None:
     """Return which of the last state's effects should go first, None where all should stay.
 
-    One that is not supported beside the others, the least missed; but what the data would certainly and noticeably miss
-    stays: it may not be supported alone, and yet carry the others. Beside something unknown also the least likely, if
-    it is likelier absent: such a one takes from the others what is theirs.
+    Beside something unknown the least likely, if it is likelier absent: such a one takes from the others what is
+    theirs, so that these are not missed. Then one that is not supported beside the others, the least missed; but what
+    the data would certainly and noticeably miss stays: it may not be supported alone, and yet carry the others.
     """
+    if too_much(*remains(bench, last)):
+        chance, unlikely = min(((likely(bench, Place(t, ())), t) for t in trials), key=lambda each: each[0])
+        if chance < NAMED:
+            return Decision(unlikely.effect, "explained-by-unknown", unlikely)
     needless = [t for t in trials if not supported(bench, t.before, [t]) and not _missed(t.before, last)]
-    if needless:
-        least = min(needless, key=lambda t: t.before.cost)
-        return Decision(least.effect, "needless", least)
-    if not too_much(*remains(bench, last)):
-        return None
-    chance, least = min(((likely(bench, Place(t, ())), t) for t in trials), key=lambda each: each[0])
-    return Decision(least.effect, "explained-by-unknown", least) if chance < NAMED else None
+    least = min(needless, key=lambda t: t.before.cost, default=None)
+    return None if least is None else Decision(least.effect, "needless", least)
 
 
 def _missed(before: State, last: State) -> bool:

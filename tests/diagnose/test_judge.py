@@ -5,11 +5,20 @@ from __future__ import annotations
 import pytest
 
 from pneucli.diagnose import judge
+from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.judge import judged, supported
+from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench
+from pneucli.identify.views import Forces
 from tests.diagnose.trials import UNSURE, bench, state, trial
 
+MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
 INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
+
+
+@pytest.fixture(autouse=True)
+def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judge, "remains", lambda bench, state: ([], []))
 
 
 def reason(*args, before=None, held_out=True, **how):
@@ -87,6 +96,17 @@ def test_what_matters_is_a_share_of_what_the_effect_acts_in(monkeypatch: pytest.
 def test_what_does_not_hold_on_data_not_seen_says_so():
     assert reason("friction-asymmetry", ends=INSIDE, test=UNSURE) == "not-on-held-out"
     assert reason("friction-asymmetry", ends=INSIDE, test=UNSURE, held_out=False) == "supported"
+
+
+@pytest.mark.parametrize(
+    ("left", "fall", "said"),
+    [([MUCH], 90.0, "supported"), ([MUCH], -90.0, "not-on-held-out"), ([], 90.0, "not-on-held-out")],
+)
+def test_beside_something_unknown_it_is_enough_that_the_cost_of_data_not_seen_falls(
+    monkeypatch: pytest.MonkeyPatch, left: list[Remainder], fall: float, said: str
+):
+    monkeypatch.setattr(judge, "remains", lambda bench, state: (left, []))
+    assert reason("friction-asymmetry", ends=INSIDE, test=Gain(fall, -100.0, 0.3, 30.0)) == said
 
 
 def test_turns_are_data_not_seen():

@@ -67,5 +67,12 @@ def test_beside_something_unknown_what_leaves_about_as_much_is_not_told_from_it(
     assert [t.effect.name for t in found.alike(BENCH, complete=False)] == ["extra-mass"] * told
 
 
+@pytest.mark.parametrize(("beyond", "told"), [(8600.0, True), (8700.0, False)])
+def test_nor_what_takes_about_as_much(beyond: float, told: bool) -> None:
+    """Of 10000 the one takes 2000; what takes 1362 or more, that over exp(3.84 / 10), is not told from it."""
+    found = place(8000.0, extra_mass=beyond)
+    assert [t.effect.name for t in found.alike(BENCH, complete=False)] == ["extra-mass"] * told
+
+
 def test_where_noise_alone_is_left_a_difference_of_as_much_tells() -> None:
     assert place(1000.0, extra_mass=1400.0).alike(BENCH, complete=True) == []

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.diagnose import judge
 from pneucli.diagnose.evidence import Gain, gain
 from pneucli.diagnose.judge import supported
 from pneucli.diagnose.trial import State, Trial
@@ -23,6 +24,11 @@ SURELY = Gain(400.0, 300.0, 1e-9, 30.0)
 RARELY = Gain(90.0, 0.0, 0.16, 1.0)  # one block of many
 OFTEN = Gain(90.0, -10.0, 0.16, 30.0)
 WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
+
+
+@pytest.fixture(autouse=True)
+def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judge, "remains", lambda bench, state: ([], []))
 
 
 def trial(test: Gain, p_value: float) -> Trial:

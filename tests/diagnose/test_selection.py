@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import equals, evidence, lead
+from pneucli.diagnose import equals, evidence, judge, lead
 from pneucli.diagnose import search as selection
 from pneucli.diagnose.evidence import Gain
 from pneucli.diagnose.remainder import Remainder
@@ -42,7 +42,7 @@ def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
         ratio = float(np.sqrt(state.cost / state.samples))
         return [Remainder(Forces, "force", ratio, ratio, ())], []
 
-    for module in (selection, lead):
+    for module in (selection, lead, judge):
         monkeypatch.setattr(module, "remains", left)
     monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
 
@@ -186,6 +186,19 @@ def test_what_is_likelier_absent_goes_where_something_unknown_is_left(sure: dict
     assert {d.effect.name: d.reason for d in result.decisions} == dict.fromkeys("bc", "explained-by-unknown")
     assert found(Toys([B, C], adding(b=0.4), excess=2.0)).added == ["b"]
     assert names(found(Toys([A, B, C], adding(a=0.8, b=0.6, c=0.6), excess=2.0))) == {"a", "b", "c"}
+
+
+def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[str, float]) -> None:
+    """A weak spring far from its rest takes the place of an asymmetry, and something unknown besides."""
+    sure["b"] = 0.1
+
+    def takes(chosen: frozenset[str]) -> float:
+        return 0.62 if {"a", "b"} <= chosen else 0.619 if "b" in chosen else 0.6 * ("a" in chosen)
+
+    bench = Toys([A, B], takes, excess=2.0)
+    kept, refused, _ = selection._without_needless(bench, bench.state(()), bench.state(("a", "b")))  # type: ignore[arg-type]
+    assert kept.names == ["a"]
+    assert [(d.effect.name, d.reason) for d in refused] == [("b", "explained-by-unknown")]
 
 
 def test_a_pair_beside_something_unknown_must_be_likely(sure: dict[str, float]) -> None:
