@@ -176,8 +176,11 @@ def test_rungs_that_are_known_and_sound_are_kept():
     assert search._ladder(where, known[0], known[1], known) == (known, [])
 
 
-def test_what_the_others_make_needless_is_dropped_with_that_reason(monkeypatch: pytest.MonkeyPatch):
-    """Without the lag nothing is missed, without the mass very much."""
+@pytest.mark.parametrize(("stands", "kept"), [(set(), [MASS]), ({LAG}, [MASS, LAG])])
+def test_what_the_others_make_needless_is_dropped_with_that_reason(
+    monkeypatch: pytest.MonkeyPatch, stands: set[str], kept: list[str]
+):
+    """Without the lag nothing is missed, without the mass very much: that stays, and the lag if it passes its tests."""
     where = climbing(("", 9000.0, 9.0, 9.0), (MASS, 5000.0, 5.0, 5.0), (LAG, 8000.0, 8.0, 8.0))
     last = state([MASS, LAG], 4999.0)
     monkeypatch.setattr(
@@ -186,10 +189,10 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(monkeypatch: 
         lambda self, state, effects: [self.of(tuple(n for n in state.names if n != e.name)) for e in effects],
         raising=False,
     )
-    monkeypatch.setattr(search, "supported", lambda bench, before, trials: [])
-    kept, refused, _ = search._without_needless(where, where.of(()), last)
-    assert kept.names == [MASS]
-    assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")]
+    monkeypatch.setattr(search, "supported", lambda bench, before, ts: [t for t in ts if t.effect.name in stands])
+    found, refused, _ = search._without_needless(where, where.of(()), last)
+    assert found.names == kept
+    assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")] * (LAG not in kept)
 
 
 def test_a_model_without_one_of_its_effects_is_fitted_once(monkeypatch: pytest.MonkeyPatch):
