@@ -24,7 +24,12 @@ def foremost(bench: Bench, trials: Sequence[Trial]) -> Trial:
     best = min(trials, key=lambda t: t.state.cost)
     alike = [t for t in trials if as_good(t.state, best.state) or simpler(t, best)]
     alike.sort(key=lambda t: (len(t.effect.parameters), not plausible(bench, t), _of_sensor(t), t.state.cost))
-    return next(t for t in alike if not (t.effect.bounds and any(bench.strays(o.state, t.state) for o in alike)))
+    return next(t for t in alike if not any(_bounds_stray(bench, t, other) for other in alike))
+
+
+def _bounds_stray(bench: Bench, trial: Trial, other: Trial) -> bool:
+    """Whether a trial states bounds of a force and replays far worse than another does."""
+    return trial.effect.bounds and bench.strays(other.state, trial.state)
 
 
 def _of_sensor(trial: Trial) -> bool:
@@ -64,11 +69,11 @@ def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
     As sure as if it were added: of all that could stand there, chance makes one better more often than one of one. Of
     bounds and of what holds as well the one that replays.
     """
-    if named.effect.bounds and bench.strays(trial.state, named.state):
+    if _bounds_stray(bench, named, trial):
         return as_good(trial.state, named.state)
     if len(trial.effect.parameters) < len(named.effect.parameters):
         good = as_good(trial.state, named.state) or simpler(trial, named)
-        return good and not (trial.effect.bounds and bench.strays(named.state, trial.state))
+        return good and not _bounds_stray(bench, trial, named)
     better = gain(named.state.costs, trial.state.costs)
     sure = better.certain and better.p_value * bench.hypotheses < ALPHA
     return sure and better.total > material(named.state.cost, named.state.samples)

@@ -237,7 +237,7 @@ def test_an_effects_parameter_shows_where_the_effect_does() -> None:
 
 
 def problem(*free: Free) -> Problem:
-    return Problem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)
+    return Problem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)  # type: ignore[list-item]
 
 
 def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an_edge() -> None:
@@ -273,7 +273,7 @@ def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyP
     p = problem(COULOMB)
     assert p.at_once == 8
     for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):
-        p.views = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]
+        p.views = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]  # type: ignore[list-item]
         assert p.at_once == together
 
 
