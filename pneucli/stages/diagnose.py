@@ -187,6 +187,7 @@ def _detectable(one: Detectable) -> dict[str, Any]:
         "parameter": one.parameter.name,
         "size": one.size if one.plausible else None,
         "unit": one.parameter.unit,
+        "where": [{"parameter": p.name, "value": value, "unit": p.unit} for p, value in one.where.items()],
         "would_show": one.would_show,
     }
 

@@ -167,10 +167,11 @@ def limits(answer: Answer) -> str:
 
 
 def limit(one: Answer) -> str:
-    """Return from which size on an effect would have shown."""
+    """Return from which size on an effect would have shown, and where it acts then."""
     if one["size"] is None:
         return str(one["would_show"])
-    return f"{one['effect']} ({one['parameter']} {quantity(one['size'], one['unit'], 2)})"
+    where = [f", {at['parameter']} {quantity(at['value'], at['unit'], 2)}" for at in one.get("where", [])]
+    return f"{one['effect']} ({one['parameter']} {quantity(one['size'], one['unit'], 2)}{''.join(where)})"
 
 
 WHY_NOT = {

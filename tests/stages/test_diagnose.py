@@ -182,6 +182,8 @@ def test_where_nothing_is_hidden_nothing_is_named(tmp_path: Path, fixture: str) 
     assert [step["add"] for step in answer["ladder"]] == [None]
     sizes = {d["effect"]: d["size"] for d in answer["detectable"]}
     assert any(size is not None and size > 0.0 for size in sizes.values())  # absent, not merely out of sight
+    where = {d["effect"]: [at["parameter"] for at in d["where"]] for d in answer["detectable"] if d["size"]}
+    assert where.get("end-cushion", ["length"]) == ["length"]
 
 
 def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:

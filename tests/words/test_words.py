@@ -141,6 +141,10 @@ def test_an_adequate_model_comes_with_what_would_have_shown() -> None:
     told = one_line(words.of("diagnose", ADEQUATE, "p.toml"))
     assert "found nothing is missing that these recordings could show" in told
     assert "1 of 1 other effects would have shown, such as chamber-leak (area 0.00030 mm²)" in told
+    cushion = {"effect": "end-cushion", "parameter": "damping", "size": 8.3, "unit": "N s/m"}
+    somewhere = [cushion | {"where": [{"parameter": "length", "value": 0.08, "unit": "m"}]}]
+    told = diagnose.sure(ADEQUATE | {"detectable": somewhere})
+    assert "such as end-cushion (damping 8.3 N·s/m, length 80 mm)" in told
     blind = [{**DIAGNOSED["detectable"][0], "size": None}]
     assert "no other effect of the catalogue would have shown" in diagnose.sure(ADEQUATE | {"detectable": blind})
 
