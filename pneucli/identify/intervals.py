@@ -12,12 +12,13 @@ freedom.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.blocks import scores
+from pneucli.identify.blocks import curvature, curvatures, scores
 from pneucli.identify.fit import Fit, estimates_of
 from pneucli.identify.views import View
 from pneucli.simulate import layout as at
@@ -29,6 +30,29 @@ Labels = NDArray[np.int64]
 BINS = 10  # of a signal, each with as many samples
 UNSHOWN = 6.0  # times the variance that groups show where more than noise is left: what all have in common they do not
 ALONE = 0.9  # of what is known of a direction: a group that knows more is not left out of it, the others cannot tell
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The residuals of a fit in groups, by their labels (N,): G labels, of which some may have no residual."""
+
+    found: Fit
+    labels: Labels
+
+    @cached_property
+    def scores(self) -> Array:
+        """The scores of each group, (G, k)."""
+        return scores(self.found.jacobian, self.found.residual, self.labels)
+
+    @cached_property
+    def curvatures(self) -> Array:
+        """The curvature that each group gives, (G, k, k)."""
+        return curvatures(self.found.jacobian, self.labels)
+
+    @cached_property
+    def number(self) -> int:
+        """How many groups have residuals."""
+        return int(np.count_nonzero(np.bincount(self.labels)))
 
 
 def with_intervals(found: Fit, views: Sequence[View]) -> Fit:
@@ -48,30 +72,36 @@ def widening(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
     Satterthwaite. A law that the model lacks moves a parameter also by what all groups have in common, which none of
     them shows: so what they add counts UNSHOWN times, as far as the squares that tell of it are beyond noise.
     """
-    blocks, usual = _sandwich(found, found.blocks), _jackknife(found, found.blocks)
-    variance, tell = np.diag(found.covariance), (found.jacobian @ found.bread) ** 2
+    usual, variance = Groups(found, found.blocks), np.diag(found.covariance)
     more, unsure = np.zeros(len(found.free)), np.zeros(len(found.free))
     for labels in groups:
-        beyond = _sandwich(found, labels) > blocks
+        others = Groups(found, labels)
+        beyond = _sandwich(others) > _sandwich(usual)
         if beyond.any():
-            part = np.where(beyond, np.maximum(_jackknife(found, labels) - usual, 0.0), 0.0)
-            more, unsure = more + part, unsure + part**2 / _freedom(tell, labels)
-    scale = 1.0 + (UNSHOWN - 1.0) * _beyond_noise(tell, found.residual)
+            part = np.where(beyond, np.maximum(_jackknife(others) - _jackknife(usual), 0.0), 0.0)
+            more, unsure = more + part, unsure + part**2 / _freedom(others)
+    scale = 1.0 + (UNSHOWN - 1.0) * _beyond_noise(found)
     more, unsure = scale * more, scale**2 * unsure
     growth = 1.0 + np.divide(more, variance, out=np.zeros_like(more), where=variance > 0.0)
     freedom = np.divide((variance + more) ** 2, unsure, out=np.full_like(more, np.inf), where=unsure > 0.0)
     return growth, np.maximum(freedom, 1.0)
 
 
-def _beyond_noise(tell: Array, residual: Array) -> Array:
-    """Return the share beyond noise of the squares of residuals (N,) that ``tell`` (N, k) of each parameter, (k,)."""
-    total, squares = tell.sum(axis=0), residual**2 @ tell
+def _beyond_noise(found: Fit) -> Array:
+    """Return the share beyond noise of the squares of the residuals that tell of each parameter, shape (k,)."""
+    total = _told(found, curvature(found.jacobian, np.ones(found.residual.size)))
+    squares = _told(found, curvature(found.jacobian, found.residual))
     return np.asarray(1.0 - np.divide(total, squares, out=np.ones_like(total), where=squares > total))
 
 
-def _freedom(tell: Array, labels: Labels) -> Array:
-    """Return one less than how many groups, as of equal ones, ``tell`` (N, k) of each parameter, shape (k,)."""
-    each = scores(tell, np.ones(len(labels)), labels)
+def _told(found: Fit, curvatures: Array) -> Array:
+    """Return how much residuals with these curvatures (..., k, k) tell of each parameter, shape (..., k)."""
+    return np.asarray(np.einsum("ji,...jk,ki->...i", found.bread, curvatures, found.bread))
+
+
+def _freedom(groups: Groups) -> Array:
+    """Return one less than how many groups, as of equal ones, tell of each parameter, shape (k,)."""
+    each = _told(groups.found, groups.curvatures)
     squares = (each**2).sum(axis=0)
     number = np.divide(each.sum(axis=0) ** 2, squares, out=np.ones_like(squares), where=squares > 0.0)
     return np.asarray(np.maximum(number - 1.0, 1.0))
@@ -99,23 +129,20 @@ def _spread(views: Sequence[View], labels: Sequence[Labels]) -> Labels:
     return np.concatenate([np.tile(mine, len(view.channels)) for view, mine in zip(views, labels, strict=True)])
 
 
-def _sandwich(found: Fit, labels: Labels) -> Array:
+def _sandwich(groups: Groups) -> Array:
     """Return the variance of each parameter (k,) by the sums of the scores in groups."""
-    return np.asarray(((scores(found.jacobian, found.residual, labels) @ found.bread) ** 2).sum(axis=0))
+    return np.asarray(((groups.scores @ groups.found.bread) ** 2).sum(axis=0))
 
 
-def _jackknife(found: Fit, labels: Labels) -> Array:
+def _jackknife(groups: Groups) -> Array:
     """Return the variance of each parameter (k,): what leaving out each group moves it by, in one step, squared."""
-    root = _root(found.bread)
-    order = np.argsort(labels, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
-    moved = np.zeros(len(found.free))
-    for group in groups:
-        part = found.jacobian[group] @ root
-        share, own = np.linalg.eigh(part.T @ part)  # of what all data together know of a direction
-        left = own.T @ (part.T @ found.residual[group]) / (1.0 - np.minimum(share, ALONE))
+    root = _root(groups.found.bread)
+    moved = np.zeros(len(root))
+    for score, curved in zip(groups.scores, groups.curvatures, strict=True):
+        share, own = np.linalg.eigh(root.T @ curved @ root)  # of what all data together know of a direction
+        left = own.T @ (root.T @ score) / (1.0 - np.minimum(share, ALONE))
         moved += (root @ (own @ left)) ** 2
-    return np.asarray(moved * (len(groups) - 1) / len(groups))
+    return np.asarray(moved * (groups.number - 1) / groups.number)
 
 
 def _root(matrix: Array) -> Array:

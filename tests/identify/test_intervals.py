@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from pneucli.identify import intervals
 from pneucli.identify.fit import Fit, estimates_of
-from pneucli.identify.intervals import groupings, widening, with_intervals
+from pneucli.identify.intervals import Groups, groupings, widening, with_intervals
 from pneucli.identify.parameters import Free
 from tests.simulate.benches import bench, clock, model
 
@@ -34,7 +34,7 @@ def test_leaving_out_groups_of_equal_size_gives_the_variance_of_their_means() ->
     labels = np.repeat(np.arange(8), N // 8)
     found = mean_of(rng.standard_normal(N) + rng.standard_normal(8)[labels], np.arange(N) // 20)
     means = np.bincount(labels, found.residual) / (N / 8)
-    assert intervals._jackknife(found, labels) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
+    assert intervals._jackknife(Groups(found, labels)) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
 
 
 def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it(
@@ -98,7 +98,7 @@ def test_intervals_are_those_of_students_t(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_what_one_group_alone_tells_is_not_left_out_of_it() -> None:
     found = mean_of(np.random.default_rng(1).standard_normal(N), np.arange(N) // 20)
-    assert np.isfinite(intervals._jackknife(found, np.zeros(N, dtype=int))).all()
+    assert np.isfinite(intervals._jackknife(Groups(found, np.zeros(N, dtype=int)))).all()
     growth, freedom = widening(found, iter([np.zeros(N, dtype=int)]))
     assert growth == pytest.approx(1.0)
     assert freedom == np.inf
