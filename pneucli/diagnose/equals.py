@@ -5,25 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.judge import ALPHA, material
-from pneucli.diagnose.magnitude import magnitude
+from pneucli.diagnose.judge import material
 from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.simulate.facts import facts_of
 
 ONE_PARAMETER = 3.84  # chi-square of one degree of freedom, exceeded by chance once in 20
 SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
-SMALL = 0.1  # of the usual size: sizes are known within a decade
 
 
 def foremost(bench: Bench, trials: Sequence[Trial]) -> Trial:
     """Return the trial that leaves least, or the simplest of those that leave as little.
 
-    Of equals one of a plausible size comes first, and a sensor's fault last: sensors are calibrated, rigs are not.
+    Of equals a sensor's fault comes last: sensors are calibrated, rigs are not.
     Bounds of a force hold as well as the law of it, and say little of how the piston moves: that must replay as well.
     """
     best = min(trials, key=lambda t: t.state.cost)
     alike = [t for t in trials if as_good(t.state, best.state) or simpler(t, best)]
-    alike.sort(key=lambda t: (len(t.effect.parameters), not plausible(bench, t), _of_sensor(t), t.state.cost))
+    alike.sort(key=lambda t: (len(t.effect.parameters), _of_sensor(t), t.state.cost))
     return next(t for t in alike if not any(_bounds_stray(bench, t, other) for other in alike))
 
 
@@ -34,12 +31,6 @@ def _bounds_stray(bench: Bench, trial: Trial, other: Trial) -> bool:
 
 def _of_sensor(trial: Trial) -> bool:
     return trial.effect.part == "sensor"
-
-
-def plausible(bench: Bench, trial: Trial) -> bool:
-    """Whether an effect is neither far smaller nor far larger than rigs show it: such a one stands in for its twin."""
-    facts = facts_of(trial.state.model, [view.experiment for view in bench.train])
-    return SMALL < magnitude(trial.state.fit, trial.effect, facts) < 1.0 / SMALL
 
 
 def as_good(state: State, best: State) -> bool:
@@ -61,22 +52,6 @@ def simpler(trial: Trial, best: Trial) -> bool:
     more = trial.state.cost - best.state.cost
     matters = min(material(best.state.cost, best.state.samples), SLIGHTLY * (trial.before.cost - trial.state.cost))
     return len(trial.effect.parameters) < len(best.effect.parameters) and more < matters
-
-
-def replaces(bench: Bench, trial: Trial, named: Trial) -> bool:
-    """Whether a trial should stand in place of one that is named: simpler and as good, or surely better.
-
-    As sure as if it were added: of all that could stand there, chance makes one better more often than one of one. Of
-    bounds and of what holds as well the one that replays.
-    """
-    if _bounds_stray(bench, named, trial):
-        return as_good(trial.state, named.state)
-    if len(trial.effect.parameters) < len(named.effect.parameters):
-        good = as_good(trial.state, named.state) or simpler(trial, named)
-        return good and not _bounds_stray(bench, trial, named)
-    better = gain(named.state.costs, trial.state.costs)
-    sure = better.certain and better.p_value * bench.hypotheses < ALPHA
-    return sure and better.total > material(named.state.cost, named.state.samples)
 
 
 def equal(rival: Trial, best: State) -> bool:

@@ -24,15 +24,15 @@ RESOLUTION = 0.5  # of a sampling period: a time shorter than this may be the cl
 NOISE = 1.05  # times as much as sensors' noise alone would leave
 
 
-def judged(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: int | None = None) -> list[Decision]:
+def judged(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Decision]:
     """Decide on each trial: significant in the family of all, material, and held by data not seen?"""
-    adjusted = holm([t.p_value for t in trials], max(hypotheses or bench.hypotheses, len(trials)))
+    adjusted = holm([t.p_value for t in trials], max(bench.hypotheses, len(trials)))
     return [Decision(t.effect, _reason(bench, before, t, p), t) for t, p in zip(trials, adjusted, strict=True)]
 
 
-def supported(bench: Bench, before: State, trials: Sequence[Trial], hypotheses: int | None = None) -> list[Trial]:
+def supported(bench: Bench, before: State, trials: Sequence[Trial]) -> list[Trial]:
     """Return the trials that pass all tests."""
-    return passed(judged(bench, before, trials, hypotheses))
+    return passed(judged(bench, before, trials))
 
 
 def _reason(bench: Bench, before: State, trial: Trial, p_value: float) -> Reason:

@@ -1,4 +1,4 @@
-"""Which set of effects: forward, backward, swaps, and pairs where no single effect opens the way."""
+"""Which set of effects: forward, then backward."""
 
 from __future__ import annotations
 
@@ -9,20 +9,15 @@ from itertools import pairwise
 from pneucli.diagnose.beside import likely
 from pneucli.diagnose.confidence import NAMED
 from pneucli.diagnose.decision import Decision, passed
-from pneucli.diagnose.equals import foremost, replaces
 from pneucli.diagnose.evidence import gain
 from pneucli.diagnose.judge import material, supported
-from pneucli.diagnose.lead import best_placed, leading, spoils
+from pneucli.diagnose.lead import leading, spoils
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.round import Round, tried
 from pneucli.diagnose.trial import Bench, State, Trial, remains
-from pneucli.identify.effects import Signature
-from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
-PAIRS = 3
-SWAPS = 3
 
 
 @dataclass(frozen=True)
@@ -58,13 +53,7 @@ class Search:
 
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
-    rungs, rounds = _forward(bench, [base], [])
-    if too_much(*remains(bench, rungs[-1])):
-        whole = _explaining_all(bench, rungs[-1], rounds[-1]) if len(rounds) == len(rungs) else None
-        if whole is not None:
-            rungs = [*rungs, whole.state]
-        elif len(rungs) <= 2:
-            rungs, rounds = _pairs(bench, rungs, rounds)
+    rungs, rounds = _forward(bench, base)
     rungs, places, refused = _revise(bench, rungs, rounds)
     last = rungs[-1]
     doubted = [d for d in refused if d.reason == "explained-by-unknown" and d.effect.name not in last.names]
@@ -94,7 +83,9 @@ def decided(rounds: Sequence[Round], refused: Sequence[Decision], names: Sequenc
     return tuple(found.values())
 
 
-def _forward(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
+def _forward(bench: Bench, base: State) -> tuple[list[State], list[Round]]:
+    rungs: list[State] = [base]
+    rounds: list[Round] = []
     while len(rungs) <= MOST_EFFECTS:
         leader, decisions = leading(bench, tried(bench, rungs[-1]))
         rounds.append(decisions)
@@ -104,38 +95,14 @@ def _forward(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[lis
     return rungs, rounds
 
 
-def _explaining_all(bench: Bench, before: State, decisions: Round) -> Trial | None:
-    """Return the best trial that leaves nothing over, where something is left for certain.
-
-    That there is something needs no proof then, only what it is: the chance is not adjusted for the family, but both
-    the fitted and the held-out cost must fall for certain.
-    """
-    fitted = [d.trial for d in decisions if d.trial is not None]
-    able = supported(bench, before, [t for t in fitted if t.train.certain and t.test.certain], hypotheses=1)
-    able = [t for t in able if not spoils(bench, t)]
-    best = min(able, key=lambda t: t.state.cost, default=None)
-    return best if best is not None and not too_much(*remains(bench, best.state)) else None
-
-
 def _revise(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], dict[str, Place], Round]:
-    """Drop what later additions made needless, and put better rivals in place of effects.
+    """Drop what should not stay beside later additions.
 
     Returns the rungs, the place of each effect, and what was refused after it was taken.
     """
-    base, refused = rungs[0], []
-    for swaps in range(SWAPS + 1):
-        rungs, without, gone = _pruned(bench, base, rungs)
-        refused += gone
-        known = rounds[0] if swaps == 0 else None
-        places, better = _places(bench, base, rungs[-1], known, without, [d.effect.name for d in refused])
-        if better is None or swaps == SWAPS:
-            break
-        swapped, raising = _ladder(bench, base, better.state, rungs)
-        if raising:
-            refused.append(Decision(better.effect, "raises-error", better))
-        else:
-            rungs = swapped
-    return rungs, places, refused
+    base = rungs[0]
+    rungs, without, refused = _pruned(bench, base, rungs)
+    return rungs, _places(bench, base, rungs[-1], rounds[0], without), refused
 
 
 def _pruned(bench: Bench, base: State, rungs: list[State]) -> tuple[list[State], dict[str, State], Round]:
@@ -151,39 +118,21 @@ def _pruned(bench: Bench, base: State, rungs: list[State]) -> tuple[list[State],
     return ladder, without if ladder[-1] is last else {}, needless + raising
 
 
-def _places(
-    bench: Bench, base: State, last: State, known: Round | None, less: Mapping[str, State], barred: Sequence[str]
-) -> tuple[dict[str, Place], Trial | None]:
-    """Return the place of each effect, up to the first one in which another one should stand.
+def _places(bench: Bench, base: State, last: State, known: Round, less: Mapping[str, State]) -> dict[str, Place]:
+    """Return the place of each effect: with it what passes there in its stead.
 
-    ``known`` is the round of a base that lacks one effect alone, ``less`` are states without single effects.
+    ``known`` is the round of the base, which lacks one effect alone where one was found; ``less`` are states without
+    single effects.
     """
     places: dict[str, Place] = {}
     names = last.names[len(base.names) :]
     for name in names:
         alone = base if len(names) == 1 else less.get(name)
         before = bench.without(last, [bench.effects[name]])[0] if alone is None else alone
-        decisions = known if known is not None and len(names) == 1 else tried(bench, before, [name], last)
+        decisions = known if len(names) == 1 else tried(bench, before, [name], last)
         rivals = tuple(t for t in passed(decisions) if t.effect.name != name)
-        place = places[name] = Place(bench.trial(before, last, bench.effects[name]), rivals)
-        free = tuple(t for t in place.rivals if t.effect.name not in barred)
-        better = _better(bench, Place(place.named, free))
-        if better is not None:
-            return places, better
-    return places, None
-
-
-def _better(bench: Bench, place: Place) -> Trial | None:
-    """Return what should stand in the place of the named effect, None where that is the best.
-
-    What replaces it as the data tell; beside something unknown what stands best of all that explains as much there: of
-    a mass of some grams and a sensor's scale of 8 % a rig has rather the scale.
-    """
-    able = [t for t in place.rivals if replaces(bench, t, place.named)]
-    first = foremost(bench, able) if able else place.named
-    if place.rivals and too_much(*remains(bench, first.state)):
-        first = best_placed(bench, place)
-    return None if first is place.named else first
+        places[name] = Place(bench.trial(before, last, bench.effects[name]), rivals)
+    return places
 
 
 def _without_needless(bench: Bench, base: State, last: State) -> tuple[State, Round, dict[str, State]]:
@@ -248,43 +197,3 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
         rungs.append(first.state)
         waiting.remove(first.effect)
     return rungs, refused
-
-
-def _pairs(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
-    """Try pairs where single effects led nowhere: beside each of the best fits what promises most there.
-
-    A base that lacks two bends to both, and hides the signature of the one under what the other bent. Pairs that the
-    last round has fitted are known.
-    """
-    base, last = rungs[0], rungs[-1]
-    known = [{*last.names, d.effect.name} for d in rounds[-1] if d.trial is not None]
-    fitted = [d.trial for d in rounds[0] if d.trial is not None and d.effect.name not in last.names]
-    best = rungs
-    for first in sorted(fitted, key=lambda t: float(t.state.train.sum()))[:PAIRS]:
-        for other, found in bench.screen(first.state)[:1]:
-            if {*first.state.names, other.name} in known:
-                continue
-            way = _both(bench, base, first, other, found)
-            if way is not None and gain(best[-1].costs, way[-1].costs).certain:
-                best = way
-    if best is rungs:
-        return rungs, rounds
-    return _forward(bench, best, rounds[:1])
-
-
-def _both(bench: Bench, base: State, first: Trial, other: Effect, found: Sequence[Signature]) -> list[State] | None:
-    """Return the way over both effects, where each is supported beside the other.
-
-    Where even both leave something unknown each must be likely, too.
-    """
-    (second,) = bench.added(first.state, [other], [found])
-    if not supported(bench, first.state, [second]):
-        return None
-    (without,) = bench.without(second.state, [first.effect])
-    beside = bench.trial(without, second.state, first.effect)
-    if not supported(bench, without, [beside]):
-        return None
-    stand_in = min(likely(bench, Place(t, ())) for t in (second, beside)) < NAMED
-    if stand_in and too_much(*remains(bench, second.state)):
-        return None
-    return [base, first.state, second.state]
