@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pneucli.diagnose.beside import likely, standing
+from pneucli.diagnose.beside import lawful, likely, standing
+from pneucli.diagnose.confidence import NAMED
 from pneucli.diagnose.decision import Reason, passed
 from pneucli.diagnose.equals import foremost
 from pneucli.diagnose.judge import at_noise
@@ -19,6 +20,9 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
     """Return the foremost trial that passes and that the user sees the good of, and what is decided with that."""
     while able := passed(decisions):
         first = _first(bench, able)
+        if hides(bench, first):
+            decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
+            continue
         refused = unseen(bench, first)
         if refused is None:
             return first, decisions
@@ -42,6 +46,15 @@ def _first(bench: Bench, able: Sequence[Trial]) -> Trial:
 def best_placed(bench: Bench, place: Place) -> Trial:
     """Return what stands best of the named effect and of what leaves as much in its place, beside something unknown."""
     return max([place.named, *place.alike(bench, complete=False)], key=lambda t: standing(bench, t))
+
+
+def hides(bench: Bench, trial: Trial) -> bool:
+    """Whether an effect that states bounds leaves a force over, any of which would stay hidden within them.
+
+    But not one that is likelier there than not, by what else it explains.
+    """
+    left = too_much(*remains(bench, trial.state)) if trial.effect.bounds else []
+    return not lawful(trial.effect, left) and likely(bench, Place(trial, ())) < NAMED
 
 
 def unseen(bench: Bench, trial: Trial) -> Reason | None:

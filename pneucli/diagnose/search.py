@@ -1,4 +1,4 @@
-"""Which set of effects: forward, then backward."""
+"""Which set of effects: forward, backward, and pairs where no single effect opens the way."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder, too_much
 from pneucli.diagnose.round import Round, tried
 from pneucli.diagnose.trial import Bench, State, Trial, remains
+from pneucli.identify.effects import Signature
+from pneucli.physics.declaration import Effect
 
 MOST_EFFECTS = 4
+PAIRS = 3
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,9 @@ class Search:
 
 def search(bench: Bench, base: State) -> Search:
     """Find the effects that explain what ``base`` leaves over."""
-    rungs, rounds = _forward(bench, base)
+    rungs, rounds = _forward(bench, [base], [])
+    if len(rungs) <= 2 and too_much(*remains(bench, rungs[-1])):
+        rungs, rounds = _pairs(bench, rungs, rounds)
     rungs, places, refused = _revise(bench, rungs, rounds)
     last = rungs[-1]
     doubted = [d for d in refused if d.reason == "explained-by-unknown" and d.effect.name not in last.names]
@@ -83,9 +88,7 @@ def decided(rounds: Sequence[Round], refused: Sequence[Decision], names: Sequenc
     return tuple(found.values())
 
 
-def _forward(bench: Bench, base: State) -> tuple[list[State], list[Round]]:
-    rungs: list[State] = [base]
-    rounds: list[Round] = []
+def _forward(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
     while len(rungs) <= MOST_EFFECTS:
         leader, decisions = leading(bench, tried(bench, rungs[-1]))
         rounds.append(decisions)
@@ -197,3 +200,43 @@ def _ladder(bench: Bench, base: State, last: State, known: Sequence[State]) -> t
         rungs.append(first.state)
         waiting.remove(first.effect)
     return rungs, refused
+
+
+def _pairs(bench: Bench, rungs: list[State], rounds: list[Round]) -> tuple[list[State], list[Round]]:
+    """Try pairs where single effects led nowhere: beside each of the best fits what promises most there.
+
+    A base that lacks two bends to both, and hides the signature of the one under what the other bent. Pairs that the
+    last round has fitted are known.
+    """
+    base, last = rungs[0], rungs[-1]
+    known = [{*last.names, d.effect.name} for d in rounds[-1] if d.trial is not None]
+    fitted = [d.trial for d in rounds[0] if d.trial is not None and d.effect.name not in last.names]
+    best = rungs
+    for first in sorted(fitted, key=lambda t: float(t.state.train.sum()))[:PAIRS]:
+        for other, found in bench.screen(first.state)[:1]:
+            if {*first.state.names, other.name} in known:
+                continue
+            way = _both(bench, base, first, other, found)
+            if way is not None and gain(best[-1].costs, way[-1].costs).certain:
+                best = way
+    if best is rungs:
+        return rungs, rounds
+    return _forward(bench, best, rounds[:1])
+
+
+def _both(bench: Bench, base: State, first: Trial, other: Effect, found: Sequence[Signature]) -> list[State] | None:
+    """Return the way over both effects, where each is supported beside the other.
+
+    Where even both leave something unknown each must be likely, too.
+    """
+    (second,) = bench.added(first.state, [other], [found])
+    if not supported(bench, first.state, [second]):
+        return None
+    (without,) = bench.without(second.state, [first.effect])
+    beside = bench.trial(without, second.state, first.effect)
+    if not supported(bench, without, [beside]):
+        return None
+    stand_in = min(likely(bench, Place(t, ())) for t in (second, beside)) < NAMED
+    if stand_in and too_much(*remains(bench, second.state)):
+        return None
+    return [base, first.state, second.state]

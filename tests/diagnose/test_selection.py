@@ -167,6 +167,15 @@ def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[s
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "explained-by-unknown")]
 
 
+def test_a_pair_beside_something_unknown_must_be_likely(sure: dict[str, float]) -> None:
+    def takes(chosen: frozenset[str]) -> float:
+        return 0.7 if {"a", "b"} <= chosen else 0.002 * len(chosen & {"a", "b"})
+
+    assert names(found(Toys([A, B], takes, excess=2.0))) == {"a", "b"}
+    sure["a"] = 0.4
+    assert names(found(Toys([A, B], takes, excess=2.0))) == set()
+
+
 def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
     """Beside b, which explains more and raises the error that the user sees, a has nothing left to explain."""
 
@@ -188,6 +197,32 @@ def test_equals_of_an_effect_are_its_rivals() -> None:
     result = found(Toys([A, B, C], takes))
     (name,) = result.added
     assert {t.effect.name for t in result.places[name].rivals} == {"a", "b"} - {name}
+
+
+def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
+    result = found(Toys([A, B, C], lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0))
+    assert names(result) == {"a", "b"}
+    assert result.adequate
+
+
+def test_the_second_of_a_pair_is_what_promises_most_beside_the_first() -> None:
+    """Beside the base b promises nothing, c and d much; beside a, which held-out data refuse, it leaves nothing."""
+
+    def takes(chosen: frozenset[str]) -> float:
+        single = max((0.3, "a" in chosen), (0.2, "c" in chosen), (0.1, "d" in chosen), key=lambda one: one[0] * one[1])
+        return 1.0 if {"a", "b"} <= chosen else single[0] * single[1]
+
+    toys = Toys([A, B, C, D], takes, unseen=lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0)
+    assert names(found(toys)) == {"a", "b"}
+    assert ("c", "d") not in toys.added_names
+
+
+def test_a_pair_that_was_fitted_from_the_one_side_is_not_fitted_from_the_other() -> None:
+    """Held-out data refuse b and c; beside each a promises most, and both were fitted beside a."""
+    toys = Toys([A, B, C], adding(a=0.5, b=0.06, c=0.05), unseen=adding(a=0.5))
+    assert found(toys).added == ["a"]
+    fitted = [frozenset(one) for one in toys.added_names]
+    assert len(fitted) == len(set(fitted))
 
 
 def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:

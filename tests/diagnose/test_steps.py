@@ -11,7 +11,7 @@ from pneucli.diagnose.decision import Decision
 from pneucli.diagnose.place import Place
 from pneucli.diagnose.remainder import Remainder
 from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.identify.views import Forces
+from pneucli.identify.views import Chambers, Forces
 from tests.diagnose.trials import bench, state, trial
 
 BEFORE = state()
@@ -69,6 +69,23 @@ def test_where_the_best_raises_the_error_the_next_leads():
     leader, decisions = lead.leading(where, [decision(best), decision(second)])
     assert leader is second
     assert [d.reason for d in decisions] == ["raises-error", "supported"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "chance", "leads"),
+    [(Forces, 0.4, False), (Forces, 0.6, True), (Chambers, 0.6, True), (Chambers, 0.4, True), (None, 0.4, True)],
+)
+def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(monkeypatch, kind, chance, leads: bool):
+    """Between two branches of friction any force stays hidden; another effect, however small, may lead then."""
+    bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
+    where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
+    left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
+    monkeypatch.setattr(lead, "remains", lambda bench, state: (left, []))
+    monkeypatch.setattr(lead, "likely", lambda bench, place: chance if place.named is bounds else 0.3)
+    monkeypatch.setattr(lead, "standing", lambda bench, one: 0.6 if one is bounds else 0.5)
+    leader, decisions = lead.leading(where, [decision(bounds), decision(other)])
+    assert leader is (bounds if leads else other)
+    assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
 def test_without_a_supported_trial_nobody_leads():
