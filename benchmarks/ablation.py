@@ -87,7 +87,7 @@ RULES = {
     "replays as well": Rule("of equals one with which the error of compare is far more does not lead",
                             ("diagnose.trial:Bench.strays", lambda found, *_: found),
                             {"diagnose.trial:Bench.strays": always(False)}),
-    "likeliest": Rule("beside something unknown what is likelier leads, and stands in a place",
+    "likeliest": Rule("beside something unknown what is likelier leads",
                       ("diagnose.lead:best_placed", lambda *_: True),
                       {"diagnose.lead:_first": lambda _: lambda _b, able: least(able)}),
     "likelier absent": Rule("beside something unknown what is likelier absent goes",

@@ -15,8 +15,8 @@ SLIGHTLY = 0.05  # of the cost, and of what an effect takes of it
 def foremost(bench: Bench, trials: Sequence[Trial]) -> Trial:
     """Return the trial that leaves least, or the simplest of those that leave as little.
 
-    Of equals a sensor's fault comes last: sensors are calibrated, rigs are not.
-    Bounds of a force hold as well as the law of it, and say little of how the piston moves: that must replay as well.
+    Of equals a sensor's fault comes last: sensors are calibrated, rigs are not. Bounds of a force hold as well as the
+    law of it, and say little of how the piston moves: that must replay as well.
     """
     best = min(trials, key=lambda t: t.state.cost)
     alike = [t for t in trials if as_good(t.state, best.state) or simpler(t, best)]

@@ -20,10 +20,7 @@ def leading(bench: Bench, decisions: Round) -> tuple[Trial | None, Round]:
     """Return the foremost trial that passes and that the user sees the good of, and what is decided with that."""
     while able := passed(decisions):
         first = _first(bench, able)
-        if hides(bench, first):
-            decisions = [replace(d, reason="explained-by-unknown") if d.trial is first else d for d in decisions]
-            continue
-        refused = unseen(bench, first)
+        refused = "explained-by-unknown" if hides(bench, first) else unseen(bench, first)
         if refused is None:
             return first, decisions
         decisions = [replace(d, reason=refused) if d.trial is first else d for d in decisions]

@@ -72,13 +72,14 @@ def widening(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
     Satterthwaite. A law that the model lacks moves a parameter also by what all groups have in common, which none of
     them shows: so what they add counts UNSHOWN times, as far as the squares that tell of it are beyond noise.
     """
-    usual, variance = Groups(found, found.blocks), np.diag(found.covariance)
+    by_time, variance = Groups(found, found.blocks), np.diag(found.covariance)
+    blocks, usual = _sandwich(by_time), _jackknife(by_time)
     more, unsure = np.zeros(len(found.free)), np.zeros(len(found.free))
     for labels in groups:
         others = Groups(found, labels)
-        beyond = _sandwich(others) > _sandwich(usual)
+        beyond = _sandwich(others) > blocks
         if beyond.any():
-            part = np.where(beyond, np.maximum(_jackknife(others) - _jackknife(usual), 0.0), 0.0)
+            part = np.where(beyond, np.maximum(_jackknife(others) - usual, 0.0), 0.0)
             more, unsure = more + part, unsure + part**2 / _freedom(others)
     scale = 1.0 + (UNSHOWN - 1.0) * _beyond_noise(found)
     more, unsure = scale * more, scale**2 * unsure
@@ -89,8 +90,7 @@ def widening(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
 
 def _beyond_noise(found: Fit) -> Array:
     """Return the share beyond noise of the squares of the residuals that tell of each parameter, shape (k,)."""
-    total = _told(found, curvature(found.jacobian, np.ones(found.residual.size)))
-    squares = _told(found, curvature(found.jacobian, found.residual))
+    total, squares = np.diag(found.bread), _told(found, curvature(found.jacobian, found.residual))
     return np.asarray(1.0 - np.divide(total, squares, out=np.ones_like(total), where=squares > total))
 
 

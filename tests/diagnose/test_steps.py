@@ -15,7 +15,6 @@ from pneucli.identify.views import Chambers, Forces
 from tests.diagnose.trials import bench, state, trial
 
 BEFORE = state()
-MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
 
 
 @pytest.fixture(autouse=True)

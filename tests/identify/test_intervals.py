@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from pneucli.identify import intervals
+from pneucli.identify import blocks, intervals
 from pneucli.identify.fit import Fit, estimates_of
 from pneucli.identify.intervals import Groups, groupings, widening, with_intervals
 from pneucli.identify.parameters import Free
@@ -125,3 +125,14 @@ def test_a_fit_with_nothing_free_is_left_alone() -> None:
     found = mean_of(np.zeros(N), np.arange(N) // 20)
     bare = Fit(found.model, (), (), found.residual, np.zeros((N, 0)), found.blocks, np.zeros((0, 0)), 0.0, ())
     assert with_intervals(bare, []) is bare
+
+
+def test_curvatures_are_summed_up_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 50 samples in three groups, in some order, 7 at a time; a label may have no sample."""
+    monkeypatch.setattr(blocks, "PIECE", 7)
+    rng = np.random.default_rng(8)
+    jacobian, weights, labels = rng.standard_normal((50, 3)), rng.standard_normal(50), rng.choice([0, 1, 3], 50)
+    each = [jacobian[labels == i].T @ jacobian[labels == i] for i in range(4)]
+    assert blocks.curvatures(jacobian, labels) == pytest.approx(np.array(each))
+    weighted = jacobian * weights[:, None]
+    assert blocks.curvature(jacobian, weights) == pytest.approx(weighted.T @ weighted)
