@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.config import load
-from pneucli.exam.graded import Graded
+from pneucli.exam.graded_case import Graded
 from pneucli.exam.grading import graded_cases
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest

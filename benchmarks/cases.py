@@ -10,7 +10,7 @@ from typing import Any
 from pneucli.config import load
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
-from pneucli.stages.study import Study
+from pneucli.stages.pipeline_data import Study
 
 SEALED = ".sealed"
 

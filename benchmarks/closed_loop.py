@@ -21,17 +21,18 @@ from typing import Any
 import numpy as np
 
 from pneucli import config
-from pneucli.design import layout, robust
-from pneucli.design.closed_loop import Bench, Scenario, run
-from pneucli.design.controller import Controller
-from pneucli.design.metrics import measure
-from pneucli.design.scenarios import start_at
+from pneucli.closed_loop import robustness
+from pneucli.closed_loop.metrics import measure
+from pneucli.closed_loop.scenarios import start_at
+from pneucli.closed_loop.simulation import Bench, Scenario, run
+from pneucli.controller import layout
+from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
 from pneucli.physics.effects import catalogue, select
-from pneucli.simulate.facts import facts_of
 from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import facts_of
 from pneucli.stages.design import bench_of, load_controller
-from pneucli.stages.study import load_model
+from pneucli.stages.pipeline_data import load_model
 
 PIPELINE = Path(__file__).parents[1] / "pipelines/demo.toml"
 TIME = 1e-3 * np.arange(5000)
@@ -131,23 +132,23 @@ def monte_carlo(model: Model, controller: Controller, bench: Bench, runs: int) -
     """Time a study against single simulations and print its success rates; whether it takes minutes at most."""
     active = {e.name for e in model.effects}
     effects = tuple(e for e in catalogue().values() if e.name not in active)
-    axes = robust.Axes(model, {}, robust.TOLERANCES, effects)
+    axes = robustness.Axes(model, {}, robustness.TOLERANCES, effects)
     scenarios = (scene(controller, STEPS),)
-    study = robust.Study(axes, controller, scenarios, bench, runs, 0, robust.CHECKS)
-    robust.run_one(study, 1)  # compiles
+    study = robustness.Study(axes, controller, scenarios, bench, runs, 0, robustness.CHECKS)
+    robustness.run_one(study, 1)  # compiles
     with tempfile.TemporaryDirectory() as place, engine_from(None) as engine:
         start = time.perf_counter()
-        rows: list[dict[str, Any]] = robust.run_study(study, engine, Path(place))
+        rows: list[dict[str, Any]] = robustness.run_study(study, engine, Path(place))
         took = time.perf_counter() - start
     few = max(runs // 10, 1)
     start = time.perf_counter()
     for k in range(few):
-        robust.run_one(study, k)
+        robustness.run_one(study, k)
     single = (time.perf_counter() - start) * runs / few
     print(
         f"\n{runs} runs of 5 s at 1 kHz: {took:.1f} s; one after the other {single:.1f} s (ratio {took / single:.2f})"
     )
-    for rate in robust.success_rates(rows, robust.CHECKS):
+    for rate in robustness.success_rates(rows, robustness.CHECKS):
         if rate.effect in ("all", ""):
             print(f"  {rate.check} <= {rate.limit:g}, {rate.effect or 'no effect'}: {rate.held} of {rate.runs}")
     return took <= 120.0

@@ -1,4 +1,4 @@
-"""Estimate the law of ``pneucli.diagnose.confidence`` on exams that were answered, and say how well it is calibrated.
+"""Estimate the law of ``pneucli.diagnose.calibration`` on exams that were answered, and say how well it is calibrated.
 
     pneucli exam M1 --condition messy --cases 120 --nulls 40 --seed 918273
     pneucli exam M2 --condition uneven --condition messy --cases 50 --nulls 30 --seed 60211
@@ -48,10 +48,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from pneucli.diagnose.confidence import BESIDE, COMPLETE, UNLIKE, Evidence, probability
-from pneucli.exam.calibration import EDGES
-from pneucli.exam.graded import Graded
+from pneucli.diagnose.calibration import BESIDE, COMPLETE, UNLIKE, Evidence, probability
+from pneucli.exam.graded_case import Graded
 from pneucli.exam.grading import graded_cases
+from pneucli.exam.reliability import EDGES
 
 Array = NDArray[np.float64]
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0)

@@ -21,15 +21,15 @@ from pneucli.notebook.run import open_pipeline_of
 
 PHASES = {
     "reading and preparing": [("stages/diagnose.py", "_bench")],
-    "first fit": [("identify/effects.py", "fit_model")],
-    "screening": [("diagnose/trial.py", "screened")],
-    "refits": [("identify/effects.py", name) for name in ("fit_added", "refit", "fit_without")],
-    "held-out recordings and tests": [("diagnose/trial.py", name) for name in ("state", "trial")],
-    "what is left": [("diagnose/search.py", "remains")],
-    "the error that users see": [("diagnose/errors.py", "__call__")],
-    "intervals": [("identify/intervals.py", "with_intervals")],
-    "what could not be seen": [("diagnose/detectable.py", "detectable")],
-    "for later comparisons": [("stages/since.py", "keep_reference")],
+    "first fit": [("identify/estimation/model_fit.py", "fit_model")],
+    "screening": [("diagnose/data.py", "screened")],
+    "refits": [("identify/estimation/model_fit.py", name) for name in ("fit_added", "refit", "fit_without")],
+    "held-out recordings and tests": [("diagnose/data.py", name) for name in ("state", "trial")],
+    "what is left": [("diagnose/selection.py", "remains")],
+    "the error that users see": [("diagnose/free_run_error.py", "__call__")],
+    "intervals": [("identify/estimation/intervals.py", "with_intervals")],
+    "what could not be seen": [("diagnose/detectability.py", "detectable")],
+    "for later comparisons": [("stages/changes.py", "keep_reference")],
 }
 ALL = ("stages/diagnose.py", "run")
 

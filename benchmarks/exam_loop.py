@@ -23,8 +23,8 @@ from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, V, X, mode_at, rates
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
-from pneucli.exam.rig.run import LOOP, drive, empty_line, limited
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.rig.simulation import LOOP, drive, empty_line, limited
 
 Array = NDArray[np.float64]
 ASKED = ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves", "differential+5/3", "hanging-load+5/3", "return-spring")

@@ -32,8 +32,8 @@ from pneucli.config import load_fleet
 from pneucli.exam.cases import SEALED
 from pneucli.exam.fleet import FLEET, TRUTH, write_fleet
 from pneucli.executors import Engine, Processes, Threads, stream
-from pneucli.stages import fleet_row
-from pneucli.stages.fleet import Fleet
+from pneucli.fleet import row as fleet_row
+from pneucli.fleet.run import Fleet
 
 KILL_EVERY, CLIENT_KILLED = 20.0, 30.0  # s
 TIMES = {"seconds", "core_seconds", "stamp"}

@@ -23,13 +23,13 @@ import numpy as np
 import tomlkit
 
 from benchmarks.exam_loop import Exported, driven
-from pneucli.design import layout
-from pneucli.design.closed_loop import Run, Scenario
-from pneucli.design.controller import Controller
-from pneucli.design.gate import SCENARIOS, demands
-from pneucli.design.metrics import measure
+from pneucli.closed_loop.acceptance import SCENARIOS, demands
+from pneucli.closed_loop.metrics import measure
+from pneucli.closed_loop.scenarios import scenarios_from
+from pneucli.closed_loop.simulation import Run, Scenario
+from pneucli.controller import layout
+from pneucli.controller.parameters import Controller
 from pneucli.design.requirements import Requirements
-from pneucli.design.scenarios import scenarios_from
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.rig.parameters import Parameters

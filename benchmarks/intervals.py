@@ -2,7 +2,7 @@
 
 More exams may follow; each is a folder that ``pneucli exam`` wrote. Every case is fitted with its true effects, as
 ``diagnose`` fits; those that hide an effect outside the catalogue are left out. Rows: with small unknown effects or
-without, intervals from blocks of time alone and as they are told (:mod:`pneucli.identify.intervals`).
+without, intervals from blocks of time alone and as they are told (:mod:`pneucli.identify.estimation.intervals`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.cases import study_of, truths
-from pneucli.identify.effects import fit_model
-from pneucli.identify.intervals import with_intervals
-from pneucli.identify.start import first_guess
+from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
 from pneucli.physics.effects import catalogue
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.signal import welch
 
 from benchmarks.exam_loop import LOAD, SETTLED, TIME, Array, Exported, Trace, designed, driven
-from pneucli.design.laws import LAWS
+from pneucli.controller.laws import LAWS
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory

@@ -32,16 +32,16 @@ from scipy.signal import welch
 from benchmarks.exam_loop import designed
 from benchmarks.rigs import driven, model_of
 from pneucli import config
-from pneucli.design.cascade import design_cascade
-from pneucli.design.controller import Controller
+from pneucli.controller.parameters import Controller
+from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
 from pneucli.exam.cases import _rig, generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.hidden import BY_NAME, CATALOGUE
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.physics.effects import catalogue, select
 from pneucli.simulate.model import Model
-from pneucli.stages.study import load_model
+from pneucli.stages.pipeline_data import load_model
 
 Array = NDArray[np.float64]
 WORST = (

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.exam_loop import LOAD, SETTLED, TIME, Exported, designed, driven
-from pneucli.design.controller import Controller
-from pneucli.design.spring import per_pressure
+from pneucli.controller.parameters import Controller
+from pneucli.design.air_spring import per_pressure
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
 

@@ -14,17 +14,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.cases import study_of, truths
-from pneucli.diagnose.beside import evidence_of
-from pneucli.diagnose.confidence import NAMED, probability
-from pneucli.diagnose.errors import ShownErrors
-from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import too_much
-from pneucli.diagnose.replay import astray
-from pneucli.diagnose.stretches import MOST
-from pneucli.diagnose.trial import Bench, remains
-from pneucli.identify.effects import fit_added, fit_model
-from pneucli.identify.fit import Fit
-from pneucli.identify.start import first_guess
+from pneucli.diagnose.adequacy import too_much
+from pneucli.diagnose.calibration import NAMED, probability
+from pneucli.diagnose.data import Bench, remains
+from pneucli.diagnose.equivalence import Place
+from pneucli.diagnose.free_run_adequacy import astray
+from pneucli.diagnose.free_run_error import ShownErrors
+from pneucli.diagnose.posterior import evidence_of
+from pneucli.diagnose.subsample import MOST
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import fit_added, fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
 from pneucli.physics.effects import catalogue
 
 SURE = 0.9

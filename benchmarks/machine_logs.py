@@ -26,9 +26,9 @@ import tomlkit
 from benchmarks.exam_loop import Exported, Trace, designed, driven
 from pneucli.exam.cases import Case, generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import LOOP
+from pneucli.exam.rig.simulation import LOOP
 
 NOTHING = "none"
 ASKED = (

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.manoeuvres import closed_loop, valve_stairs, valve_step, wandering
+from pneucli.exam.rig.excitations import closed_loop, valve_stairs, valve_step, wandering
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.rig.simulation import Manoeuvre
 
 VESSEL = 160e-6  # m^3
 

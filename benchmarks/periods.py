@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from benchmarks.laws import ASKED, laboratory_of
 from benchmarks.learning import HEAD, design, figures, identified
 from benchmarks.rigs import driven
-from pneucli.design.closed_loop import Bench
-from pneucli.design.controller import Controller
-from pneucli.design.margins import look
+from pneucli.closed_loop.margins import look
+from pneucli.closed_loop.simulation import Bench
+from pneucli.controller.parameters import Controller
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.simulate.model import Model

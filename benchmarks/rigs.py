@@ -1,6 +1,6 @@
 """The controller's own sample on the exam's rig, compiled together: what ``benchmarks.learning`` drives.
 
-Rig and model share no code; the controller's code is that of :mod:`pneucli.design.step`, of which the exported C is a
+Rig and model share no code; the controller's code is that of :mod:`pneucli.controller.cascade`, of which the exported C is a
 translation that gives the same commands to the last bit (``tests/export``).
 """
 
@@ -17,19 +17,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pneucli.caches import compiled
-from pneucli.design import layout
-from pneucli.design.callees import callees_first
-from pneucli.design.controller import Controller
-from pneucli.design.laws import LAWS
-from pneucli.exam.hidden import BY_NAME
+from pneucli.controller import layout
+from pneucli.controller.laws import LAWS
+from pneucli.controller.laws.base import callees_first
+from pneucli.controller.parameters import Controller
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, X
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
-from pneucli.exam.rig.run import drive, empty_line, limited
+from pneucli.exam.rig.simulation import drive, empty_line, limited
 from pneucli.physics import gas
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import ValveArea
+from pneucli.simulate.valve_forms.area import ValveArea
 
 Array = NDArray[np.float64]
 COMMANDS = (0.4, 0.7, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)  # V, at which a valve test would be made

@@ -31,10 +31,10 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.facts import facts_of
-from pneucli.simulate.kernel import area_of
+from pneucli.simulate.kernel.valve import effective_area
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import ValveArea
+from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.valve_forms.area import ValveArea
 
 Array = NDArray[np.float64]
 
@@ -178,7 +178,7 @@ def lsoda(kernel: Kernel) -> Callable[[], Array]:
         out[0] = START
         for k in range(N - 1):
             u = min(max(GAIN * (REFERENCE[k] - out[k, 0]), -LIMIT), LIMIT)
-            setting = (u, area_of(u, 10.0, AREAS), BASE)
+            setting = (u, effective_area(u, 10.0, AREAS), BASE)
             out[k + 1] = odeint(rates, out[k], (0.0, PERIOD), args=setting, rtol=1e-6, atol=1e-9)[1]
         return out
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.million import VESSEL, measured
 from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.manoeuvres import valve_step
+from pneucli.exam.rig.excitations import valve_step
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
 

@@ -14,11 +14,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTED = ("physics", "tp", "identify", "simulate", "design", "controller", "noise")
-PRIVATE_WORDS = (
-    "beside told tells standing likely lawful outdone unlike foremost astray promise judged weighed rung law "
-    "stretches carried settled feels felt acts_in alone lacking hats said bread meat naming elsewhere known loosen stir "
-    "haste firm calm hurried spared missed least fewest near kept sure slight enough words"
-).split()
+PRIVATE_WORDS = tuple(
+    re.findall(
+        r"\w+",
+        """beside told tells standing likely lawful outdone unlike foremost astray promise judged weighed rung law
+        stretches carried settled feels felt acts_in alone lacking hats said bread meat naming elsewhere known loosen
+        stir haste firm calm hurried spared missed least fewest near kept sure slight enough words""",
+    )
+)
 
 
 @dataclass(frozen=True)

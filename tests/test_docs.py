@@ -19,9 +19,9 @@ import typer
 
 from pneucli.cli import docs
 from pneucli.cli.commands import build
-from pneucli.config.reference import keys
+from pneucli.config.key_reference import keys
 from pneucli.physics.effects import catalogue
-from pneucli.report.effects import picture
+from pneucli.report.effect_figures import picture
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.executors import Processes, Threads, cluster, engine_from, require_cluster, stream
-from pneucli.executors.cluster import refuse_others
-from pneucli.executors.stream import AHEAD, TRIES
+from pneucli.executors import Processes, Threads, dask_cluster, engine_from, require_cluster, stream
+from pneucli.executors.dask_cluster import refuse_others
+from pneucli.executors.job_stream import AHEAD, TRIES
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])
@@ -38,7 +38,7 @@ def test_a_port_where_nobody_listens_is_refused_before_anything_is_begun() -> No
 
 def test_who_listens_and_never_answers_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster, "PATIENCE", 0.3)
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 0.3)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         mute.listen()

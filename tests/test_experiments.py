@@ -7,7 +7,7 @@ from typing import get_args
 import pytest
 
 from pneucli.experiments import KINDS, Name
-from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
 from pneucli.physics.declaration import PORTS
 from pneucli.physics.effects import catalogue
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table
+from pneucli.messages.formatting import quantity
 from pneucli.quantities import display_unit, moving, of_motion, told
-from pneucli.words.numbers import quantity
 
 ANSWER = {
     "parameters": {

@@ -11,8 +11,8 @@ from types import ModuleType
 
 import pytest
 
+from pneucli.init import writer
 from pneucli.pipeline import lock
-from pneucli.stages import init_text
 
 PACKAGE = Path(__file__).parents[1] / "pneucli"
 POSIX_MODULES = {"fcntl", "grp", "posix", "pwd", "resource", "syslog", "termios", "tty"}
@@ -78,5 +78,5 @@ def test_a_file_on_another_drive_is_named_whole(tmp_path: Path, monkeypatch: pyt
     def relpath(path: str, start: Path) -> str:
         raise ValueError("path is on mount 'D:', start on mount 'C:'")
 
-    monkeypatch.setattr(init_text.os.path, "relpath", relpath)
-    assert init_text.relative("D:/raw/a_*.csv", tmp_path) == "D:/raw/a_*.csv"
+    monkeypatch.setattr(writer.os.path, "relpath", relpath)
+    assert writer.relative("D:/raw/a_*.csv", tmp_path) == "D:/raw/a_*.csv"

@@ -57,7 +57,7 @@ def _between(text: str, name: str, made: str) -> str:
 def pictures() -> dict[str, str]:
     """Return every effect's picture (SVG), by its path below ``docs``."""
     from pneucli.physics.effects import catalogue
-    from pneucli.report.effects import picture
+    from pneucli.report.effect_figures import picture
 
     return {f"effects/{name}.svg": picture(effect) for name, effect in sorted(catalogue().items())}
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli import words
+from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, opened
 from pneucli.errors import InputError, did_you_mean
@@ -57,7 +57,7 @@ def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = Fals
 
 
 def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool) -> None:
-    from pneucli.config.edit import set_effects
+    from pneucli.config.effect_edit import set_effects
 
     before = _answers("compare", file, out, quiet)
     present = before["model"]["effects"]
@@ -67,7 +67,7 @@ def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet:
     if json:
         console.answer(answer)
     else:
-        console.tell(words.of("edit", answer, str(file)))
+        console.tell(messages.of("edit", answer, str(file)))
 
 
 def _answers(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:

@@ -40,7 +40,7 @@ Parameter("force", "N", 0.0, "-10 supply forces", "10 supply forces", ("0.02 sup
 
 A scale is worked out from `[rig]`, from what the recordings show, and from the model as fitted. Where that is not
 enough it neither bounds nor starts anything: `diagnose` passes over such an effect, `identify` refuses it by name.
-The base model's parameters are sized in the same way (`pneucli/physics/base.py`).
+The base model's parameters are sized in the same way (`pneucli/physics/declaration.py`).
 
 | scale | unit | what it is |
 | --- | --- | --- |

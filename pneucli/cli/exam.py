@@ -67,24 +67,26 @@ def _exam(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    from pneucli.stages import exam, exam_like
+    from pneucli.exam import from_pipeline, workflow
 
     if answer:
         with console.progress(quiet) as progress:
-            result = exam.answer(directory, progress, executor)
+            result = workflow.answer(directory, progress, executor)
         words = _answered(result)
     if grade:
-        result = exam.grade(directory)
-        words = exam.to_markdown(result).rstrip()
-        if (told := exam_like.tell(directory, directory / exam.ANSWERS)) is not None:
+        result = workflow.grade(directory)
+        words = workflow.to_markdown(result).rstrip()
+        if (told := from_pipeline.tell(directory, directory / workflow.ANSWERS)) is not None:
             result = result | {"like": told}
-            words = f"{words}\n\n{exam_like.read_page(directory / exam.ANSWERS)}"
+            words = f"{words}\n\n{from_pipeline.read_page(directory / workflow.ANSWERS)}"
     if like is not None and not (answer or grade):
         with console.progress(quiet) as progress:
-            result = exam_like.write(directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress)
+            result = from_pipeline.write(
+                directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress
+            )
         words = f"wrote {len(result['cases'])} cases like {result['like']} into {directory}"
     elif not (answer or grade):
-        result = exam.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
+        result = workflow.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
         words = (
             f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
         )

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli import words
+from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
 
@@ -41,9 +41,9 @@ def _fleet(
     quiet: Quiet = False,
 ) -> None:
     from pneucli.config import load_fleet
-    from pneucli.io.remote import is_remote
-    from pneucli.stages import fleet as stage
-    from pneucli.stages.fleet_output import checked
+    from pneucli.fleet import run as stage
+    from pneucli.fleet.output import checked
+    from pneucli.io.remote_files import is_remote
 
     config = load_fleet(fleet)
     here = Path(out or config.path.parent / "artifacts" / config.fleet.name).absolute()
@@ -59,6 +59,6 @@ def _print(answer: dict[str, Any], json: bool, verbose: bool, file: str, failed:
     if json:
         console.answer(answer)
         return
-    console.tell(words.of("fleet", answer, file, verbose=verbose))
+    console.tell(messages.of("fleet", answer, file, verbose=verbose))
     for one in failed:
         console.tell(f"check    {one}")

@@ -16,8 +16,8 @@ def register(app: typer.Typer) -> None:
 
 
 def _history(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+    from pneucli.messages import history
     from pneucli.stages.history import listed
-    from pneucli.words import history
 
     opened_pipeline = opened(pipeline, out)
     opened_pipeline.validate()

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from pneucli import words
+from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import Json, shortest
 
@@ -48,4 +48,4 @@ def _init(
     if json:
         console.answer(answer)
     else:
-        print(words.of("init", answer, shortest(Path(answer["pipeline"]))))
+        print(messages.of("init", answer, shortest(Path(answer["pipeline"]))))

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pneucli import words
+from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built, opened, shortest
 from pneucli.cli.stage import doubt, refused
+from pneucli.messages.run import lines as summary
 from pneucli.stages.history import listed
-from pneucli.words.run import lines as summary
 
 if TYPE_CHECKING:
     from pneucli.pipeline.checks import CheckResult
@@ -78,7 +78,7 @@ def _print(
         for name, stage in done.items():
             console.tell(f"{name:10}{_state(stage)}")
             if name in answers:
-                console.tell(textwrap.indent(words.of(name, answers[name], str(file), verbose=True), "  "))
+                console.tell(textwrap.indent(messages.of(name, answers[name], str(file), verbose=True), "  "))
     doubt(done)
     console.tell("\n".join(summary(answers, models, failed, shortest(_report(pipeline)), str(file))))
 

@@ -11,7 +11,7 @@ import typer
 from pneucli.cli import examples
 
 if TYPE_CHECKING:
-    from pneucli.config.reference import Key
+    from pneucli.config.key_reference import Key
 
 HELP = "The JSON schema of the pipeline file, for editors that complete keys while one types."
 HEAD = """# The pipeline file, key by key
@@ -64,7 +64,7 @@ def _schema() -> None:
 
 def page() -> str:
     """Return the page of all keys in Markdown."""
-    from pneucli.config.reference import keys
+    from pneucli.config.key_reference import keys
 
     parts = [HEAD]
     for table, own in groupby(keys(), key=lambda key: key.table):

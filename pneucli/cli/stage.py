@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneucli import words
+from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import EXECUTORS, File, Json, Out, Quiet, Verbose, opened
+from pneucli.messages import acceptance, plausibility
 from pneucli.pipeline.graph import Stage
-from pneucli.words import gate, plausibility
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import Done
@@ -66,7 +66,7 @@ def bring_up(
     if json:
         console.answer(answer)
     else:
-        console.tell(words.of(name, answer, str(file), verbose=verbose))
+        console.tell(messages.of(name, answer, str(file), verbose=verbose))
         doubt(done)
     if refused(done):
         raise typer.Exit(1)
@@ -75,7 +75,7 @@ def bring_up(
 def refused(done: Mapping[str, Done]) -> bool:
     """Whether the design misses what a strict ``[design]`` asks."""
     designed = done["design"].manifest.answer if "design" in done else None
-    return gate.refused((designed or {}).get("gate"))
+    return acceptance.refused((designed or {}).get("gate"))
 
 
 def doubt(done: Mapping[str, Done]) -> None:
@@ -141,7 +141,7 @@ def _since(old: Path | None, alarm_rate: float | None, quiet: bool, repeats: lis
     """
     if old is None:
         return {}
-    from pneucli.stages.since import option, repeat_in
+    from pneucli.stages.changes import option, repeat_in
 
     folder = _diagnosed(old, quiet)
     asked = option(folder, alarm_rate)
@@ -178,7 +178,7 @@ def _design(
 
 def _laws(names: list[str], where: str) -> list[str]:
     """Check names of laws before anything runs; raises InputError."""
-    from pneucli.design.laws import laws_named
+    from pneucli.controller.laws import laws_named
 
     return [law.name for law in laws_named([name.strip() for name in names], where)]
 
@@ -239,8 +239,8 @@ def _export(
 
 def _with_former(artifacts: Path, to: list[Target]) -> list[str]:
     """What was exported before stays exported, up to date with the rest."""
-    from pneucli.pipeline import staleness
+    from pneucli.pipeline import manifest
 
-    former = staleness.read(artifacts / "export")
+    former = manifest.read(artifacts / "export")
     options: Mapping[str, Any] = former.inputs.options if former else {}
     return sorted({*options.get("to", []), *(target.value for target in to)})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pneucli.compare.channels import ChannelResult, Comparison, compare, overall_error
-from pneucli.compare.where import Region, find_regions
+from pneucli.compare.channel_errors import ChannelResult, Comparison, compare, overall_error
+from pneucli.compare.error_regions import Region, find_regions
 
 __all__ = ["ChannelResult", "Comparison", "Region", "compare", "find_regions", "overall_error"]

@@ -1,12 +1,11 @@
 """The pipeline file: read, checked as a whole, and edited without losing comments."""
 
-from pneucli.config.fleet import FleetConfig, load_fleet
+from pneucli.config.fleet_file import FleetConfig, load_fleet
 from pneucli.config.load import checked, join_faults, keys_at, load
-from pneucli.config.model import ParameterTable
-from pneucli.config.models import PipelineConfig, RecordingTable, SignalTable, WhereTable
-from pneucli.config.sources import Source, plugin_files, raw_files, sources
-from pneucli.config.stages import CheckTable
-from pneucli.config.texts import TextTable
+from pneucli.config.pipeline_tables import PipelineConfig, RecordingTable, SignalTable, WhereTable
+from pneucli.config.recording_sources import Source, plugin_files, raw_files, sources
+from pneucli.config.signal_tables import TextTable
+from pneucli.config.stage_tables import CheckTable, ParameterTable
 
 __all__ = [
     "CheckTable",

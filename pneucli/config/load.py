@@ -12,7 +12,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from pneucli.config.models import PipelineConfig
+from pneucli.config.pipeline_tables import PipelineConfig
 from pneucli.document import read
 from pneucli.errors import InputError, UnitError, did_you_mean, printable
 from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity, same_dimension

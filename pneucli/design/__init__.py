@@ -1,1 +1,1 @@
-"""From an identified model to a controller: surfaces, sliding sector, LMIs, compensation, cascade, closed loop."""
+"""Synthesis: from an identified model and requirements to the parameters of a controller."""

@@ -13,11 +13,11 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design.cascade import WORKING, spring_pressure
+from pneucli.design.cascade_design import WORKING, spring_pressure
 from pneucli.design.pdc import Pdc, design_pdc
 from pneucli.errors import InputError
-from pneucli.physics.friction import stribeck
 from pneucli.physics.gas import PSI_MAX
+from pneucli.physics.vectorised import stribeck
 from pneucli.tp import TPModel, sample, transform
 from pneucli.tp.weights import WeightType
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
-from pneucli.design.laws import law_named
+from pneucli.controller.laws import law_named
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.units import parse_quantity
 
@@ -37,19 +37,19 @@ PERIODS = (1e-5, 1.0)  # s, of a controller
 
 @dataclass(frozen=True)
 class Requirements:
-    """Requirements in SI; ``None`` is derived from the model by the rules of :mod:`pneucli.design.cascade`.
+    """Requirements in SI; ``None`` is derived from the model by the rules of :mod:`pneucli.design.cascade_design`.
 
     ``tolerance``: error at rest that is good enough. Bandwidths are corner frequencies in Hz; ``damping`` is that of
     the position loop's oscillating pair. ``sector_ratio``: slope of the sector's steeper line over the flatter one's.
     ``noise_x``, ``quantum_x``, ``noise_p``: what the sensors add (1 sigma) and how they round; ``delay``: from reading
     to valve. ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (driven).
 
-    Asked of the loop, and held by :mod:`pneucli.design.gate`: ``settling_time`` of a step to 50 um, ``overshoot``,
+    Asked of the loop, and held by :mod:`pneucli.closed_loop.acceptance`: ``settling_time`` of a step to 50 um, ``overshoot``,
     ``tracking_error`` (rms, on a sine), ``stiffness``: a load over the largest deviation that it makes. ``strict``:
     what is missed fails like a check.
 
     ``pressure_level`` (Pa): mean of both pressures, where two valves drive the chambers; ``air_stiffness``: of the
-    enclosed gas, which sets that mean along the stroke (:mod:`pneucli.design.spring`).
+    enclosed gas, which sets that mean along the stroke (:mod:`pneucli.design.air_spring`).
 
     ``controller`` names the law that is exported and simulated. Of the sliding mode laws: how the line of the relay is
     found (``surface``), the weights of the squared error (1/m^2) and rate (s^2/m^2) that the LQ one stands for, whether

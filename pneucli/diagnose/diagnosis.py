@@ -10,18 +10,17 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.special import softmax
 
-from pneucli.diagnose.beside import Weighed, evidence_of, examined, standing, weighed, without_refused
-from pneucli.diagnose.confidence import Evidence, probability, refused, shares
-from pneucli.diagnose.decision import Decision
-from pneucli.diagnose.detectable import Detectable, cannot_show, detectable
-from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
-from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder, too_much
-from pneucli.diagnose.replay import astray
-from pneucli.diagnose.search import Search, search
-from pneucli.diagnose.trial import Bench, State, Trial, remains
-from pneucli.diagnose.unknown import Unknown, describe
-from pneucli.identify.fit import Estimate, Fit
+from pneucli.diagnose.adequacy import Remainder, too_much
+from pneucli.diagnose.calibration import Evidence, probability, refused, shares
+from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.data import Bench, State, Trial, remains
+from pneucli.diagnose.detectability import Detectable, cannot_show, detectable
+from pneucli.diagnose.discrepancy import Discrepancy, Unknown, describe, discrepancies
+from pneucli.diagnose.equivalence import Place
+from pneucli.diagnose.free_run_adequacy import astray
+from pneucli.diagnose.posterior import Weighed, evidence_of, examined, standing, weighed, without_refused
+from pneucli.diagnose.selection import Search, search
+from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]

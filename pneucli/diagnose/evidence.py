@@ -1,7 +1,7 @@
 """What a fall of the residual is worth: blocks of time instead of samples, since residuals are correlated.
 
 All costs are sums of squared residuals in units of noise, block by block; a block is a stretch of one view, longer
-than the residual's memory (:func:`pneucli.identify.blocks.block_numbers`).
+than the residual's memory (:func:`pneucli.identify.estimation.blocks.block_numbers`).
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
-from pneucli.identify.blocks import scores
-from pneucli.identify.fit import Fit
-from pneucli.identify.least_squares import inverse
-from pneucli.identify.parameters import null_value, value_of
-from pneucli.physics.declaration import Effect
+from pneucli.identify.estimation.blocks import scores
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.least_squares import inverse
+from pneucli.identify.estimation.parameters import null_value, value_of
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.scales import Facts
 
 Array = NDArray[np.float64]
 
@@ -184,3 +185,28 @@ def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
     adjusted = np.empty(len(p_values))
     adjusted[order] = np.maximum.accumulate(np.asarray(p_values)[order] * (hypotheses - np.arange(len(p_values))))
     return [float(p) for p in np.minimum(adjusted, 1.0)]
+
+
+def magnitude(found: Fit, effect: Effect, facts: Facts) -> float:
+    """Return the distance of an effect from where it is absent over that of usual values, on the rig of these facts.
+
+    Usual is the geometric mean of the typical values' distances: sizes of rigs differ by factors. Of several parameters
+    the one that is farthest counts. Of an effect that no value makes absent nothing is said: 1.
+    """
+    fitted = {e.name for e in found.estimates}
+    mine = [p for p in effect.parameters if p.null is not None and f"{effect.name}.{p.name}" in fitted]
+    return max((_over_usual(found, effect, p, facts) for p in mine), default=1.0)
+
+
+def _over_usual(found: Fit, effect: Effect, parameter: Parameter, facts: Facts) -> float:
+    """Return the same by one parameter; where its null is infinite the reciprocal is what grows from nothing."""
+    null, typical = null_value(parameter, found.model), parameter.on(facts).typical
+    value = value_of(found.model, f"{effect.name}.{parameter.name}")
+    if null is None:
+        return _middle(typical) / max(abs(value), TINY) if typical else 1.0
+    distances = [abs(one - null) for one in typical if one != null]
+    return abs(value - null) / _middle(distances) if distances else 1.0
+
+
+def _middle(values: Sequence[float]) -> float:
+    return math.exp(math.fsum(map(math.log, values)) / len(values))

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.exam.arrangement import arranged
 from pneucli.exam.conditions import USUAL, WIDE, Conditions, drawn, parse
-from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE, Hidden
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, OUTSIDE, Hidden
 from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.programme import Programme
+from pneucli.exam.recording_programme import Programme
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.similar import Similar
+from pneucli.exam.rig_scaling import Similar
+from pneucli.exam.rig_variants import arranged
 
 SEALED = ".sealed"
 EXAM = "exam.json"  # there: what was asked for, and where the seed came from

@@ -18,10 +18,10 @@ import numpy as np
 
 from pneucli.exam.cases import SEALED, prepare_case
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.hidden import BY_NAME, MOTION
+from pneucli.exam.hidden_effects import BY_NAME, MOTION
 from pneucli.exam.laboratory import Take
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.rig.simulation import Manoeuvre
 
 Rows = list[dict[str, str]]
 

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 from pneucli.errors import InputError
-from pneucli.exam.calibration import calibration
 from pneucli.exam.cases import EXAM, SEALED
-from pneucli.exam.graded import Graded
+from pneucli.exam.graded_case import Graded
+from pneucli.exam.reliability import calibration
 
 SECONDS = "seconds.json"
 

@@ -18,15 +18,15 @@ from scipy.stats import binomtest
 from pneucli.errors import InputError
 from pneucli.exam.cases import EXAM, seal
 from pneucli.exam.conditions import Kind
-from pneucli.exam.graded import Graded
-from pneucli.exam.hidden import CATALOGUE, Hidden
+from pneucli.exam.graded_case import Graded
+from pneucli.exam.hidden_effects import CATALOGUE, Hidden
 from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.kernel import Array
-from pneucli.exam.rig.manoeuvres import closed_loop
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import LOOP, Manoeuvre
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.similar import DIMENSIONS, Similar
+from pneucli.exam.rig.simulation import LOOP, Manoeuvre
+from pneucli.exam.rig_scaling import DIMENSIONS, Similar
 
 SIZES = (0.03, 0.1, 0.3, 1.0)
 GAIN = 150.0  # V/m, of the position loop of the usual rig

@@ -5,9 +5,9 @@ Everything that is many (rigs of a fleet, cases of an exam, runs of a Monte Carl
 
 from __future__ import annotations
 
-from pneucli.executors.cluster import Cluster, Identity, require_cluster
+from pneucli.executors.dask_cluster import Cluster, Identity, require_cluster
 from pneucli.executors.engine import DIED, Engine, Processes, Threads, engine_from, workers
-from pneucli.executors.stream import WORKER_DIED, Outcome, stream
+from pneucli.executors.job_stream import WORKER_DIED, Outcome, stream
 
 __all__ = [
     "DIED",

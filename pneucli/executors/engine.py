@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, Protocol
 
-from pneucli.executors.cluster import Identity, connected, from_file
+from pneucli.executors.dask_cluster import Identity, connected, from_file
 
 LOCAL = "local"
 THREADS = "PNEUCLI_THREADS"  # the environment variable that says how many threads simulations of one process take
@@ -26,7 +26,7 @@ def workers() -> int:
 
 
 class Engine(Protocol):
-    """What :func:`pneucli.executors.stream` needs; ``slots`` is how many jobs run at once."""
+    """What :func:`pneucli.executors.job_stream` needs; ``slots`` is how many jobs run at once."""
 
     @property
     def slots(self) -> int:

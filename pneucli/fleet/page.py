@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pneucli.fleet.trends import Trend
-from pneucli.words.fleet import repeating
+from pneucli.messages.fleet import repeating
 
 _ASSETS = files("pneucli.fleet") / "assets"
 ROOM = 2_000_000  # bytes of trends: those of rigs that stand first, as far as they fit

@@ -1,6 +1,6 @@
 """Checks and repairs of one recording, batch by batch. Good data pass bit by bit; no value is invented.
 
-Rows are left out by the law of :mod:`pneucli.io.rows`, and where they lie outside the stretch that is wanted; infinite
+Rows are left out by the law of :mod:`pneucli.io.timestamp_order`, and where they lie outside the stretch that is wanted; infinite
 values and spikes become NaN; all with counts. Noticed only: NaN, tiny values, pressures below
 none, gaps, a clock that jitters, frozen and saturated channels.
 """
@@ -13,10 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.io.raw import Repair
-from pneucli.io.rows import AHEAD, ISOLATED, LARGEST, Array, Order, Place, counted, left_out
-from pneucli.io.runs import Runs
+from pneucli.io.raw_file import Repair
 from pneucli.io.spikes import MARGIN, find_spikes
+from pneucli.io.stuck_channels import Runs
+from pneucli.io.timestamp_order import AHEAD, ISOLATED, LARGEST, Array, Order, Place, counted, left_out
 
 Batch = dict[str, Array]
 

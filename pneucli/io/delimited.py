@@ -14,9 +14,9 @@ import pyarrow.compute as pc
 import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError
-from pneucli.io.raw import Ask, RawFile, Repair, Values
-from pneucli.io.stamps import Stamps
-from pneucli.io.text import NULLS, Layout, PlainStream, layout
+from pneucli.io.date_parsing import Stamps
+from pneucli.io.raw_file import Ask, RawFile, Repair, Values
+from pneucli.io.text_layout import NULLS, Layout, PlainStream, layout
 
 BLOCK = 4 << 20
 TAIL = 1 << 16

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneucli.io.raw import Key, Values
+from pneucli.io.raw_file import Key, Values
 
 ROW = "row"  # the number of the row, from 0, where no column is called so
 FUNCTIONS: dict[str, Callable[[Values], Values]] = {

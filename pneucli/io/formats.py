@@ -7,9 +7,9 @@ from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io import hdf5, mat, mdf, parquet, tdms
+from pneucli.io.damaged_files import reading
 from pneucli.io.delimited import DelimitedReader
-from pneucli.io.guard import reading
-from pneucli.io.raw import RawFile, Reader, Repair
+from pneucli.io.raw_file import RawFile, Reader, Repair
 
 
 def open_raw(raw: RawFile) -> Reader:

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pneucli.io.guard import check_size
-from pneucli.io.raw import Values
-from pneucli.io.whole import WholeReader, columns_of, library, split, vector
+from pneucli.io.column_reader import WholeReader, columns_of, library, split, vector
+from pneucli.io.damaged_files import check_size
+from pneucli.io.raw_file import Values
 
 NAME = "HDF5"
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat, whosmat
 
-from pneucli.io.guard import check_size
+from pneucli.io.column_reader import WholeReader, columns_of, split, vector
+from pneucli.io.damaged_files import check_size
 from pneucli.io.mat_elements import check_types, expanded_size
-from pneucli.io.raw import Values
-from pneucli.io.whole import WholeReader, columns_of, split, vector
+from pneucli.io.raw_file import Values
 
 NAME = "MATLAB v5"
 _NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")

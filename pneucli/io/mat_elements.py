@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from pneucli.io.guard import LEAST
+from pneucli.io.damaged_files import LEAST
 
 Order = Literal["little", "big"]
 Bytes = mmap.mmap | bytes

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.guard import check_size, reading
-from pneucli.io.raw import Ask, Repair, Values
-from pneucli.io.rows import Table, join
-from pneucli.io.whole import library, vector
+from pneucli.io.column_reader import library, vector
+from pneucli.io.damaged_files import check_size, reading
+from pneucli.io.raw_file import Ask, Repair, Values
+from pneucli.io.timestamp_order import Table, join
 
 NAME = "MDF4"
 _Where = tuple[int, int]  # group, channel

@@ -13,9 +13,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pneucli.errors import InputError
-from pneucli.io.guard import check_size, reading
-from pneucli.io.raw import Ask, Repair, Values
-from pneucli.io.whole import seconds
+from pneucli.io.column_reader import seconds
+from pneucli.io.damaged_files import check_size, reading
+from pneucli.io.raw_file import Ask, Repair, Values
 
 NAME = "Parquet"
 BATCH = 1 << 17

@@ -12,14 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pneucli.compare.channels import fit_percent
+from pneucli.compare.channel_errors import fit_percent
 from pneucli.errors import InputError, did_you_mean
-from pneucli.notebook.frames import chosen, frame
+from pneucli.messages.formatting import number, shown, shown_unit
+from pneucli.notebook.data_frames import chosen, frame
 from pneucli.quantities import SIGNALS
-from pneucli.report.decimate import broken
-from pneucli.report.figure import GREY, PALETTE
+from pneucli.report.figure import GREY, PALETTE, broken
 from pneucli.stages import history
-from pneucli.words.numbers import number, shown, shown_unit
 
 if TYPE_CHECKING:
     from pneucli.notebook.run import Run

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pneucli.errors import InputError
 from pneucli.notebook.progress import hush, progress, say
-from pneucli.pipeline import staleness
+from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pneucli.notebook.plots import Plots
-    from pneucli.notebook.valve import ValveView
+    from pneucli.notebook.valve_map import ValveView
     from pneucli.simulate.model import Model
 
 
@@ -46,7 +46,7 @@ def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
     """Open a pipeline file; it is validated only when it has changed (units cost half a second to import)."""
 
     def load(path: Path) -> Any:
-        from pneucli.stages.load import load  # noqa: PLC0415
+        from pneucli.stages.pipeline_file import load  # noqa: PLC0415
 
         return load(path)
 
@@ -85,7 +85,7 @@ class Run:
 
     def table(self, name: str) -> pd.DataFrame:
         """Return an artifact by its path without ending, such as ``"identify/friction_curves"``."""
-        from pneucli.notebook.frames import frame  # noqa: PLC0415 - pandas takes a moment
+        from pneucli.notebook.data_frames import frame  # noqa: PLC0415 - pandas takes a moment
 
         self.bring_up(name.partition("/")[0])
         return frame(self.artifacts / f"{name}.parquet")
@@ -138,8 +138,8 @@ class Run:
         return self._valve(2)
 
     def _valve(self, chamber: Literal[1, 2]) -> ValveView:
-        from pneucli.notebook.frames import chosen  # noqa: PLC0415 - pandas takes a moment
-        from pneucli.notebook.valve import ValveView  # noqa: PLC0415 - likewise
+        from pneucli.notebook.data_frames import chosen  # noqa: PLC0415 - pandas takes a moment
+        from pneucli.notebook.valve_map import ValveView  # noqa: PLC0415 - likewise
 
         maps = [self.table(f"identify/valve_{name}") for name in ("map", "inverse")]
         known = set(maps[0]["chamber"]) if "chamber" in maps[0] else {1}

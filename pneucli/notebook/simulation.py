@@ -22,7 +22,7 @@ from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import PERIOD, free_run
 from pneucli.simulate.outputs import outputs
-from pneucli.stages.study import MODEL_FILE, Study, load_model
+from pneucli.stages.pipeline_data import MODEL_FILE, Study, load_model
 
 if TYPE_CHECKING:
     from pneucli.notebook.run import Run
@@ -96,7 +96,7 @@ def _with(model: Model, values: Mapping[str, float]) -> Model:
     for name in values:
         if name not in known:
             raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, known))
-    from pneucli.identify.parameters import with_parameters  # noqa: PLC0415 - it brings statistics
+    from pneucli.identify.estimation.parameters import with_parameters  # noqa: PLC0415 - it brings statistics
 
     return with_parameters(model, dict(values)) if values else model
 

@@ -1,7 +1,7 @@
 """Gas flow through an orifice (thesis 2.34-2.46).
 
 The functions take and return scalars and use nothing but ``math`` and the constants here, since the simulation kernel
-compiles their source; :mod:`pneucli.physics.flows` calls them for whole arrays.
+compiles their source; :mod:`pneucli.physics.vectorised` calls them for whole arrays.
 """
 
 import math

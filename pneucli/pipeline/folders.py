@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.pipeline import staleness
+from pneucli.pipeline import manifest as staleness
 
 NO_FOLDER = -1
 MARK = f".{staleness.FILE}"  # what the manifest is called until it is whole

@@ -13,10 +13,11 @@ from typing import Any
 
 from pneucli.document import read
 from pneucli.errors import InputError, printable
-from pneucli.pipeline import folders, lock, staleness
+from pneucli.pipeline import folders, lock
+from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, silent
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
-from pneucli.pipeline.staleness import Inputs, Manifest
+from pneucli.pipeline.manifest import Inputs, Manifest
 from pneucli.quantities import moving, told
 
 VALIDATED = ".validated"

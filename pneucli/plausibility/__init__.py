@@ -10,15 +10,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from pneucli.plausibility import flow, forces, motion, readings, response, samples
-from pneucli.plausibility.bench import Bench
-from pneucli.plausibility.finding import Finding
-from pneucli.plausibility.looks import Look, look, measured
+from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response
+from pneucli.plausibility.rig_check import Bench, Finding
+from pneucli.plausibility.signal_summary import Look, look, measured
 from pneucli.recording import Recording, Rig
 
 __all__ = ["Finding", "Look", "findings", "look", "measured"]
 
-CHECKS = (samples, readings, response, motion, forces, flow)
+CHECKS = (samples, readings, sensor_response, motion, forces, flow)
 
 
 def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Collection[str]]) -> list[Finding]:

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.physics.flows import flow_functions
 from pneucli.physics.gas import critical_ratio_of
-from pneucli.plausibility.bench import HALF_AMBIENT, HALF_DECADE, SEEN, SURE, Bench
+from pneucli.physics.vectorised import flow_functions
 from pneucli.plausibility.blocks import Blocks, blocks, fit
-from pneucli.plausibility.finding import Finding, shown
 from pneucli.plausibility.readings import absolute, gauge
+from pneucli.plausibility.rig_check import HALF_AMBIENT, HALF_DECADE, SEEN, SURE, Bench, Finding, shown
 from pneucli.recording import Recording, Rig
 
 Array = NDArray[np.float64]

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.plausibility.bench import BOTH_WAYS, HALF_AMBIENT, HALF_DECADE, SURE, Bench
 from pneucli.plausibility.blocks import blocks, fit
-from pneucli.plausibility.finding import Finding, shown
 from pneucli.plausibility.readings import absolute, gauge
+from pneucli.plausibility.rig_check import BOTH_WAYS, HALF_AMBIENT, HALF_DECADE, SURE, Bench, Finding, shown
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.plausibility.bench import HALF_DECADE, SURE, Bench
 from pneucli.plausibility.blocks import Blocks, blocks, fit
-from pneucli.plausibility.finding import Finding, shown
+from pneucli.plausibility.rig_check import HALF_DECADE, SURE, Bench, Finding, shown
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.bench import HALF_AMBIENT, HALF_DECADE, Bench
-from pneucli.plausibility.finding import Finding, shown
+from pneucli.plausibility.rig_check import HALF_AMBIENT, HALF_DECADE, Bench, Finding, shown
 from pneucli.recording import Recording
 
 PRESSURES = ("p_supply", "p1", "p2")

@@ -7,9 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
-from pneucli.plausibility.bench import Bench
-from pneucli.plausibility.finding import Finding
-from pneucli.plausibility.looks import missing
+from pneucli.plausibility.rig_check import Bench, Finding
+from pneucli.plausibility.signal_summary import missing
 from pneucli.quantities import CHANNELS
 from pneucli.recording import Recording
 

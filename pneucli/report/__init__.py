@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pneucli.report.junit import to_junit
-from pneucli.report.material import Check, Former, Material, Table
+from pneucli.report.markdown_summary import to_markdown
 from pneucli.report.page import to_html
-from pneucli.report.summary import to_markdown
+from pneucli.report.report_data import Check, Former, Material, Table
 
 __all__ = ["Check", "Former", "Material", "Table", "to_html", "to_junit", "to_markdown"]

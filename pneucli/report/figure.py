@@ -18,7 +18,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from pneucli.report.parts import Figure
+from pneucli.report.page_elements import Figure
 
 # Okabe and Ito (2008): told apart by every kind of colour vision
 BLUE, ORANGE, GREEN, PINK, SKY, AMBER = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"
@@ -105,3 +105,31 @@ def heat(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title:
     bar = one.canvas.colorbar(mesh, ax=one.axes, label=title, pad=0.02)
     bar.outline.set_visible(False)
     return bar
+
+
+def envelope(curves: Sequence[NDArray[Any]], most: int) -> NDArray[np.int64]:
+    """Return the rising indices, about ``most`` of them, at which the least and the largest of each curve stand.
+
+    The samples are cut into stretches of equal number; each curve of shape (n,) gives two indices a stretch. First
+    and last sample are kept; all samples are where there are no more than ``most``. NaN counts as neither.
+    """
+    n = curves[0].size
+    if n <= most:
+        return np.arange(n)
+    stretches = max(1, (most - 2) // (2 * len(curves)))
+    length = -(-n // stretches)
+    start = length * np.arange(-(-n // length))
+    chosen = [np.array([0, n - 1])]
+    for curve in curves:
+        padded = np.pad(np.asarray(curve, dtype=np.float64), (0, start.size * length - n), constant_values=np.nan)
+        cut = padded.reshape(start.size, length)
+        chosen.append(start + np.argmin(np.where(np.isnan(cut), np.inf, cut), axis=1))
+        chosen.append(start + np.argmax(np.where(np.isnan(cut), -np.inf, cut), axis=1))
+    return np.unique(np.concatenate(chosen))
+
+
+def broken(values: NDArray[Any], segment: NDArray[Any]) -> NDArray[np.float64]:
+    """Return values of shape (n,) with NaN in the last place of each ``segment`` (n,): a restart shows as a gap."""
+    out = np.array(values, dtype=np.float64)
+    out[np.flatnonzero(np.diff(segment))] = np.nan
+    return out

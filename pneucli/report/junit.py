@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from pneucli.report.material import Check
+from pneucli.report.report_data import Check
 
 
 def to_junit(name: str, checks: Sequence[Check]) -> str:

@@ -13,9 +13,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from pneucli.report.front import front
-from pneucli.report.material import Material
-from pneucli.report.parts import Panel, Section, Zoom
+from pneucli.report.overview import front
+from pneucli.report.page_elements import Panel, Section, Zoom
+from pneucli.report.report_data import Material
 from pneucli.report.sections import SECTIONS
 
 _ASSETS = files("pneucli.report") / "assets"

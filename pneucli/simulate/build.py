@@ -25,16 +25,25 @@ from pneucli import caches
 from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
 from pneucli.physics.equations import text_of
-from pneucli.simulate import driven, kernel, layout
+from pneucli.simulate import layout
+from pneucli.simulate.kernel import balance, chamber, friction, imposed, run, sensors, table_friction, valve
 
 _LOCK = Lock()  # threads ask for kernels
-END = "# --- end of ports ---"
-ENTRIES = ("run", "run_imposed", "run_balance", "run_driven", "run_loads", "run_readings", "run_gradient")
+PARTS = (valve, chamber, friction, sensors, run, imposed, balance, table_friction)  # in the order of the text
+ENTRIES = (
+    "run",
+    "run_imposed",
+    "run_balance",
+    "run_table_friction",
+    "run_forces",
+    "run_true_pressures",
+    "run_gradient",
+)
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled kernel: ``run`` (see :func:`pneucli.simulate.kernel.run`), the effects in the order of their
+    """A compiled kernel: ``run`` (see :func:`pneucli.simulate.kernel.run.run`), the effects in the order of their
     switches, and where each EFFECT.PARAMETER stands in the vector ``th``.
     """
 
@@ -59,7 +68,7 @@ def build(effects: Sequence[Effect], *, compiled: bool = True, control: str | No
     """Return the kernel of the base model with ``effects`` in it, each behind a switch.
 
     ``compiled=False`` gives the same text as plain Python, which tests compare and step through. ``control``: text of
-    functions, ``control`` of :mod:`pneucli.simulate.kernel` among them, which take the place of the one there.
+    functions, ``control`` of :mod:`pneucli.simulate.kernel.run` among them, which take the place of the one there.
     """
     with _LOCK:
         return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled, control)
@@ -75,8 +84,7 @@ def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> 
 
 def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> str:
     """Return the text of the kernel's module."""
-    template = inspect.getsource(kernel)
-    physics = template.partition(END)[2]
+    physics = "\n\n\n".join(_functions(inspect.getsource(part)).rstrip() for part in PARTS) + "\n"
     if control is not None:
         before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
         physics = f"{before}{control}\n\n{after}"
@@ -87,8 +95,7 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
         *(_equations(effect) for effect in effects),
         *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing"]),
         _scalars(effects),
-        _functions(physics),
-        _functions(inspect.getsource(driven)),
+        physics,
     ]
     text = "\n\n".join(parts)
     return re.sub(r"^def (\w+).*?(?=^def |\Z)", _mark, text, flags=re.MULTILINE | re.DOTALL) if compiled else text

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,10 @@ from pneucli.noise import NoiseModel, estimate
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.draws import kept
-from pneucli.simulate.extent import Extent
-from pneucli.simulate.flags import flags_of
-from pneucli.simulate.motion import smooth_motion, turning
-from pneucli.simulate.smooth import Kinematics, LocalFits, lateness, local_fits
-from pneucli.simulate.stand_ins import stand_in
-from pneucli.simulate.steps import filling_step, longest_step
+from pneucli.simulate.imposed_motion import smooth_motion, turning
+from pneucli.simulate.kernel_settings import filling_step, flags_of, longest_step
+from pneucli.simulate.smoothing import Kinematics, LocalFits, lateness, local_fits
+from pneucli.simulate.substitutes import stand_in
 
 Array = NDArray[np.float64]
 
@@ -296,3 +294,28 @@ def filled(time: Array, values: Array) -> Array:
     """Return values with NaN filled by interpolation over time."""
     known = ~np.isnan(values)
     return values if known.all() else np.interp(time, time[known], values[known])
+
+
+KEPT = 16 << 20  # bytes, of one recording
+Drawn = TypeVar("Drawn")
+
+
+def kept(
+    known: dict[tuple[int, int], list[Drawn]], key: tuple[int, int], drawn: Iterable[Drawn], numbers: int
+) -> Iterable[Drawn]:
+    """Return what was drawn under a key before, else what is ``drawn`` now, kept if so many ``numbers`` fit."""
+    if key in known:
+        return known[key]
+    return known.setdefault(key, list(drawn)) if 8 * numbers <= KEPT else drawn
+
+
+class Extent(NamedTuple):
+    """How far one recording's signals go, SI: what a rig's scales are worked out from; 0 for what was not recorded."""
+
+    command: float
+    pressure: float
+    force: float
+    speed: float
+    low: float
+    high: float
+    period: float

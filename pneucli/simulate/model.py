@@ -12,9 +12,9 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.recording import Rig
 from pneucli.simulate.layout import BASE
-from pneucli.simulate.linear_valve import LinearValve
-from pneucli.simulate.switching_valve import SwitchingValve
-from pneucli.simulate.valve_area import NO_VALVE, ValveArea
+from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 Array = NDArray[np.float64]
 Valve = ValveArea | LinearValve | SwitchingValve

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.design import robust
-from pneucli.design.bench import trial
-from pneucli.design.closed_loop import Bench, Scenario
-from pneucli.design.controller import Controller
-from pneucli.design.scenarios import scenarios_from
+from pneucli.closed_loop import robustness
+from pneucli.closed_loop.law_comparison import trial
+from pneucli.closed_loop.scenarios import scenarios_from
+from pneucli.closed_loop.simulation import Bench, Scenario
+from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
 from pneucli.experiments import KINDS
 from pneucli.io.artifacts import read_table, write_table
-from pneucli.pipeline.identity import identity
+from pneucli.pipeline.manifest import identity
 from pneucli.simulate.model import Model
-from pneucli.stages.bench import figures, scenarios_of, unit_of, write_runs
 from pneucli.stages.design import bench_of, chosen_controller, load_controller
-from pneucli.stages.study import Study, load_model
+from pneucli.stages.law_comparison import figures, scenarios_of, unit_of, write_runs
+from pneucli.stages.pipeline_data import Study, load_model
 
 TOLERATED = 2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
 BRIEF = 500  # runs, below which starting processes takes longer than they save
@@ -63,7 +63,7 @@ def _robust(
 ) -> dict[str, Any]:
     """Run a Monte Carlo study, write its rows and rates, and return its part of the answer."""
     context = study.context
-    wanted = robust.settings_from(table, f"{context.path}, key scenarios")
+    wanted = robustness.settings_from(table, f"{context.path}, key scenarios")
     parameters = read_table(context.artifacts / "identify" / "parameters.parquet")
     names = (parameters[n] for n in ("name", "ci_low", "ci_high"))
     intervals = {str(n): (float(low), float(high)) for n, low, high in zip(*names, strict=True)}
@@ -73,13 +73,13 @@ def _robust(
         for e in study.known_effects.values()
         if e.name not in active and e.part in KINDS["axis"].parts(cylinder_known=True, supply_recorded=False)
     )
-    axes = robust.Axes(model, robust.sigma_of(intervals, model), wanted.tolerances, effects)
+    axes = robustness.Axes(model, robustness.sigma_of(intervals, model), wanted.tolerances, effects)
     scenarios: tuple[Scenario, ...] = tuple(s for s in scenarios_from([], controller, "") if s.name in STUDIED)
-    asked = robust.Study(axes, controller, scenarios, bench, wanted.runs, wanted.seed, wanted.checks)
+    asked = robustness.Study(axes, controller, scenarios, bench, wanted.runs, wanted.seed, wanted.checks)
     brief = asked.runs < BRIEF
     with engine_from(context.options.get("executor"), identity, brief=brief) as engine:
-        rows = robust.run_study(asked, engine, context.artifacts / ".robust", context.progress)
-    rates = robust.success_rates(rows, wanted.checks)
+        rows = robustness.run_study(asked, engine, context.artifacts / ".robust", context.progress)
+    rates = robustness.success_rates(rows, wanted.checks)
     _write_robust(study, rows, rates)
     return {
         "runs": asked.runs,
@@ -100,7 +100,7 @@ def _robust(
     }
 
 
-def _write_robust(study: Study, rows: Sequence[Mapping[str, Any]], rates: Sequence[robust.Rate]) -> None:
+def _write_robust(study: Study, rows: Sequence[Mapping[str, Any]], rates: Sequence[robustness.Rate]) -> None:
     figures = [n for n, v in rows[0].items() if isinstance(v, float)]
     provenance = study.provenance("identify/model.parquet", "design/gains.parquet")
     write_table(

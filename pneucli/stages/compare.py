@@ -11,13 +11,13 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_regions, overall_error
-from pneucli.compare.correlation import Correlation, correlations
-from pneucli.compare.expected import expected_of_all
+from pneucli.compare.expected_error import expected_of_all
+from pneucli.compare.residual_correlation import Correlation, correlations
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
-from pneucli.stages import history, logs
-from pneucli.stages.study import Study, load_model
+from pneucli.stages import controller_logs, history
+from pneucli.stages.pipeline_data import Study, load_model
 
 RESIDUALS = "residuals.parquet"
 
@@ -33,14 +33,14 @@ def run(context: Context) -> dict[str, Any]:
 
     noise = expected_of_all(model, experiments, progress)
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
-    known = logs.controllers_of(context)
-    looked = {r.name: logs.look(model, r, known[r.name]) for r in study.recordings if r.name in known}
-    comparisons = [logs.with_commands(c, looked, model) for c in comparisons]
+    known = controller_logs.controllers_of(context)
+    looked = {r.name: controller_logs.look(model, r, known[r.name]) for r in study.recordings if r.name in known}
+    comparisons = [controller_logs.with_commands(c, looked, model) for c in comparisons]
     _write_residuals(study, comparisons)
     _write_correlations(study, [c for one in comparisons for c in correlations(one, context.config.compare.horizon)])
     results = [r for c in comparisons for r in c.results]
     answer = _answer(study, results, find_regions(comparisons))
-    answer["closed_loop"] = [logs.answer_of(one, model) for one in looked.values()]
+    answer["closed_loop"] = [controller_logs.answer_of(one, model) for one in looked.values()]
     return answer | history.keep(context, answer, RESIDUALS)
 
 

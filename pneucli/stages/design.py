@@ -9,28 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.design import layout
-from pneucli.design.bench import controllers, plan_of, surfaces
-from pneucli.design.cascade import design_cascade
-from pneucli.design.closed_loop import Bench
-from pneucli.design.controller import Controller
-from pneucli.design.laws import LAWS, laws_named
+from pneucli.closed_loop.law_comparison import controllers, plan_of, surfaces
+from pneucli.closed_loop.simulation import Bench
+from pneucli.controller import layout
+from pneucli.controller.laws import LAWS, laws_named
+from pneucli.controller.parameters import Controller
+from pneucli.design.bandwidths import Corners, corners_of
+from pneucli.design.cascade_design import design_cascade
+from pneucli.design.effect_compensation import pulls_back
 from pneucli.design.lpv import Study as WeightStudy
 from pneucli.design.lpv import compare_weight_types
-from pneucli.design.ports import pulls_back
 from pneucli.design.requirements import Requirements, requirements_from
-from pneucli.design.rules import Corners, corners_of
-from pneucli.design.sector import Sector, resolved, sector_from_vertices
-from pneucli.design.surface import axis_systems, unmatched
+from pneucli.design.sliding import axis_systems, unmatched
+from pneucli.design.sliding_sector import Sector, resolved, sector_from_vertices
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, atomic_path, read_table, write_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from pneucli.stages.bench import Compared, compared, compared_answer, scenarios_of, write_compared
-from pneucli.stages.gate import gate_answer
+from pneucli.stages.acceptance import gate_answer
+from pneucli.stages.law_comparison import Compared, compared, compared_answer, scenarios_of, write_compared
 from pneucli.stages.margins import margins_answer
-from pneucli.stages.study import Study, load_model
+from pneucli.stages.pipeline_data import Study, load_model
 
 CONTROLLERS = "controllers"  # a file a law
 

@@ -6,37 +6,36 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from pneucli.config.sources import plugin_files
-from pneucli.diagnose import elsewhere
-from pneucli.diagnose.beside import lacks_p2
-from pneucli.diagnose.decision import Decision
-from pneucli.diagnose.detectable import Detectable
+from pneucli.config.recording_sources import plugin_files
+from pneucli.diagnose import executor_refit
+from pneucli.diagnose.adequacy import Remainder, allowed_for
+from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.cross_validation import turns_of
+from pneucli.diagnose.data import Bench, State
+from pneucli.diagnose.detectability import Detectable
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
-from pneucli.diagnose.discrepancy import Discrepancy
-from pneucli.diagnose.errors import ShownErrors, left_over, taken_away, told
-from pneucli.diagnose.manoeuvres import separation
-from pneucli.diagnose.remainder import Remainder, allowed_for
-from pneucli.diagnose.stretches import MOST
-from pneucli.diagnose.trial import Bench, State
-from pneucli.diagnose.turns import turns_of
-from pneucli.diagnose.unknown import Unknown
+from pneucli.diagnose.discrepancy import Discrepancy, Unknown
+from pneucli.diagnose.experiment_design import separation
+from pneucli.diagnose.free_run_error import ShownErrors, left_over, taken_away, told
+from pneucli.diagnose.posterior import lacks_p2
+from pneucli.diagnose.subsample import MOST
 from pneucli.errors import InputError, did_you_mean
-from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Fit
-from pneucli.identify.intervals import with_intervals
-from pneucli.identify.start import first_guess
-from pneucli.identify.views import Inferred, View
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.residuals import Inferred, View
 from pneucli.memory import give_back
+from pneucli.messages.diagnose import why
 from pneucli.pipeline.context import Context
-from pneucli.pipeline.identity import identity
+from pneucli.pipeline.manifest import identity
 from pneucli.simulate.model import Model
 from pneucli.stages import history
+from pneucli.stages.changes import keep_reference, since
 from pneucli.stages.diagnose_sentence import sentence
-from pneucli.stages.diagnose_tables import SHAPE, write_diagnosis
 from pneucli.stages.identify import as_ratio, parameter_answer
-from pneucli.stages.since import keep_reference, since
-from pneucli.stages.study import Study
-from pneucli.words.diagnose import why
+from pneucli.stages.pipeline_data import Study
+from pneucli.stages.tables.diagnosis import SHAPE, write_diagnosis
 
 BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
 THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
@@ -83,7 +82,7 @@ def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[st
     """Return the fitted model without what is missing, and what is said of that; write its tables."""
     base = fit_model(guess, bench.train, study.effects)
     context, plugins = study.context, plugin_files(study.context.config)
-    with elsewhere.through(context.options.get("executor"), context.out, plugins, identity) as refits:
+    with executor_refit.through(context.options.get("executor"), context.out, plugins, identity) as refits:
         found = diagnose(replace(bench, refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)

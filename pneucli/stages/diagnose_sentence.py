@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pneucli.diagnose.data import Errors
 from pneucli.diagnose.diagnosis import BLIND, Diagnosis
-from pneucli.diagnose.errors import told
-from pneucli.diagnose.trial import Errors
-from pneucli.words.diagnose import course, where
+from pneucli.diagnose.free_run_error import told
+from pneucli.messages.diagnose import course, where
 
 
 def sentence(found: Diagnosis, rungs: Sequence[Errors], rest: Mapping[str, Any] | None) -> str:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pneucli.design.controller import Controller
-from pneucli.design.laws import law_named
-from pneucli.export import files
-from pneucli.export.program import controller_hash
+from pneucli.controller.laws import law_named
+from pneucli.controller.parameters import Controller
+from pneucli.export import export_files
+from pneucli.export.controller_program import controller_hash
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
 from pneucli.stages.design import bench_of, load_controller
-from pneucli.stages.study import Study, load_model
+from pneucli.stages.pipeline_data import Study, load_model
 
 TARGETS = ("c", "mat", "csv", "st")
 TABLES = (
@@ -44,14 +44,14 @@ def run(context: Context) -> dict[str, Any]:
             model = load_model(context.artifacts / "identify", study.rig, study.effects)
             about = (context.out, controller, model, bench_of(context.answers["design"]), context.config.name)
             if target == "c":
-                difference = files.write_c(*about, precision)
+                difference = export_files.write_c(*about, precision)
             else:
-                files.write_st(*about)
+                export_files.write_st(*about)
         else:
             _write_tables(context.out, target, controller, _tables(context.artifacts))
     precision = precision if "c" in wanted else "float64"
     if {"c", "st"} & set(wanted):
-        files.write_replay(context.out, controller, context.config.name, precision)
+        export_files.write_replay(context.out, controller, context.config.name, precision)
     return {
         "schema": "pneucli/export/1",
         "pipeline": context.config.name,
@@ -64,17 +64,17 @@ def run(context: Context) -> dict[str, Any]:
     }
 
 
-def _tables(artifacts: Path) -> dict[str, files.Table]:
+def _tables(artifacts: Path) -> dict[str, export_files.Table]:
     """Return the tables that earlier stages wrote, those that this rig has."""
     return {
         Path(n).name: read_table(artifacts / f"{n}.parquet") for n in TABLES if (artifacts / f"{n}.parquet").exists()
     }
 
 
-def _write_tables(out: Path, target: str, controller: Controller, tables: dict[str, files.Table]) -> None:
-    tables = {**tables, "inverse_area": files.inverse_table(controller)}
+def _write_tables(out: Path, target: str, controller: Controller, tables: dict[str, export_files.Table]) -> None:
+    tables = {**tables, "inverse_area": export_files.inverse_table(controller)}
     if target == "mat":
-        files.write_mat(out / "pneucli_design.mat", controller, tables)
+        export_files.write_mat(out / "pneucli_design.mat", controller, tables)
         return
-    for name, table in {**tables, "controller": files.controller_table(controller)}.items():
-        files.write_csv(out / f"{name}.csv", table)
+    for name, table in {**tables, "controller": export_files.controller_table(controller)}.items():
+        export_files.write_csv(out / f"{name}.csv", table)

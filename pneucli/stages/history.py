@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pneucli.pipeline import staleness
+from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Context
 
 FOLDER = "history"

@@ -7,30 +7,30 @@ from dataclasses import asdict
 from typing import Any
 
 from pneucli.errors import InputError
-from pneucli.identify.chamber import Chamber
-from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Estimate, Fit, without_data
+from pneucli.identify.estimation.fit import Estimate, Fit, without_data
+from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.estimation.parameters import Free, has, value_of
+from pneucli.identify.estimation.progress import Round, watching
 from pneucli.identify.friction import FrictionIdentification, identify_friction
-from pneucli.identify.intervals import with_intervals
-from pneucli.identify.leaks import TRADE, leak_flows, losses
-from pneucli.identify.null import drifted
-from pneucli.identify.parameters import Free, has, value_of
-from pneucli.identify.paths import driven, opening_of
-from pneucli.identify.start import STAND_IN_VOLUME, first_guess
+from pneucli.identify.guesses.chamber_balance import Chamber
+from pneucli.identify.guesses.flow_paths import driven, opening_of
+from pneucli.identify.guesses.friction_and_valve import STAND_IN_VOLUME, first_guess
+from pneucli.identify.guesses.null_command import drifted
+from pneucli.identify.leak_rate import TRADE, leak_flows, losses
+from pneucli.identify.residuals import View, weighted
 from pneucli.identify.valve import ValveIdentification, identify_moving, identify_valve
-from pneucli.identify.views import View, weighted
-from pneucli.identify.watch import Round, watching
 from pneucli.io.artifacts import write_table
+from pneucli.messages.formatting import number
 from pneucli.pipeline.context import Context
-from pneucli.plausibility.needs import Assumed, assumptions, to_identify
+from pneucli.plausibility.required_inputs import Assumed, assumptions, to_identify
 from pneucli.quantities import named
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.stages.friction_tables import friction_answer, write_friction
-from pneucli.stages.relation_tables import write_relations
-from pneucli.stages.study import Study, save_model
-from pneucli.stages.valve_tables import iso_parameters, valve_answer, valve_warnings, write_valves
-from pneucli.words.numbers import number
+from pneucli.stages.pipeline_data import Study, save_model
+from pneucli.stages.tables.correlation import write_relations
+from pneucli.stages.tables.friction import friction_answer, write_friction
+from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_warnings, write_valves
 
 STATED = {
     "rig.moving_mass": "rig.cylinder.moving_mass",

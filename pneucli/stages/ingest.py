@@ -17,19 +17,18 @@ from pneucli.experiments import KINDS
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
-from pneucli.io.raw import Channel, RawFile, Repair, missing_column
+from pneucli.io.multi_file import Part, Several
+from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
-from pneucli.io.rows import LOSSES
-from pneucli.io.several import Part, Several
-from pneucli.io.signals import Opened, open_signals
+from pneucli.io.signal_reader import Opened, open_signals
+from pneucli.io.timestamp_order import LOSSES
+from pneucli.messages.ingest import place
 from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
-from pneucli.stages.ingest_looks import looked_at
-from pneucli.stages.ingest_tables import Ingested, column_of, row_of, write_tables
+from pneucli.stages.tables.ingest import Ingested, column_of, looked_at, row_of, write_tables
 from pneucli.units import factor_and_offset, unit_as
-from pneucli.words.ingest import place
 
 NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
 FEWEST = 8  # samples that noise is estimated from

@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.config.schema import DIRECTIVE
-from pneucli.config.schema import FILE as SCHEMA
+from pneucli.config.json_schema import DIRECTIVE
+from pneucli.config.json_schema import FILE as SCHEMA
 from pneucli.errors import InputError
+from pneucli.init.experiments import trial
+from pneucli.init.file_groups import Kind, joined, kinds, natural, references, values_of
+from pneucli.init.survey import Guess, Survey, survey
+from pneucli.init.writer import References, quoted, text, waiting
 from pneucli.io.artifacts import atomic_path
-from pneucli.io.raw import RawFile
-from pneucli.stages.init_joined import joined
-from pneucli.stages.init_kinds import Kind, kinds, natural, references, values_of
-from pneucli.stages.init_survey import Guess, Survey, survey
-from pneucli.stages.init_text import References, quoted, text, waiting
-from pneucli.stages.init_trials import trial
+from pneucli.io.raw_file import RawFile
 from pneucli.stages.schema import schema_text
 
 NAME = "pipeline.toml"

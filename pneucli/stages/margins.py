@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.design.closed_loop import Bench
-from pneucli.design.controller import Controller
-from pneucli.design.margins import Cut, Looked, look
+from pneucli.closed_loop.margins import Cut, Looked, look
+from pneucli.closed_loop.simulation import Bench
+from pneucli.controller.parameters import Controller
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model

@@ -12,13 +12,13 @@ from pneucli import __version__
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path, read_metadata, read_table
+from pneucli.messages.formatting import number, quantity
 from pneucli.pipeline.checks import evaluate
 from pneucli.pipeline.context import Context
 from pneucli.report import Check, Former, Material, Table, to_html, to_junit, to_markdown
 from pneucli.stages import history
 from pneucli.stages.compare import RESIDUALS
-from pneucli.stages.diagnose_tables import SHAPE
-from pneucli.words.numbers import number, quantity
+from pneucli.stages.tables.diagnosis import SHAPE
 
 SHOWN = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", "simulate/*")
 

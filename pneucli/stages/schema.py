@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from pneucli.config.schema import schema
+from pneucli.config.json_schema import schema
 from pneucli.physics.effects import catalogue
 
 

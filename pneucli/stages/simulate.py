@@ -12,7 +12,7 @@ from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.open_loop import OpenLoopRun, default_runs, run_scenario
 from pneucli.stages.closed_loop import simulate_closed_loop
-from pneucli.stages.study import Study, load_model
+from pneucli.stages.pipeline_data import Study, load_model
 
 
 def run(context: Context) -> dict[str, Any]:

@@ -293,7 +293,7 @@ def test_too_little_memory_is_exit_2(pneucli: Command, bench: Path, monkeypatch:
 def test_what_a_stage_tells_of_raw_files_does_not_act_on_the_terminal(
     pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pneucli.words.of", lambda *what, **how: "column \x1b[2J\nsecond line")
+    monkeypatch.setattr("pneucli.messages.of", lambda *what, **how: "column \x1b[2J\nsecond line")
     assert pneucli("ingest", bench).out == "column \\x1b[2J\nsecond line\n"
 
 

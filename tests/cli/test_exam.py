@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.exam.workflow import seed_of
 from pneucli.io.artifacts import read_table
-from pneucli.pipeline.staleness import program_digest
-from pneucli.stages.exam import seed_of
+from pneucli.pipeline.manifest import program_digest
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
 

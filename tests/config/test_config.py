@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pneucli.config import load, sources
-from pneucli.config.edit import set_effects
+from pneucli.config.effect_edit import set_effects
 from pneucli.errors import InputError
 
 BASE = """\

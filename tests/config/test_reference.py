@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from pneucli.closed_loop.robustness import settings_from
+from pneucli.closed_loop.scenarios import read_table as closed_loop
 from pneucli.config import checked, load
-from pneucli.config.models import PipelineConfig
-from pneucli.config.reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, keys, said
-from pneucli.config.schema import schema, value_of
+from pneucli.config.json_schema import schema, value_of
+from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, keys, said
+from pneucli.config.pipeline_tables import PipelineConfig
 from pneucli.design.requirements import requirements_from
-from pneucli.design.robust import settings_from
-from pneucli.design.scenarios import read_table as closed_loop
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.open_loop import read_table as open_loop

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pneucli.design.bench import controllers, plan_of, surfaces
-from pneucli.design.cascade import design_cascade
-from pneucli.design.closed_loop import Bench, Scenario
-from pneucli.design.controller import Controller
-from pneucli.design.laws.law import Plan
+from pneucli.closed_loop.law_comparison import controllers, plan_of, surfaces
+from pneucli.closed_loop.scenarios import start_at
+from pneucli.closed_loop.simulation import Bench, Scenario
+from pneucli.controller.laws.base import Plan
+from pneucli.controller.parameters import Controller
+from pneucli.design.bandwidths import corners_of
+from pneucli.design.cascade_design import design_cascade
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.requirements import Requirements
-from pneucli.design.rules import corners_of
-from pneucli.design.scenarios import start_at
-from pneucli.design.surface import axis_systems
+from pneucli.design.sliding import axis_systems
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_area import ValveArea
+from pneucli.simulate.valve_forms.area import ValveArea
 
 TRUTH = json.loads((Path(__file__).parents[2] / "fixtures/truth.json").read_text())["demo"]["parameters"]
 COMMANDS = (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)

@@ -15,15 +15,17 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import place_poles
 
-from pneucli.design import layout, lpv, pdc, robust
-from pneucli.design.closed_loop import Bench
-from pneucli.design.controller import Controller
-from pneucli.design.laws import LAWS
+from pneucli.closed_loop import robustness
+from pneucli.closed_loop.robustness import Axes, plausible, sigma_of, success_rates
+from pneucli.closed_loop.simulation import Bench
+from pneucli.controller import layout
+from pneucli.controller.codegen import controller_text
+from pneucli.controller.laws import LAWS
+from pneucli.controller.parameters import Controller
+from pneucli.design import lpv, pdc
 from pneucli.design.pdc import Pdc
-from pneucli.design.robust import Axes, plausible, sigma_of, success_rates
-from pneucli.design.sector import Sector, resolved, sector_from_vertices, speed_floor
-from pneucli.design.surface import axis_systems
-from pneucli.design.text import controller_text
+from pneucli.design.sliding import axis_systems
+from pneucli.design.sliding_sector import Sector, resolved, sector_from_vertices, speed_floor
 from pneucli.errors import InputError
 from pneucli.executors.engine import Threads
 from pneucli.physics.declaration import Parameter
@@ -267,16 +269,18 @@ def test_sigma_is_an_interval_over_twice_1_96() -> None:
 
 
 def test_settings_have_usual_values_and_bounds() -> None:
-    usual = robust.settings_from({}, "here")
+    usual = robustness.settings_from({}, "here")
     assert (usual.runs, usual.seed) == (112, 0)
     assert usual.checks == {"steady_um": 10.0, "cycle_um": 10.0, "recovery_s": 0.5, "load_error": 0.1}
     assert usual.tolerances == {
         "rig.moving_mass": 0.02, "rig.dead_volume_1": 0.03, "rig.dead_volume_2": 0.03, "rig.supply_pressure": 0.01,
         "valve.areas": 0.02,
     }  # fmt: skip
-    least, most = (robust.settings_from({"runs": r, "seed": s}, "here") for r, s in ((1, 0), (1_000_000, 1_000_000)))
+    least, most = (
+        robustness.settings_from({"runs": r, "seed": s}, "here") for r, s in ((1, 0), (1_000_000, 1_000_000))
+    )
     assert (least.runs, most.seed) == (1, 1_000_000)
-    stated = robust.settings_from({"name": "mc", "kind": "x", "checks": {"rise_s": 0}}, "here")
+    stated = robustness.settings_from({"name": "mc", "kind": "x", "checks": {"rise_s": 0}}, "here")
     assert stated.checks["rise_s"] == 0.0
 
 
@@ -293,13 +297,13 @@ def test_settings_have_usual_values_and_bounds() -> None:
 )
 def test_settings_that_cannot_be_read_are_named(table: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=f"(?s){says}"):
-        robust.settings_from(table, "here")
+        robustness.settings_from(table, "here")
 
 
 AXES = Axes(MODEL, {"friction.coulomb": 0.1}, {"valve.areas": 0.1}, (catalogue()["valve-lag"],))
 
 
-def study(**changed: Any) -> robust.Study:
+def study(**changed: Any) -> robustness.Study:
     scene = axis.scenario(axis.controller(), np.full(50, 0.1))
     known = {
         "axes": AXES,
@@ -309,7 +313,7 @@ def study(**changed: Any) -> robust.Study:
         "runs": 40,
         "seed": 1,
     }
-    return robust.Study(**{**known, "checks": {"steady_um": 10.0}, **changed})
+    return robustness.Study(**{**known, "checks": {"steady_um": 10.0}, **changed})
 
 
 @pytest.mark.parametrize(
@@ -337,10 +341,10 @@ def test_the_number_of_runs_and_the_limits_do_not() -> None:
 def test_runs_go_in_chunks_of_sixteen_in_order_and_progress_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(robust, "run_one", lambda study, k: [{"run": k}])
+    monkeypatch.setattr(robustness, "run_one", lambda study, k: [{"run": k}])
     told: list[tuple[str, float]] = []
     with closing(Threads(1)) as one:
-        rows = robust.run_study(study(), one, tmp_path, lambda message, share: told.append((message, share)))
+        rows = robustness.run_study(study(), one, tmp_path, lambda message, share: told.append((message, share)))
     assert [r["run"] for r in rows] == list(range(40))
     assert told == [("1 of 3 chunks", 1 / 3), ("2 of 3 chunks", 2 / 3), ("3 of 3 chunks", 1.0)]
     files = sorted(p.name for p in tmp_path.rglob("*.json"))
@@ -349,17 +353,17 @@ def test_runs_go_in_chunks_of_sixteen_in_order_and_progress_is_told(
 
 
 def test_a_row_says_what_was_drawn_and_which_checks_it_held(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pneucli.design.metrics import Metrics
+    from pneucli.closed_loop.metrics import Metrics
 
     seen: list[Any] = []
-    monkeypatch.setattr(robust, "run", lambda *a, **k: seen.append((a, k)))
+    monkeypatch.setattr(robustness, "run", lambda *a, **k: seen.append((a, k)))
     figures = dict.fromkeys(Metrics.__dataclass_fields__, 1.0) | {
         "load_error": np.nan,
         "cycle_um": 10.0,
         "steady_um": 10.1,
     }
-    monkeypatch.setattr(robust, "measure", lambda *_: Metrics(**figures))
-    (row,) = robust.run_one(study(checks={"steady_um": 10.0, "cycle_um": 10.0, "load_error": 0.1}), 3)
+    monkeypatch.setattr(robustness, "measure", lambda *_: Metrics(**figures))
+    (row,) = robustness.run_one(study(checks={"steady_um": 10.0, "cycle_um": 10.0, "load_error": 0.1}), 3)
     assert row["held"] == {"steady_um": False, "cycle_um": True}
     assert (row["run"], row["scenario"], row["effect"]) == (3, "test", "valve-lag")
     assert set(row["sizes"]) == {"valve-lag.time_constant"}

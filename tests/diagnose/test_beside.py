@@ -9,8 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import beside
-from pneucli.diagnose.beside import (
+from pneucli.diagnose import posterior
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.calibration import Evidence, probability
+from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.data import Bench
+from pneucli.diagnose.equivalence import Place
+from pneucli.diagnose.posterior import (
     agreement,
     evidence_of,
     examined,
@@ -21,17 +26,12 @@ from pneucli.diagnose.beside import (
     weighed,
     without_refused,
 )
-from pneucli.diagnose.confidence import Evidence, probability
-from pneucli.diagnose.decision import Decision
-from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.trial import Bench
-from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
 from pneucli.physics.effects import catalogue
 from tests.diagnose import trials
 from tests.diagnose.trials import bench, trial
-from tests.simulate.benches import bench as recorded
-from tests.simulate.benches import clock
+from tests.simulate.synthetic_experiments import bench as recorded
+from tests.simulate.synthetic_experiments import clock
 
 STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
 WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
@@ -61,12 +61,12 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
     ) -> str:
         place = None if read is None else Place(TRIED, ())
         monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(read, 100.0)])
-        monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: evidence._replace(complete=complete))
-        monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: contradicted)
-        monkeypatch.setattr(beside, "outdone", lambda bench, one: "a law" if law and one is place else None)
+        monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: evidence._replace(complete=complete))
+        monkeypatch.setattr(posterior, "contradicted", lambda model, effect, views: contradicted)
+        monkeypatch.setattr(posterior, "outdone", lambda bench, one: "a law" if law and one is place else None)
         errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
-        monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
+        monkeypatch.setattr(posterior, "examined", lambda bench, effect: True)
         decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left, place)
         assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
@@ -173,12 +173,12 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
     where: Any = SimpleNamespace(train=kinds(Forces), shown=shown)
-    monkeypatch.setattr(beside, "facts_of", lambda model, experiments: (model, *experiments))
+    monkeypatch.setattr(posterior, "facts_of", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
     monkeypatch.setattr(
-        beside, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
+        posterior, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
-    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
+    monkeypatch.setattr(posterior, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
     stood: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
     return evidence_of(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
@@ -210,14 +210,16 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
         train=kinds(Imposed, Forces),
         shown=lambda model: {"train": 9.0, "test": errors[id(model)]},
     )
-    monkeypatch.setattr(beside, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None)
-    monkeypatch.setattr(beside, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
-    monkeypatch.setattr(beside, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
+    monkeypatch.setattr(
+        posterior, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None
+    )
+    monkeypatch.setattr(posterior, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
+    monkeypatch.setattr(posterior, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
     monkeypatch.setattr(Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
     monkeypatch.setattr(Place, "alike", lambda self, bench, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
-    assert beside.likely(where, Place(tried, ())) == probability(known._replace(effects=("time-skew",)))
-    assert beside.likely(where, Place(tried, (other,))) == probability(
+    assert posterior.likely(where, Place(tried, ())) == probability(known._replace(effects=("time-skew",)))
+    assert posterior.likely(where, Place(tried, (other,))) == probability(
         known._replace(effects=("time-skew", "valve-lag"))
     )
 
@@ -234,20 +236,20 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: WEAK)
-    monkeypatch.setattr(beside, "probability", lambda evidence: 0.75)
+    monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: WEAK)
+    monkeypatch.setattr(posterior, "probability", lambda evidence: 0.75)
     where = replace(bench(held_out=False), shown=None if errors is None else lambda model: errors)
-    assert beside.standing(where, trial("stribeck", before=trials.state())) == pytest.approx(expected)
-    monkeypatch.setattr(beside, "probability", lambda evidence: 1.0)
-    assert np.isfinite(beside.standing(where, trial("stribeck", before=trials.state())))
+    assert posterior.standing(where, trial("stribeck", before=trials.state())) == pytest.approx(expected)
+    monkeypatch.setattr(posterior, "probability", lambda evidence: 1.0)
+    assert np.isfinite(posterior.standing(where, trial("stribeck", before=trials.state())))
 
 
 def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """The unknown that one of them resembles, all of them do."""
     where = replace(bench(held_out=False), shown=None)
-    monkeypatch.setattr(beside, "_sure_and_size", lambda bench, state, effect: (20.0, 0.5))
+    monkeypatch.setattr(posterior, "_sure_and_size", lambda bench, state, effect: (20.0, 0.5))
     monkeypatch.setattr(Place, "left", lambda self, bench: 0.3)
-    clock, spool = (beside.standing(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag"))
+    clock, spool = (posterior.standing(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag"))
     assert clock == spool
 
 
@@ -258,9 +260,9 @@ def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
     """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
     where = replace(bench(held_out=False), shown=None)
     sizes = {"constant-force": 1.0, "pressure-offset": size}
-    monkeypatch.setattr(beside, "_sure_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
+    monkeypatch.setattr(posterior, "_sure_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
     monkeypatch.setattr(Place, "left", lambda self, bench: 0.3)
-    force, offset = (beside.standing(where, trial(name, before=trials.state())) for name in sizes)
+    force, offset = (posterior.standing(where, trial(name, before=trials.state())) for name in sizes)
     assert offset < force if less else offset == force
 
 
@@ -278,7 +280,9 @@ def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPa
         experiment = SimpleNamespace(recording=SimpleNamespace(name=name), time=np.zeros(n))
         return SimpleNamespace(experiment=experiment, channels=channels)
 
-    monkeypatch.setattr(beside, "disagreement", lambda fit, effect, recordings: (fit, effect.name, recordings.tolist()))
+    monkeypatch.setattr(
+        posterior, "disagreement", lambda fit, effect, recordings: (fit, effect.name, recordings.tolist())
+    )
     where: Any = SimpleNamespace(
         train=[view("b", 2, "p1", "p2"), view("a", 3, "p1"), view("b", 1, "force")], effects=catalogue()
     )
@@ -304,11 +308,11 @@ def test_only_what_passes_without_the_effects_that_are_refused_is_named(
     monkeypatch.setattr(Bench, "without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     step = replace(mass, before=neither, state=alone)
     monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: step)
-    monkeypatch.setattr(beside, "supported", lambda bench, before, tried: tried if passes else [])
+    monkeypatch.setattr(posterior, "supported", lambda bench, before, tried: tried if passes else [])
     there = STRONG if passes else WEAK
-    monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
-    monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: False)
+    monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(posterior, "examined", lambda bench, effect: True)
+    monkeypatch.setattr(posterior, "contradicted", lambda model, effect, views: False)
     found = bench([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
     left = [Remainder(Forces, "force", 5.0, 5.0, ())]
     weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, "at-bound", offset), WEAK)]
@@ -329,17 +333,17 @@ def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
     ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
     monkeypatch.setattr(Bench, "without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: replace(mass, before=before, state=after))
-    monkeypatch.setattr(beside, "supported", lambda bench, before, tried: tried)
+    monkeypatch.setattr(posterior, "supported", lambda bench, before, tried: tried)
     monkeypatch.setattr(
-        beside,
+        posterior,
         "remains",
         lambda bench, one: ([Remainder(Forces, "force", left, left, ())] * (one.model is alone.model), []),
     )
     there = STRONG if likely else WEAK
-    monkeypatch.setattr(beside, "evidence_of", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(beside, "examined", lambda bench, effect: True)
-    monkeypatch.setattr(beside, "contradicted", lambda model, effect, views: False)
-    monkeypatch.setattr(beside, "outdone", lambda bench, one: None)
+    monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(posterior, "examined", lambda bench, effect: True)
+    monkeypatch.setattr(posterior, "contradicted", lambda model, effect, views: False)
+    monkeypatch.setattr(posterior, "outdone", lambda bench, one: None)
     found = bench([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
     weights = [
         (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),

@@ -6,8 +6,8 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from pneucli.diagnose.decision import Decision
-from pneucli.diagnose.detectable import Detectable, cannot_show
+from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.detectability import Detectable, cannot_show
 from pneucli.diagnose.diagnosis import _one_each
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import VIEW, bench, trial

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pneucli.diagnose.change import Comparison, Hypothesis
-from pneucli.diagnose.reference import Coordinate, Reference, Start, aligned
+from pneucli.changes.baseline import Coordinate, Reference, Start, aligned
+from pneucli.changes.comparison import Comparison, Hypothesis
 
 BLOCKS = 60
 Array = NDArray[np.float64]

@@ -7,11 +7,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from pneucli.diagnose import confidence
-from pneucli.diagnose.confidence import NAMED, UNLIKE, Evidence, probability, refused, shares, unlike
-from pneucli.diagnose.decision import Reason
-from pneucli.diagnose.trial import State
-from pneucli.exam.hidden import CATALOGUE
+from pneucli.diagnose import calibration
+from pneucli.diagnose.calibration import NAMED, UNLIKE, Evidence, probability, refused, shares, unlike
+from pneucli.diagnose.candidate import Reason
+from pneucli.diagnose.data import State
+from pneucli.exam.hidden_effects import CATALOGUE
 from tests.diagnose.trials import costing
 
 MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3, left=0.3)
@@ -76,7 +76,7 @@ def test_more_than_the_usual_size_is_surer_but_not_where_effects_that_resemble_g
     assert probability(COMPLETE._replace(imposed=True, **large)) == probability(COMPLETE._replace(**large))
 
 
-@pytest.mark.parametrize(("evidence", "weights"), [(MIDDLING, confidence.BESIDE), (COMPLETE, confidence.COMPLETE)])
+@pytest.mark.parametrize(("evidence", "weights"), [(MIDDLING, calibration.BESIDE), (COMPLETE, calibration.COMPLETE)])
 def test_each_feature_has_its_weight(evidence: Evidence, weights: tuple[float, ...]) -> None:
     assert len(evidence.features) == len(weights)
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import costs as counted
-from pneucli.diagnose.costs import allowed, costs, fitted_costs, unseen_costs
-from pneucli.diagnose.flow import most_likely, with_flow
-from pneucli.identify.views import Chambers
+from pneucli.diagnose import score as counted
+from pneucli.diagnose.flow_gain_variance import most_likely, with_flow
+from pneucli.diagnose.score import allowed, costs, fitted_costs, unseen_costs
+from pneucli.identify.residuals import Chambers
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import simulate
-from tests.simulate.benches import bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import bench, clock, model, steps_of_command
 
 NOISE = 500.0  # Pa
 

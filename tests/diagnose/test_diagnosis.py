@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import diagnosis, errors
-from pneucli.diagnose.confidence import Evidence, probability, refused
-from pneucli.diagnose.decision import Decision, Reason
+from pneucli.diagnose import diagnosis, free_run_error
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.calibration import Evidence, probability, refused
+from pneucli.diagnose.candidate import Decision, Reason
+from pneucli.diagnose.data import Trial
 from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.search import Search
-from pneucli.diagnose.trial import Trial
-from pneucli.identify.views import Forces, Whole
+from pneucli.diagnose.selection import Search
+from pneucli.identify.residuals import Forces, Whole
 from tests.diagnose.toys import Toys, adding, effect
 
 A, B, C, D = (effect(name) for name in "abcd")
@@ -222,21 +222,21 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
         drawn.append(model)
         return [{"x": 2.0 if use == "train" else 4.0} for use in experiments]
 
-    monkeypatch.setattr(errors, "compare", compare)
-    monkeypatch.setattr(errors, "expected_of_all", expected)
-    shown: Any = errors.ShownErrors(["train", "test", "train"])  # type: ignore[list-item]
+    monkeypatch.setattr(free_run_error, "compare", compare)
+    monkeypatch.setattr(free_run_error, "expected_of_all", expected)
+    shown: Any = free_run_error.ShownErrors(["train", "test", "train"])  # type: ignore[list-item]
     first, other = 6.0, 8.0
     assert shown(first) == {"train": 3.0, "test": 1.5}
     assert shown(other) == {"train": 4.0, "test": 2.0}
     assert shown(first) == {"train": 3.0, "test": 1.5}
     assert drawn == [6.0, 8.0]  # noise is drawn once for each model
-    alone: Any = errors.ShownErrors(["train"])  # type: ignore[list-item]
+    alone: Any = free_run_error.ShownErrors(["train"])  # type: ignore[list-item]
     assert alone(first) == {"train": 3.0, "test": None}
 
 
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
     results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
-    monkeypatch.setattr(errors, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
-    monkeypatch.setattr(errors, "expected_of_all", lambda model, experiments: [{}])
-    shown: Any = errors.ShownErrors([None])  # type: ignore[list-item]
+    monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
+    monkeypatch.setattr(free_run_error, "expected_of_all", lambda model, experiments: [{}])
+    shown: Any = free_run_error.ShownErrors([None])  # type: ignore[list-item]
     assert shown(None)["train"] == pytest.approx(np.sqrt(12.5))

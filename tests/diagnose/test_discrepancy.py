@@ -11,9 +11,9 @@ import pytest
 from scipy.signal import lfilter
 
 from pneucli.diagnose import discrepancy
+from pneucli.diagnose.adequacy import Remainder
 from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
-from pneucli.diagnose.remainder import Remainder
-from pneucli.identify.views import Chambers, Forces, Whole
+from pneucli.identify.residuals import Chambers, Forces, Whole
 
 N = 20_000
 

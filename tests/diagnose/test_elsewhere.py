@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import elsewhere
+from pneucli.diagnose import executor_refit
+from pneucli.diagnose.data import Refit, here
 from pneucli.diagnose.diagnosis import diagnose
-from pneucli.diagnose.elsewhere import Elsewhere
-from pneucli.diagnose.refits import Refit, here
+from pneucli.diagnose.executor_refit import Elsewhere
 from pneucli.errors import InputError
 from pneucli.exam.fleet import TEMPLATE, write_fleet
 from pneucli.executors import Processes, Threads
@@ -25,7 +25,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages import diagnose as stage
-from pneucli.stages.load import load
+from pneucli.stages.pipeline_file import load
 
 NAMES = ("extra-mass", "stribeck", "line-delay", "pressure-lag")
 
@@ -74,8 +74,8 @@ def done(seconds: float, folder: Path, rounds: int = 1) -> list[list[Any]]:
 def test_long_ones_are_done_by_workers_and_come_back_in_their_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(elsewhere, "START", 0.02)
-    monkeypatch.setattr(elsewhere, "TURN", 0.02)
+    monkeypatch.setattr(executor_refit, "START", 0.02)
+    monkeypatch.setattr(executor_refit, "TURN", 0.02)
     first, second = done(0.05, tmp_path, rounds=2)
     assert [e.done for e in second] == [f"as it is, with {n}" for n in NAMES]
     assert all(e.effect is catalogue()[n] for e, n in zip(second, NAMES, strict=True))
@@ -92,9 +92,9 @@ def test_short_ones_stay_here(tmp_path: Path) -> None:
 def test_an_effect_of_the_users_that_differs_on_a_worker_is_refused(tmp_path: Path) -> None:
     plugin = tmp_path / "own.py"
     plugin.write_text("EFFECT = None\n", encoding="utf-8")
-    job = elsewhere.Job("", "", "", "with", "own", None, ((str(plugin), "0" * 64),))
+    job = executor_refit.Job("", "", "", "with", "own", None, ((str(plugin), "0" * 64),))
     with pytest.raises(InputError, match="on a worker"):
-        elsewhere.work(job)
+        executor_refit.work(job)
 
 
 def test_a_diagnosis_through_workers_is_that_of_this_process_bit_by_bit(
@@ -106,9 +106,9 @@ def test_a_diagnosis_through_workers_is_that_of_this_process_bit_by_bit(
     text = (tmp_path / TEMPLATE).read_text(encoding="utf-8")
     pipeline.write_text(text.replace('file = "raw/', f'file = "{raw.as_posix()}/'), encoding="utf-8")
     for name in ("START", "TURN"):
-        monkeypatch.setattr(elsewhere, name, 0.0)
+        monkeypatch.setattr(executor_refit, name, 0.0)
     found = []
-    monkeypatch.setattr(elsewhere, "engine_from", lambda *_, **__: closing(Threads(2)))
+    monkeypatch.setattr(executor_refit, "engine_from", lambda *_, **__: closing(Threads(2)))
     monkeypatch.setattr(stage, "diagnose", lambda *given: found.append(diagnose(*given)) or found[-1])
     for name, options in {"here": {}, "there": {"executor": "local"}}.items():
         open_pipeline(pipeline, load, tmp_path / name).bring_up(["diagnose"], {"diagnose": options})

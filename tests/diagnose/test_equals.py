@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from pneucli.diagnose.equals import as_good, equal, foremost, simpler
-from pneucli.diagnose.trial import Trial
+from pneucli.diagnose.data import Trial
+from pneucli.diagnose.equivalence import as_good, equal, foremost, simpler
 from tests.diagnose.trials import bench, shaky, state, trial
 
 BEFORE = state(cost=400_000.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pneucli.diagnose.errors import left_over, taken_away, told
+from pneucli.diagnose.free_run_error import left_over, taken_away, told
 
 
 def errors(train: float | None, test: float | None) -> dict[str, float | None]:

@@ -15,12 +15,12 @@ from pneucli.diagnose.evidence import (
     significance,
     wald,
 )
-from pneucli.identify.fit import Fit
-from pneucli.identify.parameters import effect_parameters
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.parameters import effect_parameters
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.facts import facts_of
-from tests.simulate.benches import model
+from pneucli.simulate.rig_quantities import facts_of
+from tests.simulate.synthetic_experiments import model
 
 N, BLOCK = 6000, 50
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from pneucli.diagnose import judge
+from pneucli.diagnose import hypothesis_tests
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.data import Bench
 from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.judge import judged, supported
-from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.trial import Bench
-from pneucli.identify.views import Forces
+from pneucli.diagnose.hypothesis_tests import judged, supported
+from pneucli.identify.residuals import Forces
 from tests.diagnose.trials import UNSURE, bench, state, trial
 
 MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
@@ -18,7 +18,7 @@ INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judge, "remains", lambda bench, state: ([], []))
+    monkeypatch.setattr(hypothesis_tests, "remains", lambda bench, state: ([], []))
 
 
 def reason(*args, before=None, held_out=True, **how):
@@ -60,7 +60,7 @@ def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float,
 
 def test_what_a_reading_refutes_does_not_stand_in_the_way_of_its_twin(monkeypatch: pytest.MonkeyPatch):
     """A force that looks like an offset of a pressure: were the offset refused only at the end, none was named."""
-    monkeypatch.setattr(judge, "contradicted", lambda model, effect, views: effect.name == "pressure-offset")
+    monkeypatch.setattr(hypothesis_tests, "contradicted", lambda model, effect, views: effect.name == "pressure-offset")
     assert reason("pressure-offset", ends={"offset": (16e3, False)}) == "contradicted-by-reading"
     assert reason("constant-force", ends={"force": (17.0, False)}) == "supported"
 
@@ -105,7 +105,7 @@ def test_what_does_not_hold_on_data_not_seen_says_so():
 def test_beside_something_unknown_it_is_enough_that_the_cost_of_data_not_seen_falls(
     monkeypatch: pytest.MonkeyPatch, left: list[Remainder], fall: float, said: str
 ):
-    monkeypatch.setattr(judge, "remains", lambda bench, state: (left, []))
+    monkeypatch.setattr(hypothesis_tests, "remains", lambda bench, state: (left, []))
     assert reason("friction-asymmetry", ends=INSIDE, test=Gain(fall, -100.0, 0.3, 30.0)) == said
 
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose.known import contradicted, rests_at_ambient
+from pneucli.diagnose.validity import contradicted, rests_at_ambient
 from pneucli.noise.model import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.experiment import Experiment
-from tests.simulate.benches import RIG, bench, model
+from tests.simulate.synthetic_experiments import RIG, bench, model
 
 AMBIENT = RIG.ambient_pressure
 NOISE = 300.0  # Pa

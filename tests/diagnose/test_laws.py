@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import laws
-from pneucli.diagnose.laws import KNOTS, Channel, Law, hats
-from pneucli.identify.views import Forces
-from pneucli.identify.views.view import Way
-from tests.simulate.benches import bench, clock, model
+from pneucli.diagnose import smooth_term
+from pneucli.diagnose.smooth_term import KNOTS, Channel, Law, hats
+from pneucli.identify.residuals import Forces
+from pneucli.identify.residuals.base import Way
+from tests.simulate.synthetic_experiments import bench, clock, model
 
 TIME = clock(6.0)
 Force = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -183,7 +183,7 @@ def test_what_was_not_read_says_nothing() -> None:
 def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     views = runs()
     whole = best(views, left_by(views, cogging))
-    monkeypatch.setattr(laws, "ENOUGH", 3000)
+    monkeypatch.setattr(smooth_term, "ENOUGH", 3000)
     few = best(views, left_by(views, cogging))
     assert (few.signal, few.way) == (whole.signal, whole.way)
     assert few.share == pytest.approx(whole.share, abs=0.02)
@@ -214,7 +214,7 @@ def test_a_signal_that_is_never_known_has_no_law() -> None:
 
 def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
-    monkeypatch.setattr(laws, "ENOUGH", 20_000)
+    monkeypatch.setattr(smooth_term, "ENOUGH", 20_000)
     views = runs()
     left = left_by(views, cogging)
     left[0][:500] = 0.0

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from pneucli.diagnose.magnitude import magnitude
-from pneucli.identify.fit import Estimate
+from pneucli.diagnose.evidence import magnitude
+from pneucli.identify.estimation.fit import Estimate
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.facts import facts_of
-from tests.simulate.benches import model
+from pneucli.simulate.rig_quantities import facts_of
+from tests.simulate.synthetic_experiments import model
 
 FACTS = replace(facts_of(model()), coulomb=10.0)
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.manoeuvres import TELLING, manoeuvres, separation
-from pneucli.identify.views import Chambers, View
+from pneucli.diagnose.experiment_design import TELLING, manoeuvres, separation
+from pneucli.identify.residuals import Chambers, View
 from pneucli.noise import NoiseModel
-from tests.simulate.benches import RIG, bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model, steps_of_command
 
 TIME = clock(2.0)
 NOISE = {"p1": NoiseModel(500.0), "p2": NoiseModel(500.0), "x": NoiseModel(1e-5)}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneucli.diagnose.periods import Period, period
-from pneucli.identify.views import Chambers
+from pneucli.diagnose.periodic_term import Period, period
+from pneucli.identify.residuals import Chambers
 from pneucli.simulate import layout as at
 
 STEP = 1e-3

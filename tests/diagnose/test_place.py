@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.place import LEAST, Place
-from pneucli.diagnose.trial import Bench, State, Trial
+from pneucli.diagnose.data import Bench, State, Trial
+from pneucli.diagnose.equivalence import LEAST, Place
 from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
 
 BENCH = bench(held_out=False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pneucli.diagnose.remainder import shape
+from pneucli.diagnose.adequacy import shape
 
 RNG = np.random.default_rng(3)
 N = 8000

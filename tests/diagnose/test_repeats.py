@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.change import Comparison
-from pneucli.diagnose.reference import Reference
-from pneucli.diagnose.repeats import MOST, Drift, Repeat, drift_of, known_beforehand, names_of, pooled, repeat_of
+from pneucli.changes.baseline import Reference
+from pneucli.changes.comparison import Comparison
+from pneucli.changes.repeatability import MOST, Drift, Repeat, drift_of, known_beforehand, names_of, pooled, repeat_of
 from tests.diagnose.test_change import linear
 
 NAMES = ("a", "b", "bend#0")

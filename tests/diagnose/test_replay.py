@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import replay
-from pneucli.diagnose.remainder import Remainder
-from pneucli.identify.views import Chambers, Forces, View, Whole
+from pneucli.diagnose import free_run_adequacy
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.identify.residuals import Chambers, Forces, View, Whole
 from pneucli.simulate import layout as at
-from tests.simulate.benches import model
+from tests.simulate.synthetic_experiments import model
 
 STRETCHES, LENGTH = 40, 100
 N = STRETCHES * LENGTH
@@ -30,22 +30,22 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[View] =
         noise={"x": SimpleNamespace(rms=1.0)},
         struck=(-np.inf, np.inf),
     )
-    monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N)})
-    monkeypatch.setattr(replay, "deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})
+    monkeypatch.setattr(free_run_adequacy, "outputs", lambda model, e: {"x": np.zeros(N)})
+    monkeypatch.setattr(free_run_adequacy, "deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})
     return [kind(experiment)]
 
 
 def test_a_true_model_errs_as_its_draws_do(monkeypatch: pytest.MonkeyPatch):
-    assert replay.astray(None, seen(np.ones(STRETCHES), monkeypatch)) == []
+    assert free_run_adequacy.astray(None, seen(np.ones(STRETCHES), monkeypatch)) == []
 
 
 def test_wild_errors_in_a_third_of_the_stretches_are_stick_slip(monkeypatch: pytest.MonkeyPatch):
     errors = np.where(np.arange(STRETCHES) % 3 == 0, 20.0, 1.0)
-    assert replay.astray(None, seen(errors, monkeypatch)) == []
+    assert free_run_adequacy.astray(None, seen(errors, monkeypatch)) == []
 
 
 def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.MonkeyPatch):
-    (found,) = replay.astray(None, seen(np.full(STRETCHES, 2.0), monkeypatch))
+    (found,) = free_run_adequacy.astray(None, seen(np.full(STRETCHES, 2.0), monkeypatch))
     assert (found.kind, found.channel) == (Whole, "x")
     assert found.ratio == pytest.approx(2.0, rel=0.1)
 
@@ -53,7 +53,7 @@ def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.Monkey
 def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
     views = seen(np.full(STRETCHES, 5.0), monkeypatch)
     views[0].experiment.restarts = np.arange(0, N, N // 10)
-    assert replay.astray(None, views) == []
+    assert free_run_adequacy.astray(None, views) == []
 
 
 @pytest.mark.parametrize(
@@ -71,21 +71,21 @@ def test_most_of_twenty_stretches_err_beyond_every_draw_and_by_much_in_the_media
 ) -> None:
     """An error as large as the largest draw is none beyond it."""
     largest = np.where(np.arange(stretches) < beyond * stretches, 1.01, 1.0)
-    found = replay._judged("x", np.column_stack([largest, np.full(stretches, typical)]))
+    found = free_run_adequacy._judged("x", np.column_stack([largest, np.full(stretches, typical)]))
     assert found == (Remainder(Whole, "x", typical, typical, ()) if told else None)
 
 
 def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     (view,) = seen(np.full(STRETCHES, 3.0), monkeypatch)
     draws = np.random.default_rng(1).normal(size=(6, N))
-    monkeypatch.setattr(replay, "outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
-    monkeypatch.setattr(replay, "deviations", lambda model, e, number: {"x": draws, "p1": draws})
-    monkeypatch.setattr(replay, "at_ends", lambda e, x, channel: np.ones(N, dtype=bool))
-    found = replay._of(model(), view.experiment)
+    monkeypatch.setattr(free_run_adequacy, "outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
+    monkeypatch.setattr(free_run_adequacy, "deviations", lambda model, e, number: {"x": draws, "p1": draws})
+    monkeypatch.setattr(free_run_adequacy, "at_ends", lambda e, x, channel: np.ones(N, dtype=bool))
+    found = free_run_adequacy._of(model(), view.experiment)
     assert not found["x"].any()
     assert found["p1"][:, 1] == pytest.approx(np.full(STRETCHES, 3.0), rel=0.4)
     assert found["p1"].mean() > 2.0
 
 
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
-    assert replay.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=Chambers)) == []
+    assert free_run_adequacy.astray(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=Chambers)) == []

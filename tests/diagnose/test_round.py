@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from pneucli.diagnose import round as rounds
-from pneucli.diagnose.trial import Bench
+from pneucli.diagnose import screening as rounds
+from pneucli.diagnose.data import Bench
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import bench, state, trial
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import judge
+from pneucli.diagnose import hypothesis_tests
+from pneucli.diagnose.data import State, Trial
 from pneucli.diagnose.evidence import Gain, gain
-from pneucli.diagnose.judge import supported
-from pneucli.diagnose.trial import State, Trial
+from pneucli.diagnose.hypothesis_tests import supported
 from pneucli.physics.effects import catalogue
-from tests.simulate.benches import model
+from tests.simulate.synthetic_experiments import model
 
 VIEW = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
 BENCH: Any = SimpleNamespace(
@@ -28,7 +28,7 @@ WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judge, "remains", lambda bench, state: ([], []))
+    monkeypatch.setattr(hypothesis_tests, "remains", lambda bench, state: ([], []))
 
 
 def trial(test: Gain, p_value: float) -> Trial:

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import evidence, judge, lead
-from pneucli.diagnose import search as selection
+from pneucli.diagnose import evidence, hypothesis_tests, next_term, selection
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.data import State, Trial
 from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.search import Search, search, tried
-from pneucli.diagnose.trial import State, Trial
-from pneucli.identify.views import Forces
+from pneucli.diagnose.selection import Search, search, tried
+from pneucli.identify.residuals import Forces
 from tests.diagnose.toys import Toys, adding, effect
 
 
@@ -23,9 +22,9 @@ from tests.diagnose.toys import Toys, adding, effect
 def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """How likely each effect is beside something unknown; 0.9 unless stated."""
     known: dict[str, float] = {}
-    for module in (selection, lead):
+    for module in (selection, next_term):
         monkeypatch.setattr(module, "likely", lambda bench, place: known.get(place.named.effect.name, 0.9))
-    monkeypatch.setattr(lead, "standing", lambda bench, trial: known.get(trial.effect.name, 0.9))
+    monkeypatch.setattr(next_term, "standing", lambda bench, trial: known.get(trial.effect.name, 0.9))
     return known
 
 
@@ -37,7 +36,7 @@ def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
         ratio = float(np.sqrt(state.cost / state.samples))
         return [Remainder(Forces, "force", ratio, ratio, ())], []
 
-    for module in (selection, lead, judge):
+    for module in (selection, next_term, hypothesis_tests):
         monkeypatch.setattr(module, "remains", left)
     monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
 

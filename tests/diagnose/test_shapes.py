@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from pneucli.diagnose import manoeuvres, remainder
-from pneucli.diagnose.remainder import (
+from pneucli.diagnose import adequacy, experiment_design
+from pneucli.diagnose.adequacy import (
     Remainder,
     Shape,
     _remainder,
@@ -19,10 +19,10 @@ from pneucli.diagnose.remainder import (
     shape,
     too_much,
 )
-from pneucli.identify.fit import fit
-from pneucli.identify.parameters import base_parameters
-from pneucli.identify.views import Chambers, Forces
-from tests.simulate.benches import RIG, bench, clock, model
+from pneucli.identify.estimation.fit import fit
+from pneucli.identify.estimation.parameters import base_parameters
+from pneucli.identify.residuals import Chambers, Forces
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model
 
 RNG = np.random.default_rng
 N = 8000
@@ -159,7 +159,7 @@ def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPa
     slow = moved(0.003, 45.0, 1)
     found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
     monkeypatch.setattr(
-        remainder.Problem, "jacobian", lambda self, z: np.full((slow.experiment.time.size, z.size), np.nan)
+        adequacy.Problem, "jacobian", lambda self, z: np.full((slow.experiment.time.size, z.size), np.nan)
     )
     left = held_out_remainders(found, [moved(0.3, 150.0, 2)])
     assert [r.left_open for r in left] == [0.0]
@@ -201,7 +201,7 @@ class Seen:
         return self.left
 
     def drawn_rms(self, model: str, errors: str, draws: int, seed: int) -> dict[str, float]:
-        assert (model, errors, draws) == ("known", "carried by known", remainder.DRAWS)
+        assert (model, errors, draws) == ("known", "carried by known", adequacy.DRAWS)
         return {"force": 3.0, "a": 0.7, "x": 1.0}
 
 
@@ -211,10 +211,10 @@ class Bounded(Seen):
 
 def test_residuals_of_a_kind_of_view_are_pooled_by_channel_in_units_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a force is but bounded nothing counts; a channel of which nothing is left has no remainder."""
-    monkeypatch.setattr(remainder, "_remainder", lambda kind, channel, members: (kind, channel, members))
+    monkeypatch.setattr(adequacy, "_remainder", lambda kind, channel, members: (kind, channel, members))
     one, two, other = Seen(), Seen(), Bounded()
     known: Any = "known"
-    found: Any = remainder.remainders(known, [one, other, two])  # type: ignore[list-item]
+    found: Any = adequacy.remainders(known, [one, other, two])  # type: ignore[list-item]
     assert [(kind, channel, len(members)) for kind, channel, members in found] == [
         (Seen, "force", 2), (Seen, "a", 2), (Bounded, "force", 1),
     ]  # fmt: skip
@@ -243,7 +243,7 @@ def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
 
 
 def commands(u: float = 5.0) -> dict[str, np.ndarray]:
-    return dict(manoeuvres._commands(u))
+    return dict(experiment_design._commands(u))
 
 
 def test_commands_charge_discharge_step_climb_and_swing() -> None:
@@ -261,7 +261,7 @@ def test_commands_charge_discharge_step_climb_and_swing() -> None:
 
 
 def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:
-    (_, (triangle, levels)), (_, (slow, at)), (_, (fast, _)), (_, (rests, constant)) = manoeuvres._pushes(30.0)
+    (_, (triangle, levels)), (_, (slow, at)), (_, (fast, _)), (_, (rests, constant)) = experiment_design._pushes(30.0)
     assert (triangle.max(), triangle.min()) == (pytest.approx(30.0), pytest.approx(-30.0))
     assert triangle[0] == pytest.approx(0.0)
     assert np.abs(np.diff(triangle[:6000])).max() == pytest.approx(30.0e-3, rel=1e-6)
@@ -282,15 +282,15 @@ def test_pushes_are_two_and_a_half_times_dry_friction(
 ) -> None:
     """Or of 1 N, where there is next to none."""
     asked: list[float] = []
-    monkeypatch.setattr(manoeuvres, "_pushes", lambda f: asked.append(f) or [])
+    monkeypatch.setattr(experiment_design, "_pushes", lambda f: asked.append(f) or [])
     pushed: Any = SimpleNamespace(experiment=bench("friction", clock(0.1), {"p1": 3e5, "p2": 3e5}))
-    assert list(manoeuvres.manoeuvres(model(values={"friction.coulomb": coulomb}), [pushed])) == []
+    assert list(experiment_design.manoeuvres(model(values={"friction.coulomb": coulomb}), [pushed])) == []
     assert asked == [pytest.approx(force)]
 
 
 def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
     force, p2 = np.array([0.0, 25.0, -25.0]), np.full(3, 4e5)
-    found = manoeuvres._pushed((force, p2), RIG)
+    found = experiment_design._pushed((force, p2), RIG)
     area_1, area_2 = RIG.areas
     net = area_1 * (found["p1"] - RIG.ambient_pressure) - area_2 * (found["p2"] - RIG.ambient_pressure)
     assert net == pytest.approx(force, abs=1e-9)
@@ -300,29 +300,29 @@ def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
 
 def test_the_manoeuvre_in_which_models_differ_most_over_the_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
     apart = {"one": {"p1": 500.0, "x": 1e-3}, "two": {"p1": 900.0, "x": np.inf}, "three": {"force": 1e9}}
-    monkeypatch.setattr(manoeuvres, "manoeuvres", lambda model, views: [(w, w) for w in apart])
-    monkeypatch.setattr(manoeuvres, "_apart", lambda one, other, experiment: apart[experiment])
+    monkeypatch.setattr(experiment_design, "manoeuvres", lambda model, views: [(w, w) for w in apart])
+    monkeypatch.setattr(experiment_design, "_apart", lambda one, other, experiment: apart[experiment])
     noise = {"p1": SimpleNamespace(rms=100.0), "x": SimpleNamespace(rms=2e-4), "p2": SimpleNamespace(rms=0.0)}
     seen: Any = [SimpleNamespace(experiment=SimpleNamespace(noise=noise))]
-    assert manoeuvres.separation(model(), model(), seen) == manoeuvres.Separation("two", "p1", 9.0)
+    assert experiment_design.separation(model(), model(), seen) == experiment_design.Separation("two", "p1", 9.0)
     apart["two"]["p1"] = 310.0
-    assert manoeuvres.separation(model(), model(), seen).times_noise == 5.0  # type: ignore[union-attr]
+    assert experiment_design.separation(model(), model(), seen).times_noise == 5.0  # type: ignore[union-attr]
     apart["one"] = apart["two"] = {"p1": 299.0}
-    assert manoeuvres.separation(model(), model(), seen) is None
+    assert experiment_design.separation(model(), model(), seen) is None
 
 
 @pytest.mark.parametrize("chamber_2", ["open", "closed"])
 def test_a_command_is_given_to_the_bench_as_it_was_seen(chamber_2: str) -> None:
     signals = {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "p_supply": 6e5}
     seen = bench("axis", clock(0.1), signals, chamber_2=chamber_2)
-    found = manoeuvres._commanded(np.full(200, 3.0), seen)
+    found = experiment_design._commanded(np.full(200, 3.0), seen)
     assert found.recording.chamber_2 == chamber_2
     assert found.recording.experiment == "axis"
     assert np.all(found.recording["u"] == 3.0)
     assert np.all(found.recording["p_supply"] == RIG.supply_pressure)
     unknown_supply = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
     del unknown_supply.raw["p_supply"]
-    assert "p_supply" not in manoeuvres._commanded(np.full(200, 3.0), unknown_supply).recording
+    assert "p_supply" not in experiment_design._commanded(np.full(200, 3.0), unknown_supply).recording
 
 
 @pytest.mark.parametrize("changed", [{"valve_shut": True}, {"imposed": "motion"}])
@@ -331,4 +331,4 @@ def test_benches_that_cannot_repeat_it_are_left_out(changed: dict[str, Any]) -> 
 
     e = bench("axis", clock(0.5), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
     odd = Chambers(replace(e, recording=replace(e.recording, **changed)))
-    assert list(manoeuvres.manoeuvres(model(), [odd])) == []
+    assert list(experiment_design.manoeuvres(model(), [odd])) == []

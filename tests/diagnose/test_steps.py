@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from pneucli.diagnose import lead, search
-from pneucli.diagnose.decision import Decision
-from pneucli.diagnose.place import Place
-from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.identify.views import Chambers, Forces
+from pneucli.diagnose import next_term, selection
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.data import Bench, State, Trial
+from pneucli.diagnose.equivalence import Place
+from pneucli.identify.residuals import Chambers, Forces
 from tests.diagnose.trials import bench, state, trial
 
 BEFORE = state()
@@ -19,7 +19,7 @@ BEFORE = state()
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (search, lead):
+    for module in (selection, next_term):
         monkeypatch.setattr(module, "remains", lambda bench, state: ([], []))
 
 
@@ -41,7 +41,7 @@ def decision(tried: Trial) -> Decision:
 def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[float, float | None], reason: str):
     tried = trial("extra-mass", before=BEFORE)
     where = bench([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.state, *after)])
-    leader, (decided,) = lead.leading(where, [decision(tried)])
+    leader, (decided,) = next_term.leading(where, [decision(tried)])
     assert decided.reason == reason
     assert (leader is tried) == (reason == "supported")
 
@@ -59,13 +59,13 @@ def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(co
     start = state(cost=cost)
     tried = trial("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
     where = bench([(start, 1.1, 1.1), (tried.state, *after)])
-    assert lead.leading(where, [decision(tried)])[1][0].reason == reason
+    assert next_term.leading(where, [decision(tried)])[1][0].reason == reason
 
 
 def test_where_the_best_raises_the_error_the_next_leads():
     best, second = trial("extra-mass", 3000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
     where = bench([(BEFORE, 10.0, 10.0), (best.state, 11.0, 11.0), (second.state, 5.0, 5.0)])
-    leader, decisions = lead.leading(where, [decision(best), decision(second)])
+    leader, decisions = next_term.leading(where, [decision(best), decision(second)])
     assert leader is second
     assert [d.reason for d in decisions] == ["raises-error", "supported"]
 
@@ -79,17 +79,17 @@ def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(mon
     bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
     where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
     left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
-    monkeypatch.setattr(lead, "remains", lambda bench, state: (left, []))
-    monkeypatch.setattr(lead, "likely", lambda bench, place: chance if place.named is bounds else 0.3)
-    monkeypatch.setattr(lead, "standing", lambda bench, one: 0.6 if one is bounds else 0.5)
-    leader, decisions = lead.leading(where, [decision(bounds), decision(other)])
+    monkeypatch.setattr(next_term, "remains", lambda bench, state: (left, []))
+    monkeypatch.setattr(next_term, "likely", lambda bench, place: chance if place.named is bounds else 0.3)
+    monkeypatch.setattr(next_term, "standing", lambda bench, one: 0.6 if one is bounds else 0.5)
+    leader, decisions = next_term.leading(where, [decision(bounds), decision(other)])
     assert leader is (bounds if leads else other)
     assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
 def test_without_a_supported_trial_nobody_leads():
     tried = trial("extra-mass", before=BEFORE)
-    assert lead.leading(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
+    assert next_term.leading(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
 
 
 class Climbing(Bench):
@@ -130,7 +130,7 @@ def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
         (f"{MASS} {LAG}", 4000.0, 1.0, 1.0),
     )
     base, last = where.of(()), where.of((MASS, LAG))
-    rungs, refused = search._ladder(where, base, last, [base, where.of((LAG,)), last])
+    rungs, refused = selection._ladder(where, base, last, [base, where.of((LAG,)), last])
     assert [s.names for s in rungs] == [[], [MASS], [MASS, LAG]]
     assert refused == []
 
@@ -138,7 +138,7 @@ def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
 def test_what_has_no_size_on_any_rung_is_none():
     """Two that each have a size only beside the other one, or beside what is no longer there."""
     where = climbing(("", 9000.0, 9.0, 9.0), (f"{MASS} {LAG}", 4000.0, 1.0, 1.0), unsized=f"{MASS} {LAG}")
-    rungs, refused = search._ladder(where, where.of(()), where.of((MASS, LAG)), [where.of(())])
+    rungs, refused = selection._ladder(where, where.of(()), where.of((MASS, LAG)), [where.of(())])
     assert [s.names for s in rungs] == [[]]
     assert {(d.effect.name, d.reason) for d in refused} == {(MASS, "cannot-show"), (LAG, "cannot-show")}
 
@@ -152,7 +152,7 @@ def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():
         (f"{MASS} {LAG}", 4000.0, 38.0, 34.1),
     )
     base, last = where.of(()), where.of((MASS, LAG))
-    rungs, refused = search._ladder(where, base, last, [base, where.of((MASS,)), last])
+    rungs, refused = selection._ladder(where, base, last, [base, where.of((MASS,)), last])
     assert [s.names for s in rungs] == [[], [MASS]]
     assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "raises-error")]
 
@@ -160,7 +160,7 @@ def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():
 def test_rungs_that_are_known_and_sound_are_kept():
     where = climbing(("", 9000.0, 10.0, 10.0), (MASS, 6000.0, 8.0, 8.0))
     known = [where.of(()), where.of((MASS,))]
-    assert search._ladder(where, known[0], known[1], known) == (known, [])
+    assert selection._ladder(where, known[0], known[1], known) == (known, [])
 
 
 @pytest.mark.parametrize(("stands", "kept"), [(set(), [MASS]), ({LAG}, [MASS, LAG])])
@@ -176,8 +176,8 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(
         lambda self, state, effects: [self.of(tuple(n for n in state.names if n != e.name)) for e in effects],
         raising=False,
     )
-    monkeypatch.setattr(search, "supported", lambda bench, before, ts: [t for t in ts if t.effect.name in stands])
-    found, refused, _ = search._without_needless(where, where.of(()), last)
+    monkeypatch.setattr(selection, "supported", lambda bench, before, ts: [t for t in ts if t.effect.name in stands])
+    found, refused, _ = selection._without_needless(where, where.of(()), last)
     assert found.names == kept
     assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")] * (LAG not in kept)
 
@@ -199,9 +199,9 @@ def test_a_model_without_one_of_its_effects_is_fitted_once(monkeypatch: pytest.M
         return []
 
     monkeypatch.setattr(Climbing, "without", without, raising=False)
-    monkeypatch.setattr(search, "supported", lambda bench, before, trials: trials)
-    monkeypatch.setattr(search, "tried", tried)
-    _, places, _ = search._revise(where, [where.of(()), where.of((MASS,)), last], [[], []])
+    monkeypatch.setattr(selection, "supported", lambda bench, before, trials: trials)
+    monkeypatch.setattr(selection, "tried", tried)
+    _, places, _ = selection._revise(where, [where.of(()), where.of((MASS,)), last], [[], []])
     assert sorted(asked) == sorted([MASS, LAG])
     assert started == {MASS: [LAG], LAG: [MASS]}
     assert list(places) == [MASS, LAG]
@@ -222,7 +222,7 @@ def test_everything_that_was_screened_has_one_decision():
         Decision(cushion.effect, "immaterial", cushion),
     ]
     refused = [Decision(force.effect, "needless", force)]
-    found = search.decided([first, second], refused, ["extra-mass"])
+    found = selection.decided([first, second], refused, ["extra-mass"])
     assert {d.effect.name: d.reason for d in found} == {
         "constant-force": "needless",  # it was taken, and dropped later
         "stribeck": "needless",  # it passed alone
@@ -235,7 +235,7 @@ def test_everything_that_was_screened_has_one_decision():
 
 def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first():
     rungs = (state(), state([MASS]), state([LAG, MASS]))
-    found = search.Search(rungs, {}, (), (), ())
+    found = selection.Search(rungs, {}, (), (), ())
     assert found.added == [MASS, LAG]
 
 
@@ -254,8 +254,8 @@ def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_stands
     named, *rivals = (trial(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
     far = trial("heat-transfer", 7900.0, before=BEFORE)
     likely = law | {"stribeck": 0.5, "heat-transfer": 0.99}
-    monkeypatch.setattr(lead, "standing", lambda bench, one: likely[one.effect.name])
-    assert lead.best_placed(bench(held_out=False), Place(named, (*rivals, far))).effect.name == first
+    monkeypatch.setattr(next_term, "standing", lambda bench, one: likely[one.effect.name])
+    assert next_term.best_placed(bench(held_out=False), Place(named, (*rivals, far))).effect.name == first
 
 
 @pytest.mark.parametrize("shown", [True, False])
@@ -267,5 +267,5 @@ def test_what_readings_show_alone_is_taken_though_the_error_rises(monkeypatch: p
     squares = {id(base): 900.0 if shown else 100.0, id(last): 100.0}
     monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(squares[id(state)], 100.0)])
     tried = where.trial(base, last, where.effects[bias])
-    assert (lead.leading(where, [decision(tried)])[0] is tried) == shown
-    assert (search._ladder(where, base, last, [base, last])[0] == [base, last]) == shown
+    assert (next_term.leading(where, [decision(tried)])[0] is tried) == shown
+    assert (selection._ladder(where, base, last, [base, last])[0] == [base, last]) == shown

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.diagnose.stretches import PIECES, stretches
+from pneucli.diagnose.subsample import PIECES, stretches
 from pneucli.recording import Recording
 
 

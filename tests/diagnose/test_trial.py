@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import trial as trials
+from pneucli.diagnose import data as trials
+from pneucli.diagnose.data import Bench, State
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.trial import Bench, State
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import BLOCKS, bench, state
-from tests.simulate.benches import bench as recorded
-from tests.simulate.benches import clock
-from tests.simulate.benches import model as of_rig
+from tests.simulate.synthetic_experiments import bench as recorded
+from tests.simulate.synthetic_experiments import clock
+from tests.simulate.synthetic_experiments import model as of_rig
 
 SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by block
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import unknown
-from pneucli.diagnose.laws import Law
-from pneucli.diagnose.periods import Period
-from pneucli.diagnose.remainder import Remainder
-from pneucli.diagnose.unknown import Unknown, describe
-from pneucli.identify.views import Chambers, Forces, Imposed, Whole
+from pneucli.diagnose import discrepancy
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.discrepancy import Unknown, describe
+from pneucli.diagnose.periodic_term import Period
+from pneucli.diagnose.smooth_term import Law
+from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
 
 VIEW: Any = Forces(SimpleNamespace())  # type: ignore[arg-type]
 VIEW.__dict__["channels"] = ("force",)
@@ -33,7 +33,7 @@ def described(
         ranked=lambda fit: ranked, simple=lambda fit, one: simple if one is ranked[0] else "another"
     )
     bench = SimpleNamespace(train=[VIEW], channel=lambda fit, *one: {(Forces, "force"): known}[one])
-    monkeypatch.setattr(unknown, "period", lambda *_: repeats)
+    monkeypatch.setattr(discrepancy, "period", lambda *_: repeats)
     return describe(bench, SimpleNamespace(model=None), Remainder(Forces, "force", 3.0, 3.0, ()))  # type: ignore[arg-type]
 
 
@@ -108,5 +108,5 @@ def test_a_law_that_explains_more_than_a_period_is_told(monkeypatch: pytest.Monk
 )
 def test_what_no_view_shows_is_one_of_the_replay(kind: Any, words: str) -> None:
     found = describe(SimpleNamespace(train=[VIEW]), None, Remainder(kind, "x", 2.0, 2.0, ()))  # type: ignore[arg-type]
-    assert (found.subsystem, found.channel, found.character) == (words, "x", unknown.REPLAYED)
+    assert (found.subsystem, found.channel, found.character) == (words, "x", discrepancy.REPLAYED)
     assert found.variable is None

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.laws import Channel, Law
-from pneucli.diagnose.place import Place
-from pneucli.diagnose.unnamed import outdone
-from pneucli.identify.fit import Fit
-from pneucli.identify.parameters import effect_parameters
-from pneucli.identify.views import Forces
+from pneucli.diagnose.equivalence import Place, outdone
+from pneucli.diagnose.smooth_term import Channel, Law
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.parameters import effect_parameters
+from pneucli.identify.residuals import Forces
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.facts import facts_of
+from pneucli.simulate.rig_quantities import facts_of
 from tests.diagnose.test_laws import TIME
-from tests.simulate.benches import bench, model
+from tests.simulate.synthetic_experiments import bench, model
 
 Course = Callable[[Any], np.ndarray]
 BLOCK = 250  # samples

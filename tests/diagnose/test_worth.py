@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from pneucli.diagnose import detectable as visible
-from pneucli.diagnose import trial as trials
+from pneucli.diagnose import data as trials
+from pneucli.diagnose import detectability as visible
+from pneucli.diagnose.data import Bench, State, Trial
 from pneucli.diagnose.diagnosis import Moved, _moved, how_to_tell
-from pneucli.diagnose.equals import as_good, equal
+from pneucli.diagnose.equivalence import as_good, equal
 from pneucli.diagnose.evidence import Gain, disagreement, effective_number, gain, holm, significance, wald
-from pneucli.diagnose.trial import Bench, State, Trial
-from pneucli.identify.fit import Estimate, Fit
-from pneucli.identify.parameters import Free, effect_parameters
+from pneucli.identify.estimation.fit import Estimate, Fit
+from pneucli.identify.estimation.parameters import Free, effect_parameters
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.facts import facts_of
-from tests.simulate.benches import model
+from pneucli.simulate.rig_quantities import facts_of
+from tests.simulate.synthetic_experiments import model
 
 RNG = np.random.default_rng
 N = 4000

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from pneucli.diagnose.data import State, Trial
 from pneucli.diagnose.evidence import gain
-from pneucli.diagnose.trial import State, Trial
 
 TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
 Takes = Callable[[frozenset[str]], float]
@@ -24,7 +24,7 @@ def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: An
 
 
 class Toys:
-    """Stands in for :class:`pneucli.diagnose.trial.Bench`.
+    """Stands in for :class:`pneucli.diagnose.data.Bench`.
 
     ``takes`` says what a set of effects takes of the cost, as a share of what noise leaves, in the fitted and in the
     held-out blocks; every fit scatters a little. ``chance`` gives an effect's p value where it is not that of the gain.

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pneucli.diagnose.data import Bench, State, Trial
 from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.physics.effects import catalogue
-from tests.simulate.benches import model
+from tests.simulate.synthetic_experiments import model
 
 BLOCKS, SAMPLES = 40, 4000
 COUNTS = np.full(BLOCKS, SAMPLES / BLOCKS)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.exam import workflow
 from pneucli.exam.cases import _truth, generate_case, write_exam
 from pneucli.exam.conditions import Conditions
+from pneucli.exam.grade_tables import to_markdown
 from pneucli.exam.grading import grade
-from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.tables import to_markdown
 from pneucli.physics.effects import catalogue
-from pneucli.stages import exam
 
 
 def test_a_case_is_what_a_lab_hands_over_and_does_not_tell(tmp_path):
@@ -52,7 +52,7 @@ def test_the_same_seed_gives_the_same_case_and_another_seed_another(tmp_path):
 
 
 def test_an_exam_has_nulls_strangers_and_pairs_and_its_names_do_not_tell(tmp_path):
-    exam.write(tmp_path / "exam", cases=6, nulls=2, seed=3)
+    workflow.write(tmp_path / "exam", cases=6, nulls=2, seed=3)
     truths = [json.loads(p.read_text()) for p in sorted((tmp_path / "exam" / ".sealed").glob("case-*.json"))]
     assert sorted(t["verdict"] for t in truths) == ["adequate"] * 2 + ["missing-effect"] * 5 + ["unexplained"]
     assert sorted(len(t["hidden"]) for t in truths) == [0, 0, 0, 1, 1, 1, 1, 2]
@@ -126,7 +126,7 @@ def test_grading_counts_by_hand(tmp_path):
     _answer(tmp_path, "d", "adequate")
     _answer(tmp_path, "e", "missing-effect", ["stribeck"])  # a false alarm
     _answer(tmp_path, "f", "unexplained", ["spring-force"])  # flagged, and yet named
-    result = exam.grade(tmp_path)
+    result = workflow.grade(tmp_path)
     shares = {what: (share["right"], share["of"]) for what, share in result["shares"].items()}
     assert shares == {
         "verdict right": (4, 6),

@@ -12,7 +12,7 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case, write_exam
 from pneucli.exam.conditions import CONDITIONS, DRAWN, UNEVEN, Conditions, listed, parse
-from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, OUTSIDE
 
 
 def test_names_joined_by_plus_hold_at_once():

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.arrangement import arranged
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.rig.excitations import closed_loop, valve_step
 from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, contact
-from pneucli.exam.rig.manoeuvres import closed_loop, valve_step
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
-from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.rig.simulation import Manoeuvre, run
+from pneucli.exam.rig_variants import arranged
 
 RIG = Parameters(overlap=0.2, effective_area_2=1.6e-6, overlap_2=0.3, exponent_2=1.2)
 FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.graded import Graded
+from pneucli.exam.grade_tables import rows, to_markdown
+from pneucli.exam.graded_case import Graded
 from pneucli.exam.grading import report
-from pneucli.exam.tables import rows, to_markdown
 
 LEAK = {"chamber-leak": {"area": 1.0}}
 

@@ -24,7 +24,7 @@ from pneucli.exam.rig.kernel import (
     Z,
 )
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
+from pneucli.exam.rig.simulation import Manoeuvre
 
 PAR = Parameters(coulomb=15.0, viscous=50.0, overlap=0.5, exponent=2.0)
 C_V = GAS_CONSTANT / (KAPPA - 1.0)

@@ -10,15 +10,15 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam import cases
-from pneucli.exam.hidden import BY_NAME, CATALOGUE, OUTSIDE
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, OUTSIDE
 from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_stairs, valve_step, wandering
+from pneucli.exam.rig.excitations import closed_loop, stick_slip, valve_stairs, valve_step, wandering
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre
 from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.exam.rig.simulation import Manoeuvre
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.facts import facts_of
-from tests.simulate.benches import model
+from pneucli.simulate.rig_quantities import facts_of
+from tests.simulate.synthetic_experiments import model
 
 PAR = Parameters(overlap=0.25, effective_area=2e-6, exponent=1.2)
 RNG = np.random.default_rng

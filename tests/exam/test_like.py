@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.graded import Graded
-from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.graded_case import Graded
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.like import Bench, Recorded, hidden_in, manoeuvre_of, page, told, write_like
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import run
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.rig.simulation import run
 from tests.exam.chosen import Chosen
 
 TIME = np.arange(0.0, 3.0, 2e-3)

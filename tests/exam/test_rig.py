@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pneucli.exam.hidden import CATALOGUE, OUTSIDE
+from pneucli.exam.hidden_effects import CATALOGUE, OUTSIDE
+from pneucli.exam.rig.excitations import closed_loop, stick_slip, valve_step, wandering
 from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, P1, PS, T1, flow, valve_flow
-from pneucli.exam.rig.manoeuvres import closed_loop, stick_slip, valve_step, wandering
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
-from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.similar import DIMENSIONS, Similar
+from pneucli.exam.rig.simulation import Manoeuvre, run
+from pneucli.exam.rig_scaling import DIMENSIONS, Similar
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from pneucli.design.closed_loop import Bench
-from pneucli.design.laws import LAWS
-from pneucli.export import files
-from pneucli.export.translate import c_function
+from pneucli.closed_loop.simulation import Bench
+from pneucli.controller.laws import LAWS
+from pneucli.export import export_files
+from pneucli.export.c_translator import c_function
 from tests.design import axis
 
 CONTROLLER, MODEL = axis.controller(), axis.model()
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("export")
-    files.write_c(path, CONTROLLER, MODEL, axis.BENCH, "demo */ evil")
+    export_files.write_c(path, CONTROLLER, MODEL, axis.BENCH, "demo */ evil")
     return path
 
 
@@ -37,7 +37,7 @@ def build(folder: Path, *options: str) -> Path:
 
 
 def replay(program: Path, folder: Path) -> tuple[int, float, float, float]:
-    done = subprocess.run([program, folder / files.REPLAY], check=True, capture_output=True, text=True)
+    done = subprocess.run([program, folder / export_files.REPLAY], check=True, capture_output=True, text=True)
     samples, worst, longest, mean = done.stdout.split()
     return int(samples), float(worst), float(longest), float(mean)
 
@@ -63,7 +63,7 @@ def test_over_a_minute_it_gives_the_simulated_commands_to_1e_9_volt(folder: Path
 def test_the_c_of_every_law_gives_its_simulated_commands(law: str, arrangement: str, tmp_path: Path) -> None:
     """The readings are those of the simulated loop, so that no bit can part the ways of the two pistons."""
     model, made = axis.bench_of_laws(arrangement)
-    files.write_c(tmp_path, made[law], model, axis.BENCH, law)
+    export_files.write_c(tmp_path, made[law], model, axis.BENCH, law)
     samples, worst, _, mean = replay(build(tmp_path, "-O2"), tmp_path)
     assert samples == 60_000
     assert worst <= 1e-9
@@ -76,7 +76,7 @@ def test_the_sanitizers_find_nothing(folder: Path) -> None:
 
 
 def test_the_minute_passes_through_saturation_rest_motion_and_missing_readings(folder: Path) -> None:
-    table = np.genfromtxt(folder / files.REPLAY, delimiter=",", names=True)
+    table = np.genfromtxt(folder / export_files.REPLAY, delimiter=",", names=True)
     assert np.abs(table["u1"]).max() == CONTROLLER.values["C_U_MAX"]
     assert np.isnan(table["x"]).any()
     assert np.isnan(table["p1"]).any()
@@ -84,7 +84,7 @@ def test_the_minute_passes_through_saturation_rest_motion_and_missing_readings(f
 
 
 def test_a_wrong_answer_would_be_found(folder: Path) -> None:
-    text = (folder / files.REPLAY).read_text().splitlines()
+    text = (folder / export_files.REPLAY).read_text().splitlines()
     row = text[30_000].split(",")
     row[4] = repr(float(row[4]) + 1e-8)
     (folder / "wrong.csv").write_text("\n".join([*text[:30_000], ",".join(row), *text[30_001:]]) + "\n")
@@ -109,7 +109,9 @@ def test_no_reading_whatever_makes_a_command_that_is_not_one(folder: Path, garba
 
 
 def test_matlab_reads_the_same_numbers(tmp_path: Path) -> None:
-    files.write_mat(tmp_path / "design.mat", CONTROLLER, {"valve_inverse_area": files.inverse_table(CONTROLLER)})
+    export_files.write_mat(
+        tmp_path / "design.mat", CONTROLLER, {"valve_inverse_area": export_files.inverse_table(CONTROLLER)}
+    )
     found = loadmat(tmp_path / "design.mat", simplify_cells=True)
     assert found["controller"]["kp"] == CONTROLLER.values["C_KP"]
     assert np.array_equal(found["controller"]["fill"], CONTROLLER.fill)
@@ -117,9 +119,9 @@ def test_matlab_reads_the_same_numbers(tmp_path: Path) -> None:
 
 
 def test_the_inverse_of_a_second_valve_follows_that_of_the_first() -> None:
-    alone = files.inverse_table(CONTROLLER.with_values(C_TWO_VALVES=0.0))
+    alone = export_files.inverse_table(CONTROLLER.with_values(C_TWO_VALVES=0.0))
     assert "chamber" not in alone
-    both = files.inverse_table(CONTROLLER.with_values(C_TWO_VALVES=1.0, C_AREA_FILL_2=3e-6))
+    both = export_files.inverse_table(CONTROLLER.with_values(C_TWO_VALVES=1.0, C_AREA_FILL_2=3e-6))
     first = np.asarray(both["chamber"]) == 1.0
     assert np.array_equal(np.asarray(both["u"])[first], alone["u"])
     assert np.asarray(both["u"])[~first].tolist() == [*CONTROLLER.vent_2[::-1], *CONTROLLER.fill_2]
@@ -127,7 +129,7 @@ def test_the_inverse_of_a_second_valve_follows_that_of_the_first() -> None:
 
 
 def test_csv_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
-    files.write_csv(tmp_path / "controller.csv", files.controller_table(CONTROLLER))
+    export_files.write_csv(tmp_path / "controller.csv", export_files.controller_table(CONTROLLER))
     lines = (tmp_path / "controller.csv").read_text().splitlines()[1:]
     assert {k: float(v) for k, v in (line.split(",") for line in lines)} == dict(CONTROLLER.values)
 
@@ -144,15 +146,17 @@ def test_python_without_a_counterpart_is_refused() -> None:
 
 def test_the_replay_depends_on_the_sensors(tmp_path: Path) -> None:
     """The vectors hold what was read, not what was true: without noise they are others."""
-    files.write_c(tmp_path / "quiet", CONTROLLER, MODEL, Bench(), "demo")
-    files.write_c(tmp_path / "noisy", CONTROLLER, MODEL, axis.BENCH, "demo")
-    assert (tmp_path / "quiet" / files.REPLAY).read_text() != (tmp_path / "noisy" / files.REPLAY).read_text()
+    export_files.write_c(tmp_path / "quiet", CONTROLLER, MODEL, Bench(), "demo")
+    export_files.write_c(tmp_path / "noisy", CONTROLLER, MODEL, axis.BENCH, "demo")
+    assert (tmp_path / "quiet" / export_files.REPLAY).read_text() != (
+        tmp_path / "noisy" / export_files.REPLAY
+    ).read_text()
 
 
 @pytest.fixture(scope="module")
 def single(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, float]]:
     path = tmp_path_factory.mktemp("single")
-    return path, files.write_c(path, CONTROLLER, MODEL, axis.BENCH, "demo", "float32")
+    return path, export_files.write_c(path, CONTROLLER, MODEL, axis.BENCH, "demo", "float32")
 
 
 def test_in_single_precision_the_c_calculates_with_floats_alone(single: tuple[Path, dict[str, float]]) -> None:
@@ -177,7 +181,7 @@ def test_what_single_precision_costs_is_measured(single: tuple[Path, dict[str, f
 
 
 def test_the_minute_passes_through_hold_off_reset_and_a_supply_that_sags(folder: Path) -> None:
-    table = np.genfromtxt(folder / files.REPLAY, delimiter=",", names=True)
+    table = np.genfromtxt(folder / export_files.REPLAY, delimiter=",", names=True)
     assert set(table["duty"]) == {0.0, 1.0, 2.0, 3.0}
     assert np.ptp(table["supply"]) > 5e4
     assert np.all(table["u1"][table["duty"] == 2.0] == 0.0)

@@ -16,10 +16,10 @@ import pytest
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.exam.fleet import FLEET, TABLE, TEMPLATE, write_fleet
-from pneucli.stages import fleet as stage
-from pneucli.stages import fleet_row
-from pneucli.stages.fleet_output import checked
-from pneucli.stages.fleet_row import Job, OtherProgram, cause_of, failed, refuse_other
+from pneucli.fleet import row as fleet_row
+from pneucli.fleet import run as stage
+from pneucli.fleet.output import checked
+from pneucli.fleet.row import Job, OtherProgram, cause_of, failed, refuse_other
 
 ADDED = "odd,2026-01-01,,,,,,,none.csv,,,\nodd,soon,,,,,,,,,,\n"
 

@@ -13,10 +13,10 @@ from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.exam.fleet import CHANGES, FLEET, TABLE, TEMPLATE, write_fleet
 from pneucli.executors import Threads
+from pneucli.fleet import row
+from pneucli.fleet import run as stage
 from pneucli.pipeline.runner import open_pipeline
-from pneucli.stages import fleet as stage
-from pneucli.stages import fleet_row
-from pneucli.stages.load import load
+from pneucli.stages.pipeline_file import load
 
 DATES = tuple(f"2026-01-0{k}" for k in range(1, 6))
 
@@ -33,17 +33,17 @@ def plant(folder: Path, rigs: int, healthy: int) -> stage.Fleet:
     return stage.Fleet(load_fleet(folder / FLEET), folder / "out")
 
 
-def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, str] = ("", "")) -> list[fleet_row.Job]:
+def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, str] = ("", "")) -> list[row.Job]:
     """Do a fleet whose rows say that friction differs by a tenth of its number; return the jobs in their order."""
-    jobs: list[fleet_row.Job] = []
+    jobs: list[row.Job] = []
 
-    def work(job: fleet_row.Job) -> dict[str, Any]:
+    def work(job: row.Job) -> dict[str, Any]:
         jobs.append(job)
         repeat = {"friction.coulomb": [0.1 * len(jobs), 0.1, 0.1]} if job.since else None
-        base = {**fleet_row.EMPTY, "verdict": "adequate", "key": job.row.date, "repeat": repeat, "since": job.since}
+        base = {**row.EMPTY, "verdict": "adequate", "key": job.row.date, "repeat": repeat, "since": job.since}
         return base | {"rig": job.row.rig, "date": job.row.date, "bad": job.row.key == bad}
 
-    monkeypatch.setattr(fleet_row, "work", work)
+    monkeypatch.setattr(row, "work", work)
     engine = Threads(1)
     try:
         assert fleet.lacking()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.fleet.metrics import to_openmetrics
+from pneucli.fleet.openmetrics import to_openmetrics
 from pneucli.fleet.page import data_of, to_html
 from pneucli.fleet.trends import Trend
 

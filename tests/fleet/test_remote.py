@@ -15,9 +15,9 @@ from pyarrow import fs
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.exam.fleet import FLEET, write_fleet
-from pneucli.io.remote import fetch, is_remote, refused, stamp
-from pneucli.io.store import mirror, store_at
-from pneucli.stages import fleet as stage
+from pneucli.fleet import run as stage
+from pneucli.io.remote_files import fetch, is_remote, refused, stamp
+from pneucli.io.result_store import mirror, store_at
 
 CONTENT = b"t,p\n0,1\n" * 1000
 

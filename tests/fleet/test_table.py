@@ -12,7 +12,7 @@ import pytest
 
 from pneucli.config import keys_at
 from pneucli.errors import InputError
-from pneucli.fleet.pipelines import files_of, folder_name, pipeline_of, require_columns
+from pneucli.fleet.row_pipelines import files_of, folder_name, pipeline_of, require_columns
 from pneucli.fleet.table import Row, read_rows
 
 TEMPLATE = """\

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Fit
-from pneucli.identify.null import drifted, with_null
-from pneucli.identify.start import first_guess
-from pneucli.identify.views import views_of
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.guesses.null_command import drifted, with_null
+from pneucli.identify.residuals import views_of
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.ends import with_ends
+from pneucli.simulate.end_stops import with_ends
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run
-from pneucli.simulate.switching_valve import SwitchingValve
-from pneucli.simulate.valve_area import ValveArea
-from tests.simulate.benches import FRICTION, RIG
+from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms.switching import SwitchingValve
+from tests.simulate.synthetic_experiments import FRICTION, RIG
 
 FIRST = ValveArea((-4.0, -2.0, 2.0, 4.0), (8e-7, 4e-7, 4e-7, 8e-7))
 SECOND = ValveArea((-4.0, -2.0, 2.0, 4.0), (6e-7, 3e-7, 3e-7, 6e-7), label="valve_2")

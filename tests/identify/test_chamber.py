@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.chamber import gas_of, misread, modelled_gas, pressure_of
-from pneucli.identify.views import Chambers
-from pneucli.identify.views.chambers import in_play
-from pneucli.physics.flows import orifice_flows
+from pneucli.identify.guesses.chamber_balance import gas_of, misread, modelled_gas, pressure_of
+from pneucli.identify.residuals import Chambers
+from pneucli.identify.residuals.chambers import in_play
 from pneucli.physics.gas import CRITICAL_RATIO, flow_constant
+from pneucli.physics.vectorised import orifice_flows
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.run import run, simulate
-from tests.simulate.benches import RIG, bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model, steps_of_command
 
 TIME = clock(1.0)
 RESTARTS = (0, 400, 700)

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.commands import with_commands, with_one_range
+from pneucli.identify.guesses.command_timing import with_commands, with_one_range
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run
 from tests.identify.test_arrangements import FIRST, NOISE, SECOND
-from tests.simulate.benches import FRICTION, RIG
+from tests.simulate.synthetic_experiments import FRICTION, RIG
 
 SPOOL = replace(RIG, valve_arrangement="5/3", supply_pressure=7e5)
 EVERY = 5  # samples of the loop, of which the logger shows one

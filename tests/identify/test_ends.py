@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from pneucli.compare import compare
-from pneucli.identify.effects import fit_model
-from pneucli.identify.start import first_guess
-from pneucli.identify.views import views_of
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.residuals import views_of
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.ends import contact, find_ends, with_ends
+from pneucli.simulate.end_stops import contact, find_ends, with_ends
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run
 from tests.identify.test_arrangements import FIRST, NOISE, SECOND
-from tests.simulate.benches import FRICTION, RIG
+from tests.simulate.synthetic_experiments import FRICTION, RIG
 
 STROKE = 0.05  # m
 SHORT = replace(RIG, stroke=STROKE, valve_arrangement="5/3")

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify import effects
-from pneucli.identify import problem as problems
-from pneucli.identify.blocks import block_numbers, scores
-from pneucli.identify.fit import Fit, fit, joined
-from pneucli.identify.parameters import Free, value_of
-from pneucli.identify.problem import Problem
-from pneucli.identify.views import Chambers, Forces, Imposed, Whole
-from pneucli.simulate.valve_area import ValveArea
-from tests.simulate.benches import bench, clock, model
+from pneucli.identify.estimation import model_fit
+from pneucli.identify.estimation import problem as problems
+from pneucli.identify.estimation.blocks import block_numbers, scores
+from pneucli.identify.estimation.fit import Fit, fit, joined
+from pneucli.identify.estimation.parameters import Free, value_of
+from pneucli.identify.estimation.problem import Problem
+from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
+from pneucli.simulate.valve_forms.area import ValveArea
+from tests.simulate.synthetic_experiments import bench, clock, model
 
 RNG = np.random.default_rng
 N = 2000
@@ -312,7 +312,7 @@ def test_a_fit_that_goes_on_from_its_end_keeps_its_errors_whatever_its_coordinat
     """The derivatives that the first one left are those of its own coordinates; noise of 2 tells the errors."""
     first = fitted(COULOMB, VISCOUS, views=[Line()])
     anew = [replace(f, start=value_of(first.model, f.name), scale=times * f.scale) for f in (COULOMB, VISCOUS)]
-    monkeypatch.setattr(effects, "free_parameters", lambda *_: anew)
-    then = effects.refit(first, [Line()])
+    monkeypatch.setattr(model_fit, "free_parameters", lambda *_: anew)
+    then = model_fit.refit(first, [Line()])
     for before, after in zip(first.estimates, then.estimates, strict=True):
         assert (after.value, after.error) == pytest.approx((before.value, before.error), rel=1e-3)

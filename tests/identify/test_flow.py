@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.fit import fit
-from pneucli.identify.parameters import base_parameters
-from pneucli.identify.views import views_of
+from pneucli.identify.estimation.fit import fit
+from pneucli.identify.estimation.parameters import base_parameters
+from pneucli.identify.residuals import views_of
 from pneucli.noise import NoiseModel
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.run import run
-from tests.simulate.benches import bench, clock, model
+from tests.simulate.synthetic_experiments import bench, clock, model
 
 RIG = Rig(ambient_pressure=101_300.0, supply_pressure=7e5)
 VOLUME = 5e-4

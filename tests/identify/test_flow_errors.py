@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.flow import flow_errors
-from pneucli.identify.views import Chambers, Forces
+from pneucli.identify.residuals import Chambers, Forces
+from pneucli.identify.residuals.flow_gain import flow_errors
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.run import simulate
-from tests.simulate.benches import bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import bench, clock, model, steps_of_command
 
 TIME = clock(2.0)
 COMMANDS = steps_of_command(TIME, [2.0, -2.0, 1.0, -1.0], 0.5)

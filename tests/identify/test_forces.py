@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.views import Forces
+from pneucli.identify.residuals import Forces
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
-from pneucli.simulate.imposed import resting_reading
-from tests.simulate.benches import RIG, bench, clock, model
+from pneucli.simulate.outputs import resting_reading
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model
 
 TIME = clock(1.0)
 AREA_1, AREA_2 = RIG.areas

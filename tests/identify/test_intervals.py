@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from pneucli.identify import blocks, intervals
-from pneucli.identify.fit import Fit, estimates_of
-from pneucli.identify.intervals import Groups, groupings, widening, with_intervals
-from pneucli.identify.parameters import Free
-from tests.simulate.benches import bench, clock, model
+from pneucli.identify.estimation import blocks, intervals
+from pneucli.identify.estimation.fit import Fit, estimates_of
+from pneucli.identify.estimation.intervals import Groups, groupings, widening, with_intervals
+from pneucli.identify.estimation.parameters import Free
+from tests.simulate.synthetic_experiments import bench, clock, model
 
 LEVEL = Free("friction.coulomb", "N", 10.0, 0.0, 1e3, 1.0)
 N = 4000

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.effects import starts
-from pneucli.identify.fit import fit
-from pneucli.identify.parameters import base_parameters, effect_parameters, informed
+from pneucli.identify.estimation.fit import fit
+from pneucli.identify.estimation.model_fit import starts
+from pneucli.identify.estimation.parameters import base_parameters, effect_parameters, informed
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Known, Rig
-from pneucli.simulate.facts import facts_of
+from pneucli.simulate.rig_quantities import facts_of
 from tests.identify.test_fit import COULOMB, VISCOUS, Line
-from tests.simulate.benches import BALANCED, RIG, VALVE, bench, clock, model
+from tests.simulate.synthetic_experiments import BALANCED, RIG, VALVE, bench, clock, model
 
 
 def knowing(**known: Known) -> Rig:

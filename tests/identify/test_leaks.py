@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.leaks import leak_flows, losses, trade
+from pneucli.identify.leak_rate import leak_flows, losses, trade
 from pneucli.recording import Rig
-from tests.simulate.benches import bench, clock, model
+from tests.simulate.synthetic_experiments import bench, clock, model
 
 RIG = Rig(ambient_pressure=1e5, gas_temperature=293.15, vessel_volume=2e-3)
 TIME = clock(100.0)[::100]

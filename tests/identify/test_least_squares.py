@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneucli.identify.least_squares import Solution, inverse, minimise
+from pneucli.identify.estimation.least_squares import Solution, inverse, minimise
 
 WIDE = (np.array([-100.0]), np.array([100.0]))
 ONES = np.ones(1000)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.identify.least_squares import Solution, minimise
+from pneucli.identify.estimation.least_squares import Solution, minimise
 
 Array = np.ndarray
 FOLDER = Path(__file__).with_name("nist")

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.effects import fit_added
-from pneucli.identify.fit import fit
-from pneucli.identify.parameters import base_parameters
-from pneucli.identify.views import Chambers
+from pneucli.identify.estimation.fit import fit
+from pneucli.identify.estimation.model_fit import fit_added
+from pneucli.identify.estimation.parameters import base_parameters
+from pneucli.identify.residuals import Chambers
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.run import simulate
-from tests.simulate.benches import RIG, bench, clock, model
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model
 
 TIME = clock(1.5)
 NOISE = 300.0  # Pa

@@ -8,14 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pneucli.identify.fit import Fit, fit
-from pneucli.identify.parameters import Free
-from pneucli.identify.relations import correlation, sensitivities
-from pneucli.identify.views import Chambers, weighted
-from pneucli.identify.watch import Round, watching
+from pneucli.identify.estimation.correlation import correlation, sensitivities
+from pneucli.identify.estimation.fit import Fit, fit
+from pneucli.identify.estimation.parameters import Free
+from pneucli.identify.estimation.progress import Round, watching
+from pneucli.identify.residuals import Chambers, weighted
 from pneucli.noise import NoiseModel
 from tests.identify.test_fit import TIME, Line
-from tests.simulate.benches import bench, model
+from tests.simulate.synthetic_experiments import bench, model
 
 FREE = [
     Free("friction.coulomb", "N", 10.0, 0.0, 1e3, 10.0),

@@ -10,24 +10,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError, UnitError
-from pneucli.identify.effects import fit_added, fit_model, starts
-from pneucli.identify.fit import Fit
-from pneucli.identify.parameters import base_parameters
-from pneucli.identify.views import views_of
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import fit_added, fit_model, starts
+from pneucli.identify.estimation.parameters import base_parameters
+from pneucli.identify.residuals import views_of
 from pneucli.noise import NoiseModel
-from pneucli.physics.base import BASE
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import BASE, Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.physics.scales import SCALES, Facts, sized
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.facts import facts_of
-from pneucli.simulate.linear_valve import LinearValve
 from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import facts_of
 from pneucli.simulate.run import simulate
-from pneucli.simulate.valve_area import NO_VALVE, ValveArea
+from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.units import parse_unit
-from tests.simulate.benches import FRICTION, RIG, VALVE, bench, clock, steps_of_command
+from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, bench, clock, steps_of_command
 
 UNITS = {
     "ambient_pressure": "Pa",

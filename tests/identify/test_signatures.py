@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify import effects as added
-from pneucli.identify.effects import (
+from pneucli.identify.estimation import model_fit as added
+from pneucli.identify.estimation.fit import FULL, Effort, Fit
+from pneucli.identify.estimation.model_fit import (
     Signature,
     fit_added,
     require_finite,
@@ -20,16 +21,22 @@ from pneucli.identify.effects import (
     starts,
     with_effect,
 )
-from pneucli.identify.fit import FULL, Effort, Fit
-from pneucli.identify.parameters import Free, base_parameters, effect_parameters, null_value, value_of, with_parameters
-from pneucli.identify.views import Chambers, Forces, Imposed, Whole, views_of
+from pneucli.identify.estimation.parameters import (
+    Free,
+    base_parameters,
+    effect_parameters,
+    null_value,
+    value_of,
+    with_parameters,
+)
+from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole, views_of
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.physics.scales import Facts
-from pneucli.simulate.extent import Extent
-from pneucli.simulate.facts import facts_of
-from tests.simulate.benches import RIG, bench, clock, model
+from pneucli.simulate.experiment import Extent
+from pneucli.simulate.rig_quantities import facts_of
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model
 
 RNG = np.random.default_rng
 FACTS = facts_of(model())

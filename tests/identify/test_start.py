@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify import restarts, start
-from pneucli.identify.parameters import TINY
-from pneucli.identify.paths import paths
-from pneucli.identify.rests import breakaways, unsure
-from pneucli.identify.start import first_guess, friction_guess, guess_gain, guess_map, overlap_of
+from pneucli.identify.estimation.parameters import TINY
+from pneucli.identify.guesses import friction_and_valve
+from pneucli.identify.guesses.flow_paths import paths
+from pneucli.identify.guesses.friction_and_valve import first_guess, friction_guess, guess_gain, guess_map, overlap_of
+from pneucli.identify.guesses.rest_detection import breakaways, unsure
+from pneucli.identify.residuals import initial_state
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.linear_valve import LinearValve
-from tests.simulate.benches import RIG, bench, clock, model, steps_of_command
+from pneucli.simulate.valve_forms.linear import LinearValve
+from tests.simulate.synthetic_experiments import RIG, bench, clock, model, steps_of_command
 
 TIME = clock(4.0)
 X = 0.1 + 0.03 * np.sin(2 * np.pi * TIME)
@@ -86,9 +87,9 @@ def test_the_force_is_that_of_both_pressures_over_ambient_and_of_the_drive() -> 
     e.inputs[:, at.IN_FORCE] = 7.0
     area_1, area_2 = RIG.areas
     wanted = area_1 * (3e5 - RIG.ambient_pressure) - area_2 * (2e5 - RIG.ambient_pressure) + 7.0
-    assert start._force(e, RIG)[0] == pytest.approx(wanted)
-    assert start._force(e, replace(RIG, piston_area_2=None))[0] == pytest.approx(area_1 * 1e5 + 7.0)
-    assert start._force(e, replace(RIG, piston_area_1=None, piston_area_2=None))[0] == 7.0
+    assert friction_and_valve._force(e, RIG)[0] == pytest.approx(wanted)
+    assert friction_and_valve._force(e, replace(RIG, piston_area_2=None))[0] == pytest.approx(area_1 * 1e5 + 7.0)
+    assert friction_and_valve._force(e, replace(RIG, piston_area_1=None, piston_area_2=None))[0] == 7.0
 
 
 # --- the valve
@@ -143,7 +144,7 @@ LEVELS = list(AREAS)
 
 def shown(experiments: list[Any], values: dict[str, float]) -> list[Any]:
     """What they show of the paths of chamber 1, of a vessel of a litre unless known."""
-    return list(paths(experiments, RIG, 1, values.get("rig.vessel_volume", start.STAND_IN_VOLUME)))
+    return list(paths(experiments, RIG, 1, values.get("rig.vessel_volume", friction_and_valve.STAND_IN_VOLUME)))
 
 
 def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
@@ -265,7 +266,7 @@ def covariance(first: int, last: int) -> np.ndarray:
 
 def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance() -> None:
     residual = np.random.default_rng(1).standard_normal(1000)
-    found = restarts.whitened(residual, ERROR[None], STARTS)
+    found = initial_state.whitened(residual, ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         values, vectors = np.linalg.eigh(covariance(first, last))
         root = vectors @ np.diag(values**-0.5) @ vectors.T
@@ -273,7 +274,7 @@ def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance
 
 
 def test_the_volume_is_the_log_determinant_spread_over_the_stretch() -> None:
-    found = restarts.volume(ERROR[None], STARTS)
+    found = initial_state.volume(ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         determinant = np.linalg.slogdet(covariance(first, last))[1]
         assert found[first:last].sum() == pytest.approx(determinant, abs=1e-9)
@@ -285,7 +286,7 @@ def test_with_several_errors_the_squares_are_those_of_the_inverse_covariance_and
     rng = np.random.default_rng(2)
     several = np.vstack([ERROR, 3.0 * ERROR + rng.standard_normal(1000), rng.standard_normal(1000)])
     residual = rng.standard_normal(1000)
-    found, volume = restarts.whitened(residual, several, STARTS), restarts.volume(several, STARTS)
+    found, volume = initial_state.whitened(residual, several, STARTS), initial_state.volume(several, STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         e, r = several[:, first:last], residual[first:last]
         covariance = np.eye(last - first) + e.T @ e
@@ -295,12 +296,12 @@ def test_with_several_errors_the_squares_are_those_of_the_inverse_covariance_and
 
 def test_without_any_error_nothing_is_whitened() -> None:
     none, residual = np.zeros((0, 1000)), np.arange(1000.0)
-    assert restarts.whitened(residual, none, STARTS) == pytest.approx(residual)
-    assert not restarts.volume(none, STARTS).any()
+    assert initial_state.whitened(residual, none, STARTS) == pytest.approx(residual)
+    assert not initial_state.volume(none, STARTS).any()
 
 
 def test_lengths_of_stretches_go_to_the_next_restart() -> None:
-    assert restarts.lengths(STARTS, 1000).tolist() == [300, 400, 300]
+    assert initial_state.lengths(STARTS, 1000).tolist() == [300, 400, 300]
 
 
 class Read:
@@ -328,8 +329,8 @@ def drawn_as_they_are(noise: dict[str, np.ndarray], *_: Any) -> np.ndarray:
 
 def test_a_start_errs_by_what_smoothing_leaves_and_its_slope(monkeypatch: pytest.MonkeyPatch) -> None:
     """White noise of 1 (3) unsmoothed: 1.4 times that, and a central difference over 2 ms."""
-    monkeypatch.setattr(restarts, "smooth", drawn_as_they_are)
-    found = restarts.start_errors(Read())  # type: ignore[arg-type]
+    monkeypatch.setattr(initial_state, "smooth", drawn_as_they_are)
+    found = initial_state.start_errors(Read())  # type: ignore[arg-type]
     assert found["p1"] == pytest.approx((1.4, 1e3 / 2**0.5), rel=0.03)
     assert found["p2"] == pytest.approx((1.4 * 3.0, 3e3 / 2**0.5), rel=0.03)
 
@@ -337,19 +338,19 @@ def test_a_start_errs_by_what_smoothing_leaves_and_its_slope(monkeypatch: pytest
 def test_an_error_of_a_start_is_carried_as_far_as_the_model_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A model that keeps half of an error of p1 and none of p2; a lag of 30 ms adds the error of the slope."""
     monkeypatch.setattr(
-        restarts,
+        initial_state,
         "simulate",
         lambda model, e, inputs=None: {
             "p1": 0.5 * (e.inputs if inputs is None else inputs)[:, at.IN_P1] + 7.0, "p2": np.full(4000, 9.0),
         },
     )  # fmt: skip
     errors = {"p1": (100.0, 0.0), "p2": (100.0, 0.0)}
-    found = restarts.carried(model(), Read(), errors)  # type: ignore[arg-type]
+    found = initial_state.carried(model(), Read(), errors)  # type: ignore[arg-type]
     assert found["p1"] == pytest.approx(np.full((1, 4000), 0.5 * 100.0 / 50.0))
     assert found["p2"] == pytest.approx(np.zeros((1, 4000)))
     late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.03})
     errors = {"p1": (40.0, 1000.0), "p2": (0.0, 0.0)}
-    assert restarts.carried(late, Read(), errors)["p1"][0, 0] == pytest.approx(0.5)  # type: ignore[arg-type]
+    assert initial_state.carried(late, Read(), errors)["p1"][0, 0] == pytest.approx(0.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -363,11 +364,13 @@ def test_an_error_of_a_start_is_carried_as_far_as_the_model_keeps_it(monkeypatch
 def test_unsmoothed_silent_or_absent_pressures_carry_no_error(
     monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any]
 ) -> None:
-    monkeypatch.setattr(restarts, "simulate", lambda model, e, inputs=None: {c: np.zeros(4000) for c in ("p1", "p2")})
+    monkeypatch.setattr(
+        initial_state, "simulate", lambda model, e, inputs=None: {c: np.zeros(4000) for c in ("p1", "p2")}
+    )
     e: Any = Read()
     for name, value in changed.items():
         setattr(e, name, value)
-    assert list(restarts.carried(model(), e, dict.fromkeys(("p1", "p2"), (1.0, 0.0)))) == ["p2"]
+    assert list(initial_state.carried(model(), e, dict.fromkeys(("p1", "p2"), (1.0, 0.0)))) == ["p2"]
 
 
 # --- rests

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.effects import fit_model
-from pneucli.identify.rests import breakaways, unsure
-from pneucli.identify.views import Chambers, Forces, View, views_of
-from pneucli.identify.views.view import FAR, difference
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.rest_detection import breakaways, unsure
+from pneucli.identify.residuals import Chambers, Forces, View, views_of
+from pneucli.identify.residuals.base import FAR, difference
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.run import simulate
-from tests.compare.benches import Bench, bench
-from tests.simulate.benches import bench as ideal
-from tests.simulate.benches import clock, model, steps_of_command
+from tests.compare.fixture_experiments import Bench, bench
+from tests.simulate.synthetic_experiments import bench as ideal
+from tests.simulate.synthetic_experiments import clock, model, steps_of_command
 
 LAG = 0.004  # s
 
@@ -142,7 +142,7 @@ def test_what_draws_of_noise_become_is_pooled_in_units_of_noise(chamber: View, m
         asked.append((experiment, draws))
         return {"p1": np.repeat([[3.0], [4.0]], n, axis=1), "else": np.zeros((2, n))}
 
-    monkeypatch.setattr("pneucli.identify.views.view.deviations", deviations)
+    monkeypatch.setattr("pneucli.identify.residuals.base.deviations", deviations)
     found = chamber.drawn_rms(model(), {}, 2, 11)
     assert found == {"p1": pytest.approx(np.sqrt(12.5) / chamber.noise["p1"])}
     assert asked == [(chamber.experiment, 2)]

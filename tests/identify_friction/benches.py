@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.run import Manoeuvre, run
 from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.exam.rig.simulation import Manoeuvre, run
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig

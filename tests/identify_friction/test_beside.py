@@ -10,9 +10,9 @@ import pytest
 
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.identify.friction import FrictionIdentification, identify_friction
-from pneucli.identify.friction.beside import Beside
-from pneucli.identify.friction.lacking import lacking
-from pneucli.identify.friction.motion import motion_of
+from pneucli.identify.friction.kinematics import motion_of
+from pneucli.identify.friction.non_friction_forces import Beside
+from pneucli.identify.friction.unmodelled_effects import lacking
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model

@@ -10,10 +10,10 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.friction import identification
-from pneucli.identify.friction.fit import UNITS, FittedLaw
-from pneucli.identify.friction.values import Value
+from pneucli.identify.friction.regression import UNITS, FittedLaw
+from pneucli.identify.friction.samples import Value
+from pneucli.messages.formatting import number
 from pneucli.recording import Recording
-from pneucli.words.numbers import number
 from tests.identify_friction.test_pieces import samples
 
 NAMES = ("coulomb", "viscous", "static", "velocity", "offset")

@@ -8,10 +8,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from pneucli.identify.friction.figures import break_away, over_pressure, repeats
-from pneucli.identify.friction.imposed import KineticFriction
-from pneucli.identify.friction.motion import Motion
-from pneucli.identify.friction.values import Value
+from pneucli.identify.friction.imposed_motion import KineticFriction
+from pneucli.identify.friction.kinematics import Motion
+from pneucli.identify.friction.samples import Value
+from pneucli.identify.friction.summary_figures import break_away, over_pressure, repeats
 
 AMBIENT = 1e5
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneucli.identify.friction.fit import fit_coulomb, fit_stribeck, law
-from pneucli.identify.friction.values import Samples
-from pneucli.physics.friction import stribeck
+from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck, law
+from pneucli.identify.friction.samples import Samples
+from pneucli.physics.vectorised import stribeck
 from tests.identify_friction.benches import FIXTURES, case, fixture_truth, identified
 
 BLOCK = 0.2  # s

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pneucli.identify.friction import Domain, FrictionModel, grid_convergence
-from pneucli.identify.friction.fit import fit_coulomb
-from pneucli.identify.friction.models import direct, identify_models
-from pneucli.identify.friction.values import Samples
-from pneucli.physics.friction import stribeck
+from pneucli.identify.friction.models_a_to_f import direct, identify_models
+from pneucli.identify.friction.regression import fit_coulomb
+from pneucli.identify.friction.samples import Samples
+from pneucli.physics.vectorised import stribeck
 from pneucli.tp import check
 from tests.identify_friction.benches import FIXTURES, Array, identified
 

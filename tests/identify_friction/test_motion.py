@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import motion, motion_of
-from pneucli.identify.friction.velocity import integrate, low_pass, rests
+from pneucli.identify.friction import kinematics, motion_of
+from pneucli.identify.friction.velocity_estimation import integrate, low_pass, rests
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
@@ -24,41 +24,41 @@ TRUTH = pressed(STICKY, pulses(3, 30.0))
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("x",), ("a",)], ids=["x and a", "x", "a"])
 def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, ...]) -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG))
-    error = motion.v - TRUTH["v"]
+    kinematics = motion_of(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG))
+    error = kinematics.v - TRUTH["v"]
     fastest = np.abs(TRUTH["v"]).max()
     # 0.3 m/s^2 of bias, integrated over these 2.6 s, would be 0.78 m/s; the sensors promise sigma_v, and position
     # alone cannot follow the jumps of the acceleration, where the period times half a jump of 10 m/s^2 is 5 mm/s
-    assert np.sqrt(np.mean(error**2)) < (1e-3 * fastest if sensors == ("x",) else 2 * motion.sigma_v)
+    assert np.sqrt(np.mean(error**2)) < (1e-3 * fastest if sensors == ("x",) else 2 * kinematics.sigma_v)
     assert abs(np.mean(error[-200:])) < 1e-3 * fastest
 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("a",)], ids=["x and a", "a"])
 def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
+    kinematics = motion_of(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
     truth = STICKY.piston_area_1 * (TRUTH["p1"] - TRUTH["p2"]) - 2.0 * TRUTH["a"]
-    error = (motion.friction(2.0) - truth)[motion.moving]
+    error = (kinematics.friction(2.0) - truth)[kinematics.moving]
     # 200 Pa on each of two pressures over 8 cm^2, 0.05 m/s^2 on 2 kg
     expected = np.sqrt(2 * (200 * 8e-4) ** 2 + (2 * 0.05) ** 2)
-    assert motion.sigma_friction(2.0) == pytest.approx(expected, rel=0.02)  # from one draw of the noise
+    assert kinematics.sigma_friction(2.0) == pytest.approx(expected, rel=0.02)  # from one draw of the noise
     assert np.std(error) == pytest.approx(expected, rel=0.1)
     assert abs(np.mean(error)) < 5 * expected / np.sqrt(error.size)
 
 
 def test_a_resting_piston_is_not_taken_for_a_moving_one() -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 3), Model(RIG))
+    kinematics = motion_of(recorded(STICKY, TRUTH, 3), Model(RIG))
     rest = TRUTH["v"] == 0.0
-    clear = np.abs(TRUTH["v"]) > 3 * motion.floor
-    assert not np.any(motion.moving & rest)
-    assert np.mean(motion.moving[clear]) > 0.98
+    clear = np.abs(TRUTH["v"]) > 3 * kinematics.floor
+    assert not np.any(kinematics.moving & rest)
+    assert np.mean(kinematics.moving[clear]) > 0.98
 
 
 def test_branches_are_those_of_the_true_acceleration() -> None:
-    motion = motion_of(recorded(STICKY, TRUTH, 4), Model(RIG))
+    kinematics = motion_of(recorded(STICKY, TRUTH, 4), Model(RIG))
     true_branch = np.sign(TRUTH["v"] * TRUTH["a"])
-    judged = motion.branch != 0
-    assert np.mean(judged[motion.moving]) > 0.8
-    assert np.mean((motion.branch == true_branch)[judged]) > 0.97
+    judged = kinematics.branch != 0
+    assert np.mean(judged[kinematics.moving]) > 0.8
+    assert np.mean((kinematics.branch == true_branch)[judged]) > 0.97
 
 
 def test_a_slide_lasts_as_long_whenever_the_clock_began() -> None:
@@ -90,10 +90,10 @@ def test_samples_that_were_not_measured_are_left_out() -> None:
     r = recorded(STICKY, TRUTH, 7)
     p1 = r["p1"].copy()
     p1[300:340] = np.nan
-    motion = motion_of(replace(r, signals={**r.signals, "p1": p1}), Model(RIG))
-    assert not motion.valid[300:340].any()
-    assert not motion.moving[300:340].any()
-    assert np.all(np.isfinite(motion.drive))
+    kinematics = motion_of(replace(r, signals={**r.signals, "p1": p1}), Model(RIG))
+    assert not kinematics.valid[300:340].any()
+    assert not kinematics.moving[300:340].any()
+    assert np.all(np.isfinite(kinematics.drive))
 
 
 @pytest.mark.parametrize(
@@ -172,12 +172,12 @@ def test_low_pass_keeps_parabolas_and_halves_a_sine_at_its_cutoff() -> None:
     assert low_pass(even, 10.0)(sine)[500:2500] == pytest.approx(0.5 * sine[500:2500], abs=2e-3)
 
 
-@pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, motion.DRAWS)])
+@pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, kinematics.DRAWS)])
 def test_a_long_recordings_noise_is_drawn_less_often(
     monkeypatch: pytest.MonkeyPatch, samples: float, draws: int
 ) -> None:
     """Its spread is as well known from fewer draws, which take their time and memory in proportion."""
     recording = recorded(STICKY, TRUTH, 1, ("p1", "p2", "x", "a"))
-    monkeypatch.setattr(motion, "ENOUGH", int(samples * recording.time.size))
+    monkeypatch.setattr(kinematics, "ENOUGH", int(samples * recording.time.size))
     found = motion_of(recording, Model(RIG))
     assert found.redrawn.shape == (draws, recording.time.size)

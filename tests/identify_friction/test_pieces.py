@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from pneucli.identify.friction import fit
-from pneucli.identify.friction.curve import curve
-from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck, law, scaled_residual
-from pneucli.identify.friction.imposed import kinetic_friction
-from pneucli.identify.friction.models import TITLES, Domain, FrictionModel, ModelBranch
-from pneucli.identify.friction.stickslip import Cut, average
-from pneucli.identify.friction.values import Samples
-from pneucli.identify.friction.velocity import QUIET, fuse, integrate, lasting, rests
+from pneucli.identify.friction import regression
+from pneucli.identify.friction.binned_curve import curve
+from pneucli.identify.friction.imposed_motion import kinetic_friction
+from pneucli.identify.friction.models_a_to_f import TITLES, Domain, FrictionModel, ModelBranch
+from pneucli.identify.friction.regression import FittedLaw, fit_coulomb, fit_stribeck, law, scaled_residual
+from pneucli.identify.friction.samples import Samples
+from pneucli.identify.friction.stick_slip import Cut, average
+from pneucli.identify.friction.velocity_estimation import QUIET, fuse, integrate, lasting, rests
 from pneucli.noise import NoiseModel
 
 RNG = np.random.default_rng
@@ -177,16 +177,16 @@ def test_no_fall_is_found_where_there_is_none() -> None:
 
 
 def test_the_robust_deviation_is_the_normal_ones_of_the_median_and_never_nothing() -> None:
-    assert fit._robust(np.array([-3.0, 1.0, 2.0, -1.0, 9.0])) == pytest.approx(1.4826 * 2.0)
-    assert fit._robust(np.zeros(4)) == 1e-9
+    assert regression._robust(np.array([-3.0, 1.0, 2.0, -1.0, 9.0])) == pytest.approx(1.4826 * 2.0)
+    assert regression._robust(np.zeros(4)) == 1e-9
 
 
 def test_hubers_loss_is_square_within_the_knee_and_straight_beyond() -> None:
     """At 1.345 both branches meet, with one slope."""
     k = 1.345
-    assert fit._cost(np.array([0.5, -1.0]), 0.5) == pytest.approx(0.5 * 1.0 + k * 2.0 - 0.5 * k * k)
-    assert fit._cost(np.array([1.344]), 1.0) == pytest.approx(0.5 * 1.344**2)
-    assert fit._cost(np.array([1.346]), 1.0) == pytest.approx(0.5 * 1.346**2, rel=1e-5)
+    assert regression._cost(np.array([0.5, -1.0]), 0.5) == pytest.approx(0.5 * 1.0 + k * 2.0 - 0.5 * k * k)
+    assert regression._cost(np.array([1.344]), 1.0) == pytest.approx(0.5 * 1.344**2)
+    assert regression._cost(np.array([1.346]), 1.0) == pytest.approx(0.5 * 1.346**2, rel=1e-5)
 
 
 def test_the_fit_of_least_loss_balances_residuals_that_are_clipped_at_the_knee() -> None:
@@ -194,26 +194,28 @@ def test_the_fit_of_least_loss_balances_residuals_that_are_clipped_at_the_knee()
     design = rng.standard_normal((200, 2))
     target = design @ [3.0, -2.0] + 0.1 * rng.standard_normal(200)
     target[::9] += 5.0
-    theta = fit._with_hubers_loss(lambda p: design @ p - target, np.zeros(2), np.full(2, -np.inf), 0.2)
+    theta = regression._with_hubers_loss(lambda p: design @ p - target, np.zeros(2), np.full(2, -np.inf), 0.2)
     left = design @ theta - target
     assert design.T @ np.clip(left, -0.2, 0.2) == pytest.approx(np.zeros(2), abs=1e-4)
     assert np.abs(left).max() > 4.0
 
 
 def test_derivatives_are_differences_to_both_sides() -> None:
-    found = fit._jacobian(lambda p: np.array([p[0] ** 2, p[0] * p[1], 5.0 * p[1]]), np.array([3.0, 0.0]))
+    found = regression._jacobian(lambda p: np.array([p[0] ** 2, p[0] * p[1], 5.0 * p[1]]), np.array([3.0, 0.0]))
     assert found == pytest.approx(np.array([[6.0, 0.0], [0.0, 3.0], [0.0, 5.0]]), abs=1e-8)
 
 
 def test_correlation_within_blocks_inflates_and_its_absence_does_not() -> None:
     """Blocks of 5 that are one number each are worth a fifth of the samples; alternating ones no less."""
     one = RNG(4).standard_normal(400)
-    assert fit._inflation(np.repeat(one, 5), np.repeat(np.arange(400), 5)) == pytest.approx(5.0, rel=0.15)
-    assert fit._inflation(RNG(5).standard_normal(2000), np.repeat(np.arange(400), 5)) == pytest.approx(1.0, abs=0.15)
-    assert fit._inflation(np.tile([1.0, -1.0], 200), np.repeat(np.arange(200), 2)) == 1.0
+    assert regression._inflation(np.repeat(one, 5), np.repeat(np.arange(400), 5)) == pytest.approx(5.0, rel=0.15)
+    assert regression._inflation(RNG(5).standard_normal(2000), np.repeat(np.arange(400), 5)) == pytest.approx(
+        1.0, abs=0.15
+    )
+    assert regression._inflation(np.tile([1.0, -1.0], 200), np.repeat(np.arange(200), 2)) == 1.0
     wild = RNG(6).standard_normal(2000)
     wild[:3] = 1e6  # counted as three deviations
-    assert fit._inflation(wild, np.repeat(np.arange(400), 5)) < 1.3
+    assert regression._inflation(wild, np.repeat(np.arange(400), 5)) < 1.3
 
 
 def law_of(**values: float) -> FittedLaw:
@@ -223,7 +225,7 @@ def law_of(**values: float) -> FittedLaw:
 @pytest.mark.parametrize(("static", "falls"), [(10.0, False), (13.3, False), (13.4, True), (20.0, True)])
 def test_static_friction_is_told_from_coulombs_by_three_standard_errors(static: float, falls: bool) -> None:
     """sqrt(1 + 0.25) apart, whatever viscous friction errs by."""
-    assert fit._falls(law_of(coulomb=10.0, viscous=99.0, static=static)) == falls
+    assert regression._falls(law_of(coulomb=10.0, viscous=99.0, static=static)) == falls
 
 
 def test_the_sandwich_is_of_sums_over_blocks_with_a_correction_for_few() -> None:
@@ -231,14 +233,14 @@ def test_the_sandwich_is_of_sums_over_blocks_with_a_correction_for_few() -> None
     block, rng = np.repeat(np.arange(6), 50), RNG(7)
     y = 2.0 + 0.3 * rng.standard_normal(6)[block] + rng.standard_normal(300)
     s = samples(np.ones(300), y, block=block)
-    found = fit._refine(("offset",), lambda p: p[0] - y, np.array([0.0]), np.array([-np.inf]), s)
+    found = regression._refine(("offset",), lambda p: p[0] - y, np.array([0.0]), np.array([-np.inf]), s)
     left = y - found.theta[0]
-    knee = 1.345 * fit._robust(left)
+    knee = 1.345 * regression._robust(left)
     clipped, inside = np.clip(left, -knee, knee), np.count_nonzero(np.abs(left) <= knee)
     assert np.sum(clipped) == pytest.approx(0.0, abs=0.05)  # the knee was that of the round before
     sums = np.bincount(block, clipped)
     assert found.covariance[0, 0] == pytest.approx(6 / 5 * float(sums @ sums) / inside**2, rel=1e-6)
-    assert found.deviation == pytest.approx(fit._robust(left))
+    assert found.deviation == pytest.approx(regression._robust(left))
 
 
 # --- models

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.identify.friction import motion_of
-from pneucli.identify.friction.stickslip import REST, average, cut
+from pneucli.identify.friction.stick_slip import REST, average, cut
 from pneucli.simulate.model import Model
 from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
 

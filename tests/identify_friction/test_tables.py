@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pneucli.identify.friction.beside import Beside
-from pneucli.identify.friction.tables import POOLED, STEPS, deviations, driven
+from pneucli.identify.friction.model_error import POOLED, STEPS, deviations, driven
+from pneucli.identify.friction.non_friction_forces import Beside
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from tests.identify_friction.benches import FIXTURES, Array, identified

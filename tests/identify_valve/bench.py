@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Fit
-from pneucli.identify.start import first_guess
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.residuals import views_of
 from pneucli.identify.valve import ValveIdentification, identify_valve
-from pneucli.identify.views import views_of
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig

@@ -10,19 +10,19 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.identify.effects import require_finite
+from pneucli.identify.estimation.model_fit import require_finite
 from pneucli.identify.valve import ValveIdentification
 from pneucli.identify.valve.fit import autocovariances, averaged_noise
-from pneucli.identify.valve.stretches import averaged
-from pneucli.identify.valve.trend import units
+from pneucli.identify.valve.model_gradient import units
+from pneucli.identify.valve.transients import averaged
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import simulate
-from pneucli.simulate.smooth import autocovariance
-from pneucli.simulate.valve_area import ValveArea
-from pneucli.stages.valve_tables import valve_warnings
+from pneucli.simulate.smoothing import autocovariance
+from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.stages.tables.valve import valve_warnings
 from tests.identify_valve.bench import identify
 
 LAW = (1.0, 2.0, 5.0, 10.0)

@@ -12,9 +12,9 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.quasi_static import QuasiStatic
+from pneucli.simulate.quasi_static_gradient import QuasiStatic
 from pneucli.simulate.run import simulate
-from pneucli.simulate.valve_area import ValveArea
+from pneucli.simulate.valve_forms.area import ValveArea
 from tests.identify_valve.bench import identify
 
 RIG = Rig(ambient_pressure=1.013e5, supply_pressure=7.5e5, vessel_volume=160e-6)

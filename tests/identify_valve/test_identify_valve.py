@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.effects import fit_model
-from pneucli.identify.start import first_guess
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.residuals import views_of
 from pneucli.identify.valve import ValveIdentification, identify_valve
-from pneucli.identify.views import views_of
 from pneucli.io.artifacts import Provenance, read_table
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
-from pneucli.stages.valve_tables import iso_parameters, write_valves
+from pneucli.stages.tables.valve import iso_parameters, write_valves
 from tests.identify_valve.bench import (
     AREA,
     COMMANDS,

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pneucli.errors import InputError
-from pneucli.identify.valve.evenly import error_of
+from pneucli.identify.valve.area_model import FURTHEST, LEAK, OWN, SHARED, Direction, Law, polynomial
 from pneucli.identify.valve.fit import (
     Part,
     Posterior,
@@ -27,9 +27,9 @@ from pneucli.identify.valve.fit import (
     start_sensitivity,
     whitener,
 )
-from pneucli.identify.valve.law import FURTHEST, LEAK, OWN, SHARED, Direction, Law, polynomial
 from pneucli.identify.valve.maps import commands_for
-from pneucli.identify.valve.stretches import Stretches, averaged, cut
+from pneucli.identify.valve.resampling import error_of
+from pneucli.identify.valve.transients import Stretches, averaged, cut
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 

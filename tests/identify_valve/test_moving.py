@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.fit import Fit
+from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.valve import ValveIdentification, identify_moving
-from pneucli.identify.valve.moving import middle_volume
+from pneucli.identify.valve.moving_piston import middle_volume
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from tests.identify.test_arrangements import FIRST, FRICTION, SECOND, axis, fit
-from tests.simulate.benches import RIG
+from tests.simulate.synthetic_experiments import RIG
 
 NULL = 5.0
 SPOOL = replace(RIG, valve_arrangement="5/3", valve_null=NULL)

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.valve import identification, maps, trend
+from pneucli.identify.valve import identification, maps, model_gradient
+from pneucli.identify.valve.area_model import Law
 from pneucli.identify.valve.fit import Posterior, first_pressures
 from pneucli.identify.valve.identification import Residual, ValveIdentification
-from pneucli.identify.valve.lack import LackOfFit, lack_of_fit
-from pneucli.identify.valve.law import Law
+from pneucli.identify.valve.lack_of_fit import LackOfFit, lack_of_fit
 from pneucli.identify.valve.maps import Coverage, GradientMap, coverage, gradient_map, gradient_with_error, inverse_map
-from pneucli.identify.valve.stretches import Stretches
-from pneucli.identify.valve.trend import Trend, memory, remembers, units
-from pneucli.simulate.quasi_static import QuasiStatic
+from pneucli.identify.valve.model_gradient import Trend, memory, remembers, units
+from pneucli.identify.valve.transients import Stretches
+from pneucli.simulate.quasi_static_gradient import QuasiStatic
 from pneucli.simulate.run import simulate
-from tests.simulate.benches import bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import bench, clock, model, steps_of_command
 
 NONE: Any = None
 
@@ -98,7 +98,7 @@ class Straight:
 
     ambient, supply = 1e5, 7e5
     directions = (SimpleNamespace(sign=1, nodes=np.array([1.0, 4.0])), SimpleNamespace(sign=-1, nodes=np.array([4.0])))
-    trend, size = SHUT.trend, 2
+    model_gradient, size = SHUT.trend, 2
     commands = Law.commands
 
     def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
@@ -167,7 +167,7 @@ def test_a_switching_valve_answers_the_nearest_of_its_gradients_reached_within_i
     """At 3 bar -4 V, 0 and 4 V give -3.7e5, 3e4 and 4.3e5 Pa/s, to 3000 Pa/s."""
 
     class Switching(Straight):
-        trend = SimpleNamespace(valve=Overlapped("switching"))
+        model_gradient = SimpleNamespace(valve=Overlapped("switching"))
 
     unsure = replace(FIT, covariance=np.diag([0.0, 1e-4]))
     asked = np.array([-9e5, -3.7e5 + 5.8e3, -3.7e5 + 6e3, -1e5, 3e4 - 5.8e3, 2e5, 4.3e5 - 6e3, 4.3e5 + 5.8e3])
@@ -297,13 +297,13 @@ def test_units_make_errors_independent_and_of_size_one() -> None:
 
 def test_nothing_is_less_certain_than_anything_between_its_bounds() -> None:
     """Even over a width w it errs by w / sqrt(12); what is known with it shrinks alike."""
-    wide = trend._within(np.array([[100.0, 3.0], [3.0, 0.25]]), (np.array([0.0, -1e9]), np.array([12.0, 1e9])))
+    wide = model_gradient._within(np.array([[100.0, 3.0], [3.0, 0.25]]), (np.array([0.0, -1e9]), np.array([12.0, 1e9])))
     assert wide[0, 0] == pytest.approx(12.0)
     assert wide[0, 1] == pytest.approx(3.0 * np.sqrt(0.12))
     assert wide[1, 1] == 0.25
-    narrow = trend._within(np.array([[1e-4]]), (np.zeros(1), np.array([0.012])))
+    narrow = model_gradient._within(np.array([[1e-4]]), (np.zeros(1), np.array([0.012])))
     assert narrow[0, 0] == pytest.approx(0.012**2 / 12.0)
-    assert trend._within(np.zeros((1, 1)), (np.zeros(1), np.ones(1))).tolist() == [[0.0]]
+    assert model_gradient._within(np.zeros((1, 1)), (np.zeros(1), np.ones(1))).tolist() == [[0.0]]
 
 
 def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] = (0,)) -> tuple[Any, Any]:

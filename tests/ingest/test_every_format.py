@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pneucli import words
+from pneucli import messages
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
 from pneucli.io.recordings import load_recordings
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
-from pneucli.stages.ingest_tables import LOSSES, column_of
+from pneucli.stages.tables.ingest import LOSSES, column_of
 
 Columns = dict[str, np.ndarray]
 N = 120
@@ -133,10 +133,14 @@ def ingested(name: str, data: Columns, folder: Path, more: str = "") -> tuple[di
     """Write ``data`` in a format and ingest it: the answer, and the signals."""
     FORMATS[name](folder / "raw", data)
     long = name == "long"
-    words = {"u": "value" if long else "u", "p1": "value" if long else "p1", "clock": "time" if name == "mdf4" else "t"}
+    messages = {
+        "u": "value" if long else "u",
+        "p1": "value" if long else "p1",
+        "clock": "time" if name == "mdf4" else "t",
+    }
     for signal in ("u", "p1"):
-        words[f"{signal}_where"] = f', where = {{ column = "channel", equals = "{signal}" }}' if long else ""
-    (folder / "p.toml").write_text(PIPELINE.format(file="raw", more=more, **words))
+        messages[f"{signal}_where"] = f', where = {{ column = "channel", equals = "{signal}" }}' if long else ""
+    (folder / "p.toml").write_text(PIPELINE.format(file="raw", more=more, **messages))
     answer = ingest.run(Context(folder / "p.toml", load(folder / "p.toml"), folder / "out", folder))
     (one,) = load_recordings(folder / "out")
     table = read_table(folder / "out" / "recordings.parquet")
@@ -209,5 +213,5 @@ def test_rows_that_were_lost_are_printed(tmp_path: Path) -> None:
     data = clean()
     data["t"][40] = data["t"][39]
     answer, _ = ingested("long", data, tmp_path)
-    said = " ".join(words.of("ingest", answer, "p.toml").split())
+    said = " ".join(messages.of("ingest", answer, "p.toml").split())
     assert "a: of 240 rows 119 became samples: 1 rows repeat a time stamp; the first was kept, 120 rows" in said

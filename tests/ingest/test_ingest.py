@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.signal import lfilter
 
-from pneucli import words
+from pneucli import messages
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
@@ -104,7 +104,7 @@ def test_repairs_are_listed_with_counts(two: Path, tmp_path: Path) -> None:
     assert np.isnan(charge["p1"]).sum() == 1
     table = read_table(tmp_path / "ingest" / "repairs.parquet")
     assert list(zip(table["signal"], table["kind"], strict=True)) == list(found)
-    assert "1 spikes" in words.of("ingest", answer, "p.toml")
+    assert "1 spikes" in messages.of("ingest", answer, "p.toml")
 
 
 @pytest.mark.parametrize(

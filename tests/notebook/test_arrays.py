@@ -10,7 +10,7 @@ import pytest
 
 import pneucli
 from pneucli.document import read
-from pneucli.notebook.frames import chosen
+from pneucli.notebook.data_frames import chosen
 
 
 @pytest.fixture(scope="module")

@@ -111,7 +111,7 @@ def test_it_loads_nothing_heavy_until_it_is_used() -> None:
 
 def test_the_packages_of_the_same_name_are_found_and_called() -> None:
     from pneucli import simulate
-    from pneucli.diagnose.decision import Reason
+    from pneucli.diagnose.candidate import Reason
     from pneucli.simulate import layout
 
     assert simulate.layout is layout

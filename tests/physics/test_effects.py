@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.exam.hidden import BY_NAME
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.kernel import valve_area
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.physics.declaration import PORTS, Effect
@@ -24,10 +24,10 @@ from pneucli.physics.effects import all_effects, catalogue, load_plugin, select
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.facts import facts_of
+from pneucli.simulate.rig_quantities import facts_of
 from pneucli.simulate.run import base_vector, run
 from pneucli.units import parse_quantity
-from tests.simulate.benches import FRICTION, RIG, bench, clock, model, steps_of_command, typical
+from tests.simulate.synthetic_experiments import FRICTION, RIG, bench, clock, model, steps_of_command, typical
 
 EFFECTS = list(catalogue().values())
 VESSEL_VOLUME = {"rig.vessel_volume": 1.6e-4}

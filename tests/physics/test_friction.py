@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneucli.physics.effects import catalogue
-from pneucli.physics.friction import stribeck
+from pneucli.physics.vectorised import stribeck
 
 V = np.linspace(-0.5, 0.5, 1001)
 FORCE, SPEED = st.floats(1.0, 100.0), st.floats(1e-3, 0.1)

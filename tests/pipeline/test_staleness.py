@@ -11,10 +11,10 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from pneucli.errors import InputError
-from pneucli.pipeline import staleness
+from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import NotApplicable
 from pneucli.pipeline.graph import STAGES, upstream
-from pneucli.pipeline.staleness import Stamp, stamp
+from pneucli.pipeline.manifest import Stamp, stamp
 from tests.pipeline.toys import TEXT, new, runs, toy
 
 ALL = ["raw", "model", "judge", "page"]  # plan does not apply: it writes nothing into the log

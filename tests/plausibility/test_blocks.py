@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from pneucli.noise import NoiseModel
 from pneucli.plausibility.blocks import Blocks, blocks, fit
-from pneucli.plausibility.rest import rests
+from pneucli.plausibility.signal_activity import rests
 from pneucli.recording import Recording
 
 RNG = np.random.default_rng(0)

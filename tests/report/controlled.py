@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.design.metrics import Metrics
+from pneucli.closed_loop.metrics import Metrics
 from pneucli.report import Table
 
 PERIOD = 1e-3

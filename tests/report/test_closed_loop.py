@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.design.metrics import Metrics
+from pneucli.closed_loop.metrics import Metrics
 from pneucli.report import Check, Material
-from pneucli.report.parts import Cell, Figure, Grid, Note, Section, Zoom
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Section, Zoom
 from pneucli.report.sections.closed_loop import ALONE, FIGURES, WITH
 from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.robustness import section as robustness

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from pneucli.report import Material, to_html
-from pneucli.report.material import Table
-from pneucli.report.parts import Cell, Grid, Note
+from pneucli.report.page_elements import Cell, Grid, Note
+from pneucli.report.report_data import Table
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.comparison import section as comparison
+from pneucli.report.sections.correlations import section as relations
 from pneucli.report.sections.diagnosis import section as diagnosis
-from pneucli.report.sections.relations import section as relations
+from pneucli.report.sections.error_location import Cloud, _grid, _maps
 from pneucli.report.sections.valve import section as valve
-from pneucli.report.sections.where import Cloud, _grid, _maps
 from tests.report.bench import without
 
 ANCHORS = {

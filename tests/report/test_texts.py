@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pneucli.messages.formatting import number, quantity
 from pneucli.report import Material, Table, to_junit, to_markdown
-from pneucli.report.decimate import envelope
-from pneucli.words.numbers import number, quantity
+from pneucli.report.figure import envelope
 
 
 def test_the_summary_holds_the_numbers_of_the_answers(material: Material) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.simulate.linear_valve import LinearValve
-from pneucli.simulate.valve_area import POINTS, ValveArea
+from pneucli.simulate.valve_forms.area import POINTS, ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
 
 VALVE = LinearValve(2e-7, 8.0)
 

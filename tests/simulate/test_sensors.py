@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.kernel import advance
+from pneucli.simulate.kernel.sensors import advance
 from pneucli.simulate.run import run
 
 from .benches import RIG, bench, clock, model, steps_of_command

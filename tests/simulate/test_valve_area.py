@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.simulate.linear_valve import LinearValve
-from pneucli.simulate.switching_valve import SwitchingValve
-from pneucli.simulate.valve_area import POINTS, ValveArea
+from pneucli.simulate.valve_forms.area import POINTS, ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 COMMANDS = (-9.0, -6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 AREAS = (2e-6, 1.4e-6, 9e-7, 4e-7, 1e-7, 1.2e-7, 5e-7, 7e-7, 1.2e-6, 1.5e-6, 2.1e-6)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli import words
+from pneucli import messages
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
@@ -18,7 +18,7 @@ from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
 from pneucli.quantities import CHANNELS, LOCATORS
 from pneucli.recording import Recording
-from pneucli.stages.study import Study
+from pneucli.stages.pipeline_data import Study
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -79,7 +79,7 @@ def test_residuals_add_up_to_the_answer(demo: Demo, answer: dict[str, Any]) -> N
 
 
 def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
-    told = words.of("compare", answer, "demo.toml", verbose=True).splitlines()
+    told = messages.of("compare", answer, "demo.toml", verbose=True).splitlines()
     uses = [line.split()[1] for line in told[-len(answer["channels"]) :]]
     assert uses == sorted(uses)  # test, then train
     assert told[0].startswith("error ")
@@ -90,7 +90,7 @@ def test_time_in_the_wrong_unit_is_refused_before_anything_is_simulated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, period: float
 ) -> None:
     """Milliseconds taken as seconds: 0.5 to 5 kHz look like one sample every 2 s to 0.2 s; the horizon is 0.5 s."""
-    monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: pytest.fail("it was simulated"))
+    monkeypatch.setattr("pneucli.stages.pipeline_data.prepare", lambda *arguments: pytest.fail("it was simulated"))
     time = period * np.arange(50)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path))
@@ -105,9 +105,11 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
 ) -> None:
     """A horizon that is stated long enough is taken; but so is time in the wrong unit."""
     told: list[str] = []
-    monkeypatch.setattr("pneucli.stages.study.prepare", lambda *arguments: SimpleNamespace(channels=(), recording=slow))
-    monkeypatch.setattr("pneucli.stages.study.with_commands", lambda experiments, rig: experiments)
-    monkeypatch.setattr("pneucli.stages.study.with_one_range", lambda experiments: experiments)
+    monkeypatch.setattr(
+        "pneucli.stages.pipeline_data.prepare", lambda *arguments: SimpleNamespace(channels=(), recording=slow)
+    )
+    monkeypatch.setattr("pneucli.stages.pipeline_data.with_commands", lambda experiments, rig: experiments)
+    monkeypatch.setattr("pneucli.stages.pipeline_data.with_one_range", lambda experiments: experiments)
     time = 0.1 * np.arange(72_000)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message)))

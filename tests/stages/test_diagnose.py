@@ -11,11 +11,11 @@ from typing import Any, get_args
 import pytest
 
 from pneucli.config import load
-from pneucli.diagnose.decision import Reason
-from pneucli.diagnose.remainder import Remainder
+from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.candidate import Reason
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
-from pneucli.identify.views import Chambers
+from pneucli.identify.residuals import Chambers
 from pneucli.io.artifacts import read_table
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context

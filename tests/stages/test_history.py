@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from pneucli.pipeline import staleness
+from pneucli.pipeline import manifest
 from pneucli.pipeline.context import Context
-from pneucli.pipeline.staleness import Inputs, Manifest
+from pneucli.pipeline.manifest import Inputs, Manifest
 from pneucli.stages import history
 
 CURVES = "residuals.parquet"
@@ -102,9 +102,9 @@ def test_a_model_whose_curves_are_gone_is_not_kept(stage: Stage) -> None:
 
 def test_a_folder_of_an_older_program_counts_as_empty(stage: Stage) -> None:
     stage.run(answer())
-    content = json.loads((stage.folder / staleness.FILE).read_text())
+    content = json.loads((stage.folder / manifest.FILE).read_text())
     del content["answer"]["number"]
-    (stage.folder / staleness.FILE).write_text(json.dumps(content))
+    (stage.folder / manifest.FILE).write_text(json.dumps(content))
     assert history.models(stage.folder) == []
     assert stage.run(answer("stribeck"))["number"] == 1
 

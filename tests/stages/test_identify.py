@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pneucli import words
+from pneucli import messages
 from pneucli.io.artifacts import read_metadata, read_table
-from pneucli.stages.valve_tables import FOLLOWED, _lack_warning, valve_warnings
+from pneucli.stages.tables.valve import FOLLOWED, _lack_warning, valve_warnings
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -138,7 +138,7 @@ def test_a_map_beyond_all_measure_is_named() -> None:
 def test_the_answer_is_json_and_words(demo: Demo) -> None:
     answer = demo[1]["identify"]
     json.dumps(answer, allow_nan=False)
-    told = words.of("identify", answer, "demo.toml")
+    told = messages.of("identify", answer, "demo.toml")
     assert told.startswith("found    ")
     assert re.search(r"^friction.coulomb +1[34]\.\d+ ± 0\.\d\d+ N$", told, re.MULTILINE)
     assert re.search(

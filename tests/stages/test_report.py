@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pneucli import config, words
+from pneucli import config, messages
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.pipeline.context import Context
 from pneucli.stages import report
@@ -77,7 +77,7 @@ def test_the_checks_are_those_of_the_pipeline_file(context: Context) -> None:
 
 
 def test_the_line_for_people_names_the_failed_checks(context: Context) -> None:
-    told = words.of("report", report.run(context), "bench.toml")
+    told = messages.of("report", report.run(context), "bench.toml")
     assert "failed   checks: compare.error.test and diagnose.verdict" in told
 
 

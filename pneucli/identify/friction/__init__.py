@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pneucli.identify.friction.curve import FrictionCurve
+from pneucli.identify.friction.binned_curve import FrictionCurve
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
-from pneucli.identify.friction.imposed import KineticFriction
-from pneucli.identify.friction.models import Domain, FrictionModel, ModelBranch, grid_convergence
-from pneucli.identify.friction.motion import Motion, motion_of
-from pneucli.identify.friction.stickslip import Averaged, Cut
-from pneucli.identify.friction.tables import Deviation
-from pneucli.identify.friction.values import Value
+from pneucli.identify.friction.imposed_motion import KineticFriction
+from pneucli.identify.friction.kinematics import Motion, motion_of
+from pneucli.identify.friction.model_error import Deviation
+from pneucli.identify.friction.models_a_to_f import Domain, FrictionModel, ModelBranch, grid_convergence
+from pneucli.identify.friction.samples import Value
+from pneucli.identify.friction.stick_slip import Averaged, Cut
 
 __all__ = [
     "Averaged",

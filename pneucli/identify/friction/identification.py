@@ -8,19 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.identify.friction.curve import FrictionCurve, curve
-from pneucli.identify.friction.figures import BreakAway, OverPressure, Repeats, break_away, over_pressure, repeats
-from pneucli.identify.friction.fit import FittedLaw, fit_coulomb, fit_stribeck
-from pneucli.identify.friction.imposed import KineticFriction, kinetic_friction
-from pneucli.identify.friction.lacking import lacking
-from pneucli.identify.friction.models import GRID, Domain, FrictionModel, Name, identify_models
-from pneucli.identify.friction.motion import Motion, motion_of
-from pneucli.identify.friction.stickslip import Averaged, Cut, average, cut
-from pneucli.identify.friction.tables import Deviation, Replay, deviations, replays
-from pneucli.identify.friction.values import Samples, Value, pool
+from pneucli.identify.friction.binned_curve import FrictionCurve, curve
+from pneucli.identify.friction.imposed_motion import KineticFriction, kinetic_friction
+from pneucli.identify.friction.kinematics import Motion, motion_of
+from pneucli.identify.friction.model_error import Deviation, Replay, deviations, replays
+from pneucli.identify.friction.models_a_to_f import GRID, Domain, FrictionModel, Name, identify_models
+from pneucli.identify.friction.regression import FittedLaw, fit_coulomb, fit_stribeck
+from pneucli.identify.friction.samples import Samples, Value, pool
+from pneucli.identify.friction.stick_slip import Averaged, Cut, average, cut
+from pneucli.identify.friction.summary_figures import (
+    BreakAway,
+    OverPressure,
+    Repeats,
+    break_away,
+    over_pressure,
+    repeats,
+)
+from pneucli.identify.friction.unmodelled_effects import lacking
+from pneucli.messages.formatting import number, quantity
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from pneucli.words.numbers import number, quantity
 
 FEWEST = 100  # moving samples
 RESTLESS = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pneucli.identify.valve.identification import Curve, ValveIdentification, identify_valve
-from pneucli.identify.valve.iso import IsoConductance
-from pneucli.identify.valve.lack import LackOfFit
+from pneucli.identify.valve.iso6358 import IsoConductance
+from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import GradientMap, InverseMap
-from pneucli.identify.valve.moving import identify_moving
+from pneucli.identify.valve.moving_piston import identify_moving
 
 __all__ = [
     "Curve",

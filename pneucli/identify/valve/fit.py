@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from pneucli.identify.least_squares import Normal, minimise, normal
-from pneucli.identify.valve.law import Law
-from pneucli.identify.valve.stretches import Stretches
+from pneucli.identify.estimation.least_squares import Normal, minimise, normal
+from pneucli.identify.valve.area_model import Law
+from pneucli.identify.valve.transients import Stretches
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smooth import autocovariance
+from pneucli.simulate.smoothing import autocovariance
 
 Array = NDArray[np.float64]
 

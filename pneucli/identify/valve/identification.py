@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
-from pneucli.identify.chamber import Chamber
-from pneucli.identify.effects import fit_model
-from pneucli.identify.fit import Fit
-from pneucli.identify.paths import Command, command_of, on_a_vessel
-from pneucli.identify.start import STAND_IN_VOLUME, first_guess
-from pneucli.identify.valve.evenly import error_of, is_uneven
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.chamber_balance import Chamber
+from pneucli.identify.guesses.flow_paths import Command, command_of, on_a_vessel
+from pneucli.identify.guesses.friction_and_valve import STAND_IN_VOLUME, first_guess
+from pneucli.identify.residuals import views_of
+from pneucli.identify.valve.area_model import Direction, Law
 from pneucli.identify.valve.fit import (
     Posterior,
     averaged_noise,
@@ -23,9 +24,8 @@ from pneucli.identify.valve.fit import (
     simulate,
     start_sensitivity,
 )
-from pneucli.identify.valve.iso import IsoConductance, iso_conductance
-from pneucli.identify.valve.lack import LackOfFit, lack_of_fit
-from pneucli.identify.valve.law import Direction, Law
+from pneucli.identify.valve.iso6358 import IsoConductance, iso_conductance
+from pneucli.identify.valve.lack_of_fit import LackOfFit, lack_of_fit
 from pneucli.identify.valve.maps import (
     Z95,
     Coverage,
@@ -37,9 +37,9 @@ from pneucli.identify.valve.maps import (
     gradient_with_error,
     inverse_map,
 )
-from pneucli.identify.valve.stretches import Stretches, cut
-from pneucli.identify.valve.trend import Trend, trend_of
-from pneucli.identify.views import views_of
+from pneucli.identify.valve.model_gradient import Trend, trend_of
+from pneucli.identify.valve.resampling import error_of, is_uneven
+from pneucli.identify.valve.transients import Stretches, cut
 from pneucli.noise import NoiseModel, pool
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment

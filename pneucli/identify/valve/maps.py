@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.valve.area_model import Law
 from pneucli.identify.valve.fit import MEMORY, Posterior
-from pneucli.identify.valve.law import Law
-from pneucli.identify.valve.stretches import Stretches
+from pneucli.identify.valve.transients import Stretches
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pneucli.report.material import Check, Material
-from pneucli.report.parts import Cell, Grid, Section
-from pneucli.words.numbers import number
+from pneucli.messages.formatting import number
+from pneucli.report.page_elements import Cell, Grid, Section
+from pneucli.report.report_data import Check, Material
 
 
 def section(material: Material) -> Section | None:

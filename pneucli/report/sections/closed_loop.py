@@ -10,15 +10,14 @@ import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from pneucli.report.decimate import envelope
-from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, figures
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Panel, Part, Run, Section, Series, Zoom, warnings
+from pneucli.messages.design import decay, matching, sector
+from pneucli.messages.formatting import number, shown
+from pneucli.messages.simulate import FIGURES
+from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope, figures
+from pneucli.report.page_elements import Cell, Grid, Panel, Part, Run, Section, Series, Zoom, warnings
+from pneucli.report.report_data import Material, Table
 from pneucli.report.sections import margins
 from pneucli.report.sections.checks import grid as checks_grid
-from pneucli.words.design import decay, matching, sector
-from pneucli.words.numbers import number, shown
-from pneucli.words.simulate import FIGURES
 
 Answer = Mapping[str, Any]
 MOST = 800  # samples of a curve

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.compare.channels import fit_percent
+from pneucli.compare.channel_errors import fit_percent
+from pneucli.messages.compare import test_first, tone
+from pneucli.messages.formatting import number, quantity, short, shown, shown_unit
 from pneucli.quantities import CHANNELS, COMMANDS
-from pneucli.report.decimate import broken, envelope
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
-from pneucli.words.compare import test_first, tone
-from pneucli.words.numbers import number, quantity, short, shown, shown_unit
+from pneucli.report.figure import broken, envelope
+from pneucli.report.page_elements import Cell, Grid, Note, Panel, Part, Run, Section, Series, Zoom
+from pneucli.report.report_data import Material, Table
 
 SAMPLES = 80_000  # of all plots together: what keeps the page at a size that can be sent by mail
 FEWEST, MOST = 200, 4000  # of one curve

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.report.figure import BLUE, INK, ORANGE, Drawing, drawing, figures
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Figure, Grid, Note, Part, Section, warnings
-from pneucli.words import diagnose
-from pneucli.words.numbers import (
+from pneucli.messages import diagnose
+from pneucli.messages.formatting import (
     axis,
     joined,
     number,
@@ -20,6 +17,9 @@ from pneucli.words.numbers import (
     shown_unit,
     signal_unit,
 )
+from pneucli.report.figure import BLUE, INK, ORANGE, Drawing, drawing, figures
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section, warnings
+from pneucli.report.report_data import Material, Table
 
 Answer = Mapping[str, Any]
 SHAPES = 4

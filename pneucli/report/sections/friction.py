@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneucli.messages.formatting import number, quantity, shown
 from pneucli.report.figure import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, Drawing, drawing, figures
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Note, Part, Section
-from pneucli.words.numbers import number, quantity, shown
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.report_data import Material, Table
 
 BRANCHES = {"both": GREY, "accelerating": BLUE, "slowing": ORANGE}
 MODELS = {

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pneucli.messages import margins as words
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures
-from pneucli.report.material import Table
-from pneucli.report.parts import Cell, Grid, Note, Part
-from pneucli.words import margins as words
+from pneucli.report.page_elements import Cell, Grid, Note, Part
+from pneucli.report.report_data import Table
 
 COLOURS = {"command": ORANGE, "command 2": GREEN, "position": BLUE}
 EXTENT = 2.5  # of the plane to either side of -1

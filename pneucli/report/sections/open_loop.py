@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.report.decimate import envelope
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import LONG, Cell, Grid, Panel, Part, Run, Section, Series, Zoom
-from pneucli.words.numbers import number, quantity, shown, shown_unit
+from pneucli.messages.formatting import number, quantity, shown, shown_unit
+from pneucli.report.figure import envelope
+from pneucli.report.page_elements import LONG, Cell, Grid, Panel, Part, Run, Section, Series, Zoom
+from pneucli.report.report_data import Material, Table
 
 MOST = 800  # samples of a curve
 

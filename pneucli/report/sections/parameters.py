@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.report.material import Material
-from pneucli.report.parts import Cell, Grid, Note, Part, Section, warnings
+from pneucli.messages.formatting import number, with_interval
+from pneucli.messages.identify import FRICTION, friction_lines, friction_rows, leak_lines
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section, warnings
+from pneucli.report.report_data import Material
 from pneucli.report.sections.friction import friction_warnings
-from pneucli.words.identify import FRICTION, friction_lines, friction_rows, leak_lines
-from pneucli.words.numbers import number, with_interval
 
 
 def section(material: Material) -> Section | None:

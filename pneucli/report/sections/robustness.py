@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Grid, Note, Part, Section
+from pneucli.messages.formatting import short
+from pneucli.messages.simulate import FIGURES
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.report_data import Material, Table
 from pneucli.report.sections.closed_loop import bounded
-from pneucli.words.numbers import short
-from pneucli.words.simulate import FIGURES
 
 Answer = Mapping[str, Any]
 LEFT = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")  # what an effect may leave of the error

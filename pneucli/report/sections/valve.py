@@ -11,11 +11,10 @@ import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from pneucli.report.decimate import envelope
-from pneucli.report.figure import BLUE, GREY, ON_HEAT, ORANGE, Drawing, drawing, figures, heat, shade
-from pneucli.report.material import Material, Table
-from pneucli.report.parts import Cell, Figure, Grid, Part, Section
-from pneucli.words.numbers import number, percent, quantity, short, shown, shown_unit, times
+from pneucli.messages.formatting import number, percent, quantity, short, shown, shown_unit, times
+from pneucli.report.figure import BLUE, GREY, ON_HEAT, ORANGE, Drawing, drawing, envelope, figures, heat, shade
+from pneucli.report.page_elements import Cell, Figure, Grid, Part, Section
+from pneucli.report.report_data import Material, Table
 
 Array = NDArray[np.float64]
 PLOTTED = 100  # samples of a curve

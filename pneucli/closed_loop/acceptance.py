@@ -1,0 +1,222 @@
+"""Does the controller keep what was asked: on the model, at the ends of its parameters' intervals, on draws of them?
+
+Always asked: that the piston comes to rest within the tolerance, and that it does not cycle there. As stated in
+``[design]``: settling time, overshoot, error on the way, stiffness. What is missed on the model, at an end, or on more
+than one draw in twenty is told, with its cause where it is one of the plant: then no controller reaches it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneucli.closed_loop.metrics import Metrics, measure
+from pneucli.closed_loop.robustness import TOLERANCES, Axes
+from pneucli.closed_loop.simulation import Bench, Scenario, run
+from pneucli.controller.parameters import Controller, usual_load
+from pneucli.design.air_spring import per_pressure, unmet
+from pneucli.design.cascade_design import reachable, spring_pressure
+from pneucli.design.requirements import Requirements
+from pneucli.physics.gas import PSI_MAX
+from pneucli.simulate.model import Model
+
+DRAWS, SEED = 50, 0
+SPARED = 0.05  # share of the draws that may miss
+SCENARIOS = ("steps", "sine", "load")
+NOMINAL, DRAWN = "the model", "draws"
+UM = 1e6
+
+
+@dataclass(frozen=True)
+class Demand:
+    """One thing that is asked: its name and limit in ``unit``, and how the figure of a run is found; NaN: not shown.
+
+    ``at_least``: the figure shall not be below the limit, else not above.
+    """
+
+    name: str
+    limit: float
+    unit: str
+    figure: Callable[[Metrics], float]
+    at_least: bool = False
+
+    def missed(self, value: float) -> bool:
+        """Whether a figure misses the limit; one that is not shown does not."""
+        return not math.isnan(value) and (value < self.limit if self.at_least else value > self.limit)
+
+
+@dataclass(frozen=True)
+class Missed:
+    """A demand that is missed: the worst figure, on which axis and in which scenario, and the cause ("" if unknown).
+
+    ``share`` is that of the draws that miss it.
+    """
+
+    demand: str
+    limit: float
+    found: float
+    unit: str
+    axis: str
+    scenario: str
+    share: float
+    cause: str
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the gate found: demands that are missed, all that was asked, and how many axes were run."""
+
+    missed: tuple[Missed, ...]
+    asked: tuple[Demand, ...]
+    axes: int
+
+
+def demands(wanted: Requirements, controller: Controller) -> list[Demand]:
+    """Return what is asked of the loop: rest without a cycle always, the rest as stated."""
+    tolerance, push = 2.0 * controller.values["C_REACH"], usual_load(controller.values)
+    found = [
+        Demand("tolerance", tolerance, "m", lambda m: m.steady_um / UM),
+        Demand("no limit cycle", tolerance, "m", lambda m: m.cycle_um / UM),
+    ]
+    if wanted.settling_time is not None:
+        found.append(Demand("settling_time", wanted.settling_time, "s", lambda m: m.settling_s))
+    if wanted.overshoot is not None:
+        found.append(Demand("overshoot", wanted.overshoot, "m", lambda m: m.overshoot_um / UM))
+    if wanted.tracking_error is not None:
+        found.append(Demand("tracking_error", wanted.tracking_error, "m", lambda m: m.tracking_rms_um / UM))
+    if wanted.stiffness is not None:
+        found.append(Demand("stiffness", wanted.stiffness, "N/m", lambda m: push / (m.peak_um / UM), at_least=True))
+    return found
+
+
+def stated(wanted: Requirements) -> list[Demand]:
+    """Return what is asked of the enclosed gas, which no run shows: arrangement and supply tell whether it can be."""
+    asked = (("pressure_level", wanted.pressure_level, "Pa"), ("air_stiffness", wanted.air_stiffness, "N/m"))
+    return [Demand(n, limit, unit, lambda m: math.nan, at_least=True) for n, limit, unit in asked if limit is not None]
+
+
+def axes_of(
+    model: Model, intervals: Mapping[str, tuple[float, float]], sigma: Mapping[str, float], draws: int = DRAWS
+) -> Iterator[tuple[str, Model]]:
+    """Yield axes by name: the model, one parameter at a time at an end of its interval, and draws of all of them."""
+    yield NOMINAL, model
+    known = model.base() | dict(model.values)
+    for name, ends in sorted(intervals.items()):
+        if name in known and all(map(math.isfinite, ends)):
+            for word, end in zip(("low", "high"), ends, strict=True):
+                yield f"{name} {word}", model.with_values({name: end})
+    drawn = Axes(model, sigma, TOLERANCES, ())
+    for k in range(draws):
+        yield DRAWN, drawn.draw(SEED, k)[0]
+
+
+def gate(
+    controller: Controller,
+    wanted: Requirements,
+    scenarios: Sequence[Scenario],
+    bench: Bench,
+    axes: Sequence[tuple[str, Model]],
+    progress: Callable[[float], None] = lambda share: None,
+) -> Gate:
+    """Run the controller on every axis and return what it misses."""
+    asked = demands(wanted, controller)
+    rows: list[tuple[str, str, dict[str, float]]] = []
+    for i, (name, model) in enumerate(axes):
+        progress(i / len(axes))
+        for scenario in scenarios:
+            figures = measure(run(model, controller, scenario, bench, seed=SEED + i), model, controller)
+            rows.append((name, scenario.name, {d.name: d.figure(figures) for d in asked}))
+    missed = [_judged(demand, rows, controller, wanted, scenarios) for demand in asked]
+    spring = unmet(wanted, controller.values, air_spring(controller.values))
+    missed += [Missed(u.name, u.limit, u.found, u.unit, NOMINAL, "the enclosed gas", 0.0, u.cause) for u in spring]
+    return Gate(tuple(one for one in missed if one is not None), (*asked, *stated(wanted)), len(axes))
+
+
+def _judged(
+    demand: Demand,
+    rows: Sequence[tuple[str, str, Mapping[str, float]]],
+    controller: Controller,
+    wanted: Requirements,
+    scenarios: Sequence[Scenario],
+) -> Missed | None:
+    """Return how a demand is missed, None where it is kept."""
+    drawn = [demand.missed(figures[demand.name]) for axis, _, figures in rows if axis == DRAWN]
+    per_draw = np.reshape(drawn, (-1, len(scenarios))).any(axis=1) if drawn else np.zeros(1, dtype=bool)
+    share = float(np.mean(per_draw))
+    counted = [r for r in rows if demand.missed(r[2][demand.name]) and (r[0] != DRAWN or share > SPARED)]
+    if not counted:
+        return None
+    sign = -1.0 if demand.at_least else 1.0
+    axis, scenario, figures = max(counted, key=lambda r: (r[0] == NOMINAL, sign * r[2][demand.name]))
+    why = cause(demand, controller, wanted, scenarios)
+    return Missed(demand.name, demand.limit, figures[demand.name], demand.unit, axis, scenario, share, why)
+
+
+def cause(demand: Demand, controller: Controller, wanted: Requirements, scenarios: Sequence[Scenario]) -> str:
+    """Return what of the plant keeps a demand from being reached, in words; "" where it is none of these."""
+    c = controller.values
+    if demand.name == "settling_time":
+        way, least = _longest_step(scenarios), shortest_time(c, _longest_step(scenarios))
+        if demand.limit < least:
+            return f"the valve is too small: {1e3 * way:.3g} mm take at least {least:.3g} s"
+    if demand.name == "tracking_error":
+        asked, speed = max(_fastest(s, c["C_PERIOD"]) for s in scenarios), reachable(c)[0]
+        if asked > speed:
+            return f"the valve is too small: {1e3 * asked:.3g} mm/s are asked, it keeps up with {1e3 * speed:.3g} mm/s"
+    if demand.name == "stiffness" and demand.limit > (most := stiffest(c)):
+        return f"the valve is too small and the air spring too soft: both together give at most {most:.3g} N/m"
+    if demand.name in ("tolerance", "no limit cycle"):
+        least = max(wanted.quantum_x, 2.0 * wanted.noise_x)
+        if demand.limit < least:
+            return f"the position sensor is too coarse: {UM * least:.3g} um"
+    return ""
+
+
+def shortest_time(c: Mapping[str, float], way: float) -> float:
+    """Return the least time in s that a way in m takes: at the speed that the valve keeps up with."""
+    return way / reachable(c)[0]
+
+
+def stiffest(c: Mapping[str, float]) -> float:
+    """Return the largest load over deflection in N/m that any controller reaches when a usual load jumps on.
+
+    What friction leaves of the load F meets the force that the valve builds at its full rate R from the first moment:
+    ``m dv/dt = F - R t`` comes to rest after ``2 F^3 / (3 m R^2)``. The enclosed gas helps beside it.
+    """
+    push, rate = usual_load(c), force_rate(c)
+    left = push - c["C_STATIC"]
+    if left <= 0.0:
+        return math.inf
+    return 1.5 * push / left * c["C_MASS"] * (rate / left) ** 2 + air_spring(c)
+
+
+def force_rate(c: Mapping[str, float]) -> float:
+    """Return the most in N/s at which the open valve builds force in the middle of the stroke: both ways choked."""
+    choked, half = c["C_GAMMA_R_T"] * c["C_K_GAS"] * c["C_SUPPLY"] * PSI_MAX, 0.5 * c["C_STROKE"]
+    one = c["C_AREA_1"] / (c["C_DEAD_1"] + c["C_AREA_1"] * half) * max(c["C_AREA_FILL"], c["C_AREA_VENT"])
+    two = c["C_AREA_2"] / (c["C_DEAD_2"] + c["C_AREA_2"] * half) * max(c["C_AREA_FILL_2"], c["C_AREA_VENT_2"])
+    driven = c["C_TWO_VALVES"] > 0.5 or c["C_MIRRORED"] > 0.5
+    return choked * (one + two * driven)
+
+
+def air_spring(c: Mapping[str, float]) -> float:
+    """Return the least stiffness in N/m of the enclosed gas over the middle 60 % of the stroke (isentropic)."""
+    x = np.linspace(0.2, 0.8, 25) * c["C_STROKE"]
+    p2 = spring_pressure(c, x)
+    p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
+    one, two = per_pressure(c, x)
+    return float(np.min(p1 * one + p2 * two))
+
+
+def _longest_step(scenarios: Sequence[Scenario]) -> float:
+    return max(float(np.max(np.abs(np.diff(s.reference)), initial=0.0)) for s in scenarios)
+
+
+def _fastest(scenario: Scenario, period: float) -> float:
+    """Return the largest speed in m/s of a reference that does not jump; 0 where it does."""
+    rate = np.abs(np.diff(scenario.reference)) / period
+    smooth = np.max(np.abs(np.diff(rate)), initial=0.0) < 0.5 * np.max(rate, initial=0.0)
+    return float(np.max(rate, initial=0.0)) if smooth else 0.0

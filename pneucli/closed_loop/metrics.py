@@ -1,0 +1,201 @@
+"""What a closed-loop run is judged by, in SI except where a name says otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from pneucli.caches import compiled
+from pneucli.closed_loop.simulation import Run
+from pneucli.controller import layout
+from pneucli.controller.laws import LAWS
+from pneucli.controller.parameters import Controller
+from pneucli.design.effect_compensation import critical_ratio
+from pneucli.physics.gas import flow_constant
+from pneucli.physics.vectorised import flow_functions
+from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+UM = 1e6
+LAST = 0.4  # s at the end of a stretch in which nothing changes, over which rest is judged
+SETTLED = 50e-6  # m
+FAST_HZ = 50.0  # above it the command counts as chattering
+RESTING = 1.2  # s that a stretch without change lasts at least
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Figures of one run; NaN where the scenario does not show one.
+
+    ``steady_um``, ``cycle_um``: largest error, and largest range of x, over the last 0.4 s of all stretches in which
+    reference, load and supply rest. ``tracking_*``: error while the reference moves smoothly (from 1 s on).
+    ``overshoot_um``, ``rise_s`` (10-90 %), ``settling_s`` (to 50 um): the worst of all steps of the reference.
+    ``recovery_s``, ``peak_um``: the worst after changes of load. ``load_error``: estimate minus true load, over the
+    largest true load. ``switching_hz``: reversals of u by more than 1 % of its range; ``fast_share``: share of u's
+    variance above 50 Hz; ``fast_v``: its rms in V. ``air_kg``: drawn from the supply. ``pressure_rest_pa``,
+    ``pressure_rms_pa``: error of a pressure that is asked for, the largest at rest and the rms of all; of such a run
+    nothing else is told but u and the air.
+    """
+
+    steady_um: float
+    cycle_um: float
+    tracking_rms_um: float
+    tracking_max_um: float
+    overshoot_um: float
+    rise_s: float
+    settling_s: float
+    recovery_s: float
+    peak_um: float
+    load_error: float
+    switching_hz: float
+    fast_share: float
+    fast_v: float
+    air_kg: float
+    pressure_rest_pa: float = np.nan
+    pressure_rms_pa: float = np.nan
+
+
+def measure(run: Run, model: Model, controller: Controller) -> Metrics:
+    """Return the figures of a run."""
+    s, time, x = run.scenario, run.time, run.model[:, at.X]
+    if s.pressed:
+        return _of_pressure(run, model, controller)
+    error = s.reference - x
+    jumps = np.abs(np.diff(s.reference)) > 10.0 * controller.values["C_A_MAX"] * controller.period**2
+    moving = np.concatenate([[False], (np.diff(s.reference) != 0.0) & ~jumps])
+    rests = [r for r in _stretches(run, moving) if time[r.stop - 1] - time[r.start] >= RESTING]
+    ends = [slice(r.stop - round(LAST / controller.period), r.stop) for r in rests]
+    track = moving & (time >= 1.0) & ~np.isnan(error)
+    steps = [_step(time[r], x[r], s.reference[r]) for r in rests if r.start > 0 and jumps[r.start - 1]]
+    loads = [_recovery(time[r], error[r]) for r in rests if r.start > 0 and s.force[r.start] != s.force[r.start - 1]]
+    fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
+    return Metrics(
+        UM * _worst(float(np.max(np.abs(error[e]))) for e in ends),
+        UM * _worst(float(np.ptp(x[e])) for e in ends),
+        UM * float(np.sqrt(np.mean(error[track] ** 2))) if track.any() else np.nan,
+        UM * float(np.max(np.abs(error[track]))) if track.any() else np.nan,
+        UM * _worst(o for o, _, _ in steps),
+        _worst(r for _, r, _ in steps),
+        _worst(t for _, _, t in steps),
+        _worst(t for t, _ in loads),
+        UM * _worst(p for _, p in loads),
+        _load_error(run, ends) if LAWS[controller.law].estimates else np.nan,
+        _switching(run, controller),
+        share,
+        fast,
+        air_used(run, model, controller),
+    )
+
+
+def _of_pressure(run: Run, model: Model, controller: Controller) -> Metrics:
+    """Return the figures of a run in which a pressure is asked for."""
+    error = run.scenario.reference - run.model[:, at.P1]
+    rests = [
+        r for r in _stretches(run, np.zeros(error.size, dtype=bool)) if (r.stop - r.start) * controller.period > LAST
+    ]
+    ends = [slice(r.stop - round(LAST / controller.period), r.stop) for r in rests]
+    fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
+    nothing = dict.fromkeys((f.name for f in fields(Metrics)), np.nan)
+    told = {
+        "switching_hz": _switching(run, controller),
+        "fast_share": share,
+        "fast_v": fast,
+        "air_kg": air_used(run, model, controller),
+        "pressure_rest_pa": _worst(float(np.max(np.abs(error[e]))) for e in ends),
+        "pressure_rms_pa": float(np.sqrt(np.mean(error**2))),
+    }
+    return Metrics(**(nothing | told))
+
+
+def _switching(run: Run, controller: Controller) -> float:
+    """Return the reversals of u a second."""
+    times = _reversals(run.log[:, layout.L_U1], 0.02 * controller.values["C_U_MAX"])
+    return times / float(run.time[-1] - run.time[0])
+
+
+def _worst(values: object) -> float:
+    """Return the largest, NaN where there is none."""
+    return max(values, default=float("nan"))  # type: ignore[call-overload,no-any-return]
+
+
+def _stretches(run: Run, moving: NDArray[np.bool_]) -> list[slice]:
+    """Return the stretches in which reference, load and supply do not change."""
+    s = run.scenario
+    change = moving.copy()
+    for signal in (s.reference, s.force, s.supply):
+        change[1:] |= np.diff(signal) != 0.0
+    edges = [0, *np.flatnonzero(change), run.time.size]
+    return [slice(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def _step(time: Array, x: Array, reference: Array) -> tuple[float, float, float]:
+    """Return overshoot (m), rise time 10-90 % and settling time (s) of one step."""
+    target, begin = reference[0], x[0]
+    way = (x - begin) / (target - begin)
+    overshoot = max(float(np.max(way)) - 1.0, 0.0) * abs(target - begin)
+    if np.max(way) < 0.9:
+        return overshoot, np.inf, np.inf
+    rise = time[np.argmax(way >= 0.9)] - time[np.argmax(way >= 0.1)]
+    return overshoot, float(rise), _recovery(time, target - x)[0]
+
+
+def _recovery(time: Array, error: Array) -> tuple[float, float]:
+    """Return the time in s after which the error stays within 50 um (infinite: never), and its peak in m."""
+    off = np.flatnonzero(np.abs(error) > SETTLED)
+    late = 0.0 if off.size == 0 else np.inf if off[-1] == time.size - 1 else time[off[-1] + 1] - time[0]
+    return float(late), float(np.max(np.abs(error)))
+
+
+def _load_error(run: Run, ends: list[slice]) -> float:
+    """Return the worst difference of estimated and true load at rest, over the largest true load."""
+    largest = float(np.max(np.abs(run.scenario.force)))
+    if largest == 0.0:
+        return float("nan")
+    off = run.log[:, layout.L_LOAD] - run.scenario.force
+    return _worst(abs(float(np.mean(off[e]))) / largest for e in ends)
+
+
+@compiled(nogil=True)
+def _reversals(u: Array, threshold: float) -> int:
+    """Count reversals of u that are larger than a threshold (V)."""
+    count, extreme, direction = 0, u[0], 0.0
+    for value in u:
+        if direction == 0.0:
+            direction = np.sign(value - extreme)
+        if direction * (value - extreme) > 0.0:
+            extreme = value
+        elif abs(value - extreme) > threshold:
+            count, direction, extreme = count + 1, -direction, value
+    return count
+
+
+def _chattering(u: Array, period: float) -> tuple[float, float]:
+    """Return rms (V) and share of the variance of u above 50 Hz."""
+    frequency, power = welch(u, 1.0 / period, nperseg=min(1024, u.size))
+    width, fast = frequency[1], frequency > FAST_HZ
+    total = float(np.sum(power) * width)
+    high = float(np.sum(power[fast]) * width)
+    return float(np.sqrt(high)), high / total if total > 0.0 else 0.0
+
+
+def air_used(run: Run, model: Model, controller: Controller) -> float:
+    """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
+    base = model.base()
+    gas = (base[f"rig.{name}"] for name in ("gas_constant", "gas_temperature", "heat_capacity_ratio"))
+    k, b = flow_constant(*gas), critical_ratio(model)
+    null, total = base["valve.null"], 0.0
+    second = null - run.log[:, layout.L_U1] if controller.values["C_MIRRORED"] > 0.5 else run.log[:, layout.L_U2] - null
+    driven = controller.values["C_MIRRORED"] > 0.5 or controller.values["C_TWO_VALVES"] > 0.5
+    sides = [(model.valve, run.log[:, layout.L_U1] - null, at.P1)] + [(model.second, second, at.P2)] * driven
+    for valve, opened, p in sides:
+        ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)
+        psi = flow_functions(ratio, b)
+        area = np.where(opened > 0.0, valve(opened), 0.0)
+        total += float(np.sum(area * run.scenario.supply * k * psi)) * float(run.time[1] - run.time[0])
+    return total

@@ -1,0 +1,240 @@
+"""Monte Carlo: does the controller hold on axes that differ from the model it was designed for?
+
+Every run draws an axis: identified parameters from their intervals, the rig's values from stated tolerances, and in
+turn one effect of the catalogue at a plausible size (one run in as many as there are effects has none). The draw of run
+k depends on the seed and k alone, so any run can be repeated by itself. Runs are done in chunks, on any engine
+(:mod:`pneucli.executors`); a chunk that is done is kept on disk, and an interrupted study goes on after it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.closed_loop.metrics import Metrics, measure
+from pneucli.closed_loop.simulation import Bench, Scenario, run
+from pneucli.controller.codegen import controller_text
+from pneucli.controller.parameters import Controller
+from pneucli.errors import InputError, did_you_mean
+from pneucli.executors import Engine, stream
+from pneucli.io.artifacts import atomic_path
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.build import source
+from pneucli.simulate.layout import BASE
+from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import facts_of
+
+Array = NDArray[np.float64]
+
+CHUNK = 16  # runs
+Z95 = 1.959964
+TOLERANCES = {  # 1 sigma, relative: weighing, measuring drawings, a regulator's setting
+    "rig.moving_mass": 0.02,
+    "rig.dead_volume_1": 0.03,
+    "rig.dead_volume_2": 0.03,
+    "rig.supply_pressure": 0.01,
+    "valve.areas": 0.02,
+}
+CHECKS = {"steady_um": 10.0, "cycle_um": 10.0, "recovery_s": 0.5, "load_error": 0.1}
+
+
+KEYS = ("kind", "name", "runs", "seed", "tolerances", "checks")
+MOST = 1_000_000  # runs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a pipeline file may state of a study; ``tolerances`` are 1 sigma, relative, ``checks`` limits of figures."""
+
+    runs: int = 112  # each effect of the catalogue four times
+    seed: int = 0
+    tolerances: Mapping[str, float] = field(default_factory=lambda: TOLERANCES)
+    checks: Mapping[str, float] = field(default_factory=lambda: CHECKS)
+
+
+def settings_from(table: Mapping[str, Any], where: str) -> Settings:
+    """Return the settings of a ``[[scenarios]]`` table; raises InputError for a key or value that cannot be read."""
+    for key in table:
+        if key not in KEYS:
+            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, KEYS))
+    usual = Settings()
+    return Settings(
+        _count(table.get("runs", usual.runs), f"{where}.runs", 1),
+        _count(table.get("seed", usual.seed), f"{where}.seed", 0),
+        TOLERANCES | _numbers(table.get("tolerances", {}), f"{where}.tolerances", [*BASE, "valve.areas"]),
+        CHECKS | _numbers(table.get("checks", {}), f"{where}.checks", [f.name for f in fields(Metrics)]),
+    )
+
+
+def _count(value: Any, where: str, least: int) -> int:
+    if not isinstance(value, int) or not least <= value <= MOST:
+        raise InputError(where, f"{value}", f"a whole number from {least} to {MOST}")
+    return value
+
+
+def _numbers(values: Any, where: str, known: Sequence[str]) -> dict[str, float]:
+    if not isinstance(values, Mapping):
+        raise InputError(where, f"{values}", "a table of numbers")
+    for name, value in values.items():
+        if name not in known:
+            raise InputError(f"{where}.{name}", "unknown key", mend=did_you_mean(name, known))
+        if not isinstance(value, int | float) or value < 0:
+            raise InputError(f"{where}.{name}", f"{value}", "a number, not below 0")
+    return {name: float(value) for name, value in values.items()}
+
+
+@dataclass(frozen=True)
+class Axes:
+    """What the drawn axes vary in: 1 sigma of parameters by name (identified), relative tolerances, and effects."""
+
+    model: Model
+    sigma: Mapping[str, float]
+    tolerances: Mapping[str, float]
+    effects: tuple[Effect, ...]
+
+    def draw(self, seed: int, k: int) -> tuple[Model, str, dict[str, float]]:
+        """Return the axis of run k, the name of its effect ("" for none) and the sizes of that effect's parameters."""
+        rng = np.random.default_rng([seed, k])
+        base = self.model.base() | dict(self.model.values)
+        values = {n: base[n] + s * rng.standard_normal() for n, s in sorted(self.sigma.items()) if n in base}
+        for name, share in sorted(self.tolerances.items()):
+            if name in BASE:
+                values[name] = values.get(name, base[name]) * (1.0 + share * rng.standard_normal())
+        factor = 1.0 + self.tolerances.get("valve.areas", 0.0) * rng.standard_normal()
+        valve = self.model.valve.scaled(factor)
+        model = replace(self.model.with_values(values), valve=valve)
+        place = k % (len(self.effects) + 1)
+        if place == 0:
+            return model, "", {}
+        effect = self.effects[place - 1]
+        sizes = plausible(effect, model, rng)
+        return replace(model, effects=(*model.effects, effect)).with_values(sizes), effect.name, sizes
+
+
+def plausible(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
+    """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign).
+
+    Raises InputError where the rig does not tell it.
+    """
+    facts, sizes = facts_of(model), {}
+    for p in effect.parameters:
+        size = p.on(facts)
+        if not size.typical:
+            raise effect.without_size(facts)
+        low, high = min(size.typical), max(size.typical)
+        share = rng.random()
+        sizes[f"{effect.name}.{p.name}"] = (
+            low * (high / low) ** share if low * high > 0.0 else low + share * (high - low)
+        )
+    return sizes
+
+
+@dataclass(frozen=True)
+class Study:
+    """A Monte Carlo study: axes, controller, scenarios, sensors, number of runs, seed, and the checks' limits."""
+
+    axes: Axes
+    controller: Controller
+    scenarios: tuple[Scenario, ...]
+    bench: Bench
+    runs: int
+    seed: int
+    checks: Mapping[str, float]
+
+    def key(self) -> str:
+        """Return a hash of all that decides the rows, so that rows of another study are not taken for this one's."""
+        model = self.axes.model
+        about = {
+            "program": source(tuple(catalogue().values()), control=controller_text()),
+            "controller": self.controller.to_json(),
+            "scenarios": [
+                [s.name, s.reference.tobytes().hex(), s.force.tobytes().hex(), str(s)] for s in self.scenarios
+            ],
+            "bench": asdict(self.bench),
+            "model": [sorted(model.values.items()), [e.name for e in model.effects], str(model.valve), str(model.rig)],
+            "axes": [sorted(self.axes.sigma.items()), sorted(self.axes.tolerances.items())],
+            "effects": [e.name for e in self.axes.effects],
+            "seed": self.seed,
+        }
+        return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
+
+
+def run_one(study: Study, k: int) -> list[dict[str, Any]]:
+    """Return one row a scenario of run k: the draw, the figures, and which checks they hold (none where not shown)."""
+    model, effect, sizes = study.axes.draw(study.seed, k)
+    rows = []
+    for scenario in study.scenarios:
+        result = run(model, study.controller, scenario, study.bench, seed=study.seed + k)
+        figures = asdict(measure(result, model, study.controller))
+        held = {n: bool(figures[n] <= limit) for n, limit in study.checks.items() if not np.isnan(figures[n])}
+        rows.append({"run": k, "scenario": scenario.name, "effect": effect, "sizes": sizes, **figures, "held": held})
+    return rows
+
+
+def run_chunk(study: Study, first: int) -> list[dict[str, Any]]:
+    """Return the rows of one chunk of runs."""
+    return [row for k in range(first, min(first + CHUNK, study.runs)) for row in run_one(study, k)]
+
+
+def run_study(
+    study: Study, engine: Engine, folder: Path, progress: Callable[[str, float], None] = lambda message, share: None
+) -> list[dict[str, Any]]:
+    """Return the rows of all runs, in order; chunks that ``folder`` holds from before are not run again."""
+    place = folder / study.key()[:16]
+    place.mkdir(parents=True, exist_ok=True)
+    first = range(0, study.runs, CHUNK)
+    paths = {k: place / f"{k:06d}_{min(CHUNK, study.runs - k)}.json" for k in first}
+    lacking = deque(k for k in first if not paths[k].exists())
+    before = len(first) - len(lacking)
+    for done, outcome in enumerate(stream(engine, partial(run_chunk, study), lacking), before + 1):
+        if outcome.error is not None:
+            raise outcome.error
+        with atomic_path(paths[outcome.job]) as temporary:
+            temporary.write_text(json.dumps(outcome.result), encoding="utf-8")
+        progress(f"{done} of {len(first)} chunks", done / len(first))
+    return [row for k in first for row in json.loads(paths[k].read_text(encoding="utf-8"))]
+
+
+@dataclass(frozen=True)
+class Rate:
+    """In how many runs with one effect ("" none, "all" any) a check held, and the worst of them."""
+
+    check: str
+    limit: float
+    effect: str
+    held: int
+    runs: int
+    worst: float
+    worst_run: int
+
+
+def success_rates(rows: Sequence[Mapping[str, Any]], checks: Mapping[str, float]) -> list[Rate]:
+    """Return the rates per check: over all runs first, then per effect."""
+    rates = []
+    for check, limit in checks.items():
+        shown = [r for r in rows if check in r["held"]]
+        for effect in ["all", *sorted({r["effect"] for r in shown})]:
+            mine = [r for r in shown if effect in ("all", r["effect"])]
+            if mine:
+                worst = max(mine, key=lambda r: r[check])
+                held = sum(r["held"][check] for r in mine)
+                rates.append(Rate(check, limit, effect, held, len(mine), worst[check], worst["run"]))
+    return rates
+
+
+def sigma_of(intervals: Mapping[str, tuple[float, float]], model: Model) -> dict[str, float]:
+    """Return 1 sigma of the model's parameters from their 95 % intervals; names that the model has not are left out."""
+    known = model.base() | dict(model.values)
+    return {
+        n: (high - low) / (2 * Z95) for n, (low, high) in intervals.items() if n in known and np.isfinite(high - low)
+    }

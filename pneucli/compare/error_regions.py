@@ -1,0 +1,142 @@
+"""Where the error stands: the stretch of each signal that holds more of it than its share of the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.compare.channel_errors import ChannelResult, Comparison
+from pneucli.quantities import LOCATORS, SIGNALS
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+
+Array = NDArray[np.float64]
+
+BINS = 20
+REMARKABLE = 2.0  # times its share of the samples
+SAME = 0.5  # of a stretch's error lies within another one: they tell of the same
+LARGEST_REGIONS = 40
+
+
+@dataclass(frozen=True)
+class Region:
+    """A stretch of one signal in one recording and the share of the channel's squared error that it holds.
+
+    Regions of one ``event`` hold the same error, seen over several signals or by several channels; 0 is the worst.
+    """
+
+    recording: str
+    channel: str
+    signal: str
+    from_: float
+    to: float
+    unit: str
+    share_of_error: float
+    share_of_samples: float
+    event: int = 0
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """A region with its samples (n,) of bool, the channel's squared error (n,), and how much it weighs."""
+
+    region: Region
+    inside: NDArray[np.bool_]
+    squared: Array
+    weight: float
+
+    def holds(self, other: _Stretch) -> bool:
+        """Whether most of the other stretch's error lies within this one."""
+        return bool(other.squared[self.inside & other.inside].sum() >= SAME * other.squared[other.inside].sum())
+
+    def same(self, other: _Stretch) -> bool:
+        """Whether both hold the same error: most of one lies within the other."""
+        return self.region.recording == other.region.recording and (self.holds(other) or other.holds(self))
+
+
+def locators(e: Experiment) -> dict[str, Array]:
+    """Return the signals over which an error may concentrate, each (n,), as measured and smoothed."""
+    inputs = e.inputs
+    found: dict[str, Array] = {"time": e.time}
+    for name, column in (("u", at.IN_U), ("p1", at.IN_P1), ("p2", at.IN_P2), ("x", at.IN_X), ("v", at.IN_V)):
+        if name in e.raw or (name == "v" and "x" in e.raw):
+            found[name] = inputs[:, column]
+    if "a" in e.raw:
+        found["a"] = e.raw["a"]
+    if "v" in found:
+        still = 1e-3 * float(np.max(np.abs(found["v"])) or 1.0)
+        found["direction"] = np.where(np.abs(found["v"]) < still, 0.0, np.sign(found["v"]))
+    if {"u", "p1"} <= found.keys() and not e.recording.valve_shut:
+        filling = found["u"] > 0
+        ratio = np.where(filling, found["p1"] / inputs[:, at.IN_SUPPLY], e.rig.ambient_pressure / found["p1"])
+        found["p_ratio"] = np.where(found["u"] == 0, np.nan, ratio)
+    return {name: found[name] for name in LOCATORS if name in found}
+
+
+def find_regions(comparisons: Sequence[Comparison], at_least: float = 1.2) -> list[Region]:
+    """Return the regions that hold at least twice their share of the error, worst first.
+
+    Channels whose error is below ``at_least`` times the noise have none: there is nothing to find.
+    """
+    found = [s for c in comparisons for r in c.results if r.ratio_to_noise >= at_least for s in _stretches(c, r)]
+    return _by_event(sorted(found, key=lambda s: -s.weight)[:LARGEST_REGIONS])
+
+
+def _by_event(stretches: Sequence[_Stretch]) -> list[Region]:
+    """Return the regions, each with the number of its event: the worst one whose stretch is the same."""
+    leads: list[_Stretch] = []
+    regions = []
+    for one in stretches:
+        event = next((i for i, lead in enumerate(leads) if lead.same(one)), len(leads))
+        if event == len(leads):
+            leads.append(one)
+        regions.append(replace(one.region, event=event))
+    return regions
+
+
+def _stretches(comparison: Comparison, result: ChannelResult) -> Iterator[_Stretch]:
+    """Yield the worst stretch of each signal over which the error of one channel is uneven."""
+    squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
+    weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
+    for signal, values in locators(comparison.experiment).items():
+        found = worst_stretch(values, squared)
+        if found is not None:
+            low, high, error, samples = found
+            unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
+            region = Region(result.recording, result.channel, signal, low, high, unit, error, samples)
+            yield _Stretch(region, (values >= low) & (values <= high), squared, weight * (error - samples))
+
+
+def worst_stretch(values: Array, squared: Array) -> tuple[float, float, float, float] | None:
+    """Return (from, to, share of error, share of samples) of the run of bins with the largest excess of error.
+
+    The largest sum of (share of error - share of samples) over neighbouring bins (Kadane's algorithm).
+    """
+    seen = np.isfinite(values)
+    low, high = (float(np.min(values[seen])), float(np.max(values[seen]))) if seen.any() else (0.0, 0.0)
+    total = float(squared.sum())
+    if high <= low or total <= 0:
+        return None
+    edges = np.linspace(low, high, BINS + 1)
+    place = np.clip(np.digitize(values[seen], edges) - 1, 0, BINS - 1)
+    error = np.bincount(place, squared[seen], BINS) / total
+    samples = np.bincount(place, minlength=BINS) / values.size
+    first, last = _largest_run(error - samples)
+    share, count = float(error[first : last + 1].sum()), float(samples[first : last + 1].sum())
+    if share < REMARKABLE * count:
+        return None
+    return float(edges[first]), float(edges[last + 1]), share, count
+
+
+def _largest_run(gain: Array) -> tuple[int, int]:
+    best, run, start, span = -np.inf, 0.0, 0, (0, 0)
+    for i, g in enumerate(gain):
+        if run <= 0:
+            run, start = 0.0, i
+        run += g
+        if run > best:
+            best, span = run, (start, i)
+    return span

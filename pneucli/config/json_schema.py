@@ -1,0 +1,55 @@
+"""The JSON schema of the pipeline file, by which editors complete keys and mark faults while one types."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from typing import Any
+
+from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, keys
+from pneucli.config.pipeline_tables import PipelineConfig
+
+FILE = "pipeline.schema.json"
+DIRECTIVE = f"#:schema ./{FILE}"  # on the first line of a TOML file, as Taplo and its editors read it
+_KINDS = {OPEN_LOOP: "open-loop", CLOSED_LOOP: "closed-loop", MONTE_CARLO: "monte-carlo"}
+
+
+def schema(effects: Iterable[str] = ()) -> dict[str, Any]:
+    """Return the schema (draft 2020-12); ``effects`` are names to be offered where one is asked for."""
+    made = PipelineConfig.model_json_schema(by_alias=True)
+    known = keys()
+    for table, model in MODELS.items():
+        properties = made["$defs"][model.__name__]["properties"]
+        for key in known:
+            if key.table == table:
+                properties[key.name] |= _told(key)
+    made["properties"]["design"] = _object([k for k in known if k.table == "design"])
+    kinds = [_object([k for k in known if k.table == table]) for table in _KINDS]
+    for kind, name in zip(kinds, _KINDS.values(), strict=True):
+        kind["properties"]["kind"] = {"const": name}
+        kind["required"] = [] if name == "open-loop" else ["kind"]
+    made["properties"]["scenarios"] = {"type": "array", "items": {"anyOf": kinds}}
+    offered = {"anyOf": [{"enum": sorted(effects)}, {"type": "string"}]}
+    made["$defs"]["ModelTable"]["properties"]["effects"]["items"] = offered
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "pneucli pipeline file"} | {
+        key: value for key, value in made.items() if key != "title"
+    }
+
+
+def _told(key: Key) -> dict[str, Any]:
+    unit = f" (SI unit: {key.unit})" if key.unit and key.unit != "1" else ""
+    return {"description": f"{key.says}{unit}", "examples": [value_of(key.example)]}
+
+
+def _object(own: list[Key]) -> dict[str, Any]:
+    properties = {key.name: _told(key) | _choices(key) for key in own}
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _choices(key: Key) -> dict[str, Any]:
+    return {"enum": [value_of(one) for one in key.choices]} if key.choices else {}
+
+
+def value_of(text: str) -> Any:
+    """Return the value that a piece of TOML stands for."""
+    return tomllib.loads(f"value = {text}")["value"]

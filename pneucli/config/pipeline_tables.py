@@ -1,0 +1,297 @@
+"""Pydantic models of every table of the pipeline file; quantities become SI floats while they are checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    model_validator,
+)
+
+from pneucli.arrangements import Name as ArrangementName
+from pneucli.config.rig_table import RigTable
+from pneucli.config.signal_tables import TextTable
+from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable
+from pneucli.config.value_types import (
+    Acceleration,
+    Column,
+    Force,
+    Instant,
+    Mark,
+    MassFlow,
+    Name,
+    Position,
+    Pressure,
+    Scale,
+    Table,
+    Temperature,
+    Thousands,
+    Velocity,
+    Voltage,
+)
+from pneucli.errors import UnitError
+from pneucli.experiments import KINDS
+from pneucli.experiments import Name as Experiment
+from pneucli.io.expression import Expression
+from pneucli.quantities import ROTARY, SIGNALS
+from pneucli.recording import Rig, Use
+from pneucli.units import parse_quantity, parse_unit, same_dimension
+
+SignalName = Literal[
+    "time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "flow", "x_ref", "p_ref"
+]
+
+AS_VOLUME = ', or a volume of air under standard conditions, "l/min ANR" or "Nl/min"'
+
+
+class PipelineTable(Table):
+    """``[pipeline]``."""
+
+    name: Name
+
+
+class WhereTable(Table):
+    """Which rows of a long table belong to a signal."""
+
+    column: Column
+    equals: str | float
+
+
+class SignalTable(Table):
+    """How raw columns become a signal: ``scale * column + offset``, read in ``unit``, with one column or an expression.
+
+    Where no unit is stated, and no scale, it is what the file says of the column, else SI; ``noise`` becomes SI while
+    it is checked.
+    """
+
+    column: Column | None = None
+    expression: str | None = None
+    unit: str | None = None
+    reference: Literal["gauge", "absolute"] | None = None
+    scale: Scale = 1.0
+    offset: float = 0.0
+    thousands: Thousands | None = None
+    decimal: Mark | None = None
+    where: WhereTable | None = None
+    noise: str | float | None = None
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> SignalTable:
+        if (self.column is None) == (self.expression is None):
+            raise ValueError(
+                'a signal needs either a column or an expression; wanted column = "..." or expression = "..."'
+            )
+        if self.expression is not None:
+            Expression(self.expression).check()
+        return self
+
+    @model_validator(mode="after")
+    def _two_marks(self) -> SignalTable:
+        if self.decimal is not None and self.decimal == self.thousands:
+            raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between thousands too')
+        return self
+
+    @property
+    def gauge(self) -> bool:
+        """Whether the column counts from ambient pressure."""
+        return self.reference == "gauge" or (self.unit is not None and parse_unit(self.unit).gauge)
+
+
+def _fits(name: str) -> AfterValidator:
+    """Check unit and reference of an entry of ``[signals]`` against what the signal is."""
+    quantity = SIGNALS[name]
+
+    def check(signal: SignalTable | None, info: ValidationInfo) -> SignalTable | None:
+        if signal is None:
+            return None
+        wanted = ROTARY.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
+        if signal.unit is not None and not same_dimension(signal.unit, wanted):
+            more = AS_VOLUME if name == "flow" else ""
+            raise UnitError(
+                f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"{more}'
+            )
+        if signal.reference is not None and quantity.unit != "Pa":
+            raise UnitError(f"{name} is not a pressure and takes no reference")
+        if signal.reference == "absolute" and signal.gauge:
+            raise UnitError(f'the unit "{signal.unit}" is gauge, the reference says absolute; leave one of them out')
+        if signal.noise is None:
+            return signal
+        noise = parse_quantity(signal.noise, wanted, difference=True)
+        if noise < 0:
+            raise UnitError(f"noise {signal.noise} is negative; wanted a standard deviation")
+        return signal.model_copy(update={"noise": noise})
+
+    return AfterValidator(check)
+
+
+class SignalsTable(Table):
+    """``[signals]`` and ``[recordings.signals]``: one entry for each signal that is recorded."""
+
+    time: Annotated[SignalTable | None, _fits("time")] = None
+    u: Annotated[SignalTable | None, _fits("u")] = None
+    u2: Annotated[SignalTable | None, _fits("u2")] = None
+    p_supply: Annotated[SignalTable | None, _fits("p_supply")] = None
+    p1: Annotated[SignalTable | None, _fits("p1")] = None
+    p2: Annotated[SignalTable | None, _fits("p2")] = None
+    x: Annotated[SignalTable | None, _fits("x")] = None
+    v: Annotated[SignalTable | None, _fits("v")] = None
+    a: Annotated[SignalTable | None, _fits("a")] = None
+    force: Annotated[SignalTable | None, _fits("force")] = None
+    temperature: Annotated[SignalTable | None, _fits("temperature")] = None
+    flow: Annotated[SignalTable | None, _fits("flow")] = None
+    x_ref: Annotated[SignalTable | None, _fits("x_ref")] = None
+    p_ref: Annotated[SignalTable | None, _fits("p_ref")] = None
+
+    def present(self) -> dict[str, SignalTable]:
+        """Return the signals that the file describes."""
+        return {name: getattr(self, name) for name in SIGNALS if getattr(self, name) is not None}
+
+
+class MoreTable(TextTable):
+    """One ``[[recordings.more]]``: a further file of the recording, whose clock is moved by ``offset`` (s)."""
+
+    file: Name
+    offset: Instant | Literal["find"] | None = None
+    match: SignalName | None = None
+    signals: SignalsTable = SignalsTable()
+
+    @model_validator(mode="after")
+    def _found_by(self) -> MoreTable:
+        if (self.offset == "find") != (self.match is not None):
+            raise ValueError(
+                'offset = "find" and match belong together; wanted match = "x", or any signal of both files'
+            )
+        return self
+
+
+class RecordingTable(TextTable):
+    """One ``[[recordings]]``: files, how to read them, what was measured, and what was held constant (SI)."""
+
+    name: Name | None = None
+    file: Name
+    experiment: Experiment
+    use: Use
+    test: Name | list[Name] | None = None
+    take: list[SignalName] | None = None
+    chamber_2: Literal["closed", "open", "valve"] | None = None
+    chamber: Literal[1, 2] = 1
+    imposed: Literal["motion"] | None = None
+    valve: Literal["shut"] | None = None
+    controller: Name | None = None
+    signals: SignalsTable = SignalsTable()
+    more: list[MoreTable] = Field(default_factory=list)
+    from_: Annotated[Instant | None, Field(alias="from")] = None
+    to: Instant | None = None
+    u: Voltage | None = None
+    u2: Voltage | None = None
+    p_supply: Pressure | None = None
+    p1: Pressure | None = None
+    p2: Pressure | None = None
+    x: Position | None = None
+    v: Velocity | None = None
+    a: Acceleration | None = None
+    force: Force | None = None
+    temperature: Temperature | None = None
+    flow: MassFlow | None = None
+    x_ref: Position | None = None
+    p_ref: Pressure | None = None
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """What was held and not logged, SI."""
+        return {name: getattr(self, name) for name in SIGNALS if getattr(self, name, None) is not None}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RecordingTable:
+        if self.decimal is not None and self.decimal in (self.delimiter, self.thousands):
+            raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between columns or thousands too')
+        if self.from_ is not None and self.to is not None and self.from_ >= self.to:
+            raise ValueError(f"the stretch from {self.from_} s to {self.to} s is empty")
+        kind = KINDS[self.experiment]
+        if self.imposed and kind.valve:
+            raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
+        if kind.controlled and self.controller is None:
+            raise ValueError('a closed-loop recording must say controller = "FILE", which export wrote, or "unknown"')
+        if self.controller is not None and not kind.controlled:
+            raise ValueError(f'controller belongs to experiment = "closed-loop", not to "{self.experiment}"')
+        if kind.axis and self.chamber_2 is None:
+            raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
+        return self
+
+
+class PipelineConfig(Table):
+    """The whole pipeline file; ``path`` is where it stands, ``document`` the tables as written."""
+
+    pipeline: PipelineTable
+    rig: RigTable = RigTable()
+    signals: SignalsTable = SignalsTable()
+    recordings: Annotated[list[RecordingTable], Field(min_length=1)]
+    model: ModelTable = ModelTable()
+    identify: IdentifyTable = IdentifyTable()
+    compare: CompareTable = CompareTable()
+    design: dict[str, Any] = Field(default_factory=dict)
+    scenarios: list[dict[str, Any]] = Field(default_factory=list)
+    checks: dict[str, CheckTable] = Field(default_factory=dict)
+
+    _rotary: bool = PrivateAttr(default=False)
+    _path: Path = PrivateAttr(default=Path("pipeline.toml"))
+    _document: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def path(self) -> Path:
+        """The file that was read; relative paths in it start in its folder."""
+        return self._path
+
+    @property
+    def rotary(self) -> bool:
+        """Whether the axis turns: its x is an angle."""
+        return self._rotary
+
+    def unit(self, signal: str) -> str:
+        """The SI unit of a signal, as the axis moves."""
+        unit = SIGNALS[signal].unit
+        return ROTARY.get(unit, unit) if self._rotary else unit
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The TOML tables as written, before defaults and conversion."""
+        return self._document
+
+    @property
+    def name(self) -> str:
+        """The pipeline's name."""
+        return self.pipeline.name
+
+    def to_rig(self) -> Rig:
+        """Return what is known of the rig, as domain packages receive it (SI)."""
+        valve = self.rig.valve
+        return Rig(
+            **self.rig.known(),
+            vessel_volume=self.rig.vessel.volume,
+            valve_null=0.0 if valve.null == "identify" else valve.null,
+            null_free=valve.null == "identify",
+            valve_arrangement=self.arrangement,
+            valve_kind=valve.kind,
+        )
+
+    @model_validator(mode="after")
+    def _arranged(self) -> PipelineConfig:
+        driven = [t for t in self.recordings if t.chamber_2 == "valve"]
+        if driven and self.rig.valve.arrangement == "one-chamber":
+            name = driven[0].name or driven[0].file
+            raise ValueError(
+                f'{name} says chamber_2 = "valve", but [rig.valve] has no path to chamber 2; wanted "5/3" or "two"'
+            )
+        return self
+
+    @property
+    def arrangement(self) -> ArrangementName:
+        """How the valves are connected: as stated, else as the recordings need it."""
+        stated = self.rig.valve.arrangement
+        driven = any(table.chamber_2 == "valve" for table in self.recordings)
+        return stated or ("two" if driven else "one-chamber")

@@ -1,0 +1,165 @@
+"""From the recordings of a pipeline file to the files on disk: environment variables, globs, names."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from pneucli import paths
+from pneucli.arrangements import ARRANGEMENTS
+from pneucli.config.load import line_of
+from pneucli.config.pipeline_tables import MoreTable, PipelineConfig, RecordingTable, SignalTable
+from pneucli.errors import InputError, did_you_mean
+from pneucli.experiments import KINDS
+
+
+@dataclass(frozen=True)
+class More:
+    """A further file of a recording, with the signals that it may hold."""
+
+    path: Path
+    table: MoreTable
+    signals: dict[str, SignalTable]
+
+
+@dataclass(frozen=True)
+class Source:
+    """One raw file as one recording; ``where`` names the place in the pipeline file that asks for it.
+
+    ``signals`` holds ``[recordings.signals]`` over ``[signals]`` (an entry replaces the whole entry below it),
+    narrowed to ``take``; those in ``required`` were asked for by this recording itself. ``commands`` are those of the
+    valves where they drive both chambers.
+    """
+
+    name: str
+    path: Path
+    table: RecordingTable
+    signals: dict[str, SignalTable]
+    required: frozenset[str]
+    where: str
+    commands: tuple[str, ...] = ()
+    more: tuple[More, ...] = ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files of the recording."""
+        return (self.path, *(one.path for one in self.more))
+
+
+def sources(config: PipelineConfig) -> list[Source]:
+    """Return all recordings in the file's order.
+
+    A glob that matches several files makes several recordings: ``name_1``, ``name_2``, ... in natural order, or the
+    files' stems where there is no name. Raises :class:`InputError` where a file or an environment variable is missing,
+    or where two recordings share a name.
+    """
+    text = config.path.read_text(encoding="utf-8-sig")
+    found = [source for index in range(len(config.recordings)) for source in _sources_of(config, index, text)]
+    twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
+    if twice:
+        where = next(source.where for source in reversed(found) if source.name == twice[0])
+        raise InputError(where, f'two recordings are called "{twice[0]}"', "a name for each", "rename one of them")
+    return found
+
+
+def plugin_files(config: PipelineConfig) -> list[Path]:
+    """Return the Python files of ``[model] plugins``; one that is not there stands for itself."""
+    where, folder = f"{config.path}, key model.plugins", config.path.parent
+    return [path for plugin in config.model.plugins for path in paths.named(plugin, folder, where)]
+
+
+def raw_files(config: PipelineConfig) -> list[Path]:
+    """Return the raw files that the pipeline reads, each once."""
+    return list(dict.fromkeys(path for source in sources(config) for path in source.paths))
+
+
+def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
+    table = config.recordings[index]
+    where = f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"
+    signals = {**config.signals.present(), **table.signals.present()}
+    required = {"time", *table.signals.present(), *(table.take or [])} - table.constants.keys()
+    if table.take is not None:
+        further = {name: one for more in table.more for name, one in more.signals.present().items()}
+        _check_take(table, {**signals, **further}, where)
+        signals = {name: signal for name, signal in signals.items() if name in {"time", *table.take}}
+    if "time" not in signals:
+        mend = 'add to [signals]: time = { column = "...", unit = "s" }'
+        raise InputError(where, "no signal is called time", "a column of time stamps", mend)
+    signals = {name: signal for name, signal in signals.items() if name not in table.constants}
+    found = _paths(config.path, table.file, where)
+    names = _names(table.name, found)
+    required &= signals.keys()
+    is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
+    commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
+    tables = _by_use(table, found, where)
+    more = _more(config, table, len(found), where)
+    return [
+        Source(name, path, own, signals, frozenset(required), where, commands, further)
+        for name, path, own, further in zip(names, found, tables, more, strict=True)
+    ]
+
+
+def _more(config: PipelineConfig, table: RecordingTable, count: int, where: str) -> list[tuple[More, ...]]:
+    """Return the further files of each of ``count`` recordings: of globs, the first, the second, ... of each.
+
+    A further file holds signals of ``[signals]`` and its own, as far as they are taken and not held constant.
+    """
+    columns = []
+    for number, one in enumerate(table.more, 1):
+        found = _paths(config.path, one.file, f"{where}, key more.{number}")
+        if len(found) != count:
+            wanted = f"{count}, one for each file of the recording"
+            raise InputError(f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob")
+        own = {**config.signals.present(), **one.signals.present()}
+        taken = {"time", *(table.take or own)} - table.constants.keys()
+        own = {name: signal for name, signal in own.items() if name in taken}
+        columns.append([More(path, one, own) for path in found])
+    return list(zip(*columns, strict=True)) if columns else [()] * count
+
+
+def _by_use(table: RecordingTable, found: list[Path], where: str) -> list[RecordingTable]:
+    """Return the table of each file: those that ``test`` names are held out."""
+    if table.test is None:
+        return [table] * len(found)
+    held: set[Path] = set()
+    for pattern in [table.test] if isinstance(table.test, str) else table.test:
+        hits = {path for path in found if path.match(pattern)}
+        if not hits:
+            wanted = "a file, or a glob, of those of this recording"
+            raise InputError(
+                f"{where}, key test", f'no file "{pattern}"', wanted, did_you_mean(pattern, [p.name for p in found])
+            )
+        held |= hits
+    test = table.model_copy(update={"use": "test"})
+    return [test if path in held else table for path in found]
+
+
+def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: str) -> None:
+    for name in table.take or []:
+        if name not in signals and name not in table.constants:
+            raise InputError(
+                f"{where}, key take", f'"{name}" is not described', "a signal of [signals]", did_you_mean(name, signals)
+            )
+
+
+def _names(name: str | None, found: list[Path]) -> list[str]:
+    if name is None:
+        return [path.stem for path in found]
+    return [name] if len(found) == 1 else [f"{name}_{number}" for number in range(1, len(found) + 1)]
+
+
+def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
+    if found := paths.files(file, pipeline.parent, where):
+        return found
+    pattern = paths.expand(file, pipeline.parent, where)
+    if os.path.exists(pattern):
+        raise InputError(
+            where, f"{pattern} is a folder, a pipe or a device", "a raw file", 'such as file = "raw/*.csv"'
+        )
+    neighbours = os.listdir(pattern.parent) if os.path.isdir(pattern.parent) else []
+    mend = (
+        did_you_mean(pattern.name, neighbours) if neighbours else f"the folder {pattern.parent} is empty or not there"
+    )
+    raise InputError(where, f"no file {pattern}", "a raw file, or a glob that matches some", mend)

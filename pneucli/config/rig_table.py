@@ -1,0 +1,84 @@
+"""``[rig]`` of the pipeline file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pneucli.config.value_types import (
+    Area,
+    GasConstant,
+    HeatCapacityRatio,
+    Length,
+    Mass,
+    Pressure,
+    Table,
+    Temperature,
+    Voltage,
+    Volume,
+)
+from pneucli.gases import GASES
+from pneucli.gases import Name as GasName
+from pneucli.units import STANDARD_ATMOSPHERE
+
+
+class VesselTable(Table):
+    """``[rig.vessel]``: the fixed chamber of a valve test (m^3)."""
+
+    volume: Volume | None = None
+
+
+class ValveTable(Table):
+    """``[rig.valve]``: how the valves are connected, the command in V at which nothing flows, and their kind."""
+
+    arrangement: Literal["one-chamber", "5/3", "two"] | None = None
+    null: Voltage | Literal["identify"] = 0.0
+    kind: Literal["proportional", "switching"] = "proportional"
+
+
+class CylinderTable(Table):
+    """``[rig.cylinder]`` in m^2, m, m^3 and kg; of a rotary axis m^3/rad, rad, m^3 and kg m^2."""
+
+    piston_area_1: Area | None = None
+    piston_area_2: Area | None = None
+    stroke: Length | None = None
+    dead_volume_1: Volume | None = None
+    dead_volume_2: Volume | None = None
+    moving_mass: Mass | None = None
+    moment_of_inertia: Mass | None = None
+
+    @model_validator(mode="after")
+    def _moves_one_way(self) -> CylinderTable:
+        if self.moving_mass is not None and self.moment_of_inertia is not None:
+            raise ValueError("an axis has a moving_mass or, if it turns, a moment_of_inertia; leave one of them out")
+        return self
+
+
+class RigTable(Table):
+    """``[rig]``; pressures absolute in Pa, temperature in K.
+
+    ``thermal``: how the gas in a chamber changes, or the exponent of it (1: isothermal).
+    """
+
+    gas_temperature: Temperature = 293.15
+    ambient_pressure: Pressure = STANDARD_ATMOSPHERE
+    supply_pressure: Pressure | None = None
+    gas: GasName = "air"
+    thermal: Annotated[float, Field(ge=1.0)] | Literal["adiabatic", "isothermal", "identify"] = "adiabatic"
+    heat_capacity_ratio: HeatCapacityRatio | None = None
+    gas_constant: GasConstant | None = None
+    vessel: VesselTable = VesselTable()
+    valve: ValveTable = ValveTable()
+    cylinder: CylinderTable = CylinderTable()
+
+    def known(self) -> dict[str, Any]:
+        """Return what is stated of gas, pressures and cylinder by name, SI; a gas by name has its constants."""
+        plain = self.model_dump(exclude={"vessel", "cylinder", "valve", "gas", "thermal"})
+        gas, cylinder = GASES[self.gas], self.cylinder.model_dump(exclude={"moment_of_inertia"})
+        if self.cylinder.moment_of_inertia is not None:
+            cylinder["moving_mass"] = self.cylinder.moment_of_inertia
+        plain["heat_capacity_ratio"] = self.heat_capacity_ratio or gas.heat_capacity_ratio
+        plain["gas_constant"] = self.gas_constant or gas.gas_constant
+        exponent = 1.0 if self.thermal == "isothermal" else self.thermal if isinstance(self.thermal, float) else None
+        return {**plain, **cylinder, "polytropic_exponent": exponent, "exponent_free": self.thermal == "identify"}

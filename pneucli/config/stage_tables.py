@@ -1,0 +1,78 @@
+"""``[model]`` of the pipeline file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pneucli.config.value_types import Duration, Frequency, Name, Steepness, Table, Velocity
+
+
+class ParameterTable(Table):
+    """One entry of ``[model.parameters]``: what is known beforehand, as text with a unit, or in SI."""
+
+    fixed: str | float | None = None
+    start: str | float | None = None
+    min: str | float | None = None
+    max: str | float | None = None
+    sigma: str | float | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> ParameterTable:
+        others = [key for key in ("start", "min", "max", "sigma") if getattr(self, key) is not None]
+        if self.fixed is None and not others:
+            raise ValueError("nothing is said of it; wanted fixed, or start, min, max and sigma")
+        if self.fixed is not None and others:
+            raise ValueError(f"what is fixed has no {others[0]}; leave one of them out")
+        return self
+
+
+class ModelTable(Table):
+    """``[model]``: effects on top of the base model, the valve's form, what is known of parameters beforehand, and
+    Python files with effects of one's own.
+    """
+
+    effects: list[str] = Field(default_factory=list)
+    valve: Literal["map", "linear"] = "map"
+    parameters: dict[str, ParameterTable] = Field(default_factory=dict)
+    plugins: list[Name] = Field(default_factory=list)
+
+
+Channel = Literal["p1", "p2", "x", "v", "a", "force", "temperature", "flow"]
+
+
+class FrictionTable(Table):
+    """``[identify.friction]``: of the friction models; what is absent follows from the recordings."""
+
+    velocity_range: Annotated[Velocity, Field(gt=0)] | None = None
+    nodes: Annotated[int, Field(ge=10, le=100_000)] | None = None
+    eta: Steepness | None = None
+
+
+class IdentifyTable(Table):
+    """``[identify]``."""
+
+    friction: FrictionTable = FrictionTable()
+    weights: dict[Channel, Annotated[float, Field(ge=0, le=1e6)]] = Field(default_factory=dict)
+
+
+class CompareTable(Table):
+    """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
+
+    horizon: Duration = 0.5
+    low_pass: Frequency | None = None
+
+
+class CheckTable(Table):
+    """One entry of ``[checks]``: limits of a value in a JSON answer."""
+
+    max: float | None = None
+    min: float | None = None
+    equals: bool | int | float | str | list[Any] | None = None
+
+    @model_validator(mode="after")
+    def _limits_something(self) -> CheckTable:
+        if self.max is None and self.min is None and self.equals is None:
+            raise ValueError("the check limits nothing; wanted max, min or equals")
+        return self

@@ -1,0 +1,1 @@
+"""The controller that is simulated and exported: scalar code, translated to C and structured text."""

@@ -1,0 +1,112 @@
+"""Scalar functions as text: which a law needs, in what order, and what the simulation kernel gets of all laws."""
+
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+# ruff: noqa: F403, F405, ANN
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Mapping
+from functools import cache
+from types import FunctionType
+
+from pneucli.controller import layout
+from pneucli.controller.laws import LAWS
+from pneucli.controller.laws.base import callees_first
+from pneucli.controller.layout import *
+from pneucli.controller.operation import asked, enable, finish, follow, pause, reset, set_supply, shut
+from pneucli.controller.pressure_level import set_level
+from pneucli.controller.valve_dynamics import shut_1, shut_2
+from pneucli.physics import gas
+
+DISPATCH = "any_law"  # of :mod:`pneucli.controller.codegen`
+
+
+@cache
+def controller_text() -> str:
+    """Return all laws as text for the kernel: constants, functions, and the choice between them."""
+    roots = [*(law.step for law in LAWS.values()), control]
+    needed = {f.__name__: f for root in roots for f in callees_first(root) if f.__module__ != gas.__name__}
+    needed.pop(DISPATCH)
+    around = [_source(f) for f in needed.values() if f.__module__ == __name__]
+    within = [_source(f) for f in needed.values() if f.__module__ != __name__]
+    return "\n\n\n".join([_constants(), *within, _dispatch(), *around])
+
+
+def _source(function: FunctionType) -> str:
+    return inspect.getsource(function).rstrip()
+
+
+def _constants() -> str:
+    common = {n: v for n, v in vars(layout).items() if n[:2] in ("S_", "C_", "L_") and isinstance(v, int)}
+    own: dict[str, int] = {}
+    for law in LAWS.values():
+        _join(own, law.constants)
+    return "\n".join(f"{name} = {value}" for name, value in (common | own).items())
+
+
+def _join(known: dict[str, int], more: Mapping[str, int]) -> None:
+    """Add constants; raises ValueError where a name has two places, which one text cannot hold."""
+    for name, value in more.items():
+        if known.setdefault(name, value) != value:
+            raise ValueError(f"{name} stands for two places")
+
+
+def _dispatch() -> str:
+    lines = [f"def {DISPATCH}(which, x_ref, x, p1, p2, s, c):"]
+    for i, law in enumerate(LAWS.values()):
+        lines += [f"    if which == {i}:", f"        {law.step.__name__}(x_ref, x, p1, p2, s, c)"]
+    return "\n".join(lines)
+
+
+def rounded(value, quantum):
+    """Return value on a grid of ``quantum``, itself where that is zero or the value is missing."""
+    return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 and math.isfinite(value) else value
+
+
+def any_law(which: int, x_ref, x, p1, p2, s, c):
+    """Advance the law at that place of the table; in the kernel a choice between compiled functions."""
+    tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
+
+
+def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
+    """Run one sample of a law as a machine does: ``supply`` is measured (Pa, 0: not), ``duty`` one of DUTIES.
+
+    ``level``: the mean of both pressures that is set (Pa, 0: as designed).
+    """
+    set_supply(supply, s, c)
+    set_level(level, s, c)
+    enable(0.0 if duty == 2.0 else 1.0, s)
+    pause(1.0 if duty == 1.0 else 0.0, s)
+    if duty == 3.0:
+        reset(x, p1, p2, s[S_U1], s[S_U2], s, c)
+    if s[S_OFF] > 0.5:
+        shut(s, c)
+        return
+    any_law(which, asked(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
+    finish(s, c)
+
+
+def control(k, x_ref, x, p1, p2, cs, cp):
+    """Run one sample of the controller: cs holds its state and then a row of noise and log a sample.
+
+    The last four of cp are the quanta of position (m) and pressure (Pa), the delay in samples, and the law's place.
+    """
+    settings: int = cp.size - 4
+    row: int = L_STATES + k * L_ROW
+    read_x = rounded(x + cs[row + L_NOISE_X], cp[settings])
+    read_p1 = rounded(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
+    read_p2 = rounded(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
+    supply, duty, level = cs[row + L_SUPPLY], cs[row + L_DUTY], cs[row + L_LEVEL]
+    if duty == 4.0:
+        follow(cs[row + L_U1], cs[row + L_U2], cs, cp)
+    operate(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, supply, duty, level, cs, cp)
+    cs[row + L_READ_X], cs[row + L_READ_P1], cs[row + L_READ_P2] = read_x, read_p1, read_p2
+    cs[row + L_U1], cs[row + L_U2], cs[row + L_LOAD] = cs[S_U1], cs[S_U2], cs[S_LOAD]
+    cs[row + L_P1_REF], cs[row + L_P2_REF], cs[row + L_FLOW1] = cs[S_P1_REF], cs[S_P2_REF], cs[S_FLOW1]
+    cs[row + L_SHAPED], cs[row + L_V], cs[row + L_FORCE] = cs[S_X_SHAPED], cs[S_V], cs[S_FORCE]
+    late: int = k - int(cp[settings + 2])
+    if late < 0:
+        return shut_1(cp), shut_2(cp)
+    return cs[L_STATES + late * L_ROW + L_U1], cs[L_STATES + late * L_ROW + L_U2]

@@ -1,0 +1,123 @@
+"""Which of the program's functions a scalar function needs, so that it can be written down whole."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import sys
+import textwrap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneucli.controller import layout
+from pneucli.controller.parameters import Controller, usual_load
+
+if TYPE_CHECKING:
+    from pneucli.design.bandwidths import Corners
+    from pneucli.design.pdc import Pdc
+    from pneucli.design.requirements import Requirements
+    from pneucli.tp import TPModel
+
+
+def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
+    """Return the program's functions that ``root`` needs, and ``root``, each after those that it calls."""
+    done: dict[str, FunctionType] = {}
+
+    def visit(function: Any) -> None:
+        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function)))):
+            name = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+            called = function.__globals__.get(name)
+            if isinstance(called, FunctionType) and name not in done and called is not function:
+                visit(called)
+        done[function.__name__] = function
+
+    visit(root)
+    return list(done.values())
+
+
+Numbers = Mapping[str, "float | tuple[float, ...]"]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What laws are designed from.
+
+    ``cascade``: the project's own controller, whose numbers of the axis, gains and inverse map the others share.
+    ``corners``: those of loops that predict nothing. ``surface``: slope of the sliding line in
+    1/s. ``vertices``: a22 of the direct TP friction model in 1/s. ``scheduled``: the TP model of the axis and its PDC.
+    What could not be had is empty, and ``missing`` says why, by the names here.
+    """
+
+    cascade: Controller
+    wanted: Requirements
+    corners: Corners
+    surface: float
+    vertices: tuple[float, ...] = ()
+    scheduled: tuple[TPModel, Pdc] | None = None
+    missing: Mapping[str, str] | None = None
+
+    @property
+    def most(self) -> float:
+        """Force M in N of the switching terms: more than breakaway friction and a usual load together."""
+        c = self.cascade.values
+        return self.wanted.switching_gain * (c["C_STATIC"] + usual_load(c))
+
+    def why(self, name: str) -> str:
+        """Return why something is missing."""
+        return (self.missing or {}).get(name, "not known")
+
+
+@dataclass(frozen=True)
+class Law:
+    """One control law: ``step(x_ref, x, p1, p2, s, c)`` is its sample, in the scalar code of ``pneucli.controller.cascade``.
+
+    ``source`` names its equations in the thesis. ``design`` returns from a plan all its own numbers, a table last, and
+    those of the common ones that it changes; it raises InputError where the plan lacks what it needs. ``estimates``:
+    whether it has an estimate of the load; ``pressure``: whether it has a pressure loop that takes a reference.
+    """
+
+    name: str
+    title: str
+    source: str
+    step: Callable[..., None]
+    design: Callable[[Plan], Numbers]
+    estimates: bool = False
+    pressure: bool = True
+
+    @cached_property
+    def constants(self) -> dict[str, int]:
+        """Places of its own states and numbers, those of the parts that it uses included."""
+        modules = {sys.modules[f.__module__] for f in callees_first(self.step)}
+        return {name: place for module in modules for name, place in own_constants(vars(module)).items()}
+
+    def controller(self, plan: Plan) -> Controller:
+        """Return the controller of this law; raises InputError where the plan lacks what it needs."""
+        found = self.design(plan)
+        common = {n: v for n, v in found.items() if n in layout.PARAMETERS and not isinstance(v, tuple)}
+        own = np.concatenate([[], *(np.atleast_1d(found[name]) for name in self.parameters)])
+        assert set(found) == {*common, *self.parameters}
+        return plan.cascade.governed(self.name, common, tuple(map(float, own)))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its own numbers, in the order in which they stand behind the inverse tables."""
+        return self._named("C_")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of its own states, which stand behind the common ones."""
+        return self._named("S_")
+
+    def _named(self, begin: str) -> tuple[str, ...]:
+        return tuple(sorted((n for n in self.constants if n.startswith(begin)), key=self.constants.__getitem__))
+
+
+def own_constants(names: Mapping[str, Any]) -> dict[str, int]:
+    """Return the constants of states and numbers among a module's names that are not those of the layout."""
+    common = vars(layout)
+    return {n: v for n, v in names.items() if n.startswith(("S_", "C_")) and n not in common}

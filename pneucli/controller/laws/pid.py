@@ -1,0 +1,41 @@
+"""The cascade's PIDs (7.1-7.3), alone, or with what is known of mass, friction and motion ahead.
+
+Position: ``F = m (KD (v_r - v) + KP (x_r - x)) + m KI int (x_r - x) dt``, poles by the rule of the cascade; with
+feed-forward also ``m a_r + Fv v_r`` and dry friction (3.6) on the reference's way, and in the pressure loop the
+gradient that the piston's motion makes.
+"""
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+# ruff: noqa: F403, F405, ANN
+
+from __future__ import annotations
+
+from functools import partial
+
+from pneucli.controller.cascade import pressure_references
+from pneucli.controller.laws.base import Law
+from pneucli.controller.laws.shared_blocks import known_force, press, readings, shared
+from pneucli.controller.layout import *
+from pneucli.controller.reference import follow_reference
+
+
+def pid_force(s, c):
+    """Return the force in N: PID, and what goes ahead; the integral is wound back where pressures end."""
+    error = s[S_X_SHAPED] - s[S_X]
+    rate = s[S_V_SHAPED] - s[S_V]
+    s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
+    return c[C_MASS] * (c[C_KD] * rate + c[C_KP] * error) + s[S_INTEGRAL] + c[C_AHEAD] * known_force(s, c)
+
+
+def pid_step(x_ref, x, p1, p2, s, c):
+    """Advance the PIDs by one sample; readings and commands as in step."""
+    x_ref = readings(x_ref, x, p1, p2, s, c)
+    if follow_reference(x_ref, s, c):
+        pressure_references(pid_force(s, c), s, c)
+    press(s, c)
+
+
+ALONE = Law("pid", "PIDs of position and pressure", "7.1-7.3", pid_step, shared)
+FEEDFORWARD = Law(
+    "pid-feedforward", "the PIDs with mass, friction and motion ahead", "7.1-7.3, 3.6", pid_step,
+    partial(shared, ahead=True),
+)  # fmt: skip

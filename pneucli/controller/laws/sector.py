@@ -1,0 +1,97 @@
+"""The sliding sector (5.11-5.14) between the lines that the vertices of the direct TP friction model give (6.9-6.20).
+
+``x1 = x - x_r``, ``x2 = v - v_r``, lines ``s_r = x2 + lambda_r x1``; ``lambda2 - lambda1 = a2 - a1`` and the width
+``alpha = lambda2 / lambda1`` give ``lambda1 = (a2 - a1) / (alpha - 1)`` (6.18-6.20), nothing is solved back. Both lines
+have the same equivalent force ``m (a1 - lambda1) x2`` (6.16), to which a moving reference adds what its way takes.
+``u_d = -M`` above both lines, ``+M`` below both, ``-M (s1 + s2) / (|s1| + |s2|)`` between them (5.13).
+
+Discrete time, which the thesis leaves open: such lines are steep (lambda T far above 1), and no explicit sample can
+follow one. All is therefore taken at the end of the sample (implicit Euler, Acary and Brogliato 2010), dry friction as
+a set among it: with the rate y there, ``(1 + lambda1 T) y + (T / m) (M phi(x1 + T y, y) + f) = x2``, phi = (s1 + s2) /
+(|s1| + |s2|), f in dry friction Sgn(y + v_r) beside what goes ahead of it. The left side rises in y and has one root,
+which halving finds; a piston that sticks has y = - v_r there, and gets all of M.
+"""
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+# ruff: noqa: F403, F405, ANN
+
+from __future__ import annotations
+
+import math
+
+from pneucli.controller.cascade import dry_ahead, pressure_references
+from pneucli.controller.laws.base import Law, Numbers, Plan
+from pneucli.controller.laws.shared_blocks import FREE_NUMBER, known_force, press, readings, shared
+from pneucli.controller.layout import *
+from pneucli.controller.plant import dry_friction, sign
+from pneucli.controller.reference import follow_reference
+from pneucli.design.sliding_sector import sector_from_vertices
+from pneucli.errors import InputError
+
+(
+    C_SLIDE_MOST,  # N: M
+    C_SLIDE_1,  # 1/s: lambda1, lambda2, and the lower vertex a1
+    C_SLIDE_2,
+    C_SLIDE_A,
+) = range(FREE_NUMBER, FREE_NUMBER + 4)
+
+
+def between(x1, x2, c):
+    """Return phi, -1 to 1: the sign of both lines outside the sector, continuous within it (5.13)."""
+    s1 = x2 + c[C_SLIDE_1] * x1
+    s2 = x2 + c[C_SLIDE_2] * x1
+    total = math.fabs(s1) + math.fabs(s2)
+    return (s1 + s2) / total if total > 0.0 else 0.0
+
+
+def rate_after(x1, x2, s, c):
+    """Return the rate in m/s at the end of the sample, m and m/s before it."""
+    h = c[C_PERIOD]
+    stiff = 1.0 + c[C_SLIDE_1] * h
+    kick = h * c[C_SLIDE_MOST] / c[C_MASS]
+    brake = h * dry_friction(math.fabs(s[S_V]), s, c) / c[C_MASS]
+    ahead = h * dry_ahead(s, c) / c[C_MASS]
+    low = (x2 - kick - 2.0 * brake - math.fabs(ahead)) / stiff
+    high = (x2 + kick + 2.0 * brake + math.fabs(ahead)) / stiff
+    for _i in range(60):
+        y = 0.5 * (low + high)
+        held = brake * sign(y + s[S_V_SHAPED]) - ahead
+        if stiff * y + kick * between(x1 + h * y, y, c) + held > x2:
+            high = y
+        else:
+            low = y
+    return 0.5 * (low + high)
+
+
+def slide_force(s, c):
+    """Return the force in N: equivalent (6.16) and switching (5.13) at the end of the sample; and what goes ahead."""
+    x1 = s[S_X] - s[S_X_SHAPED]
+    x2 = s[S_V] - s[S_V_SHAPED]
+    y = rate_after(x1, x2, s, c)
+    equivalent = c[C_MASS] * (c[C_SLIDE_A] - c[C_SLIDE_1]) * y
+    return equivalent - c[C_SLIDE_MOST] * between(x1 + c[C_PERIOD] * y, y, c) + known_force(s, c)
+
+
+def slide_step(x_ref, x, p1, p2, s, c):
+    """Advance the sliding sector by one sample; readings and commands as in step."""
+    x_ref = readings(x_ref, x, p1, p2, s, c)
+    if follow_reference(x_ref, s, c):
+        pressure_references(slide_force(s, c), s, c)
+    press(s, c)
+
+
+def designed(plan: Plan) -> Numbers:
+    """Return the sector of the plan's vertices; raises InputError where there are none."""
+    if not plan.vertices:
+        raise InputError("the sliding sector", plan.why("vertices"), "a direct TP friction model (C)")
+    c, wanted = plan.cascade.values, plan.wanted
+    found = sector_from_vertices(plan.vertices, c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio)
+    own = {
+        "C_SLIDE_MOST": plan.most,
+        "C_SLIDE_1": found.lambda_1,
+        "C_SLIDE_2": found.lambda_2,
+        "C_SLIDE_A": found.a_1,
+    }
+    return shared(plan) | own
+
+
+LAW = Law("sector", "sliding sector from the direct TP friction model", "5.11-5.14, 6.9-6.20", slide_step, designed)

@@ -1,0 +1,182 @@
+"""``exam --like PIPELINE``: the user's rig, recordings and noise, as the exam's own rig has them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.errors import InputError
+from pneucli.exam import like
+from pneucli.exam.cases import EXAM, SEALED
+from pneucli.exam.grading import graded_cases
+from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
+from pneucli.exam.rig.sensors import Sensors
+from pneucli.io.artifacts import atomic_path
+from pneucli.pipeline.context import Context, Progress, silent
+from pneucli.pipeline.manifest import program_digest
+from pneucli.pipeline.runner import open_pipeline
+from pneucli.recording import Recording, Rig
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.stages.pipeline_data import Study, load_model
+from pneucli.stages.pipeline_file import load
+
+ARRANGED = {"one-chamber": ONE_CHAMBER, "5/3": FIVE_THREE, "two": TWO_VALVES}
+PAGE, ANSWER = "like.md", "like.json"
+Array = NDArray[np.float64]
+
+
+def write(
+    directory: Path,
+    pipeline: Path,
+    sizes: Sequence[float] = like.SIZES,
+    repeats: int = 3,
+    nulls: int = 20,
+    seed: int = 1,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Write an exam of a bench like that of ``pipeline``, which is identified first; return the answer.
+
+    Raises InputError where the pipeline is at fault, or its rig is of a kind that the exam's cannot be.
+    """
+    opened = open_pipeline(pipeline, load)
+    done = opened.bring_up(["identify"], None, progress)
+    answers = {name: dict(one.answer) for name, one in done.items()}
+    config = load(pipeline)
+    study = Study(Context(pipeline, config, opened.artifacts, opened.artifacts, answers=answers))
+    bench = bench_of(study, load_model(opened.artifacts / "identify", study.rig, study.effects))
+    about = {
+        "like": opened.name,
+        "seed_from": "given",
+        "program": program_digest(),
+        "effects_known": list(bench.effects),
+    }
+    names = like.write_like(directory, bench, sizes, repeats, nulls, seed, about)
+    return {"schema": "pneucli/exam-written/1", "directory": str(directory), "like": opened.name, "seed": seed,
+            "sizes": list(sizes), "cases": names}  # fmt: skip
+
+
+def bench_of(study: Study, model: Model) -> like.Bench:
+    """Return the bench as the exam has it. Raises InputError for valves and recordings that it does not have."""
+    where = str(study.context.path)
+    if study.rig.valve_kind != "proportional":
+        raise InputError(f"{where}, [rig.valve]", f"a {study.rig.valve_kind} valve", "a proportional one, for --like")
+    if unfit := [r.name for r in study.recordings if r.imposed or (r.kind.cylinder and "x" not in r)]:
+        raise InputError(
+            f"{where}, recording {unfit[0]}", "no motion that a position loop can follow", "x, not imposed"
+        )
+    recordings = study.recordings
+    return like.Bench(
+        _parameters(study, model),
+        _sensors(recordings),
+        tuple(_recorded(r, study.rig) for r in recordings),
+        vessel=study.rig.vessel_volume if any(r.kind.vessel for r in recordings) else None,
+        has_cylinder=any(r.kind.cylinder for r in recordings),
+        supply_recorded=any("p_supply" in r for r in recordings),
+        linear_valve=study.valve == "linear",
+        effects=(),
+        null=f"{study.rig.valve_null:g} V" if study.rig.valve_null else None,
+        absent=frozenset({"a"} if not any("a" in r for r in recordings) else ()),
+    )
+
+
+def _parameters(study: Study, model: Model) -> Parameters:
+    rig, base = study.rig, model.base()
+    usual = Parameters()
+    first, second = rig.areas
+    known = {
+        "temperature": rig.gas_temperature,
+        "ambient": rig.ambient_pressure,
+        "supply": rig.supply_pressure,
+        "piston_area_1": first or None,
+        "piston_area_2": second or None,
+        "stroke": rig.stroke,
+        "dead_volume_1": base.get("rig.dead_volume_1"),
+        "dead_volume_2": base.get("rig.dead_volume_2"),
+        "mass": model.values.get("rig.moving_mass", rig.moving_mass),
+        "coulomb": model.values.get("friction.coulomb"),
+        "viscous": model.values.get("friction.viscous"),
+    }
+    stated = {name: float(value) for name, value in known.items() if value}
+    beside = {f"{name}_2": v for name, v in _valve(model.valve_2 or model.valve).items() if name != "command_range"}
+    arranged = {"arrangement": ARRANGED[rig.valve_arrangement], "command_null": rig.valve_null}
+    return usual._replace(**stated, **_valve(model.valve), **beside, **arranged)
+
+
+def _valve(valve: Any) -> dict[str, float]:
+    """Return the power law of the valve's area over its command that is nearest to the identified areas."""
+    commands = np.abs(np.array(valve.commands, dtype=np.float64))
+    if not commands.size:
+        return {}
+    largest = float(commands.max())
+    if not isinstance(valve, ValveArea):
+        return {"effective_area": float(valve(np.array([largest]))[0]), "command_range": largest, "exponent": 1.0}
+    overlap = min(valve.overlap_fill, 0.9 * float(commands.min()))
+    opened = np.log((commands - overlap) / (largest - overlap))
+    areas = np.log(np.array(valve.areas))
+    exponent, intercept = np.polyfit(opened, areas, 1) if np.ptp(opened) > 0.0 else (1.0, float(areas.mean()))
+    return {
+        "effective_area": float(np.exp(intercept)),
+        "overlap": float(overlap),
+        "exponent": float(np.clip(exponent, 0.3, 3.0)),
+        "command_range": largest,
+    }
+
+
+def _sensors(recordings: Sequence[Recording]) -> Sensors:
+    def median(signal: str, key: str) -> float:
+        found = [getattr(r.noise[signal], key) for r in recordings if signal in r.noise]
+        return float(np.median(found)) if found else 0.0
+
+    usual = Sensors()
+    step = median("x", "step") or median("x", "rms")
+    return Sensors(
+        pressure=median("p1", "rms") or usual.pressure,
+        pole=median("p1", "pole"),
+        position_step=step or usual.position_step,
+        acceleration=median("a", "rms") or usual.acceleration,
+        rate=1.0 / float(np.median([r.period for r in recordings])),
+    )
+
+
+def _recorded(r: Recording, rig: Rig) -> like.Recorded:
+    signal = rig.sense(r.chamber) * (r["u"] - rig.valve_null) if r.kind.vessel else r["x"]
+    pressures = [float(r[name][0]) if name in r else rig.ambient_pressure for name in ("p1", "p2")]
+    return like.Recorded(
+        r.name.replace("/", "_"),
+        "valve" if r.kind.vessel else "axis" if r.kind.axis else "friction",
+        r.use,
+        r.time,
+        np.asarray(_filled(signal)),
+        (pressures[0], pressures[1]),
+        r.chamber_2 == "open",
+        r.chamber,
+    )
+
+
+def _filled(signal: Array) -> Array:
+    seen = np.isfinite(signal)
+    return np.interp(np.arange(signal.size), np.flatnonzero(seen), signal[seen])
+
+
+def read_page(answers: Path) -> str:
+    """Return the page that :func:`tell` wrote."""
+    return (answers / PAGE).read_text(encoding="utf-8").rstrip()
+
+
+def tell(directory: Path, answers: Path) -> dict[str, Any] | None:
+    """Write ``like.md`` and ``like.json`` beside the grades of an exam that is like a bench; None for another exam."""
+    sealed = directory / SEALED / EXAM
+    asked: Mapping[str, Any] = json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else {}
+    if "like" not in asked:
+        return None
+    found = like.told(graded_cases(directory, answers)) | {"like": asked["like"]}
+    for name, text in ((PAGE, like.page(found, asked["sizes"])), (ANSWER, json.dumps(found, indent=1) + "\n")):
+        with atomic_path(answers / name) as path:
+            path.write_text(text, encoding="utf-8")
+    return found

@@ -1,0 +1,167 @@
+"""Exams: write sealed cases, answer them, and grade the answers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from pneucli.errors import InputError
+from pneucli.exam.cases import write_exam
+from pneucli.exam.conditions import USUAL
+from pneucli.exam.grade_tables import case_rows, rows, to_markdown
+from pneucli.exam.grading import SECONDS, graded_cases
+from pneucli.exam.grading import grade as grade_answers
+from pneucli.executors import engine_from, stream
+from pneucli.io.artifacts import Provenance, TableWriter, atomic_path, schema_of
+from pneucli.pipeline.context import Progress, silent
+from pneucli.pipeline.manifest import identity, program_digest
+from pneucli.pipeline.runner import open_pipeline
+from pneucli.stages.pipeline_file import load
+
+__all__ = ["answer", "grade", "to_markdown", "write"]
+
+Job = tuple[str, str, str]  # the pipeline file, the folder of the answers, the name of the case
+ANSWERS = "answers"
+GRADES, SUMMARY = "grades.json", "grades.md"
+GRADES_TABLE, CASES_TABLE = "grades.parquet", "cases.parquet"
+FAILED = "failed"
+UNITS = {
+    "value": "see column unit",
+    "right": "1",
+    "of": "1",
+    "ci_low": "1",
+    "ci_high": "1",
+    "largest_set": "1",
+    "error_after": "1",
+    "seconds": "s",
+}
+
+
+def write(
+    directory: Path,
+    cases: int = 60,
+    nulls: int = 20,
+    size: float = 1.0,
+    seed: int | None = None,
+    conditions: Sequence[str] = (USUAL,),
+) -> dict[str, Any]:
+    """Write an exam into an empty or new folder; the truths lie sealed in its hidden folder.
+
+    Of each of the ``conditions``, ``cases`` have something hidden, of ``size`` times the usual, and ``nulls`` have
+    nothing. Without a ``seed`` it comes from the hash of this program, so that nobody can have seen the cases before
+    the program was as it is. Raises InputError where the folder holds something already, or for an unknown condition.
+    """
+    program = program_digest()
+    about = {"seed_from": "program" if seed is None else "given", "program": program}
+    seed = seed_of(program) if seed is None else seed
+    names = write_exam(directory, cases, nulls, size, seed, conditions, about)
+    return {
+        "schema": "pneucli/exam-written/1",
+        "directory": str(directory),
+        "size": size,
+        "seed": seed,
+        **about,
+        "conditions": list(conditions),
+        "cases": names,
+    }
+
+
+def seed_of(program: str) -> int:
+    """The seed that follows from a program's version and hash."""
+    return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
+
+
+def answer(directory: Path, progress: Progress = silent, executor: str | None = None) -> dict[str, Any]:
+    """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet; note the seconds of each.
+
+    A case that fails gets the verdict ``failed`` and the error for an answer; delete that file to try it again.
+    Raises InputError where there are no cases, or the executor cannot work.
+    """
+    cases = {path.parent.name: path for path in sorted(directory.glob("*/pipeline.toml"))}
+    if not cases:
+        raise InputError(str(directory), "no CASE/pipeline.toml in it", "an exam", f"pneucli exam {directory}")
+    answers = (directory / ANSWERS).absolute()
+    answers.mkdir(exist_ok=True)
+    lacking = deque((str(p), str(answers), c) for c, p in cases.items() if not (answers / f"{c}.json").exists())
+    if lacking:
+        _answer_all(lacking, executor, progress)
+    given = {case: _read(answers / f"{case}.json") for case in cases}
+    noted = {case: content["seconds"] for case, content in given.items() if "seconds" in content}
+    _write(answers / SECONDS, _read(answers / SECONDS) | noted)
+    return {
+        "schema": "pneucli/exam-answered/1",
+        "answered": [case for case, content in given.items() if content.get("verdict") != FAILED],
+        "failed": {case: content["error"] for case, content in given.items() if content.get("verdict") == FAILED},
+        "seconds": _read(answers / SECONDS),
+    }
+
+
+def _answer_all(lacking: deque[Job], executor: str | None, progress: Progress) -> None:
+    total = len(lacking)
+    with engine_from(executor, identity, preload=__name__) as engine:
+        for done, outcome in enumerate(stream(engine, answer_case, lacking), 1):
+            if isinstance(outcome.error, ChildProcessError):
+                _, answers, case = outcome.job
+                _write(Path(answers) / f"{case}.json", _failed(outcome.error))
+            elif outcome.error is not None:
+                raise outcome.error
+            progress(f"{done} of {total} cases, {outcome.job[-1]}", done / total)
+
+
+def answer_case(job: Job) -> str:
+    """Diagnose one case and write the answer, with the processor seconds that all its stages took; return its name."""
+    pipeline, answers, case = job
+    begun = time.process_time()
+    try:
+        done = open_pipeline(Path(pipeline), load).bring_up(["diagnose"])
+        content = dict(done["diagnose"].answer)
+    except Exception as error:  # one case must not stop the others
+        content = _failed(error)
+    seconds = time.process_time() - begun
+    _write(Path(answers) / f"{case}.json", content | {"program": program_digest(), "seconds": seconds})
+    return case
+
+
+def _failed(error: BaseException) -> dict[str, Any]:
+    return {"verdict": FAILED, "missing": [], "error": f"{type(error).__name__}: {error}"}
+
+
+def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
+    """Grade ``answers/CASE.json`` (default: the folder ``answers`` in the exam's) into ``grades.json`` and ``.md``.
+
+    ``grades.parquet`` has a row for each condition and measure, ``cases.parquet`` one for each case.
+    Raises InputError where there is no truth or an answer cannot be read.
+    """
+    answers = answers or directory / ANSWERS
+    result = grade_answers(directory, answers)
+    _write(answers / GRADES, result)
+    with atomic_path(answers / SUMMARY) as path:
+        path.write_text(to_markdown(result), encoding="utf-8")
+    made_of = Provenance(parameters={"exam": result["exam"], "answered_by": result["answered_by"]})
+    _table(answers / GRADES_TABLE, rows(result), "pneucli/exam-grades/1", made_of)
+    _table(answers / CASES_TABLE, case_rows(graded_cases(directory, answers)), "pneucli/exam-cases/1", made_of)
+    return result
+
+
+def _table(path: Path, lines: Sequence[Mapping[str, Any]], schema: str, provenance: Provenance) -> None:
+    """Write rows of texts and, in the columns of ``UNITS``, numbers that may be absent."""
+    names = list(lines[0])
+    types = {name: pa.float64() if name in UNITS else pa.string() for name in names}
+    with TableWriter(path, schema_of(types, units=UNITS, schema=schema, provenance=provenance)) as writer:
+        writer.write({name: [line[name] for line in lines] for name in names})
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

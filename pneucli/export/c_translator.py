@@ -1,0 +1,139 @@
+"""Write the controller's restricted Python (:mod:`pneucli.controller.cascade`) as C99, in double or in float.
+
+What is translated: functions of scalars and of the arrays ``s`` and ``c``, assignments, ``if``, ``for`` over a
+``range``, ``return``, conditional expressions, arithmetic, comparisons, ``math``, ``min``, ``max``, ``int``. A local or
+argument annotated ``int`` is one, everything else is real. Anything else raises ``ValueError``: no program is
+written that does something else.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from pneucli.export.type_inference import COMMON, Kinds, tree_of
+
+LIBRARY = ("fabs", "sqrt", "isfinite")
+BUILT_IN = {"min": "smaller", "max": "larger", "int": "(int)"}
+OPERATORS: dict[type[ast.AST], str] = {
+    **COMMON,
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.And: "&&",
+    ast.Or: "||",
+    ast.Not: "!",
+    ast.USub: "-",
+}
+INDENT = "    "
+
+
+@dataclass(frozen=True)
+class Real:
+    """How C writes real numbers: the type, and what stands behind its numbers and the functions of its library."""
+
+    type: str = "double"
+    suffix: str = ""
+
+    def number(self, value: float) -> str:
+        """Return a number as C writes it, to the last bit."""
+        return f"{float(value)!r}{self.suffix}"
+
+    def function(self, name: str) -> str:
+        """Return the name of a function of ``math.h``; those that are macros serve every type."""
+        return name if name == "isfinite" else name + self.suffix
+
+
+DOUBLE, FLOAT = Real(), Real("float", "f")
+
+
+def c_functions(functions: Iterable[Callable[..., Any]], real: Real = DOUBLE) -> str:
+    """Return the functions as C99, each ``static``, in the order given (callees first)."""
+    return "\n\n".join(c_function(function, real) for function in functions)
+
+
+def c_function(function: Callable[..., Any], real: Real = DOUBLE) -> str:
+    """Return one function as C99. Raises ``ValueError`` for Python that has no counterpart here."""
+    tree = tree_of(function)
+    kinds, writer = Kinds(tree), _Writer(real)
+    arrays = {"s": f"{real.type} *s", "c": f"const {real.type} *c"}
+    given = ", ".join(
+        arrays.get(name) or f"{'int' if name in kinds.whole else real.type} {name}" for name in kinds.arguments
+    )
+    kind = "void" if kinds.returns == "nothing" else real.type
+    lines = [f"/* {ast.get_docstring(tree)} */", f"static {kind} {tree.name}({given})", "{"]
+    groups = (("int", kinds.whole), (real.type, [*kinds.truth, *kinds.real]))
+    lines += [f"{INDENT}{kind} {', '.join(names)};" for kind, all_ in groups if (names := kinds.locals(all_))]
+    lines += [line for statement in tree.body[1:] for line in writer.statement(statement, 1)]
+    return "\n".join([*lines, "}"])
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """Writes statements and expressions."""
+
+    real: Real
+
+    def statement(self, node: ast.stmt, depth: int) -> list[str]:  # noqa: PLR0911 - one case a kind of statement
+        pad, written = INDENT * depth, self.expression
+        match node:
+            case ast.Assign(targets=[target], value=value):
+                return [f"{pad}{written(target)} = {written(value)};"]
+            case ast.AnnAssign(target=target, annotation=ast.Name(id="int"), value=ast.expr() as value):
+                return [f"{pad}{written(target)} = (int)({written(value)});"]
+            case ast.AugAssign(target=target, op=op, value=value):
+                return [f"{pad}{written(target)} {OPERATORS[type(op)]}= {written(value)};"]
+            case ast.Return(value=value):
+                return [f"{pad}return {written(value)};" if value is not None else f"{pad}return;"]
+            case ast.Expr(value=ast.Call() as call):
+                return [f"{pad}{written(call)};"]
+            case ast.For(
+                target=ast.Name(id=i), iter=ast.Call(func=ast.Name(id="range"), args=[stop]), body=body, orelse=[]
+            ):
+                lines = [f"{pad}for ({i} = 0; {i} < {written(stop)}; ++{i}) {{"]
+                return [*lines, *self.block(body, depth), f"{pad}}}"]
+            case ast.If(test=test, body=body, orelse=orelse):
+                lines = [f"{pad}if ({written(test)}) {{", *self.block(body, depth)]
+                if orelse:
+                    lines += [f"{pad}}} else {{", *self.block(orelse, depth)]
+                return [*lines, f"{pad}}}"]
+        raise ValueError(f"no counterpart in C: {ast.unparse(node)}")
+
+    def block(self, body: Iterable[ast.stmt], depth: int) -> list[str]:
+        return [line for statement in body for line in self.statement(statement, depth + 1)]
+
+    def expression(self, node: ast.expr) -> str:  # noqa: PLR0911 - one case a kind of expression
+        written = self.expression
+        match node:
+            case ast.Name(id=name):
+                return name
+            case ast.Constant(value=bool() as value):
+                return str(int(value))
+            case ast.Constant(value=int() as value):
+                return repr(value)
+            case ast.Constant(value=float() as value):
+                return self.real.number(value)
+            case ast.Subscript(value=array, slice=index):
+                return f"{written(array)}[{written(index)}]"
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+                return f"({written(left)} {OPERATORS[type(op)]} {written(right)})"
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in OPERATORS:
+                return f"({OPERATORS[type(op)]}{written(operand)})"
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in OPERATORS:
+                return f"({written(left)} {OPERATORS[type(op)]} {written(right)})"
+            case ast.BoolOp(op=op, values=values):
+                return "(" + f" {OPERATORS[type(op)]} ".join(map(written, values)) + ")"
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return f"({written(test)} ? {written(body)} : {written(orelse)})"
+            case ast.Call(func=function, args=arguments, keywords=[]):
+                return f"{self.callee(function)}({', '.join(map(written, arguments))})"
+        raise ValueError(f"no counterpart in C: {ast.unparse(node)}")
+
+    def callee(self, node: ast.expr) -> str:
+        match node:
+            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in LIBRARY:
+                return self.real.function(name)
+            case ast.Name(id=name):
+                return BUILT_IN.get(name, name)
+        raise ValueError(f"no counterpart in C: {ast.unparse(node)}")

@@ -1,0 +1,75 @@
+"""What of the program an exported controller consists of, whatever language it is written in."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Callable
+from importlib.resources import files
+from types import FunctionType
+from typing import Any
+
+from pneucli.controller import layout
+from pneucli.controller.laws import LAWS
+from pneucli.controller.laws.base import callees_first
+from pneucli.controller.operation import asked, enable, finish, pause, reset, set_supply, shut
+from pneucli.controller.parameters import Controller
+from pneucli.controller.pressure_level import set_level
+from pneucli.export.type_inference import tree_of
+from pneucli.physics import gas
+
+OPERATION: tuple[Callable[..., Any], ...] = (
+    set_supply,
+    set_level,
+    enable,
+    pause,
+    reset,
+    asked,
+    finish,
+    shut,
+)  # what is called around a law
+
+
+def functions_of(law: str) -> list[FunctionType]:
+    """Return the functions that a law and its operation need, each after those that it calls."""
+    roots: list[Callable[..., Any]] = [LAWS[law].step, *OPERATION]
+    return list({f.__name__: f for root in roots for f in callees_first(root)}.values())
+
+
+def constants() -> dict[str, float]:
+    """Return the physical constants by name."""
+    return {name: value for name, value in vars(gas).items() if isinstance(value, float)}
+
+
+def states_of(law: str) -> list[str]:
+    """Return the names of all states, in the order in which they stand."""
+    return [*layout.STATE, *LAWS[law].states]
+
+
+def filled(name: str, **values: str) -> str:
+    """Return a template with what stands between @ and @ filled in."""
+    text = files("pneucli.export").joinpath("templates", name).read_text(encoding="utf-8")
+    for key, value in values.items():
+        text = text.replace(f"@{key}@", value)
+    return text
+
+
+def _executed(function: FunctionType) -> str:
+    tree = tree_of(function)
+    tree.body = tree.body[1:] if ast.get_docstring(tree) else tree.body
+    return ast.unparse(tree)
+
+
+def program_hash(law: str) -> str:
+    """Return the hash of all that is executed: a controller is replayed by the program that it was written from.
+
+    What is said about it, in comments and docstrings, does not count.
+    """
+    text = "\n".join(_executed(f) for f in functions_of(law))
+    return hashlib.sha256(f"{text}\n{states_of(law)}\n{constants()}".encode()).hexdigest()
+
+
+def controller_hash(controller: Controller, precision: str) -> str:
+    """Return the hash of program, numbers, tables and precision."""
+    about = f"{program_hash(controller.law)}\n{precision}\n{controller.to_json()}"
+    return hashlib.sha256(about.encode()).hexdigest()

@@ -1,0 +1,147 @@
+"""The export's files: C with its test vectors, MATLAB and CSV."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import savemat
+
+from pneucli.closed_loop.scenarios import start_at
+from pneucli.closed_loop.simulation import Bench, Run, Scenario, run
+from pneucli.controller import layout
+from pneucli.controller.parameters import Controller
+from pneucli.export import c_source, controller_file, structured_text
+from pneucli.export.single_precision import in_single
+from pneucli.io.artifacts import atomic_path
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+Table = Mapping[str, NDArray[Any] | list[str]]
+REPLAY, REPLAY_ST = "pneucli_replay.csv", "pneucli_replay_st.csv"
+COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty", "level")
+REPLAY_S = 60.0
+
+
+def replay_scenario(controller: Controller) -> Scenario:
+    """Return a minute that passes through every branch.
+
+    Rest, steps, a sine, loads, drop-outs, what is out of reach; a supply that sags; another pressure level; hold, off,
+    and a start from there.
+    """
+    v = controller.values
+    time = np.arange(0.0, REPLAY_S, controller.period)
+    centre, amplitude = 0.5 * v["C_STROKE"], 0.15 * v["C_STROKE"]
+    steps = amplitude * np.sign(np.sin(2 * np.pi * time / 7.0)) * (time > 1.0)
+    sine = amplitude * np.sin(2 * np.pi * 0.5 * time)
+    out_of_reach = np.where((time > 50.0) & (time < 53.0), 0.98 * v["C_STROKE"] - centre, 0.0)
+    offset = np.where(time < 21.0, steps, np.where(time < 40.0, sine, out_of_reach))
+    push = 0.1 * v["C_AREA_1"] * (v["C_SUPPLY"] - v["C_AMBIENT"])
+    force = push * (np.sign(np.sin(2 * np.pi * time / 11.0)) * ((time > 41.0) & (time < 49.0)) - (time > 55.0))
+    lost = (("p1", 9.0, 9.05), ("x", 16.0, 16.02), ("p2", 25.0, 30.0), ("x", 58.0, 58.3))
+    supply = v["C_SUPPLY"] - 0.15 * (v["C_SUPPLY"] - v["C_AMBIENT"]) * ((time > 12.0) & (time < 20.0))
+    duty = np.zeros(time.size)
+    duty[(time > 28.3) & (time < 29.2)] = layout.DUTIES.index("hold")
+    duty[(time > 45.0) & (time < 46.0)] = layout.DUTIES.index("off")
+    duty[np.argmax(time >= 34.0)] = layout.DUTIES.index("reset")
+    level = np.where((time > 22.0) & (time < 27.0), 0.7 * v["C_P_MEAN"] + 0.3 * v["C_P_HIGH"], 0.0)
+    start = start_at(v, centre)
+    return Scenario(
+        "replay", centre + offset, force, np.asarray(supply, dtype=np.float64), start, lost, duty=duty, level=level
+    )
+
+
+def test_vectors(result: Run) -> dict[str, Array]:
+    """Return what the controller read and answered, by the columns of the replay file, each of shape ``(n,)``."""
+    readings = (layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2)
+    places = (*readings, layout.L_U1, layout.L_U2, layout.L_SUPPLY, layout.L_DUTY, layout.L_LEVEL)
+    logged = dict(zip(COLUMNS[1:], result.log[:, places].T, strict=True))
+    return {"x_ref": result.scenario.reference, **logged}
+
+
+def replayed(controller: Controller, model: Model, bench: Bench) -> Run:
+    """Return the minute of the replay, in which the supply is measured."""
+    return run(model, controller, replay_scenario(controller), replace(bench, supply=True))
+
+
+def write_c(
+    folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str, precision: str = "float64"
+) -> dict[str, float]:
+    """Write header, source, test vectors and the program that replays them.
+
+    The vectors hold what this precision commands. Return by how much samples differ from those in double
+    precision; nothing where that is what it has.
+    """
+    _write(folder / f"{c_source.NAME}.h", c_source.header(controller, pipeline, precision))
+    _write(folder / f"{c_source.NAME}.c", c_source.source(controller, pipeline, precision))
+    _write(folder / c_source.REPLAY, c_source.replay_program(precision))
+    vectors, found = test_vectors(replayed(controller, model, bench)), {}
+    if precision == "float32":
+        single = in_single(controller, vectors)
+        found = single.difference()
+        vectors |= {"u1": single.commands[:, 0], "u2": single.commands[:, 1]}
+    write_csv(folder / REPLAY, vectors)
+    return found
+
+
+def write_st(folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str) -> None:
+    """Write the structured text and its test vectors."""
+    _write(folder / structured_text.NAME, structured_text.source(controller, pipeline))
+    write_csv(folder / REPLAY_ST, test_vectors(replayed(controller, model, bench)))
+
+
+def write_replay(folder: Path, controller: Controller, pipeline: str, precision: str) -> None:
+    """Write the controller as the file that a log of it names."""
+    _write(folder / controller_file.NAME, controller_file.document(controller, pipeline, precision))
+
+
+def write_csv(path: Path, table: Table) -> None:
+    """Write columns with a header line; numbers so that they are read back to the last bit."""
+    text = io.StringIO()
+    text.write(",".join(table) + "\n")
+    for row in zip(*(list(column) for column in table.values()), strict=True):
+        text.write(",".join(v if isinstance(v, str) else repr(float(v)) for v in row) + "\n")
+    _write(path, text.getvalue())
+
+
+def write_mat(path: Path, controller: Controller, tables: Mapping[str, Table]) -> None:
+    """Write a MATLAB file (v5): the controller's numbers and inverse tables, and each table as a struct of columns."""
+    numbers = {name.removeprefix("C_").lower(): value for name, value in controller.values.items()}
+    content: dict[str, Any] = {
+        "controller": {**numbers, **{name: np.array(table) for name, table in controller.tables().items()}}
+    }
+    for name, table in tables.items():
+        content[name] = {k: np.array(v, dtype=object) if isinstance(v, list) else v for k, v in table.items()}
+    with atomic_path(path) as temporary:
+        savemat(temporary, content, long_field_names=True, oned_as="column")
+
+
+def controller_table(controller: Controller) -> dict[str, NDArray[Any] | list[str]]:
+    """Return the controller's numbers as a table of name and value."""
+    names = [name for name in layout.PARAMETERS if name in controller.values]
+    return {"name": names, "value": np.array([controller.values[name] for name in names])}
+
+
+def inverse_table(controller: Controller) -> dict[str, NDArray[Any] | list[str]]:
+    """Return the valve's inverse: effective area (m^2, vented ones negative) and the command in V that opens it.
+
+    Where a second valve drives chamber 2 its inverse follows, and a column tells the ``chamber``.
+    """
+    values, share = controller.values, np.linspace(0.0, 1.0, len(controller.fill)) ** 2
+    sides = [("C_AREA_VENT", "C_AREA_FILL", controller.vent, controller.fill)]
+    if values["C_TWO_VALVES"] > 0.5:
+        sides.append(("C_AREA_VENT_2", "C_AREA_FILL_2", controller.vent_2, controller.fill_2))
+    areas = [np.concatenate([-share[::-1] * values[vent], share * values[fill]]) for vent, fill, _, _ in sides]
+    table = {"area": np.concatenate(areas), "u": np.concatenate([[*vent[::-1], *fill] for _, _, vent, fill in sides])}
+    chamber = {"chamber": np.repeat([1.0, 2.0], 2 * share.size)} if len(sides) > 1 else {}
+    return {**chamber, **table}
+
+
+def _write(path: Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Parameters by bounded least squares: problem, fit, intervals, correlation."""

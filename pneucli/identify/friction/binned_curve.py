@@ -1,0 +1,60 @@
+"""Friction over velocity, per branch, as measured: means in bins of velocity with their intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from pneucli.identify.friction.samples import Samples
+
+Array = NDArray[np.float64]
+Branch = Literal["accelerating", "slowing", "both"]
+
+BINS = 40  # per direction, narrower toward standstill
+FEWEST = 3  # blocks in a bin, below which it has no interval of its own
+MASKS: dict[Branch, tuple[int, ...]] = {"accelerating": (1,), "slowing": (-1,), "both": (-1, 0, 1)}
+
+
+@dataclass(frozen=True)
+class FrictionCurve:
+    """Measured friction of one branch, arrays of shape (n,): mean velocity (m/s) and force (N) of each bin.
+
+    ``ci_low`` and ``ci_high`` are the 95 % interval of the mean (N): scatter between the blocks of a bin, which are
+    independent, the samples within one being not. ``count`` is the number of samples.
+    """
+
+    branch: Branch
+    v: Array
+    force: Array
+    ci_low: Array
+    ci_high: Array
+    count: NDArray[np.int64]
+
+
+def curve(samples: Samples, branch: Branch) -> FrictionCurve:
+    """Return friction over velocity of one branch; bins without a sample are left out."""
+    s = samples.where(np.isin(samples.branch, MASKS[branch]))
+    if not len(s):
+        empty = np.zeros(0)
+        return FrictionCurve(branch, empty, empty, empty, empty, np.zeros(0, dtype=np.int64))
+    edges = np.abs(s.v).max() * np.linspace(0, 1, BINS + 1) ** 2
+    number = np.sign(s.v).astype(np.int64) * (1 + np.clip(np.searchsorted(edges, np.abs(s.v)) - 1, 0, BINS - 1))
+    rows = np.array([_bin(s.where(number == k)) for k in np.unique(number)])
+    v, force, half, count = rows.T
+    return FrictionCurve(branch, v, force, force - half, force + half, count.astype(np.int64))
+
+
+def _bin(s: Samples) -> tuple[float, float, float, float]:
+    """Return mean velocity, mean force, half its interval, and the number of samples."""
+    mean, n = float(np.mean(s.friction)), len(s)
+    _, index = np.unique(s.block, return_inverse=True)
+    sums = np.bincount(index, weights=s.friction - mean)
+    blocks = sums.size
+    if blocks < FEWEST:  # the sensors' noise alone, as if it were common to a block
+        return float(np.mean(s.v)), mean, float(1.96 * np.mean(s.sigma) / np.sqrt(blocks)), n
+    error = np.sqrt(blocks / (blocks - 1) * np.sum(sums**2)) / n
+    return float(np.mean(s.v)), mean, float(student.ppf(0.975, blocks - 1) * error), n

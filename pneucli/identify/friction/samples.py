@@ -1,0 +1,67 @@
+"""Numbers with intervals, and the samples that they rest on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.friction.kinematics import Motion
+
+Array = NDArray[np.float64]
+Z95 = 1.96
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number with its 95 % interval and its unit."""
+
+    value: float
+    ci_low: float
+    ci_high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Moving samples of several recordings, each of shape (n,): velocity (m/s), acceleration (m/s^2), drive (N).
+
+    ``friction`` is drive - mass a (N), ``sigma`` its standard deviation (N), ``branch`` as in :class:`Motion`, and
+    ``block`` numbers the stretches (:attr:`Motion.block`) within which residuals may be correlated.
+    """
+
+    v: Array
+    a: Array
+    drive: Array
+    friction: Array
+    sigma: Array
+    branch: NDArray[np.int8]
+    block: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return self.v.size
+
+    def where(self, mask: NDArray[np.bool_]) -> Samples:
+        """Return the samples that ``mask`` (n,) keeps."""
+        return Samples(*(getattr(self, name)[mask] for name in self.__dataclass_fields__))
+
+    @property
+    def both_directions(self) -> bool:
+        """Whether either direction has at least a tenth of the samples."""
+        share = float(np.mean(self.v > 0)) if self.v.size else 0.0
+        return 0.1 <= share <= 0.9
+
+
+def pool(motions: Sequence[Motion], mass: float) -> Samples:
+    """Return the moving samples of all recordings, for a moving mass in kg."""
+    parts: list[list[NDArray[Any]]] = []
+    for number, m in enumerate(motions):
+        keep = m.moving
+        friction = m.friction(mass)[keep]
+        block = number * 10**6 + ((m.time[keep] - m.time[0]) / m.block).astype(np.int64)
+        sigma = np.full(friction.size, m.sigma_friction(mass))
+        parts.append([m.v[keep], m.smooth_a[keep], m.drive[keep], friction, sigma, m.branch[keep], block])
+    return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -1,0 +1,125 @@
+"""What people look up of friction: its growth with pressure, break-away, and how far repeats agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.friction.imposed_motion import KineticFriction
+from pneucli.identify.friction.kinematics import Motion
+from pneucli.identify.friction.samples import Z95, Value
+
+Array = NDArray[np.float64]
+
+RESTED = 5  # samples at rest, before which nothing broke away
+AT_END = 3  # of them, whose mean force is the one that broke away
+ALIKE = 0.1  # of a level of pressure above ambient, within which recordings repeat each other
+AS_FAST = 0.3  # of their speed, with which kinetic friction changes little
+EARLY = 0.2  # of a stroke, in which the force of its break-away is sought
+FEWEST = 3  # levels, from which a line has an error of its own
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """The friction in N that held before the piston moved, of one recording: the median over ``count`` break-aways,
+    and their least and largest.
+    """
+
+    recording: str
+    force: Value
+    least: float
+    most: float
+    count: int
+
+
+@dataclass(frozen=True)
+class OverPressure:
+    """Kinetic friction over the pressure of chamber 1 above ambient: N at ambient pressure, and N/Pa."""
+
+    at_ambient: Value
+    slope: Value
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Recordings at one pressure and speed: the mean of their friction, and its standard deviation over the mean."""
+
+    recordings: tuple[str, ...]
+    friction: float
+    spread: float
+
+
+def break_away(motion: Motion) -> BreakAway | None:
+    """Return the break-away forces of one recording; None where the piston never rests before it moves."""
+    forces = np.array(list(_pulled(motion) if motion.imposed else _held(motion)))
+    forces = forces[np.isfinite(forces)]
+    if not forces.size:
+        return None
+    middle, error = float(np.median(forces)), 1.2533 * float(np.std(forces)) / np.sqrt(forces.size)  # of a median
+    low, high = (middle - Z95 * error, middle + Z95 * error) if forces.size > 1 else (np.nan, np.nan)
+    force = Value(middle, low, high, "N")
+    return BreakAway(motion.recording.name, force, float(forces.min()), float(forces.max()), forces.size)
+
+
+def _held(motion: Motion) -> Iterator[float]:
+    """Yield the force at the end of each rest, of a piston that is free to rest until it is pushed enough."""
+    still = np.abs(motion.v) <= motion.floor
+    for k in np.flatnonzero(still[:-1] & ~still[1:]):
+        if k + 1 >= RESTED and still[k + 1 - RESTED : k + 1].all():
+            yield abs(float(np.nanmean(motion.drive[k + 1 - AT_END : k + 1])))
+
+
+def _pulled(motion: Motion) -> Iterator[float]:
+    """Yield the largest force at the start of each stroke that a machine makes: it turns before the seal lets go."""
+    way = np.where(np.abs(motion.v) > motion.floor, np.sign(motion.v), 0.0)
+    edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
+    for first, end in pairwise(edges):
+        if way[first] and end - first >= RESTED / EARLY:
+            early = motion.smooth_drive[max(first - RESTED, 0) : first + int(EARLY * (end - first))]
+            yield float(np.max(way[first] * early))
+
+
+def over_pressure(levels: Sequence[KineticFriction], ambient: float) -> OverPressure | None:
+    """Return the line through the recordings' friction; None where they are fewer than three, or at one pressure."""
+    known = [k for k in levels if "p1" in k.pressures]
+    p = np.array([k.pressures["p1"] - ambient for k in known])
+    if p.size < FEWEST or np.ptp(p) <= ALIKE * np.abs(p).max():
+        return None
+    design, force = np.column_stack([np.ones(p.size), p / 1e5]), np.array([k.friction.value for k in known])
+    found, squares, *_ = np.linalg.lstsq(design, force, rcond=None)
+    errors = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * float(np.sum(squares)) / (p.size - 2))
+    (at_ambient, slope), (e0, e1) = found.tolist(), errors.tolist()
+    return OverPressure(
+        Value(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
+        Value(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
+    )
+
+
+def repeats(levels: Sequence[KineticFriction], ambient: float) -> list[Repeats]:
+    """Return the groups of recordings at one pressure and speed, in the recordings' order."""
+    groups: list[list[KineticFriction]] = []
+    for level in levels:
+        group = next((g for g in groups if _alike(g[0], level, ambient)), None)
+        if group is None:
+            groups.append([level])
+        else:
+            group.append(level)
+    out = []
+    for group in groups:
+        values = np.array([k.friction.value for k in group])
+        if len(group) > 1:
+            spread = float(np.std(values, ddof=1) / values.mean())
+            out.append(Repeats(tuple(k.recording for k in group), float(values.mean()), spread))
+    return out
+
+
+def _alike(one: KineticFriction, other: KineticFriction, ambient: float) -> bool:
+    if one.pressures.keys() != other.pressures.keys():
+        return False
+    pairs = [(one.speed, other.speed, AS_FAST)]
+    pairs += [(p - ambient, other.pressures[n] - ambient, ALIKE) for n, p in one.pressures.items()]
+    return all(abs(a - b) <= share * max(abs(a), abs(b), 1e-9) for a, b, share in pairs)

@@ -1,0 +1,60 @@
+"""Which of the pipeline's effects on friction each of the models A to F has no way to show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.friction.kinematics import Motion
+from pneucli.identify.friction.models_a_to_f import TITLES, Name
+from pneucli.physics.declaration import PORTS, Effect
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+STATES = 100  # of each recording, at which a factor is looked at
+BY_BRANCH, BY_DIRECTION, NONE = set("DEF"), set("CF"), set[str]()
+# ports of friction, and the models that can show what enters there; a rise in both branches is more than D has
+SHOWN = {"dry_rise": set("ABCF"), "slowing": BY_BRANCH, "viscous_factor": BY_DIRECTION}
+
+
+def lacking(model: Model, motions: Sequence[Motion]) -> dict[Name, tuple[str, ...]]:
+    """Return for each of A to F the model's effects on friction that it cannot show in these recordings."""
+    return {name: tuple(e.name for e in model.effects if not _shows(name, e, model, motions)) for name in TITLES}
+
+
+def _shows(name: Name, effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
+    ports = [port for port in effect.ports if PORTS[port].side == "friction"]
+    return all(name in _shown(port, effect, model, motions) for port in ports)
+
+
+def _shown(port: str, effect: Effect, model: Model, motions: Sequence[Motion]) -> set[str]:
+    if port == "dry_rise" and any("slowing" in e.ports for e in model.effects):  # then it is one branch's, as in D
+        return SHOWN[port] | BY_BRANCH
+    if port == "dry_factor" and _by_direction_alone(effect, model, motions):
+        return BY_DIRECTION
+    return SHOWN.get(port, NONE)
+
+
+def _by_direction_alone(effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
+    """Whether the factor on dry friction is one number for each direction wherever the piston moved."""
+    ambient, own = model.rig.ambient_pressure, model.own(effect)
+    for direction in (1.0, -1.0):
+        factors = [
+            effect.ports["dry_factor"](direction, *state, ambient, *own)
+            for m in motions
+            for state in _states(m, ambient)
+        ]
+        if factors and np.ptp(np.array(factors, dtype=np.float64)) > 0.0:
+            return False
+    return True
+
+
+def _states(m: Motion, ambient: float) -> list[tuple[float, float, float]]:
+    """Return some positions and pressures p1, p2 at which the piston moved."""
+    at = np.flatnonzero(m.moving)
+    at = at[:: max(1, at.size // STATES)]
+    p1, p2 = (m.recording[n][at] if n in m.recording else np.full(at.size, ambient) for n in ("p1", "p2"))
+    return [(float(x), float(a), float(b)) for x, a, b in zip(m.x[at], p1, p2, strict=True)]

@@ -1,0 +1,1 @@
+"""First guesses from the measurements alone, without a simulation."""

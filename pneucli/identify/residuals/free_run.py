@@ -1,0 +1,48 @@
+"""All that a recording holds, simulated together; and the force that a given motion needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pneucli.identify.residuals.base import Array, View, Way, difference, forces
+from pneucli.physics.declaration import Side
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import outputs
+
+
+@dataclass(frozen=True)
+class Whole(View):
+    """All channels, where a subsystem lacks a signal."""
+
+    title: ClassVar[str] = "the whole axis"
+    sides: ClassVar[frozenset[Side]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
+    base: ClassVar[frozenset[str]] = frozenset({"rig", "friction", "valve"})
+    states_force: ClassVar[bool] = True
+
+    def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """Return measured minus model by channel."""
+        modelled = outputs(model, self.experiment)
+        return {c: difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
+
+
+@dataclass(frozen=True)
+class Imposed(Whole):
+    """The force that the model needs for the measured motion."""
+
+    title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
+    sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
+    base: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
+    states_force: ClassVar[bool] = False
+    replayed: ClassVar[bool] = False
+
+    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+        """Return a force and frictions."""
+        return forces(self.experiment, self.noise[channel])
+
+    def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+        """Return residuals without those at a turn, where nothing is held against the model."""
+        return {c: np.where(self.experiment.turning, 0.0, r) for c, r in residual.items()}

@@ -1,0 +1,209 @@
+"""Part of ``init``: which files are of one kind, what was tried in them, and which of them to hold out."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.init.columns import guess
+from pneucli.init.survey import Column, Guess, Survey
+from pneucli.init.units import in_si, reference_by_force, reference_of
+from pneucli.quantities import SIGNALS
+from pneucli.units import parse_unit
+
+Array = NDArray[np.float64]
+MOVES = 20.0  # times the usual step between samples, that the range of what moves is
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Files that are read alike and are called alike: ``file`` is their path or glob, ``held`` those held out.
+
+    ``guesses`` are by signal; ``idle`` the columns that are none; ``more`` are further files of the same recording.
+    """
+
+    surveys: Sequence[Survey]
+    file: str
+    held: Sequence[Survey]
+    guesses: Mapping[str, Guess]
+    idle: Sequence[Guess]
+    more: Sequence[Kind] = ()
+
+    @property
+    def signals(self) -> dict[str, Guess]:
+        """The signals of the recording, those of further files included."""
+        found = {name: one for kind in (*reversed(self.more), self) for name, one in kind.guesses.items()}
+        return {name: found[name] for name in SIGNALS if name in found}
+
+    def numbers(self, signal: str) -> list[Array]:
+        """Return the numbers of a signal as they stand in the files, a file each."""
+        home = next(kind for kind in (self, *self.more) if signal in kind.guesses)
+        return [values_of(one, home.guesses[signal]) for one in home.surveys]
+
+    def pooled(self, signal: str) -> Array:
+        """Return the values of a signal in SI, without references, of all files."""
+        return np.concatenate(self.each(signal))
+
+    def each(self, signal: str) -> list[Array]:
+        """Return the values of a signal in SI, without references, a file each."""
+        return [in_si(values, self.signals[signal].unit) for values in self.numbers(signal)]
+
+
+def values_of(found: Survey, one: Guess) -> Array:
+    """Return the numbers of a guess in one of the files that it is made for; of others none."""
+    same = (c.known for c in found.columns if (c.key, c.where) == (one.column.key, one.column.where))
+    return next(same, np.zeros(0))
+
+
+def kinds(surveys: Sequence[Survey]) -> list[Kind]:
+    """Return the kinds of files, in their order, each with one of them to hold out."""
+    found = [kind for alike in _alike(surveys) for kind in _kinds_of(alike)]
+    return _hold_out(found)
+
+
+def _alike(surveys: Sequence[Survey]) -> list[list[Survey]]:
+    """Return files that are read alike: with the same signals in the same columns."""
+    groups: dict[object, list[Survey]] = {}
+    for one in surveys:
+        layout = (one.is_text, one.raw.header, one.raw.skip_rows, one.raw.delimiter, one.raw.decimal)
+        taken = tuple((g.column.key, g.column.where, g.column.unit, g.signal) for g in guess([one]) if g.signal)
+        nameless = all(isinstance(column.key, int) for column in one.columns)
+        groups.setdefault((layout, len(one.columns) if nameless else taken), []).append(one)
+    return list(groups.values())
+
+
+def _kinds_of(alike: list[Survey]) -> Iterator[Kind]:
+    alike, extra = _common(alike)
+    guesses = guess(alike)
+    found = {one.signal: one for one in guesses}
+    signals = {name: found[name] for name in SIGNALS if name in found}
+    idle = [
+        *(one for one in guesses if one.signal not in signals),
+        *(Guess(column, "", column.unit) for column in extra),
+    ]
+    groups: dict[object, list[Survey]] = {}
+    for one in alike:
+        groups.setdefault((one.path.parent, _NUMBER.sub("#", one.path.stem), one.path.suffix), []).append(one)
+    for files in groups.values():
+        ordered = sorted(files, key=lambda one: natural(one.path))
+        if file := _glob([one.path for one in ordered]):
+            yield Kind(ordered, file, (), signals, idle)
+        else:
+            yield from (Kind([one], one.path.as_posix(), (), signals, idle) for one in ordered)
+
+
+def _common(alike: list[Survey]) -> tuple[list[Survey], list[Column]]:
+    """Return the files with the columns that all of them have, in one order, and one each of the others."""
+    by_key = [{(column.key, column.where): column for column in one.columns} for one in alike]
+    common = [key for key in by_key[0] if all(key in columns for columns in by_key)]
+    extra = {key: column for columns in by_key for key, column in columns.items() if key not in common}
+    same = zip(alike, by_key, strict=True)
+    return [replace(one, columns=[columns[key] for key in common]) for one, columns in same], list(extra.values())
+
+
+def natural(path: Path) -> list[tuple[float, str]]:
+    """Return a key by which step_10 comes after step_9."""
+    return [(float(n or 0), text) for text, n in re.findall(r"(\D*)(\d*)", path.name)]
+
+
+def _glob(paths: Sequence[Path]) -> str:
+    """Return a glob that matches these files and no others; nothing where there is none."""
+    if len(paths) == 1:
+        return paths[0].as_posix()
+    numbers = list(zip(*(_NUMBER.findall(path.stem) for path in paths), strict=True))
+    texts = _NUMBER.split(paths[0].stem)
+    slots = [glob.escape(same[0]) if len(set(same)) == 1 else "*" for same in numbers]
+    stem = "".join(glob.escape(text) + slot for text, slot in zip(texts, [*slots, ""], strict=True))
+    pattern = f"{glob.escape(paths[0].parent.as_posix())}/{stem}{glob.escape(paths[0].suffix)}"
+    return pattern if {Path(hit) for hit in glob.glob(pattern)} == set(paths) else ""
+
+
+def _hold_out(found: Sequence[Kind]) -> list[Kind]:
+    """Hold out the middle one of each kind that moves; of files that are alone in theirs, one of each experiment."""
+    alone: dict[object, list[Kind]] = {}
+    for kind in found:
+        if len(kind.surveys) == 1:
+            alone.setdefault(tuple(sorted(kind.guesses)), []).append(kind)
+    chosen = [_middle([one for kind in group for one in kind.surveys if moves(kind, one)]) for group in alone.values()]
+    chosen += [_middle([one for one in kind.surveys if moves(kind, one)]) for kind in found if len(kind.surveys) > 1]
+    held = {id(one) for one in chosen if one}
+    return [replace(k, held=[one for one in k.surveys if id(one) in held]) for k in found]
+
+
+def _middle(moving: Sequence[Survey]) -> Survey | None:
+    return moving[len(moving) // 2] if len(moving) > 1 else None
+
+
+def moves(kind: Kind, one: Survey) -> bool:
+    """Return whether what a recording is about moves in it: the piston, else the pressure."""
+    signal = next((name for name in ("x", "p1", "force") if name in kind.guesses), "")
+    values = values_of(one, kind.guesses[signal]) if signal else np.zeros(0)
+    steps = np.abs(np.diff(values))
+    few = values.size < 5 * MOVES
+    return bool(values.size) and float(np.ptp(values)) > (2.0 if few else MOVES) * float(np.median(steps))
+
+
+def references(found: Sequence[Kind]) -> dict[str, tuple[str, str]]:
+    """Return gauge or absolute and the evidence for it, for the unit of each pressure, by unit.
+
+    Sensors in one unit count alike unless their names say otherwise; what one of them tells holds for all.
+    """
+    told: dict[str, tuple[str, str]] = {}
+    for kind in found:
+        for signal, one in kind.signals.items():
+            if not signal.startswith("p"):
+                continue
+            columns = kind.numbers(signal)
+            answer = reference_of(columns, one.unit, one.reference)
+            if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
+                answer = reference_by_force(columns, kind.numbers("force"), one.unit) or answer
+            if one.unit not in told or told[one.unit][1].startswith("CHECK"):
+                told[one.unit] = answer
+    return told
+
+
+def joined(surveys: Sequence[Survey]) -> Kind | None:
+    """Return one kind for all files, if each holds a clock and one reading, no two of them the same signal.
+
+    A reading is called what its column is called, or its file where all columns are called alike.
+    """
+    pairs = [_pair(one) for one in surveys]
+    if len(surveys) < 2 or None in pairs:
+        return None
+    found = [pair for pair in pairs if pair is not None]
+    readings = [reading for _, reading in found]
+    if len({one.name for one in readings}) < len(readings):
+        stems = zip(surveys, readings, strict=True)
+        readings = [replace(one, name=survey.path.stem) for survey, one in stems]
+    clocks = [clock for clock, _ in found]
+    together = guess([Survey(surveys[0].raw, surveys[0].is_text, [clocks[0].column, *readings], {})])[1:]
+    signals = [one.signal for one in together]
+    if "" in signals or len(set(signals)) < len(signals) or not _overlap(clocks):
+        return None
+    kinds = [
+        Kind([survey], survey.path.as_posix(), (), {"time": clock, one.signal: replace(one, column=column)}, ())
+        for survey, (clock, column), one in zip(surveys, found, together, strict=True)
+    ]
+    kinds.sort(key=lambda kind: [*SIGNALS].index([*kind.guesses][1]))
+    return replace(kinds[0], more=kinds[1:])
+
+
+def _pair(one: Survey) -> tuple[Guess, Column] | None:
+    """Return the clock of a file and its only reading; None where it holds anything else."""
+    guesses = guess([one])
+    clock = [g for g in guesses if g.signal == "time"]
+    rest = [g.column for g in guesses if g.signal != "time"]
+    return (clock[0], rest[0]) if len(clock) == len(rest) == 1 and rest[0].where is None else None
+
+
+def _overlap(clocks: Sequence[Guess]) -> bool:
+    """Return whether all files have a time in common."""
+    times = [parse_unit(one.unit).factor * one.column.known for one in clocks]
+    return bool(max(float(np.min(t)) for t in times) < min(float(np.max(t)) for t in times))

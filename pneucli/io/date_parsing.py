@@ -1,0 +1,116 @@
+"""Dates and times of day as text -> seconds since the first of them."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+from dateutil import parser
+
+from pneucli.io.raw_file import Values
+
+pc: Any = pyarrow.compute  # whose types do not know what an array of text may be compared with
+
+_DAY = r"(?P<day>\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3}[- ]\d{2,4})"
+_PATTERN = (
+    rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,]\d+)?))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+    r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?\s*$"
+)
+_STAMP = re.compile(_PATTERN)
+_FIELDS = ("day", "hour", "minute", "second", "half")
+DAY = 86_400.0  # s
+
+
+def is_stamp(text: str) -> bool:
+    """Return whether ``text`` is a time of day, with or without its date."""
+    return ":" in text and bool(_STAMP.match(text))
+
+
+class Stamps:
+    """Turns the texts of one column into seconds, batch by batch; ``start`` is the first stamp, if it has a date.
+
+    Whether the day or the month comes first is told by which of them makes the shorter recording. A clock without dates
+    goes on after midnight. Zones are those of one place, and passed over.
+    """
+
+    def __init__(self) -> None:
+        self._first: float | None = None  # s, of the first stamp since its own midnight
+        self._day = ""  # of the first stamp
+        self._day_first: bool | None = None  # None as long as nothing tells
+        self._last = -np.inf
+        self._midnights = 0.0
+
+    @property
+    def start(self) -> datetime | None:
+        """The first stamp, if it has a date."""
+        if not self._day or self._first is None:
+            return None
+        return _date(self._day, self._day_first is not False) + timedelta(seconds=self._first)
+
+    def seconds(self, texts: Any) -> Values:
+        """Return seconds since the first stamp, NaN where there is none.
+
+        ``texts`` is an array of Arrow. Raises ValueError with the first text that is no stamp.
+        """
+        parts = pc.extract_regex(texts, _PATTERN)
+        lost = pc.and_(pc.is_null(parts), pc.not_equal(pc.utf8_trim_whitespace(texts), ""))
+        if pc.any(lost).as_py():
+            text = texts.filter(lost)[0].as_py()
+            raise ValueError(f'"{text}"')
+        field: dict[str, Any] = {
+            name: pc.struct_field(parts, name) for name in ("day", "hour", "minute", "second", "half")
+        }
+        hour, minute, second = (_number(field[name]) for name in ("hour", "minute", "second"))
+        half = np.array([text[:1].lower() for text in pc.fill_null(field["half"], "").to_pylist()])
+        hour = np.where(half != "", hour % 12 + 12 * (half == "p"), hour)
+        clock = 3600 * hour + 60 * minute + np.nan_to_num(second)
+        known = np.flatnonzero(np.isfinite(clock))
+        if not known.size:
+            return np.asarray(clock)
+        if self._first is None:
+            self._first, self._day = float(clock[known[0]]), field["day"][int(known[0])].as_py() or ""
+        since = self._days(field["day"].dictionary_encode()) if self._day else self._over_midnight(clock, known)
+        return np.asarray(clock - self._first + since)
+
+    def _days(self, days: Any) -> Values:
+        """Return seconds from the first stamp's midnight to that of each stamp."""
+        texts = days.dictionary.to_pylist()
+        orders = {first: _since(self._day, texts, first) for first in (True, False)}
+        if self._day_first is None and orders[True] != orders[False]:
+            self._day_first = bool(np.nanmax(np.abs(orders[True])) < np.nanmax(np.abs(orders[False])))
+        values = np.array([*orders[self._day_first is not False], np.nan])
+        return np.asarray(values[pc.fill_null(days.indices, len(texts)).to_numpy(zero_copy_only=False)])
+
+    def _over_midnight(self, clock: Values, known: Values) -> Values:
+        plain = clock[known]
+        steps = np.diff(plain, prepend=self._last if np.isfinite(self._last) else plain[0])
+        days = self._midnights + DAY * np.cumsum(steps < -DAY / 2)
+        self._last, self._midnights = float(plain[-1]), float(days[-1])
+        since = np.full(clock.size, np.nan)
+        since[known] = days
+        return since
+
+
+def _number(texts: Any) -> Values:
+    plain = pc.replace_substring(texts, ",", ".")
+    numbers = pc.if_else(pc.equal(plain, ""), pa.scalar(None, pa.string()), plain)
+    return np.asarray(numbers.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _date(text: str, day_first: bool) -> datetime:
+    year_first = re.match(r"\d{4}", text) is not None
+    try:
+        found: datetime = parser.parse(text, dayfirst=day_first and not year_first, yearfirst=year_first)
+    except (parser.ParserError, OverflowError) as error:
+        raise ValueError(f'"{text}"') from error
+    return found
+
+
+def _since(first: str, texts: list[str | None], day_first: bool) -> list[float]:
+    zero = _date(first, day_first)
+    return [(_date(text, day_first) - zero).total_seconds() if text else np.nan for text in texts]

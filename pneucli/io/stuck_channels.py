@@ -1,0 +1,89 @@
+"""Channels that stand still exactly: frozen, or saturated at the end of their range. Noticed, never altered.
+
+A sensor at rest still shows its noise. So a run of one value is odd only in a channel whose noise is visible elsewhere
+and where equal neighbours are rare; a quantised channel at rest, or a chamber at ambient pressure, repeats itself all
+the time and is passed over. A position is also frozen where it stands still and then jumps, which no piston does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.io.raw_file import Repair
+
+Array = NDArray[np.float64]
+
+SHORTEST = 20  # samples
+CHANCE = 1e-9  # expected number of such runs in the recording, were each repetition independent
+VISIBLE = 0.3  # share of steps that turn round: 2/3 in white noise, about 0 in a smooth curve
+COARSE = 1.5  # steps of the resolution: below, noise hides in the quantisation
+JUMP = 20.0  # times the median step
+
+
+@dataclass(frozen=True)
+class _Run:
+    length: int
+    value: float
+    jump: float  # afterwards
+
+
+class Runs:
+    """Collects the runs of one signal over its batches."""
+
+    def __init__(self, signal: str) -> None:
+        self._signal = signal
+        self._long: list[_Run] = []
+        self._equal = self._pairs = self._turns = self._steps = 0
+        self._low, self._high = np.inf, -np.inf
+        self._step = self._resolution = np.inf
+
+    def see(self, values: Array) -> None:
+        """Take note of the next samples."""
+        if values.size < 2:
+            return
+        steps = np.diff(values[:65_536])
+        moving = steps[(steps != 0) & np.isfinite(steps)]
+        self._turns += int(np.sum(moving[1:] * moving[:-1] < 0))
+        self._steps += moving.size
+        if moving.size:
+            self._step = min(self._step, float(np.median(np.abs(moving))))
+            self._resolution = min(self._resolution, float(np.min(np.abs(moving))))
+        self._low = min(self._low, float(np.fmin.reduce(values)))
+        self._high = max(self._high, float(np.fmax.reduce(values)))
+        self._find(values)
+
+    def _find(self, values: Array) -> None:
+        same = values[1:] == values[:-1]
+        self._pairs += same.size
+        self._equal += int(np.count_nonzero(same))
+        edges = np.concatenate([[0], np.flatnonzero(same[1:] != same[:-1]) + 1, [same.size]])
+        long = np.flatnonzero(np.diff(edges) >= SHORTEST)
+        for start, end in zip(edges[long], edges[long + 1], strict=True):
+            if same[start]:
+                jump = abs(values[end + 1] - values[end]) if end + 1 < values.size else 0.0
+                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump)))
+
+    def repairs(self) -> list[Repair]:
+        """Return what is odd, as warnings."""
+        odd = [run for run in self._long if self._is_odd(run)]
+        ends = [run for run in odd if run.value in (self._low, self._high)]
+        inner = [run for run in odd if run not in ends]
+        return [self._repair(kind, runs) for kind, runs in (("saturated", ends), ("frozen", inner)) if runs]
+
+    def _is_odd(self, run: _Run) -> bool:
+        if self._signal == "x" and run.jump > JUMP * self._step:
+            return True
+        inside = sum(other.length - 1 for other in self._long)
+        repeats = max(self._equal - inside, 1) / max(self._pairs - inside, 1)
+        noisy = self._turns > VISIBLE * self._steps > 0 and self._step > COARSE * self._resolution
+        return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(CHANCE)
+
+    def _repair(self, kind: str, runs: list[_Run]) -> Repair:
+        count, longest = sum(run.length for run in runs), max(runs, key=lambda run: run.length)
+        message = (
+            f"{kind}: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
+        )
+        return Repair(self._signal, kind, count, message)

@@ -1,0 +1,39 @@
+"""What is said of logs of a running controller: what was foretold of the loop, and what came."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.messages.formatting import quantity
+
+Row = Mapping[str, Any]
+FIGURES = (
+    ("steady_um", "error at rest", "m", 1e-6),
+    ("cycle_um", "moves at rest", "m", 1e-6),
+    ("tracking_rms_um", "error on the way, rms", "m", 1e-6),
+    ("overshoot_um", "overshoot", "m", 1e-6),
+    ("settling_s", "settles in", "s", 1.0),
+    ("fast_v", "command above 50 Hz, rms", "V", 1.0),
+    ("load_estimate_n", "estimate of the load, mean", "N", 1.0),
+)
+HEAD = ("figure", "foretold", "measured")
+
+
+def rows(log: Row) -> Iterator[tuple[str, str, str]]:
+    """Yield title, what was foretold and what came, of the figures that the log shows."""
+    for name, title, unit, scale in FIGURES:
+        told, came = log["foretold"].get(name), log["measured"].get(name)
+        if told is not None or came is not None:
+            yield title, _shown(told, unit, scale), _shown(came, unit, scale)
+
+
+def _shown(value: float | None, unit: str, scale: float) -> str:
+    return "never" if value is None else quantity(scale * value, unit, 3)
+
+
+def lines(answer: Row) -> Iterator[str]:
+    """Yield a sentence for each log."""
+    for log in answer.get("closed_loop", ()):
+        told = "; ".join(f"{title} {came} ({told} foretold)" for title, told, came in rows(log))
+        yield f"{log['recording']}, {log['controller']}: {told}"

@@ -1,0 +1,21 @@
+"""What was exported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.messages import labelled
+
+
+def _volts(value: float) -> str:
+    return f"{value:.2g} V" if value >= 0.1 else f"{1e3 * value:.2g} mV"
+
+
+def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
+    """Yield the period of the controller, what its precision costs, and the files."""
+    yield from labelled("found", f"controller {answer['controller']}, one step every {1e3 * answer['period_s']:g} ms")
+    if off := answer.get("difference_from_float64"):
+        text = f"{answer['precision']}: of 99 samples in 100 the command is within {_volts(off['p99_v'])} of float64"
+        yield from labelled("found", f"{text}, rms {_volts(off['rms_v'])}; at most {_volts(off['largest_v'])} apart")
+    yield from labelled("wrote", ", ".join(answer["files"]))

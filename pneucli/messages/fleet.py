@@ -1,0 +1,49 @@
+"""What a fleet's run found: how many rigs, who changed, what failed, and where the page is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.messages import labelled, table
+from pneucli.messages.diagnose import difference
+from pneucli.messages.formatting import joined, number
+
+Answer = Mapping[str, Any]
+MOST = 10  # rigs that are listed without -v
+
+
+def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
+    """Yield counts, the rigs that changed, the failures, what to do; behind ``-v`` all that changed."""
+    yield from labelled("found", found(answer))
+    yield from labelled("repeats", repeating(answer))
+    listed = answer["changes"] if verbose else answer["changes"][:MOST]
+    for one in listed:
+        what = "; ".join(difference(each) for each in one["changes"])
+        yield from labelled("changed", f"{one['rig']} at {one['date']}, since {one['since']}: {what}")
+    if rest := len(answer["changes"]) - len(listed):
+        yield from labelled("", f"and {rest} more (-v lists them)")
+    for one in answer["failures"]:
+        yield from labelled("failed", f"{one['rows']} rows: {one['cause']}")
+    yield from labelled("done", f"{answer['done']} rows in {answer['seconds']:.0f} s, {answer['unchanged']} unchanged")
+    yield from labelled("page", f"{answer['out']}/report.html")
+    if verbose:
+        yield ""
+        yield from table(("verdict", "rows"), [(name, str(n)) for name, n in answer["verdicts"].items()], texts=1)
+
+
+def found(answer: Answer) -> str:
+    """Return the counts in one sentence."""
+    text = f"{answer['changed']} of {answer['rigs']} rigs changed, {answer['failed']} of {answer['rows']} rows failed"
+    missing = [f"{name} ({n})" for name, n in list(answer["missing"].items())[:5]]
+    return f"{text}; missing from the model: {joined(missing)}" if missing else text
+
+
+def repeating(answer: Answer) -> str:
+    """Return how well the rigs repeat from one healthy date to another, or that nobody knows."""
+    known = answer["repeatability"]
+    if known is None:
+        return "how much a healthy rig differs from date to date is not known: state [fleet] healthy"
+    sizes = [f"{name} {number(100 * size, 2)} %" for name, size in known["parameters"].items() if size > 0.0]
+    within = f"from date to date a healthy rig differs by {joined(sizes)}" if sizes else "healthy dates differ by noise"
+    return f"{within} ({known['rigs']} rigs, {known['dates']} dates each)"

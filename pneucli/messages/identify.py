@@ -1,0 +1,118 @@
+"""The identified parameters with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.messages import labelled, table, warnings
+from pneucli.messages.formatting import joined, number, percent, quantity, shown_unit, times, with_interval
+
+ISO = ("command", "C (ISO 6358)", "b", "m")
+FRICTION = ("recording", "p1", "kinetic friction", "break-away")
+LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
+
+
+def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
+    """Yield the model, its parameters, warnings, and what to do next."""
+    model = answer["model"]
+    effects = ", ".join(model["effects"])
+    count = len(model["parameters"])
+    yield from labelled("found", f"{count} parameters of the base model{f' with {effects}' if effects else ''}")
+    rows = [(name, with_interval(p["value"], p["unit"], p["ci95"])) for name, p in model["parameters"].items()]
+    yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
+    for one in answer["assumed"]:
+        yield from labelled("assumed", f"{one['what']} (to state it: {one['instead']})")
+    for label in ("valve", "valve_2"):
+        if valve := answer.get(label):
+            yield from labelled(label.replace("_", " "), _valve(valve))
+            if by_command := iso_rows(valve["iso"], label):
+                yield from table(ISO, by_command, texts=4)
+    friction = answer.get("friction", {})
+    if by_recording := friction_rows(friction):
+        yield from table(FRICTION, by_recording, texts=4)
+    for name, said in (("friction", friction_lines(friction)), ("leak", leak_lines(answer.get("leaks", {})))):
+        for one in said:
+            yield from labelled(name, one)
+    yield from warnings(answer)
+    yield from labelled("do", f"pneucli compare {file}")
+
+
+def _valve(valve: Mapping[str, Any]) -> str:
+    """Return how well the measured map follows its curves, and the model the map."""
+    residual, lack = valve["residual"], valve["lack_of_fit"]
+    if valve["map"] == "model":
+        return f"no vessel was filled: the map is that of the model's valve, which{_off(lack, 'measured gradients')}"
+    held = "" if residual["test"] is None else f", {times(residual['test'])} × noise on held-out ones"
+    said = f"the measured map leaves {times(residual['train'])} × noise on its curves{held}"
+    if lack["median"] is None:
+        return f"{said}; no command was covered"
+    return f"{said}; the model's valve{_off(lack, 'it')}"
+
+
+def _off(lack: Mapping[str, Any], what: str) -> str:
+    if lack["median"] is None:
+        return f" has no {what} to be held against"
+    off = f"{percent(lack['median'])} in the median, {percent(lack['p95'])} at the 95th percentile"
+    return f" is off {what} by {off}, outside both intervals at {percent(lack['share_outside'])}"
+
+
+def iso_rows(iso: Mapping[str, Any], label: str) -> list[tuple[str, ...]]:
+    """Return the characteristics of ISO 6358 by command: command, C, b, m."""
+    rows: list[tuple[str, ...]] = []
+    for name in [name for name in iso if name.startswith(f"{label}.sonic_conductance(")]:
+        of = "(" + name.partition("(")[2]
+        c, b, m = (iso[f"{label}.{figure}{of}"] for figure in ("sonic_conductance", "critical_ratio", "subsonic_index"))
+        ends = [None if end is None else LITRES_PER_BAR * end for end in c["ci95"]]
+        shown = with_interval(LITRES_PER_BAR * c["value"], "l/(s bar)", ends)
+        rows.append((of.strip("()"), shown, *(with_interval(v["value"], "1", v["ci95"]) for v in (b, m))))
+    return rows
+
+
+def friction_rows(friction: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return friction by recording: its name, the pressure, kinetic friction, break-away."""
+    kinetic = {k["recording"]: k for k in friction.get("kinetic", [])}
+    broken = {b["recording"]: b for b in friction.get("breakaway", [])}
+    rows: list[tuple[str, ...]] = []
+    for name in {**kinetic, **broken}:
+        level, away = kinetic.get(name), broken.get(name)
+        p1 = level["pressures"].get("p1") if level else None
+        sliding = with_interval(level["friction"], level["unit"], level["ci95"]) if level else "–"
+        held = f"{with_interval(away['value'], away['unit'], away['ci95'])} ({away['count']} ×)" if away else "–"
+        rows.append((name, quantity(p1, "Pa", 3), sliding, held))
+    return rows
+
+
+def friction_lines(friction: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how friction grows with pressure, and how far recordings agree."""
+    if line := friction.get("over_pressure"):
+        at_ambient, slope = line["at_ambient"], line["slope"]
+        unit, ends = at_ambient["unit"], [1e5 * end for end in slope["ci95"]]
+        growth = with_interval(1e5 * slope["value"], f"{shown_unit(unit)}/bar", ends)
+        force = with_interval(at_ambient["value"], unit, at_ambient["ci95"])
+        yield f"kinetic, over p1 above ambient: {force} + {growth}"
+    for one in friction.get("repeats", []):
+        force, spread = quantity(one["friction"], one["unit"], 3), percent(one["spread"])
+        yield f"{joined(one['recordings'])}, at one pressure and speed: {force} with a standard deviation of {spread}"
+
+
+def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what shut chambers lost, what that is as a flow, and what an area takes for granted of heat."""
+    for one in leaks.get("lost", []):
+        of = "" if one["volume_known"] else " for each litre of volume"
+        yield (
+            f"{one['recording']}: {quantity(one['start'], 'Pa')} to {quantity(one['end'], 'Pa')} in "
+            f"{number(one['seconds'], 3)} s, {number(one['percent'], 2)} %/s of the pressure above ambient at first; "
+            f"in the mean {number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
+            f"{number(one['adiabatic'], 3)} if it took none of its heat"
+        )
+    for one in leaks.get("flows", []):
+        of = "" if one["volume_known"] else " for each litre of volume"
+        said = f"{one['effect']}: {number(one['flow'], 3)} {one['unit']}{of}"
+        yield f"{said} from {quantity(one['pressure'], 'Pa', 3)} to ambient"
+    for one in leaks.get("areas", []):
+        isothermal, adiabatic = (quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
+        yield (
+            f"{one['name']} goes with the exponent {number(one['exponent'], 3)} ([rig] thermal): {isothermal} if the "
+            f"gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
+        )

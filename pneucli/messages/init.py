@@ -1,0 +1,54 @@
+"""What was seen in raw files, what was made of it, and what is left to people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import PurePath
+from typing import Any
+
+from pneucli.messages import labelled, table
+
+
+def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
+    """Yield each column with its range and what it is taken for, the kinds of recordings, and what is to be done."""
+    if not answer["columns"]:
+        yield from labelled("do", f"describe your rig and recordings in {file}, then pneucli run {file}")
+        return
+    for one in answer["recordings"]:
+        held = f"held out to test: {', '.join(one['held_out'])}" if one["held_out"] else "none held out"
+        count = f"{one['files']} file" + "s" * (one["files"] > 1)
+        yield from labelled("kind", f"{_short(one['file'])}: {count}, {one['experiment']}; {held}")
+        rows = [_row(column) for column in answer["columns"] if column["file"] == one["file"]]
+        yield from table(("column", "taken for", "unit", "least", "median", "most"), rows, texts=3)
+        for column in answer["columns"]:
+            if column["file"] == one["file"] and column["why"] and column["signal"]:
+                yield from labelled("", f"{column['signal']}: {column['why'].replace('CHECK ', '')}")
+        yield ""
+    for text in answer["left_out"]:
+        yield from labelled("left out", text)
+    yield from labelled("wrote", answer["pipeline"])
+    if answer["check"]:
+        yield from labelled("check", f"line {_listed(answer['check'])}: what the data alone cannot tell")
+    yield from labelled("do", _next(answer, file))
+
+
+def _next(answer: Mapping[str, Any], file: str) -> str:
+    waiting = answer["fill_in"]
+    if not waiting:
+        return f"pneucli run {file}"
+    keys = ", ".join(f"{one['key']} (line {one['line']})" for one in waiting)
+    return f"fill in {'this one' if len(waiting) == 1 else f'these {len(waiting)}'}: {keys}; then pneucli run {file}"
+
+
+def _row(column: Mapping[str, Any]) -> tuple[str, ...]:
+    gauge = " gauge" * column["gauge"]
+    numbers = ("" if column[key] is None else f"{column[key]:.4g}" for key in ("least", "median", "most"))
+    return (f"{column['column']}", column["signal"] or "-", f"{column['unit']}{gauge}", *numbers)
+
+
+def _short(file: str) -> str:
+    return "/".join(PurePath(file).parts[-2:])
+
+
+def _listed(numbers: list[int]) -> str:
+    return ", ".join(map(str, numbers))

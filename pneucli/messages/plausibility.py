@@ -1,0 +1,63 @@
+"""What signals look like, and what cannot be true of them."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pneucli.messages import labelled, table
+from pneucli.quantities import display_unit
+from pneucli.units import parse_unit
+
+Look = Mapping[str, Any]
+
+
+def lines(answer: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is implausible in the recordings, of the answer of ``ingest``; nothing where nothing is."""
+    for text in doubts(answer.get("plausibility", [])):
+        yield from labelled("doubt", text)
+
+
+def doubts(findings: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return one sentence for each check and signal, with the recordings that it was found in.
+
+    The first recording speaks for all of them: its numbers are shown.
+    """
+    groups: dict[tuple[str, str], list[Mapping[str, str]]] = {}
+    for one in findings:
+        groups.setdefault((one["check"], one["signal"]), []).append(one)
+    return [_sentence(group) for group in groups.values()]
+
+
+def _sentence(group: Sequence[Mapping[str, str]]) -> str:
+    first, names = group[0], list(dict.fromkeys(one["recording"] for one in group))
+    others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return f"{names[0]}{others}, {first['found']}; {first['mend']}"
+
+
+def looks(looks: Mapping[str, Mapping[str, Look]], experiments: Mapping[str, str]) -> Iterator[str]:
+    """Yield a table: a row a signal of an experiment, over all its recordings.
+
+    ``looks`` maps recordings and signals to what ``ingest`` saw, ``experiments`` recordings to their experiment.
+    """
+    rows: dict[tuple[str, str], list[Look]] = {}
+    for recording, signals in looks.items():
+        for signal, one in signals.items():
+            rows.setdefault((experiments[recording], signal), []).append(one)
+    head = ("experiment", "signal", "least", "median", "most", "noise", "unit", "rate")
+    return table(head, [_row(*key, seen) for key, seen in rows.items()], texts=2)
+
+
+def _row(experiment: str, signal: str, seen: Sequence[Look]) -> tuple[str, ...]:
+    unit = display_unit(signal, seen[0]["unit"])
+    factor, offset = parse_unit(unit).factor, parse_unit(unit).offset
+    values = (min(s["least"] for s in seen), statistics.median(s["median"] for s in seen), max(s["most"] for s in seen))
+    noise, rate = ([s[key] for s in seen if s[key] is not None] for key in ("noise", "rate"))
+    return (
+        *(experiment, signal),
+        *(f"{(value - offset) / factor:.4g}" for value in values),
+        f"{statistics.median(noise) / factor:.2g}" if noise else "?",
+        unit,
+        f"{statistics.median(rate):.4g} Hz" if rate else "?",
+    )

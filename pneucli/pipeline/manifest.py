@@ -1,0 +1,180 @@
+"""What made a stage's folder, and whether it would come out the same today.
+
+Each folder holds a ``stage.json`` with digests of everything that made it. A file counts as unchanged while its size
+and time stamp are; only where they differ is it read and hashed, so that a file that was merely touched makes nothing
+stale. The key of a stage is a digest of its inputs, the keys of its parents included: it is known without running
+anything.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pneucli
+from pneucli import paths
+from pneucli.pipeline.context import Answer
+
+FILE = "stage.json"
+SCHEMA = "pneucli/stage/1"
+NEVER = "never done"
+
+
+def digest(value: object) -> str:
+    """SHA-256 of a value of JSON or TOML."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+@cache
+def program_digest() -> str:
+    """Version of the program and SHA-256 of its source: a changed program makes everything stale."""
+    package = Path(pneucli.__file__).parent
+    content = hashlib.sha256()
+    for path in sorted(p for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts):
+        content.update(path.relative_to(package).as_posix().encode() + b"\0")
+        content.update(path.read_bytes())
+    return f"{pneucli.__version__} {content.hexdigest()}"
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """A file's size in bytes, time of modification in ns, and SHA-256; ``size = -1`` where there is no regular file."""
+
+    size: int
+    mtime_ns: int
+    sha256: str
+
+
+def stamp(path: Path, known: Stamp | None = None) -> Stamp:
+    """Return the stamp of ``path``; the file is read only where size or time differ from those of ``known``."""
+    if not paths.is_file(path):
+        return Stamp(-1, 0, "")
+    status = path.stat()
+    if known and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns):
+        return known
+    with path.open("rb") as file:
+        return Stamp(status.st_size, status.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def named_files(tables: Mapping[str, Any], table: str, key: str, pipeline: Path) -> dict[str, Path]:
+    """Return the files that ``key`` names in ``table`` (or in each table of that array), by their path from the file.
+
+    What names no file stands for itself. Raises InputError as :mod:`pneucli.paths` does.
+    """
+    folder, where = pipeline.parent, f"{pipeline}, key {table}.{key}"
+    entries = tables.get(table, [])
+    values = [entry.get(key, []) for entry in (entries if isinstance(entries, list) else [entries])]
+    names = [name for value in values for name in ([value] if isinstance(value, str) else value)]
+    found = [hit for name in names for hit in paths.named(name, folder, where)]
+    return {os.path.relpath(path, folder): path for path in found}
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """All that a stage's result depends on; ``tables`` holds digests, ``parents`` keys."""
+
+    program: str
+    tables: Mapping[str, str]
+    files: Mapping[str, Stamp]
+    parents: Mapping[str, str]
+    options: Mapping[str, Any]
+
+    @property
+    def key(self) -> str:
+        """Digest of it all, time stamps left out."""
+        return digest({**asdict(self), "files": {name: file.sha256 for name, file in self.files.items()}})
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What ``stage.json`` holds. ``skipped`` says why the stage does not apply; then there is no ``answer``."""
+
+    stage: str
+    inputs: Inputs
+    outputs: Mapping[str, Stamp] = field(default_factory=dict)
+    answer: Answer | None = None
+    skipped: Mapping[str, Any] | None = None
+    seconds: float = 0.0
+
+    def write(self, folder: Path) -> None:
+        """Write or replace ``stage.json`` in ``folder``, atomically."""
+        text = json.dumps({"schema": SCHEMA, "key": self.inputs.key, **asdict(self)}, indent=1, allow_nan=False)
+        partial = folder / f".{FILE}"
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(folder / FILE)
+
+
+def read(folder: Path) -> Manifest | None:
+    """Return the manifest of ``folder``; ``None`` where there is none, or one of another version."""
+    try:
+        content = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        if content.pop("schema") != SCHEMA:
+            return None
+        content.pop("key")
+        content.pop("summary", None)  # of an older program
+        inputs = Inputs(**{**content["inputs"], "files": _stamps(content["inputs"]["files"])})
+        return Manifest(**{**content, "inputs": inputs, "outputs": _stamps(content["outputs"])})
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _stamps(content: Mapping[str, Mapping[str, Any]]) -> dict[str, Stamp]:
+    return {name: Stamp(**stamp) for name, stamp in content.items()}
+
+
+def stamp_folder(folder: Path, known: Mapping[str, Stamp] | None = None) -> dict[str, Stamp]:
+    """Return the stamps of all files below ``folder`` but the manifest."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in (FILE, f".{FILE}"))
+    known = known or {}
+    return {name: stamp(path, known.get(name)) for path in files for name in [path.relative_to(folder).as_posix()]}
+
+
+def differences(before: Manifest | None, now: Inputs, outputs: Mapping[str, Stamp]) -> tuple[str, ...]:
+    """Say what makes a folder stale: inputs that changed since ``before``, and ``outputs`` that are not as written."""
+    if before is None:
+        return (NEVER,)
+    was = before.inputs
+    why = ["the program changed"] if was.program != now.program else []
+    why += [f"{_verb(was.tables, now.tables, name)} [{name}]" for name in _changed(was.tables, now.tables)]
+    shas = ({n: s.sha256 for n, s in was.files.items()}, {n: s.sha256 for n, s in now.files.items()})
+    why += _counted([f"{_verb(was.files, now.files, name)} {name}" for name in _changed(*shas)])
+    why += [f"{name} is stale" for name in _changed(was.parents, now.parents)]
+    why += [f"other option --{name}" for name in _changed(was.options, now.options)]
+    broken = [name for name, as_written in before.outputs.items() if not _same(outputs.get(name), as_written)]
+    return (*why, *_counted([f"its file {name} is missing or was changed" for name in broken]))
+
+
+def _same(now: Stamp | None, before: Stamp) -> bool:
+    return now is not None and now.sha256 == before.sha256
+
+
+def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    return [name for name in {**before, **now} if before.get(name) != now.get(name)]
+
+
+def _verb(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> str:
+    if name not in before:
+        return "new"
+    return "changed" if name in now else "no longer"
+
+
+def _counted(reasons: Iterable[str], most: int = 3) -> list[str]:
+    reasons = list(reasons)
+    return reasons if len(reasons) <= most else [*reasons[:most], f"and {len(reasons) - most} more"]
+
+
+PACKAGES = ("numpy", "scipy", "numba")
+
+
+def identity() -> dict[str, str]:
+    """Return by name the versions of this program (with the hash of its source), of Python and of what computes."""
+    python = ".".join(platform.python_version_tuple()[:2])
+    return {"pneucli": program_digest(), "Python": python, **{name: version(name) for name in PACKAGES}}

@@ -1,0 +1,82 @@
+"""The summary as Markdown: what a pull request or a mail needs. SI units, the numbers of the JSON answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pneucli.messages.compare import event_in_words, events, test_first
+from pneucli.messages.history import comparable
+from pneucli.report.overview import Front, front
+from pneucli.report.report_data import Material
+
+Row = Sequence[object]
+
+
+def to_markdown(material: Material) -> str:
+    """Return the first screen in words, history, checks, errors and where they stand, ladder, parameters, warnings."""
+    return "\n".join(_lines(material)) + "\n"
+
+
+def _lines(material: Material) -> Iterator[str]:
+    yield f"# {material.name}"
+    yield from (line for text in _first(front(material)) for line in ("", text))
+    if len(material.history) > 1:
+        rows = [
+            (
+                m["when"],
+                ", ".join(m["effects"]) or "base model",
+                _number(m["error"]["test"]),
+                _number(m["error"]["train"]),
+            )
+            for m in comparable(material.history)
+        ]
+        yield from _table("History, error over noise", ("compared", "effects", "test", "train"), rows)
+    if material.checks:
+        checks = [(c.path, c.wanted, _number(c.value), "FAILED" if c.failure else "passed") for c in material.checks]
+        yield from _table("Checks", ("check", "wanted", "found", ""), checks)
+    yield from _comparison(material.answer("compare"))
+    if ladder := material.answer("diagnose").get("ladder"):
+        steps = [(s["add"] or "model as given", _number(s["error_train"]), _number(s["error_test"])) for s in ladder]
+        yield from _table("Ladder of effects, error over noise", ("add", "train", "test"), steps)
+    if parameters := material.answer("identify").get("model", {}).get("parameters"):
+        rows = [(n, _number(p["value"]), *map(_number, p["ci95"]), p["unit"]) for n, p in parameters.items()]
+        yield from _table("Parameters", ("name", "value", "95 % from", "to", "unit"), rows)
+    told = [f"{stage}: {w}" for stage, answer in material.answers.items() for w in answer.get("warnings", [])]
+    if told:
+        yield from ("", "## Warnings", "", *(f"- {warning}" for warning in told))
+
+
+def _first(first: Front) -> Iterator[str]:
+    yield first.line
+    yield from (f"**{tile.title}: {tile.large}** {tile.words}" for tile in first.tiles)
+    yield from filter(None, (first.doubt, first.checks, first.failed, first.following))
+
+
+def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
+    if not answer:
+        return
+    keys = ("recording", "use", "channel", "rmsd", "unit", "percent", "fit_percent", "noise", "ratio_to_noise")
+    rows = [[_number(c[key]) for key in keys] for c in test_first(answer["channels"])]
+    yield from _table("Model against measurement", keys, rows)
+    if answer.get("where"):
+        yield from (
+            "",
+            "## Where the error concentrates, worst first",
+            "",
+            *(f"- {event_in_words(e)}" for e in events(answer)[:10]),
+        )
+
+
+def _table(title: str, head: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
+    yield from ("", f"## {title}", "", _row(head), _row(["---"] * len(head)), *map(_row, rows))
+
+
+def _row(cells: Row) -> str:
+    return f"| {' | '.join(str(cell).replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,116 @@
+"""The parts that a page is put together from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
+
+from pneucli.report.report_data import Material
+
+LONG = 40  # rows; a longer table is folded
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of a grid: its text, a share (0 to 1) drawn as a bar behind it, and a tone (good, bad or none)."""
+
+    text: str
+    bar: float | None = None
+    tone: str = ""
+    numeric: bool = True
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table for people; ``head`` has a title a column, ``rows`` texts or cells. Long ones are folded."""
+
+    kind: ClassVar[str] = "grid"
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[Cell | str]]
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A static figure as SVG, and one sentence that says what to see."""
+
+    kind: ClassVar[str] = "figure"
+    svg: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """A sentence of its own; ``tone``: good, bad, warning or none."""
+
+    kind: ClassVar[str] = "note"
+    text: str
+    tone: str = ""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One curve of a zoomable panel; ``role`` (measured, model, input, residual) chooses its colour."""
+
+    label: str
+    role: str
+    values: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves over one time axis (s), all in ``unit``; ``restarts`` (s) are marked."""
+
+    title: str
+    unit: str
+    time: NDArray[Any]
+    series: Sequence[Series]
+    restarts: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class Run:
+    """The panels of one recording or scenario, one above the other."""
+
+    name: str
+    panels: Sequence[Panel]
+
+
+@dataclass(frozen=True)
+class Zoom:
+    """Zoomable time plots, one run at a time, chosen from a list."""
+
+    kind: ClassVar[str] = "zoom"
+    name: str
+    caption: str
+    runs: Sequence[Run]
+
+
+Part = Grid | Figure | Note | Zoom
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter of the page: its anchor, title, one leading sentence, and parts.
+
+    A folded one opens on demand; on paper it stands where it was opened, or is to be ``printed`` in any case.
+    """
+
+    anchor: str
+    title: str
+    lead: str
+    parts: Sequence[Part] = field(default_factory=tuple)
+    folded: bool = False
+    printed: bool = False
+
+
+def warnings(material: Material, stage: str) -> list[Part]:
+    """Return what a stage warns of, to stand where it belongs."""
+    return [Note(f"{warning}.", "warning") for warning in material.answer(stage).get("warnings", [])]
+
+
+SectionMaker = Callable[[Material], "Section | None"]

@@ -1,0 +1,174 @@
+"""Where the model fails: stretches in words, worst first, and maps of the residual over two state variables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from pneucli.messages import compare
+from pneucli.messages.formatting import axis, joined, number, percent, short, shown, signal_unit
+from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.report_data import Material, Table
+
+Array = NDArray[np.float64]
+CELLS = 24  # along each side of a map
+FULL = 5  # samples that a cell needs to be drawn
+MAPS = 3  # channels, those in which the first model failed worst
+FLOOR = 0.3  # times the noise: the end of the colours; no cell of five samples of pure noise lies far below
+PLACES = 3  # of one event, in words
+STATES = ("u", "p1", "p2", "x", "v")
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Residuals of one channel in units of the noise floor (n,), and the states (n,) at which they arose."""
+
+    experiment: str
+    channel: str
+    residual: Array
+    states: Mapping[str, Array]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residual: 1 is the noise floor."""
+        return float(np.sqrt(np.nanmean(self.residual**2)))
+
+
+def section(material: Material) -> Section | None:
+    """Return maps of the first model and of the one as it is, and the stretches; absent where nothing was compared."""
+    answer = material.answer("compare")
+    if not answer:
+        return None
+    now = _clouds(material, answer, material.table("compare/residuals"))
+    former = material.before
+    first = _clouds(material, former.answer, former.table) if former else {}
+    worst = sorted(now, key=lambda key: -(first.get(key) or now[key]).rms)[:MAPS]
+    parts: list[Part] = []
+    for key in worst:
+        parts += figures(_maps(first.get(key), now[key]))
+    events = compare.events(answer)
+    parts += [_events(events)] if events else [Note("No channel errs remarkably beyond noise.", "good")]
+    lead = (
+        "The maps pool all recordings of an experiment, each over those two variables over which the error is least "
+        "even; the line in the colour bar is 1, the noise floor."
+    )
+    return Section("where", "Where it fails", lead, parts)
+
+
+def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
+    rows = [
+        [
+            Cell(event[0]["recording"], numeric=False),
+            Cell(joined(list(dict.fromkeys(r["channel"] for r in event))), numeric=False),
+            Cell("; ".join(dict.fromkeys(compare.place(r) for r in event[:PLACES])), numeric=False),
+            Cell(percent(event[0]["share_of_error"]), bar=event[0]["share_of_error"]),
+            Cell(percent(event[0]["share_of_samples"]), bar=event[0]["share_of_samples"]),
+        ]
+        for event in events
+    ]
+    head = ("recording", "channels", "where", "share of error", "share of samples")
+    caption = "Stretches that hold at least twice as much of the squared error as of the samples, worst first"
+    return Grid(caption, head, rows, folded=True)
+
+
+def _clouds(material: Material, answer: Mapping[str, Any], table: Table) -> dict[tuple[str, str], Cloud]:
+    """Return a model's residuals by experiment and channel, all recordings of it together."""
+    noise = {(c["recording"], c["channel"]): c["noise"] for c in answer["channels"]}
+    kind = {r["name"]: _kind(r) for r in material.answer("ingest").get("recordings", [])}
+    signals = {name: rows for (name,), rows in material.table("ingest/signals").groups("recording")}
+    residuals = dict(table.groups("recording", "channel"))
+    pooled: dict[tuple[str, str], list[tuple[Array, dict[str, Array]]]] = {}
+    for (recording, channel), rows in residuals.items():
+        if recording in signals and noise.get((recording, channel)):
+            speed = residuals.get((recording, "v"))
+            states = _states(signals[recording], None if speed is None else speed["measured"])
+            if all(values.size == len(rows) for values in states.values()):
+                scaled = rows["residual"] / noise[recording, channel]
+                pooled.setdefault((kind.get(recording, ""), channel), []).append((scaled, states))
+    return {key: _cloud(*key, parts) for key, parts in pooled.items()}
+
+
+def _kind(recording: Mapping[str, Any]) -> str:
+    return f"{recording['experiment']}{' (imposed motion)' if recording.get('imposed') else ''}"
+
+
+def _cloud(experiment: str, channel: str, parts: list[tuple[Array, dict[str, Array]]]) -> Cloud:
+    shared = [name for name in STATES if all(name in states for _, states in parts)]
+    states = {name: np.concatenate([one[name] for _, one in parts]) for name in shared}
+    return Cloud(experiment, channel, np.concatenate([residual for residual, _ in parts]), states)
+
+
+def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
+    states = {n: signals[n] for n in STATES if n in signals and np.isfinite(signals[n]).any()}
+    if speed is not None:
+        states["v"] = speed
+    elif "x" in states and "v" not in states and len(signals) > 50:
+        period = float(np.median(np.diff(signals["time"])))
+        states["v"] = np.asarray(savgol_filter(states["x"], 21, 2, deriv=1, delta=period))
+    return states
+
+
+def _maps(first: Cloud | None, now: Cloud) -> list[Drawing]:
+    """Draw the rms residual of both models over the pair of states over which that of the first is least even.
+
+    One scale for both; none is drawn where there is no pair of states that move.
+    """
+    judge = first or now
+    moving = [name for name, values in judge.states.items() if np.nanmax(values) > np.nanmin(values)]
+    grids = [(_grid(judge, *pair), pair) for pair in combinations(moving, 2)]
+    if not grids:
+        return []
+    (*_, rms, _), pair = max(grids, key=lambda grid: grid[0][3])
+    most = max(2.0, float(np.nanmax(rms, initial=0.0)))
+    if first is None:
+        return [_map("as it is", now, pair, most)]
+    return [_map("before", first, pair, most), _map("after", now, pair, most)]
+
+
+def _map(when: str, cloud: Cloud, pair: tuple[str, str], most: float) -> Drawing:
+    x, y = pair
+    edges_x, edges_y, rms, _ = _grid(cloud, x, y)
+    worst = number(float(np.nanmax(rms, initial=0.0)), 3)
+    caption = (
+        f"{cloud.channel} in {cloud.experiment} recordings, {when}: {number(cloud.rms, 3)} × noise over all samples, "
+        f"up to {worst} × in the worst cell."
+    )
+    with drawing(caption, axis(x), axis(y)) as one:
+        ends = shown(edges_x, signal_unit(x)), shown(edges_y, signal_unit(y))
+        title = f"rms residual of {cloud.channel}, × noise"
+        bar = heat(one, *ends, rms.T, title, norm=LogNorm(vmin=FLOOR, vmax=most))
+        bar.ax.axhline(1.0, color=ORANGE, linewidth=2)
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+    return one
+
+
+def _grid(cloud: Cloud, x: str, y: str) -> tuple[Array, Array, Array, float]:
+    """Return edges, the rms residual (CELLS, CELLS), NaN where few samples fell, and how uneven it is (>= 0).
+
+    Unevenness is the Kullback-Leibler divergence of the squared error's distribution from that of the samples.
+    """
+    a, b, squared = cloud.states[x], cloud.states[y], cloud.residual**2
+    seen = np.isfinite(a) & np.isfinite(b) & np.isfinite(squared)
+    a, b, squared = a[seen], b[seen], squared[seen]
+    edges = [np.histogram_bin_edges(values, CELLS) for values in (a, b)]
+    count, *_ = np.histogram2d(a, b, edges)
+    total, *_ = np.histogram2d(a, b, edges, weights=squared)
+    full = count >= FULL
+    if not full.any() or not total[full].sum() > 0:
+        return edges[0], edges[1], np.full(count.shape, np.nan), -1.0
+    error, samples = total[full] / total[full].sum(), count[full] / count[full].sum()
+    some = error > 0
+    uneven = float(np.sum(error[some] * np.log(error[some] / samples[some])))
+    rms = np.full(count.shape, np.nan)
+    rms[full] = np.sqrt(total[full] / count[full])
+    return edges[0], edges[1], rms, uneven

@@ -1,0 +1,167 @@
+"""The controllers side by side: their figures, what the inverse map and each component bring, figures 7.28 to 7.34."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import NullLocator, ScalarFormatter
+
+from pneucli.messages import law_comparison
+from pneucli.messages.formatting import shown
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PALETTE, Drawing, drawing, envelope, figures
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.report_data import Material, Table
+
+Answer = Mapping[str, Any]
+MOST = 800  # samples of a curve
+UM = 1e6
+THESIS = "compensated"  # the law whose results the thesis shows
+AFTER = 0.25  # s after a step of pressure that are magnified
+
+
+def section(material: Material) -> Section | None:
+    """Return the bench of controllers; absent where none was designed."""
+    design = material.answer("design")
+    if not design.get("compare"):
+        return None
+    signals = material.table("design/comparison_signals")
+    tolerance = design["tolerance_um"]
+    parts: list[Part] = [_grid("What each controller reaches", design["compare"], tolerance)]
+    if poor := law_comparison.poor(design["compare"], tolerance):
+        parts.append(Note(f"On friction that is a set at rest {'; '.join(poor)}."))
+    parts += [Note(f"Not made: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
+    if design["ablation"]:
+        parts.append(
+            _grid("What becomes of best without one component, all else the same", design["ablation"], tolerance)
+        )
+    parts.append(_grid("The same controllers without the inverse of the valve's map", design["without_map"], tolerance))
+    parts.append(_titles(design["controllers"]))
+    if len(signals):
+        parts += figures([*_errors(signals), *_thesis(signals)])
+    lead = (
+        "The same axis, sensors and scenarios under each law, which is faithful to its equations in the source thesis "
+        "first; each can be exported."
+    )
+    return Section("bench", "Controllers side by side", lead, parts, folded=True)
+
+
+def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
+    rows = [
+        [Cell(name, numeric=False), *map(Cell, figures), Cell(verdict, numeric=False)]
+        for name, *figures, verdict in law_comparison.rows(cases, tolerance)
+    ]
+    return Grid(f"{caption}: {law_comparison.SAID}.", ("controller", *law_comparison.HEAD), rows)
+
+
+def _titles(titles: Mapping[str, str]) -> Grid:
+    rows = [[Cell(name, numeric=False), Cell(title, numeric=False)] for name, title in titles.items()]
+    return Grid("What each name stands for.", ("controller", "law"), rows, folded=True)
+
+
+def _errors(signals: Table) -> Iterator[Drawing]:
+    """Yield the error of all laws over time, one figure a scenario in which the position is asked for."""
+    for (scenario,), rows in signals.groups("scenario"):
+        if np.isnan(rows["x_ref"]).all():
+            continue
+        caption = f"{scenario}: error of the position under each law; to scale up to 10 µm."
+        with drawing(caption, "time in s", "|reference − position| in µm", height=3.4) as one:
+            for i, ((name,), mine) in enumerate(rows.groups("controller")):
+                error = UM * np.abs(mine["x_ref"] - mine["x"])
+                kept = envelope([error], MOST // 2)
+                colour = GREY if name == "best" else PALETTE[(i - 1) % len(PALETTE)]
+                width = 2.0 if name == "best" else 0.9
+                one.axes.plot(mine["time"][kept], error[kept], color=colour, linewidth=width, label=str(name))
+            one.axes.set_yscale("symlog", linthresh=10.0)
+            one.axes.yaxis.set_major_formatter(ScalarFormatter())
+            one.axes.yaxis.set_minor_locator(NullLocator())
+            one.canvas.legend(loc="outside upper center", ncols=4)
+        yield one
+
+
+def _thesis(signals: Table) -> Iterator[Drawing]:
+    """Yield figures 7.28 to 7.34 for the law of the thesis, as far as the scenarios show them."""
+    bare = signals.where(controller=f"{THESIS}, no map")
+    mine = signals.where(controller=THESIS)
+    for (_,), rows in mine.groups("scenario"):
+        if np.isnan(rows["x_ref"]).all():
+            yield from _pressure(rows, bare)
+            break
+    if len(steps := mine.where(scenario="steps")):
+        yield _position(steps)
+        yield _inner(steps)
+    loaded = [rows for _, rows in mine.groups("scenario") if np.any(rows["load"] != 0.0)]
+    if loaded:
+        yield _load(loaded[0], signals.where(scenario=loaded[0].text("scenario"), controller="best"))
+
+
+def _pressure(rows: Table, bare: Table) -> Iterator[Drawing]:
+    yield _pressures("Figure 7.28: pressure control, the piston clamped, with and without the inverse map.", rows, bare)
+    jumps = np.flatnonzero(np.abs(np.diff(rows["p1_ref"])) > 0.0)
+    if jumps.size:
+        begin = float(rows["time"][jumps[0]])
+        one = _pressures("Figure 7.29: the same, magnified about the first step.", rows, bare, begin)
+        yield one
+    told = (
+        ("Figure 7.30: voltage of the valve in pressure control.", "u", "valve command in V", 1.0),
+        (
+            "Figure 7.31: filtered disturbance of the pressure loop, as a gradient before the inverse map.",
+            "flow_estimate", "estimate in bar/s", 1e-5,
+        ),
+    )  # fmt: skip
+    for caption, column, title, scale in told:
+        with drawing(caption, "time in s", title) as one:
+            values = scale * rows[column]
+            kept = envelope([values], MOST)
+            one.axes.plot(rows["time"][kept], values[kept], color=BLUE)
+        yield one
+
+
+def _pressures(caption: str, rows: Table, bare: Table, about: float | None = None) -> Drawing:
+    with drawing(caption, "time in s", "pressure in bar") as one:
+        for table, column, label, colour in (
+            (rows, "p1_ref", "reference", GREY),
+            (bare, "p1", "without the map", ORANGE),
+            (rows, "p1", "with the map", BLUE),
+        ):
+            if not len(table):
+                continue
+            near = np.full(len(table), True) if about is None else np.abs(table["time"] - about) < AFTER
+            one.axes.plot(table["time"][near], shown(table[column][near], "Pa"), color=colour, label=label)
+        one.axes.legend(loc="upper right")
+    return one
+
+
+def _position(rows: Table) -> Drawing:
+    with drawing("Figure 7.32: position control.", "time in s", "position in µm") as one:
+        one.axes.plot(rows["time"], UM * rows["x_ref"], color=GREY, label="reference")
+        one.axes.plot(rows["time"], UM * rows["x"], color=BLUE, label="position")
+        one.axes.legend(loc="upper right")
+    return one
+
+
+def _inner(rows: Table) -> Drawing:
+    caption = "Figure 7.33: the pressure of the inner loop and what the position loop asks of it."
+    with drawing(caption, "time in s", "pressure in bar") as one:
+        for column, label, colour in (("p1_ref", "reference", GREY), ("p1", "pressure of chamber 1", BLUE)):
+            values = shown(rows[column], "Pa")
+            kept = envelope([values], MOST)
+            one.axes.plot(rows["time"][kept], values[kept], color=colour, label=label, linewidth=0.9)
+        one.axes.legend(loc="upper right")
+    return one
+
+
+def _load(rows: Table, best: Table) -> Drawing:
+    caption = (
+        "Figure 7.34: the disturbance estimate against the known load. What the thesis's observer takes for a load "
+        "holds dry friction as well; that of best knows it as a set."
+    )
+    with drawing(caption, "time in s", "force in N") as one:
+        one.axes.plot(rows["time"], rows["load"], color=GREY, linewidth=2.5, label="load")
+        for table, label, colour in ((rows, THESIS, BLUE), (best, "best", GREEN)):
+            if len(table):
+                kept = envelope([table["load_estimate"]], MOST)
+                one.axes.plot(table["time"][kept], table["load_estimate"][kept], color=colour, label=label)
+        one.axes.legend(loc="upper right")
+    return one

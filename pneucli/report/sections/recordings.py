@@ -1,0 +1,76 @@
+"""What was measured: the recordings, the signals of each, what the sensors add, and what was mended on the way in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Any
+
+from pneucli.messages.formatting import number, quantity
+from pneucli.messages.plausibility import doubts
+from pneucli.report.page_elements import LONG, Cell, Grid, Note, Part, Section, warnings
+from pneucli.report.report_data import Material
+
+
+def section(material: Material) -> Section | None:
+    """Return the recordings and repairs; absent where nothing was ingested."""
+    answer = material.answer("ingest")
+    if not answer:
+        return None
+    recordings = answer["recordings"]
+    parts: list[Part] = [*_doubts(answer), *warnings(material, "ingest"), _recordings(recordings), _noise(recordings)]
+    if answer.get("repairs"):
+        parts.append(_repairs(answer["repairs"]))
+    uses = [sum(r["use"] == use for r in recordings) for use in ("train", "test")]
+    lead = f"{len(recordings)} recordings: {uses[0]} to train on, {uses[1]} to test with."
+    return Section("measured", "What was measured", lead, parts, folded=True)
+
+
+def _doubts(answer: Mapping[str, Any]) -> list[Note]:
+    return [Note(f"{doubt}.", "warning") for doubt in doubts(answer.get("plausibility", []))]
+
+
+def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:
+    head = ("recording", "experiment", "use", "chamber 2", "signals", "samples", "rate", "from – to", "file", "SHA-256")
+    rows = [
+        [
+            Cell(r["name"], numeric=False),
+            Cell(r["experiment"] + (", imposed motion" if r["imposed"] else ""), numeric=False),
+            Cell(r["use"], numeric=False),
+            Cell(r["chamber_2"] or "–", numeric=False),
+            Cell(", ".join(name for name in r["signals"] if name != "time"), numeric=False),
+            Cell(f"{r['samples']}"),
+            Cell(f"{1 / r['period']:.6g} Hz"),
+            Cell(f"{number(r['from'])} – {number(r['to'])} s"),
+            Cell(PurePath(r["file"]).name, numeric=False),
+            Cell(r["sha256"][:10], numeric=False),
+        ]
+        for r in recordings
+    ]
+    return Grid("Recordings, all signals in SI and absolute pressure inside.", head, rows, folded=len(rows) > LONG)
+
+
+def _noise(recordings: list[Mapping[str, Any]]) -> Grid:
+    names = list(dict.fromkeys(name for r in recordings for name in r["noise"]))
+    rows = [[Cell(r["name"], numeric=False), *(_rms(r["noise"].get(name)) for name in names)] for r in recordings]
+    caption = "What each sensor adds, rms: given in the pipeline file, or estimated from the recordings."
+    return Grid(caption, ("recording", *names), rows, folded=True)
+
+
+def _rms(noise: Mapping[str, Any] | None) -> Cell:
+    return Cell("–" if noise is None else quantity(noise["rms"], noise["unit"], 2))
+
+
+def _repairs(repairs: list[Mapping[str, Any]]) -> Grid:
+    rows = [
+        [
+            Cell(r["recording"], numeric=False),
+            Cell(r["signal"], numeric=False),
+            Cell(f"{r['count']}"),
+            Cell(r["message"], numeric=False),
+        ]
+        for r in repairs
+    ]
+    return Grid(
+        "What was mended while reading.", ("recording", "signal", "samples", "what"), rows, folded=len(rows) > 8
+    )

@@ -1,0 +1,56 @@
+"""The tensor-product models of friction: weighting functions and vertices."""
+
+from __future__ import annotations
+
+from pneucli.messages.formatting import quantity, shown
+from pneucli.report.figure import Drawing, drawing, figures
+from pneucli.report.page_elements import Cell, Grid, Part, Section
+from pneucli.report.report_data import Material, Table
+from pneucli.report.sections.friction import MODELS
+
+FLAT = 0.02
+
+
+def section(material: Material) -> Section | None:
+    """Return the weights over velocity and the vertices; absent where there is no tensor-product model."""
+    weights = material.table("identify/tp_weights")
+    if not len(weights):
+        return None
+    drawings = [_weights(str(model), str(branch), rows) for (model, branch), rows in weights.groups("model", "branch")]
+    parts: list[Part] = [*figures(drawings)]
+    if len(vertices := material.table("identify/tp_vertices")):
+        parts.append(_vertices(vertices))
+    lead = (
+        "a22(v), friction over mass and velocity, as a convex combination of vertex systems: at every velocity the "
+        "weights are not negative and sum to one."
+    )
+    return Section("tensor", "Tensor-product models", lead, parts, folded=True)
+
+
+def _weights(model: str, branch: str, rows: Table) -> Drawing:
+    of_branch = "" if branch == "both" else f", {branch}"
+    caption = f"Weighting functions of model {model} ({MODELS.get(model, '')}){of_branch}, where they change."
+    with drawing(caption, "velocity in mm/s", "weight", height=2.3) as one:
+        for (vertex,), of_vertex in rows.groups("vertex"):
+            one.axes.plot(shown(of_vertex["v"], "m/s"), of_vertex["weight"], label=f"vertex {int(vertex) + 1}")
+        one.axes.set_xlim(_bend(rows))
+        one.axes.set_ylim(-0.03, 1.03)
+        one.axes.legend()
+    return one
+
+
+def _bend(rows: Table) -> tuple[float, float]:
+    """Return the range of velocity (mm/s) outside of which no weight changes by more than the last per cent or two."""
+    bent = shown(rows["v"][(rows["weight"] > FLAT) & (rows["weight"] < 1 - FLAT)], "m/s")
+    whole = shown(rows["v"], "m/s")
+    if not bent.size:
+        return float(whole.min()), float(whole.max())
+    return float(max(whole.min(), 1.5 * bent.min())), float(min(whole.max(), 1.5 * bent.max()))
+
+
+def _vertices(vertices: Table) -> Grid:
+    rows = []
+    for (model, branch), of_branch in vertices.groups("model", "branch"):
+        values = ", ".join(quantity(float(a), "1/s") for a in of_branch["a22"])
+        rows.append([Cell(str(model), numeric=False), Cell(str(branch), numeric=False), Cell(values)])
+    return Grid("Vertices a22 of each model.", ("model", "branch", "vertices"), rows)

@@ -1,0 +1,199 @@
+"""Figures of the source thesis that no other chapter shows, each named with its number there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.ticker import ScalarFormatter
+from numpy.typing import NDArray
+
+from pneucli.messages.formatting import number, short, shown
+from pneucli.physics.gas import CRITICAL_RATIO, exact_flow_function
+from pneucli.physics.vectorised import flow_functions
+from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope, figures
+from pneucli.report.page_elements import Part, Section
+from pneucli.report.report_data import Material, Table
+
+Array = NDArray[np.float64]
+KAPPA = 1.4  # of the thesis' own figures
+USUAL = (0.2, 0.8)  # pressure ratios of the claim
+MOST = 600  # samples of a curve
+FIRST = {"A": 14, "B": 16, "C": 18, "D": 34, "E": 36, "F": 38}  # 6.14: of each model acceleration, then velocity
+AT = 5e5  # Pa, of figure 7.24
+NEAR = 3  # commands to either side of the null that figure 7.25 shows
+
+
+def section(material: Material) -> Section | None:
+    """Return the figures; absent where nothing was identified that they could show."""
+    drawings = [*_valve(material), *_slip(material.table("identify/friction_replays"))]
+    if not drawings:
+        return None
+    parts: list[Part] = [*figures([*_flow_function(), *drawings])]
+    lead = (
+        "The figures of the source thesis on this rig's own data, each with its number there. Tables 6.2 and 6.3 and "
+        "figures 6.8 to 6.12 and 6.20 to 6.33 are in the chapters on friction and on tensor-product models, figures "
+        "7.28 to 7.34 in that on controllers."
+    )
+    return Section("thesis", "Figures of the thesis", lead, parts, folded=True)
+
+
+def _flow_function() -> Iterator[Drawing]:
+    """Yield figures 2.4 and 2.5, the claim of 0.3 % beside what is found."""
+    ratio = np.linspace(0.0, 1.0, 2001)
+    exact = np.array([exact_flow_function(float(r), KAPPA) for r in ratio])
+    near = flow_functions(ratio, CRITICAL_RATIO)
+    with drawing("Figure 2.4: the flow function of isentropic outflow (2.34).", "pressure ratio", "Ψ") as one:
+        one.axes.plot(ratio, exact, color=BLUE)
+    yield one
+    off, open_ = np.abs(near - exact), exact > 0.0
+    usual = (ratio >= USUAL[0]) & (ratio <= USUAL[1])
+    of_value = off[open_] / exact[open_]
+    told = (
+        f"Figure 2.5: the flow function and its approximation (2.42, 2.43). It errs by at most "
+        f"{_percent(off.max() / exact.max())} of the maximum and {_percent(of_value.max())} of the value "
+        f"(claimed: 0.3 %), and by {_percent((off[usual] / exact[usual]).max())} of the value for ratios of 0.2 "
+        "to 0.8 (claimed: less than 0.2 %)."
+    )
+    with drawing(told, "pressure ratio", "Ψ") as one:
+        one.axes.plot(ratio, exact, color=BLUE, label="exact")
+        one.axes.plot(ratio, near, "--", color=ORANGE, label="approximation")
+        error = one.axes.twinx()
+        error.plot(ratio[open_], 100.0 * of_value, color=GREY, linewidth=0.9)
+        error.set_ylabel("error in % of the value")
+        one.axes.legend(loc="lower left")
+    yield one
+
+
+def _percent(share: float) -> str:
+    return f"{number(100.0 * float(share), 2)} %"
+
+
+def _valve(material: Material) -> Iterator[Drawing]:
+    """Yield figures 7.16 to 7.26 of the valve at chamber 1."""
+    curves, grid, areas = (_first(material.table(f"identify/valve_{name}")) for name in ("curves", "map", "areas"))
+    if len(curves):
+        fill, vent = (_strongest(curves, sign) for sign in (1.0, -1.0))
+        if fill is not None:
+            yield from _inflation(fill, float(shown(curves["fitted"].max(), "Pa")))
+        if vent is not None:
+            yield from _deflation(vent)
+    if len(areas):
+        caption = "Figure 7.23: characteristic of the servo valve, as effective area over command, either way."
+        yield _areas(caption, areas, np.full(len(areas), True))
+    if len(grid):
+        yield _over_voltage(grid)
+    if len(areas):
+        opening = areas["opening" if "opening" in areas else "u"]
+        yield _areas("Figure 7.25: overlap of the spool: the area near the null command.", areas, _near(areas, opening))
+        yield _areas("Figure 7.26: area of the inlet over the command.", areas, opening > 0)
+
+
+def _first(table: Table) -> Table:
+    return table.where(chamber=1) if "chamber" in table else table
+
+
+def _strongest(curves: Table, sign: float) -> Table | None:
+    """Return the curve that rises (or falls) most; of those within a tenth of it the one with the most samples."""
+    pairs = [rows for _, rows in curves.groups("recording", "u")]
+    moved = [(sign * float(rows["fitted"][-1] - rows["fitted"][0]), rows) for rows in pairs]
+    most = max(change for change, _ in moved)
+    return max((rows for change, rows in moved if change >= 0.9 * most), key=len) if most > 0.0 else None
+
+
+def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
+    with drawing(f"{caption} Command {short(float(rows['u'][0]))} V.", "time in s", "pressure in bar") as one:
+        for column, style, colour, label in (("measured", ".", GREY, "measured"), ("fitted", "-", BLUE, "fitted")):
+            kept = envelope([rows[column]], MOST)
+            time, values = rows["time"][kept] - rows["time"][0], shown(rows[column][kept], "Pa")
+            one.axes.plot(time, values, style, color=colour, markersize=2, label=label)
+        one.axes.set_yscale(scale)
+        if scale == "log":
+            for axis in (one.axes.yaxis.set_major_formatter, one.axes.yaxis.set_minor_formatter):
+                axis(ScalarFormatter())
+        one.axes.legend(loc="upper right")
+    return one
+
+
+def _inflation(rows: Table, supply: float) -> Iterator[Drawing]:
+    """Yield the figures of one inflation; ``supply`` (bar) is the highest pressure that any curve reaches."""
+    yield _curve("Figures 7.16 and 7.19: inflation pressure curve.", rows)
+    p, gradient = shown(rows["fitted"], "Pa"), shown(rows["gradient"], "Pa/s")
+    most = float(np.nanmax(gradient))
+    caption = "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42) beside it."
+    with drawing(caption, "pressure over the highest that is reached", "Ψ / Ψ max") as one:
+        ratio = p / supply
+        one.axes.plot(ratio, gradient / most, color=BLUE, label="measured")
+        one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / 0.484, "--", color=ORANGE, label="(2.42)")
+        one.axes.legend(loc="upper right")
+    yield one
+    caption = "Figure 7.20: mass flow of the inflation, as the gradient that it makes (2.22): constant while choked."
+    with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
+        one.axes.plot(p, gradient, color=BLUE)
+        one.axes.set_ylim(bottom=0)
+    yield one
+
+
+def _deflation(rows: Table) -> Iterator[Drawing]:
+    yield _curve("Figure 7.17: deflation pressure curve.", rows)
+    caption = "Figure 7.21: the same over a logarithmic scale: while choked it is exponential, a straight line."
+    yield _curve(caption, rows, "log")
+    p, gradient = shown(rows["fitted"], "Pa"), shown(rows["gradient"], "Pa/s")
+    choked = p > 1.05 * float(p.min()) / CRITICAL_RATIO
+    caption = "Figure 7.22: pressure and gradient of the deflation: a straight line through zero while choked."
+    with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
+        one.axes.plot(p, gradient, color=BLUE, label="identified")
+        if choked.any():
+            slope = float(np.sum(p[choked] * gradient[choked]) / np.sum(p[choked] ** 2))
+            line = np.array([0.0, float(p.max())])
+            one.axes.plot(line, slope * line, "--", color=ORANGE, label=f"{number(slope, 3)} 1/s × pressure")
+        one.axes.legend(loc="upper right")
+    yield one
+
+
+def _over_voltage(grid: Table) -> Drawing:
+    levels = np.unique(grid["p"])
+    level = float(levels[np.argmin(np.abs(levels - AT))])
+    rows = grid.where(p=level)
+    caption = f"Figure 7.24: pressure gradient over voltage at {number(1e-5 * level, 2)} bar."
+    with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
+        one.axes.plot(rows["u"], shown(rows["p_gradient"], "Pa/s"), color=BLUE)
+        one.axes.axhline(0, color=GREY, linewidth=0.6)
+    return one
+
+
+def _near(areas: Table, opening: Array) -> NDArray[np.bool_]:
+    """Return which commands lie nearest to the null, to either side."""
+    chosen = np.zeros(len(areas), dtype=bool)
+    for side in (opening > 0, opening < 0):
+        mine = np.flatnonzero(side)
+        chosen[mine[np.argsort(np.abs(opening[mine]))[:NEAR]]] = True
+    return chosen
+
+
+def _areas(caption: str, areas: Table, chosen: NDArray[np.bool_]) -> Drawing:
+    with drawing(caption, "valve command in V", "effective area in mm²") as one:
+        opening = areas["opening" if "opening" in areas else "u"]
+        for side, colour, label in ((1.0, BLUE, "supply → chamber"), (-1.0, ORANGE, "chamber → ambient")):
+            mine = np.flatnonzero(chosen & (np.sign(opening) == side))
+            if mine.size:
+                mine = mine[np.argsort(areas["u"][mine])]
+                area = 1e6 * areas["area"][mine]
+                one.axes.plot(areas["u"][mine], area, "o-", color=colour, markersize=3, label=label)
+        one.axes.set_ylim(bottom=0)
+        one.axes.legend(loc="upper right")
+    return one
+
+
+def _slip(replays: Table) -> Iterator[Drawing]:
+    """Yield figures 6.14 to 6.19 and 6.34 to 6.39: one stick-slip as measured, and as each model gives it."""
+    for (model,), rows in replays.groups("model"):
+        for i, (name, title) in enumerate((("a", "acceleration in m/s²"), ("v", "velocity in m/s"))):
+            what = title.split()[0]
+            figure = f"Figure 6.{FIRST[str(model)] + i}"
+            caption = f"{figure}: {what} of model {model} in one stick-slip, driven by the measured force."
+            with drawing(caption, "time from break-away in s", title, height=2.3) as one:
+                one.axes.plot(rows["time"], rows[name], color=GREY, linewidth=1.0, label="measured")
+                one.axes.plot(rows["time"], rows[f"{name}_model"], color=BLUE, label=f"model {model}")
+                one.axes.legend(loc="upper right")
+            yield one

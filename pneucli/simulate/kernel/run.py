@@ -1,0 +1,238 @@
+"""Simulate one recording: the loop over samples and steps."""
+
+import math
+
+import numpy as np
+
+from pneucli.physics.gas import flow_constant
+from pneucli.simulate.kernel.chamber import chamber_step
+from pneucli.simulate.kernel.friction import acceleration, slide, slide_on_bristles
+from pneucli.simulate.kernel.ports import (
+    bristle_stiffness,
+    command,
+    critical_ratio,
+    flow_delay,
+    force,
+    has_heat,
+    leak_1_2,
+    leak_1_ambient,
+    leak_2_ambient,
+    leak_area,
+    mass,
+    read_a,
+    scalars,
+    sensor_lag,
+    supply,
+    volume_1,
+    volume_2,
+)
+from pneucli.simulate.kernel.sensors import read_pressures, true_pressures
+from pneucli.simulate.kernel.valve import delayed_flows, valve_flow
+from pneucli.simulate.layout import (
+    AMBIENT,
+    AREA_1,
+    AREA_2,
+    CHAMBER_2,
+    CLOSED,
+    CRITICAL,
+    DEAD_1,
+    DEAD_2,
+    FLOW,
+    GAMMA,
+    GAS,
+    GAS_T,
+    IN_FORCE,
+    IN_SUPPLY,
+    IN_U,
+    IN_U2,
+    IN_V,
+    IN_X,
+    INITIAL_U,
+    INITIAL_U2,
+    LOOP,
+    LOWER_END,
+    MASS,
+    MECHANICS,
+    MIRRORED,
+    NULL,
+    OPEN,
+    P1,
+    P2,
+    PNEUMATICS,
+    R1,
+    R2,
+    STATED_SUPPLY,
+    STROKE,
+    SUPPLY,
+    TEMP,
+    U_MAX,
+    UPPER_END,
+    VALVE_SHUT,
+    A,
+    U,
+    V,
+    X,
+)
+
+
+def control(k, x_ref, x, p1, p2, cs, cp):
+    """The controller in the loop, called at each sample; here proportional with a limit (benchmarks, tests)."""
+    return min(max(cp[0] * (x_ref - x), -cp[1]), cp[1]), 0.0
+
+
+def max_steps_within(time, h_max, span):
+    """The largest number of steps of the kernel that begin within ``span`` s."""
+    most = count = first = 0
+    for k in range(time.size - 1):
+        count += steps_between(time[k], time[k + 1], h_max)
+        while time[first] < time[k] - span:
+            count -= steps_between(time[first], time[first + 1], h_max)
+            first += 1
+        most = max(most, count)
+    return most
+
+
+def steps_between(t, t_next, h_max):
+    """Number of equal steps from one sample to the next, each at most h_max long."""
+    return max(math.ceil((t_next - t) / h_max - 1e-9), 1)
+
+
+def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
+    """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
+
+    time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
+    they say of the truth, base (19,) and th parameters, on (effects + 1,) switches, flags (9,), areas and areas_2
+    (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 10) is filled. States without a sensor
+    go on over a restart.
+    """
+    n = time.size
+    base, th, on = scalars(base_values, th_values, on_values)
+    mechanics, pneumatics, chamber_2 = flags[MECHANICS] > 0.0, flags[PNEUMATICS] > 0.0, int(flags[CHAMBER_2])
+    shut, loop, u_max, p_amb = flags[VALVE_SHUT] > 0.0, flags[LOOP] > 0.0, flags[U_MAX], base[AMBIENT]
+    gamma_rt = base[GAMMA] * base[GAS] * base[TEMP]
+    k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
+    hot = has_heat(on)
+    true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
+
+    b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
+    area_1, area_2, stroke = base[AREA_1], base[AREA_2], base[STROKE]
+    dead_1, dead_2 = base[DEAD_1] + volume_1(th, on), base[DEAD_2] + volume_2(th, on)
+    m = base[MASS] + mass(th, on)
+    stiffness = bristle_stiffness(th, on)
+    bias = (area_1 - area_2) * p_amb
+    null, lower, upper = base[NULL], base[LOWER_END], base[UPPER_END]
+
+    delay = flow_delay(th, on)
+    ring = np.full((max_steps_within(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 5), -1e30)
+    head, tail = 0, ring.shape[0] - 1
+    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
+    s_supply, before = np.zeros(on_values.size), np.zeros(2)
+
+    x = v = z = rest = dv = dp1 = dp2 = q_supply = 0.0
+    p1 = p2 = p_amb
+    m1 = m2 = 1.0
+    T1 = T2 = base[TEMP]
+    k1 = k2 = k_gas
+    first = segment = 0
+    for k in range(n):
+        last = k == n - 1
+        nxt = k if last else k + 1
+        dt = h_max if last else time[nxt] - time[k]
+        fresh = segment < restarts.size and k == restarts[segment]
+        if fresh:
+            segment += 1
+            first = k
+        if fresh or not mechanics:
+            x, v = inputs[k, IN_X], inputs[k, IN_V]
+        if fresh or not pneumatics:
+            p1, p2 = true[k, 0], true[k, 1]
+        if chamber_2 == OPEN and pneumatics:
+            p2 = p_amb
+        if fresh:
+            dp1 = dp2 = dv = 0.0
+            m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
+            m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
+        out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
+        if hot and pneumatics:
+            out[k, GAS_T] = p1 * (dead_1 + area_1 * x) / (base[GAS] * m1)
+        read_pressures(time, inputs, true, out, before, first, k, base, th, on)
+        u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
+        if loop:
+            u, u2 = control(k, inputs[k, IN_U], x, out[k, R1], out[k, R2], cs, cp)
+        out[k, U] = u
+        u -= null
+        u2 = -u if chamber_2 == MIRRORED else u2 - null
+        if mechanics:
+            push = area_1 * p1 - area_2 * p2 - bias + inputs[k, IN_FORCE] + force(x, v, stroke, th, on)
+            a = acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
+            if v == 0.0 and ((x <= lower and push < 0.0) or (x >= upper and push > 0.0)):
+                a = 0.0  # the end carries it
+            out[k, A] = read_a(a, th, on)
+        if last:
+            out[k, FLOW] = out[max(k - 1, 0), FLOW]
+            break
+        steps = steps_between(time[k], time[nxt], h_max)
+        h = dt / steps
+        for i in range(steps):
+            w = (i + 0.5) / steps
+            p1_mid, p2_mid = p1 + 0.5 * h * dp1, p2 + 0.5 * h * dp2
+            if not pneumatics:
+                p1_mid = true[k, 0] + w * (true[nxt, 0] - true[k, 0])
+                p2_mid = true[k, 1] + w * (true[nxt, 1] - true[k, 1])
+            x_mid, v_mid = x, v
+            if mechanics:
+                driven = inputs[k, IN_FORCE] + w * (inputs[nxt, IN_FORCE] - inputs[k, IN_FORCE])
+                v_guess = v + 0.5 * dv if (v + 0.5 * dv) * v > 0.0 else v
+                push = area_1 * p1_mid - area_2 * p2_mid - bias + driven
+                push += force(x + 0.5 * h * v, v_guess, stroke, th, on)
+                x_old, v_old, rest_old = x, v, rest
+                if stiffness > 0.0:
+                    x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1_mid, p2_mid, stiffness, base, th, on)
+                else:
+                    x, v, rest = slide(x, v, v_guess, push, h, rest, m, p1_mid, p2_mid, base, th, on)
+                if x < lower or x > upper:
+                    x, v = min(max(x, lower), upper), 0.0
+                    rest = rest_old + h if v_old == 0.0 else 0.0  # a piston that is pressed against a stop rests
+                dv = v - v_old
+                x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
+            else:
+                x_mid = inputs[k, IN_X] + w * (inputs[nxt, IN_X] - inputs[k, IN_X])
+                v_mid = inputs[k, IN_V] + w * (inputs[nxt, IN_V] - inputs[k, IN_V])
+            if not pneumatics:
+                continue
+
+            if hot:
+                k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
+            p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
+            if flags[STATED_SUPPLY] > 0.0:
+                p_line = base[SUPPLY]
+            p_line = supply(p_line, base[SUPPLY], q_supply, gamma_rt, h, s_supply, th, on)
+            q_in = q_out = more_in = more_out = 0.0
+            if not shut:
+                opening = command(u, h, s1, th, on)
+                q_in, q_out = valve_flow(opening, p1_mid, p_line, p_amb, b, leak, k1, k_gas, u_max, areas)
+            if chamber_2 not in (OPEN, CLOSED):
+                opening = command(u2, h, s2, th, on)
+                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas_2)
+            q_supply = q_in + more_in
+            if i == 0:
+                out[k, FLOW] = q_in - q_out
+            if delay > 0.0:
+                t = time[k] + (i + 0.5) * h
+                # without back-flow: delayed, it would oscillate as no hose does
+                ring[head, 0], ring[head, 1], ring[head, 2] = t, max(q_in, 0.0), max(q_out, 0.0)
+                ring[head, 3], ring[head, 4] = max(more_in, 0.0), max(more_out, 0.0)
+                q_in, q_out, more_in, more_out, tail = delayed_flows(ring, tail, t - delay)
+                head = head + 1 if head + 1 < ring.shape[0] else 0
+            across = leak_1_2(p1_mid, p2_mid, k1, th, on)
+            q_out += across + leak_1_ambient(p1_mid, p_amb, k1, th, on)
+            p1, dp1, m1, T1 = chamber_step(
+                p1, p1_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, base, th, on
+            )
+            if chamber_2 == OPEN:
+                continue
+            q_in, q_out = across + more_in, leak_2_ambient(p2_mid, p_amb, k2, th, on) + more_out
+            volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
+            p2, dp2, m2, T2 = chamber_step(
+                p2, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, q_in, q_out, hot, base, th, on
+            )

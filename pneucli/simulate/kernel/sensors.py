@@ -1,0 +1,98 @@
+"""What the sensors of p1 and p2 read, and the pressures that follow from readings."""
+
+import math
+
+from pneucli.simulate.kernel.ports import read_p1, read_p2, scalars, sensor_delay, sensor_lag, unread_p1, unread_p2
+from pneucli.simulate.layout import AMBIENT, IN_P1, IN_P2, P1, P2, R1, R2
+
+
+def undo_lag(time, inputs, column, lag, true, chamber):
+    """Turn what a first-order sensor reads into what it saw: ``lag`` times the slope is added.
+
+    The slope is taken over half the lag to each side: over single samples it would mostly be noise.
+    """
+    half, i, j = 0.5 * lag + 1e-9, 0, 0
+    for k in range(time.size):
+        while i < k - 1 and time[k] - time[i] > half:
+            i += 1
+        while j < time.size - 1 and (j <= k or time[j + 1] - time[k] <= half):
+            j += 1
+        true[k, chamber] += lag * (inputs[j, column] - inputs[i, column]) / (time[j] - time[i])
+
+
+def undo_delay(time, inputs, column, delay, true, chamber):
+    """Move a measured column earlier in time by ``delay``; its last value is held.
+
+    From the nearest sample along the readings' slope over 4 samples to each side: the mean of two neighbours would
+    have less noise than either, and a delay could gain by it.
+    """
+    last, j = time.size - 1, 0
+    for k in range(time.size):
+        while j < last and 0.5 * (time[j] + time[j + 1]) <= time[k] + delay:
+            j += 1
+        true[k, chamber] = true[j, chamber]  # j >= k: it has not been overwritten
+        if j < last:
+            before, after = max(j - 4, 0), min(j + 4, last)
+            slope = (inputs[after, column] - inputs[before, column]) / (time[after] - time[before])
+            true[k, chamber] += (time[k] + delay - time[j]) * slope
+
+
+def true_pressures(time, inputs, lag, base, th, on):
+    """Return the pressures (n, 2) of which the measured (smoothed) ones are what the sensors read; ``lag`` in s."""
+    true, delay = inputs[:, IN_P1 : IN_P2 + 1].copy(), sensor_delay(th, on)
+    for chamber in range(2):
+        if lag > 0.0:
+            undo_lag(time, inputs, IN_P1 + chamber, lag, true, chamber)
+        if delay > 0.0:
+            undo_delay(time, inputs, IN_P1 + chamber, delay, true, chamber)
+    for k in range(time.size):
+        true[k, 0] = unread_p1(true[k, 0], base[AMBIENT], th, on)
+        true[k, 1] = unread_p2(true[k, 1], base[AMBIENT], th, on)
+    return true
+
+
+def past_pressure(time, measured, simulated, first, k, t):
+    """Pressure at an earlier time t: simulated since the restart at sample first, measured before it."""
+    j = k
+    while j > 0 and time[j] > t:
+        j -= 1
+    a = simulated[j] if j >= first else measured[j]
+    if j == k:
+        return a
+    b = simulated[j + 1] if j + 1 >= first else measured[j + 1]
+    return a + (b - a) * (t - time[j]) / (time[j + 1] - time[j])
+
+
+def first_order_lag(time, now, k, lag, reading, before):
+    """What a first-order sensor reads at sample k, exact for a linear change since the last (Tustin would ring)."""
+    step = time[k] - time[k - 1]
+    e = math.exp(-step / lag)
+    g = (1.0 - e) * lag / step
+    return e * reading + (g - e) * before + (1.0 - g) * now
+
+
+def read_pressures(time, inputs, true, out, before, first, k, base, th, on):
+    """Write what the sensors of p1 and p2 read at sample k; ``before`` keeps their last undelayed inputs."""
+    lag, delay = sensor_lag(th, on), sensor_delay(th, on)
+    now_1, now_2 = out[k, P1], out[k, P2]
+    if delay > 0.0:
+        now_1 = past_pressure(time, true[:, 0], out[:, P1], first, k, time[k] - delay)
+        now_2 = past_pressure(time, true[:, 1], out[:, P2], first, k, time[k] - delay)
+    now_1, now_2 = read_p1(now_1, base[AMBIENT], th, on), read_p2(now_2, base[AMBIENT], th, on)
+    if lag <= 0.0:
+        out[k, R1], out[k, R2] = now_1, now_2
+        return
+    if k > first:
+        out[k, R1] = first_order_lag(time, now_1, k, lag, out[k - 1, R1], before[0])
+        out[k, R2] = first_order_lag(time, now_2, k, lag, out[k - 1, R2], before[1])
+    else:
+        out[k, R1], out[k, R2] = inputs[k, IN_P1], inputs[k, IN_P2]
+    before[0], before[1] = now_1, now_2
+
+
+def run_true_pressures(time, inputs, base_values, th_values, on_values):
+    """Turn what is read of p1 and p2 into what it says of the truth, in place; inputs (n, 8)."""
+    base, th, on = scalars(base_values, th_values, on_values)
+    true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
+    for k in range(time.size):
+        inputs[k, IN_P1], inputs[k, IN_P2] = true[k, 0], true[k, 1]

@@ -1,0 +1,74 @@
+"""What is known of a rig for its scales: from its description, from the recordings, and from the model as it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneucli.physics.scales import NAN, Facts
+from pneucli.simulate.experiment import Experiment, Extent
+from pneucli.simulate.model import Model
+
+LEAKING = 0.1  # of a recording in which nothing but a leak flows: the time in which a leak worth naming would empty it
+
+
+def facts_of(model: Model, experiments: Sequence[Experiment] = ()) -> Facts:
+    """Return the facts from which the scales are worked out; NaN for what neither rig, recordings nor model tell."""
+    rig, seen = model.rig, [e.extent for e in experiments]
+    ambient, supply = rig.ambient_pressure, rig.supply_pressure or _largest(s.pressure for s in seen)
+    low, high = _range(seen, rig.stroke)
+    stroke = rig.stroke or high - low
+    vessel = model.values.get("rig.vessel_volume", rig.vessel_volume or NAN)
+    area = rig.piston_area_1 or vessel ** (2.0 / 3.0)
+    dead = model.base()["rig.dead_volume_1"] if rig.has_cylinder else vessel
+    volume = dead + 0.5 * area * stroke if rig.has_cylinder else vessel
+    force = (supply - ambient) * rig.piston_area_1 if rig.piston_area_1 else NAN
+    command = _largest(s.command for s in seen)
+    command = _largest(map(abs, model.valve.commands)) if math.isnan(command) else command
+    facts = Facts(
+        supply=supply,
+        ambient=ambient,
+        force=force if force > 0.0 else _largest(s.force for s in seen),
+        area=area,
+        volume=volume,
+        dead=dead,
+        stroke=stroke,
+        low=low,
+        high=high,
+        speed=_largest(s.speed for s in seen),
+        mass=model.values.get("rig.moving_mass", rig.moving_mass or NAN),
+        coulomb=model.values.get("friction.coulomb", NAN),
+        valve=_largest(model.valve(np.array([command, -command]))) if model.valve.commands else NAN,
+        command=command,
+        period=float(np.median([s.period for s in seen])) if seen else NAN,
+        temperature=rig.gas_temperature,
+        specific_energy=rig.gas_constant * rig.gas_temperature,
+        heat_ratio=rig.heat_capacity_ratio,
+    )
+    return _without_gaps(facts, experiments)
+
+
+def _without_gaps(facts: Facts, experiments: Sequence[Experiment]) -> Facts:
+    """Return facts with what follows from others: a leak in the place of the valve, the speed that a valve allows."""
+    shut = [e.time[-1] - e.time[0] for e in experiments if e.recording.kind.valve]
+    if math.isnan(facts.valve) and shut:
+        unit = replace(facts, valve=1.0)
+        facts = replace(facts, valve=unit.fill_time / (LEAKING * max(shut)))
+    if math.isnan(facts.speed):
+        facts = replace(facts, speed=facts.conductance * facts.specific_energy / facts.area)
+    return facts
+
+
+def _largest(values: Iterable[float]) -> float:
+    """Return the largest of what is finite and above 0, NaN where there is none."""
+    return max((float(v) for v in values if math.isfinite(v) and v > 0.0), default=NAN)
+
+
+def _range(seen: Sequence[Extent], stroke: float | None) -> tuple[float, float]:
+    moved = [s for s in seen if s.high > s.low]
+    if moved:
+        return min(s.low for s in moved), max(s.high for s in moved)
+    return (0.0, stroke) if stroke else (NAN, NAN)

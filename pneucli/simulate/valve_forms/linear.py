@@ -1,0 +1,64 @@
+"""A valve whose effective area is proportional to the command, where no valve test tells more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.experiments import Part
+from pneucli.simulate.valve_forms.area import POINTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearValve:
+    """One gain in m^2/V for both directions, up to the ``largest`` V; ``label`` begins its parameter's name."""
+
+    gain: float
+    largest: float
+    label: str = "valve"
+    form: ClassVar[Literal["map", "linear", "switching"]] = "linear"
+    covers: ClassVar[frozenset[Part]] = frozenset()
+
+    def __call__(self, u: Array) -> Array:
+        """Return the effective area in m^2 at u, shape of u."""
+        return self.gain * np.abs(u)
+
+    def table(self, largest: float) -> Array:
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,)."""
+        return self(np.linspace(-largest, largest, POINTS))
+
+    @property
+    def commands(self) -> tuple[float, ...]:
+        """The ends of the line."""
+        return (-self.largest, self.largest)
+
+    @property
+    def area_names(self) -> dict[float, str]:
+        """No area is a parameter: they follow from the gain."""
+        return {}
+
+    def named(self) -> dict[str, tuple[float, str]]:
+        """Return value and unit of each parameter by name."""
+        return {f"{self.label}.gain": (self.gain, "m^2/V")}
+
+    def with_named(self, values: Mapping[str, float]) -> LinearValve:
+        """Return the valve with parameters replaced; other names are left alone."""
+        return replace(self, gain=values.get(f"{self.label}.gain", self.gain))
+
+    def scaled(self, factor: float) -> LinearValve:
+        """Return the valve with ``factor`` times the area."""
+        return replace(self, gain=self.gain * factor)
+
+    def roughness(self) -> Array:
+        """Return how far the area is from a power law: a line is one."""
+        return np.zeros(0)
+
+    def changed(self, other: LinearValve) -> tuple[tuple[float, float], ...]:
+        """Return the ranges of commands (V) in which another valve of this form may have another area."""
+        return ((-np.inf, np.inf),) if self != other else ()

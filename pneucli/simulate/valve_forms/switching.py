@@ -1,0 +1,70 @@
+"""A valve that is open one way or the other, or shut: no map between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.experiments import Part
+from pneucli.simulate.valve_forms.area import POINTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SwitchingValve:
+    """Effective areas in m^2 of filling and venting, at commands up to the ``largest`` in V.
+
+    ``label`` begins the names of its parameters.
+    """
+
+    fill: float
+    vent: float
+    largest: float
+    label: str = "valve"
+    form: ClassVar[Literal["map", "linear", "switching"]] = "switching"
+    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
+
+    def __call__(self, u: Array) -> Array:
+        """Return the effective area in m^2 at u, shape of u; 0 at the null command alone."""
+        return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
+
+    def table(self, largest: float) -> Array:
+        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,)."""
+        return self(np.linspace(-largest, largest, POINTS))
+
+    @property
+    def commands(self) -> tuple[float, ...]:
+        """Any of either sign."""
+        return (-self.largest, self.largest)
+
+    @property
+    def area_names(self) -> dict[float, str]:
+        """The name of the parameter that is the effective area at a command (V)."""
+        return {-self.largest: f"{self.label}.area_vent", self.largest: f"{self.label}.area_fill"}
+
+    def named(self) -> dict[str, tuple[float, str]]:
+        """Return value and unit of each parameter by name."""
+        return {f"{self.label}.area_fill": (self.fill, "m^2"), f"{self.label}.area_vent": (self.vent, "m^2")}
+
+    def with_named(self, values: Mapping[str, float]) -> SwitchingValve:
+        """Return the valve with parameters replaced; other names are left alone."""
+        fill, vent = (values.get(name, value) for name, (value, _) in self.named().items())
+        return replace(self, fill=fill, vent=vent)
+
+    def scaled(self, factor: float) -> SwitchingValve:
+        """Return the valve with ``factor`` times the area."""
+        return replace(self, fill=self.fill * factor, vent=self.vent * factor)
+
+    def roughness(self) -> Array:
+        """Return how far the area is from a power law: it has no shape."""
+        return np.zeros(0)
+
+    def changed(self, other: SwitchingValve) -> tuple[tuple[float, float], ...]:
+        """Return the ranges of commands (V) in which another valve of this form may have another area."""
+        both = ((-np.inf, 0.0), self.vent != other.vent), ((0.0, np.inf), self.fill != other.fill)
+        return tuple(side for side, differs in both if differs)

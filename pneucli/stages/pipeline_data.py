@@ -1,0 +1,218 @@
+"""What the stages after ingest share: recordings, effects and options as domain objects; the model file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pneucli.config import join_faults, plugin_files
+from pneucli.diagnose.subsample import stretches
+from pneucli.errors import InputError
+from pneucli.identify.guesses.command_timing import with_commands, with_one_range
+from pneucli.identify.guesses.null_command import with_null
+from pneucli.identify.residuals import View, views_of
+from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
+from pneucli.io.recordings import load_recordings
+from pneucli.memory import give_back
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import all_effects, select
+from pneucli.pipeline.context import Context
+from pneucli.pipeline.manifest import digest
+from pneucli.plausibility.required_inputs import Need, needs
+from pneucli.recording import Known, Recording, Rig
+from pneucli.simulate.end_stops import with_ends
+from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.model import Model, Valve
+from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.stages.parameter_priors import known_of
+
+MODEL_FILE = "model.parquet"
+FEWEST = 5  # samples within a horizon
+LONG = 1.0  # h of recordings in all: one run of the model through them takes a second and more
+
+
+@dataclass(frozen=True)
+class Study:
+    """The pipeline as the domain packages see it; ``most`` samples in all, of long recordings stretches."""
+
+    context: Context
+    most: int | None = None
+
+    @cached_property
+    def rig(self) -> Rig:
+        """What is known of the rig and of parameters, its null command identified where the file asks for it.
+
+        Raises InputError where the recordings need more of it than the file says.
+        """
+        rig = with_null(self.recordings, self.context.config.to_rig())
+        require(needs(self.recordings, rig), self.context.path)
+        return replace(rig, known=self._known)
+
+    @cached_property
+    def _known(self) -> dict[str, Known]:
+        """What the file says of the model's parameters; those of an effect that is not in the model wait for it."""
+        there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
+        known = known_of(self.context.config, self.known_effects)
+        return {name: one for name, one in known.items() if name.partition(".")[0] in there}
+
+    @cached_property
+    def recordings(self) -> list[Recording]:
+        """All recordings, in the pipeline file's order."""
+        whole = load_recordings(self.context.artifacts / "ingest")
+        return whole if self.most is None else stretches(whole, self.most, self.context.config.compare.horizon)
+
+    @cached_property
+    def known_effects(self) -> dict[str, Effect]:
+        """The catalogue and the user's own effects."""
+        return all_effects(plugin_files(self.context.config))
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that the model has."""
+        where = f"{self.context.path}, key model.effects"
+        return select(self.context.config.model.effects, self.known_effects, where)
+
+    @property
+    def valve(self) -> Literal["map", "linear", "switching"]:
+        """The form of the model's valve."""
+        return "switching" if self.rig.valve_kind == "switching" else self.context.config.model.valve
+
+    @cached_property
+    def experiments(self) -> list[Experiment]:
+        """Every recording made ready, restarted at the comparison's horizon."""
+        compare = self.context.config.compare
+        self._require_samples(compare.horizon)
+        if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG:
+            self.context.progress(f"{hours:.3g} h of recordings, if the unit of time is right: this takes long", 0.0)
+        ready = []
+        for i, recording in enumerate(self.recordings):
+            self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
+            ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
+            self._require_noise(ready[-1])
+        give_back()  # smoothing takes several times what it leaves
+        return with_one_range(with_commands(with_ends(ready, self.rig), self.rig))
+
+    def _require_noise(self, experiment: Experiment) -> None:
+        """Raise InputError where a reading that the model is held against has no noise: errors count in units of it.
+
+        An open chamber may well stand still at ambient pressure; it is only not fitted.
+        """
+        recording = experiment.recording
+        still = ("p2",) if recording.chamber_2 == "open" else ()
+        for name in experiment.channels:
+            if name in experiment.noise and name not in still and not experiment.noise[name].rms > 0.0:
+                found = f"{name} never changes in {recording.name} or any like it, so its noise is not known"
+                mend = f"leave {name} out of take if the sensor was dead, or state its noise in [signals] {name}"
+                raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend)
+
+    @cached_property
+    def data(self) -> str:
+        """Digest of what an error is an error of: the raw files, how they are read and used, and the horizon."""
+        config, document = self.context.config, self.context.config.document
+        files = [(r["name"], r["use"], r["sha256"]) for r in self.context.answers["ingest"]["recordings"]]
+        recordings = [{k: v for k, v in table.items() if k != "file"} for table in document.get("recordings", [])]
+        read = (files, recordings, document.get("signals"), config.rig.ambient_pressure, config.compare.model_dump())
+        return digest(read)
+
+    def _require_samples(self, horizon: float) -> None:
+        """Raise InputError where a horizon holds next to no samples, as with time in a wrong unit: it takes minutes."""
+        for recording in self.recordings:
+            if FEWEST * recording.period > horizon:
+                found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"
+                mend = 'state the unit of time, such as unit = "ms" in [signals] time, or else a longer horizon'
+                raise InputError(
+                    f"{self.context.path}, key compare.horizon",
+                    found,
+                    f"at least {FEWEST} samples within a horizon",
+                    mend,
+                )
+
+    def forget_experiments(self) -> None:
+        """Free what the experiments hold; they are made anew where they are asked for again."""
+        self.__dict__.pop("experiments", None)
+        give_back()
+
+    def views(self, use: str, *, whitened: bool = False) -> list[View]:
+        """The recordings of one use, one subsystem at a time."""
+        return views_of([e for e in self.experiments if e.recording.use == use], whitened=whitened)
+
+    def provenance(self, *inputs: str) -> Provenance:
+        """What made an artifact of this stage: earlier artifacts by path, and the file's own model and comparison."""
+        document = self.context.config.document
+        hashes = {name: sha256_of(self.context.artifacts / name) for name in inputs}
+        return Provenance(hashes, {key: document.get(key, {}) for key in ("pipeline", "rig", "model", "compare")})
+
+
+def require(missing: Sequence[Need], path: Path) -> None:
+    """Raise InputError with every key that is missing, what it is for, and an example."""
+    faults = []
+    for one in missing:
+        below = one.table if one.table.startswith("[") else f"[{one.table}]"
+        key = f"{one.table.strip('[]')}.{one.key}"
+        mend = f"add {one.key} = {one.example} below {below}, with your rig's own number"
+        faults.append(InputError(f"{path}, key {key}", "missing", one.wanted, mend))
+    if faults:
+        raise join_faults(path, faults)
+
+
+def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
+    """Write a model's values and its valve."""
+    rows = [("value", name, np.nan, value) for name, value in model.values.items()]
+    rows += [row for valve in model.valves for row in _valve_rows(valve)]
+    kind, name, command, value = zip(*rows, strict=True)
+    write_table(
+        folder / MODEL_FILE,
+        {"kind": list(kind), "name": list(name), "command": np.array(command), "value": np.array(value)},
+        units={"command": "V", "value": "SI"},
+        schema="pneucli/identify/model/1",
+        provenance=provenance,
+    )
+
+
+def _valve_rows(valve: Valve) -> list[tuple[str, str, float, float]]:
+    """Return a valve's rows: kind, name, command, value; the name begins with its label."""
+    name = valve.label
+    if isinstance(valve, LinearValve):
+        return [("gain", name, valve.largest, valve.gain)]
+    if isinstance(valve, SwitchingValve):
+        return [("switching", name, valve.largest, valve.fill), ("switching", name, -valve.largest, valve.vent)]
+    overlaps = ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent))
+    rows = [("area", name, c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
+    return rows + [("overlap", name, sign, value) for sign, value in overlaps]
+
+
+def _valve_of(rows: list[tuple[str, float, float]], label: str) -> Valve:
+    """Return the valve whose rows (kind, command, value) these are."""
+    by_kind: dict[str, list[tuple[float, float]]] = {}
+    for kind, command, value in rows:
+        by_kind.setdefault(kind, []).append((command, value))
+    if "gain" in by_kind:
+        (largest, gain), *_ = by_kind["gain"]
+        return LinearValve(gain, largest, label)
+    if "switching" in by_kind:
+        (largest, fill), (_, vent) = by_kind["switching"]
+        return SwitchingValve(fill, vent, largest, label)
+    knots, overlap = by_kind.get("area", []), dict(by_kind["overlap"])
+    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap[1.0], overlap[-1.0], label=label)
+
+
+def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
+    """Return the model that ``identify`` wrote."""
+    table = read_table(folder / MODEL_FILE)
+    rows = [
+        (str(k), str(n), float(c), float(v))
+        for k, n, c, v in zip(table["kind"], table["name"], table["command"], table["value"], strict=True)
+    ]
+    values = {n: v for k, n, _, v in rows if k == "value"}
+    valves = {
+        label: [(k, c, v) for k, n, c, v in rows if k != "value" and n == label] for label in ("valve", "valve_2")
+    }
+    second = _valve_of(valves["valve_2"], "valve_2") if valves["valve_2"] else None
+    return Model(rig, effects, values, _valve_of(valves["valve"], "valve"), second)

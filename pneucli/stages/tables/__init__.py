@@ -1,0 +1,1 @@
+"""Artifacts and answers of the stages as tables."""

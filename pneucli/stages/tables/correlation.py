@@ -1,0 +1,56 @@
+"""What ``identify`` writes of parameters together: correlation, sensitivity, and how the fit went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pneucli.identify.estimation.correlation import correlation, sensitivities
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.progress import Round
+from pneucli.identify.residuals import View
+from pneucli.io.artifacts import Provenance, write_table
+
+
+def write_relations(
+    found: Fit, views: Sequence[View], rounds: Sequence[Round], out: Path, provenance: Provenance
+) -> None:
+    """Write ``correlation`` (a row a pair), ``sensitivity`` (a row a parameter and channel) and ``iterations``."""
+    names = [e.name for e in found.estimates]
+    write_table(
+        out / "correlation.parquet",
+        {
+            "name": [a for a in names for _ in names],
+            "other": [b for _ in names for b in names],
+            "correlation": correlation(found).ravel(),
+        },
+        units={"correlation": "1"},
+        schema="pneucli/identify/correlation/1",
+        provenance=provenance,
+    )
+    felt = sensitivities(found, views)
+    write_table(
+        out / "sensitivity.parquet",
+        {
+            "name": [s.name for s in felt],
+            "channel": [s.channel for s in felt],
+            "times_noise": np.array([s.times_noise for s in felt], dtype=np.float64),
+        },
+        units={"times_noise": "1"},
+        schema="pneucli/identify/sensitivity/1",
+        provenance=provenance,
+    )
+    write_table(
+        out / "iterations.parquet",
+        {
+            "effects": [", ".join(r.effects) for r in rounds],
+            "search": np.array([r.search for r in rounds], dtype=np.int64),
+            "round": np.array([r.round for r in rounds], dtype=np.int64),
+            "residual": np.array([r.residual for r in rounds], dtype=np.float64),
+        },
+        units={"search": "1", "round": "1", "residual": "1"},
+        schema="pneucli/identify/iterations/1",
+        provenance=provenance,
+    )

@@ -1,0 +1,216 @@
+"""The friction identification as artifacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.identify.friction import FrictionIdentification, Value
+from pneucli.identify.friction.stick_slip import Cut
+from pneucli.io.artifacts import Provenance, write_table
+
+MODEL_POINTS = 401
+
+
+def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
+    """Return what the JSON answer holds of friction."""
+    line = friction.over_pressure
+    return {
+        "warnings": list(friction.warnings),
+        "taken_out": list(friction.taken_out),
+        "domain": {
+            "velocity_range": {"value": friction.domain.top, "unit": "m/s"},
+            "nodes": friction.domain.nodes,
+            "eta": {"value": friction.domain.eta, "unit": "s/m"},
+        },
+        "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
+        "kinetic": _kinetic(friction),
+        "breakaway": _break_aways(friction),
+        "over_pressure": None if line is None else {n: _value(getattr(line, n)) for n in ("at_ambient", "slope")},
+        "repeats": [
+            {"recordings": list(r.recordings), "friction": r.friction, "unit": "N", "spread": r.spread}
+            for r in friction.repeats
+        ],
+        "deviations": [
+            {
+                "model": d.model,
+                "recording": d.recording,
+                "use": d.use,
+                "channel": d.channel,
+                "rmsd": d.rmsd,
+                "noise": d.noise,
+                "unit": d.unit,
+                "percent": d.percent,
+            }
+            for d in friction.deviations
+        ],
+    }
+
+
+def _kinetic(friction: FrictionIdentification) -> list[dict[str, Any]]:
+    return [
+        {
+            "recording": k.recording,
+            "pressures": k.pressures,
+            "speed": k.speed,
+            "friction": k.friction.value,
+            "ci95": [k.friction.ci_low, k.friction.ci_high],
+            "unit": "N",
+        }
+        for k in friction.kinetic
+    ]
+
+
+def _break_aways(friction: FrictionIdentification) -> list[dict[str, Any]]:
+    return [
+        {"recording": b.recording, **_value(b.force), "least": b.least, "most": b.most, "count": int(b.count)}
+        for b in friction.break_aways
+    ]
+
+
+def _value(value: Value) -> dict[str, Any]:
+    ends = [end if np.isfinite(end) else None for end in (value.ci_low, value.ci_high)]
+    return {"value": value.value, "unit": value.unit, "ci95": ends}
+
+
+def write_friction(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
+    grid = np.linspace(-friction.domain.top, friction.domain.top, MODEL_POINTS)
+    models = [
+        {"model": m.name, "branch": b.branch, "v": v, "force": f}
+        for m in friction.models
+        for b in m.branches
+        for v, f in zip(grid, b.force(grid), strict=True)
+    ]
+    _write(out / "friction_models.parquet", models, {"v": "m/s", "force": "N"}, provenance)
+    slip = [
+        {"model": r.model, "time": time, "v": v, "v_model": vm, "a": a, "a_model": am}
+        for r in friction.replays
+        for time, v, vm, a, am in zip(r.time, r.v, r.v_model, r.a, r.a_model, strict=True)
+    ]
+    units = {"v_model": "m/s", "a_model": "m/s^2"}
+    _write(out / "friction_replays.parquet", slip, units, provenance)
+    curves = [
+        {"branch": c.branch, "v": v, "force": f, "ci_low": low, "ci_high": high, "count": float(n)}
+        for c in friction.curves
+        for v, f, low, high, n in zip(c.v, c.force, c.ci_low, c.ci_high, c.count, strict=True)
+    ]
+    force = {"force": "N", "ci_low": "N", "ci_high": "N"}
+    _write(out / "friction_curves.parquet", curves, {"v": "m/s", "count": "1", **force}, provenance)
+    _write_cuts(friction.cuts, out, provenance)
+    _write_averages(friction, out, provenance)
+    _write_tables(friction, out, provenance)
+    _write_tp(friction, out, provenance)
+
+
+def _write_cuts(cuts: Sequence[Cut], out: Path, provenance: Provenance) -> None:
+    sizes = [c.time.size for c in cuts]
+    if not sum(sizes):
+        return
+    columns: dict[str, Any] = {
+        "recording": [c.recording for c in cuts for _ in range(c.time.size)],
+        "cut": np.repeat(np.arange(len(cuts), dtype=np.float64), sizes),
+        "direction": np.repeat([float(c.direction) for c in cuts], sizes),
+        "time": np.concatenate([c.time for c in cuts]),
+        "speed": np.concatenate([c.speed for c in cuts]),
+        "force": np.concatenate([c.friction for c in cuts]),
+    }
+    units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
+    schema = "pneucli/identify/friction_cuts/1"
+    write_table(out / "friction_cuts.parquet", columns, units=units, schema=schema, provenance=provenance)
+
+
+def _write_averages(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    rows = [
+        {"branch": a.branch, "direction": float(a.direction), "speed": s, "force": f, "error": e, "count": float(n)}
+        for a in friction.averages
+        for s, f, e, n in zip(a.speed, a.friction, a.error, a.count, strict=True)
+    ]
+    units = {"direction": "1", "speed": "m/s", "force": "N", "error": "N", "count": "1"}
+    _write(out / "friction_averages.parquet", rows, units, provenance)
+
+
+def _write_tables(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    rows: list[dict[str, Any]] = [
+        {
+            "model": d.model,
+            "recording": d.recording,
+            "use": d.use,
+            "channel": d.channel,
+            "rmsd": d.rmsd,
+            "unit": d.unit,
+            "percent": d.percent,
+            "relative_percent": d.relative_percent,
+            "noise": d.noise,
+            "lacks": ", ".join(friction.lacking[d.model]),
+        }
+        for d in friction.deviations
+    ]
+    units = {"rmsd": "see column unit", "noise": "see column unit", "percent": "%", "relative_percent": "%"}
+    _write(out / "friction_deviations.parquet", rows, units, provenance)
+    parameters: list[dict[str, Any]] = [
+        {
+            "model": m.name,
+            "branch": b.branch,
+            "name": name,
+            "value": v.value,
+            "unit": v.unit,
+            "ci_low": v.ci_low,
+            "ci_high": v.ci_high,
+        }
+        for m in friction.models
+        for b in m.branches
+        for name, v in b.parameters.items()
+    ]
+    units = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
+    _write(out / "friction_parameters.parquet", parameters, units, provenance)
+    _write_kinetic(friction, out, provenance)
+
+
+def _write_kinetic(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    kinetic: list[dict[str, Any]] = [
+        {
+            "recording": k.recording,
+            "p1": k.pressures.get("p1", np.nan),
+            "speed": k.speed,
+            "friction": k.friction.value,
+            "ci_low": k.friction.ci_low,
+            "ci_high": k.friction.ci_high,
+            "offset": k.offset.value,
+        }
+        for k in friction.kinetic
+    ]
+    units = {"p1": "Pa", "speed": "m/s", "friction": "N", "offset": "N", "ci_low": "N", "ci_high": "N"}
+    _write(out / "friction_kinetic.parquet", kinetic, units, provenance)
+
+
+def _write_tp(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+    weights: list[dict[str, Any]] = []
+    vertices: list[dict[str, Any]] = []
+    for m in friction.models:
+        for b in m.branches:
+            if b.tp is None:
+                continue
+            for j, column in enumerate(b.tp.weights[0].T):
+                weights += [
+                    {"model": m.name, "branch": b.branch, "vertex": float(j), "v": v, "weight": w}
+                    for v, w in zip(b.tp.grids[0], column, strict=True)
+                ]
+            vertices += [
+                {"model": m.name, "branch": b.branch, "vertex": float(j), "a22": float(a)}
+                for j, a in enumerate(np.ravel(b.tp.vertices))
+            ]
+    _write(out / "tp_weights.parquet", weights, {"vertex": "1", "v": "m/s", "weight": "1"}, provenance)
+    _write(out / "tp_vertices.parquet", vertices, {"vertex": "1", "a22": "1/s"}, provenance)
+
+
+def _write(path: Path, rows: Sequence[dict[str, Any]], units: dict[str, str], provenance: Provenance) -> None:
+    """Write rows as columns; nothing where there is none."""
+    if not rows:
+        return
+    columns: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
+    columns = {n: np.array(c, dtype=np.float64) if n in units else c for n, c in columns.items()}
+    write_table(path, columns, units=units, schema=f"pneucli/identify/{path.stem}/1", provenance=provenance)

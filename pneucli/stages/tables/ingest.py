@@ -1,0 +1,105 @@
+"""The artifacts of ``ingest`` beside the signals: recordings with their rows, noise, repairs."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.config import Source
+from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.raw_file import Repair
+from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, load_recordings
+from pneucli.io.timestamp_order import LOSSES
+from pneucli.noise import NoiseModel
+from pneucli.pipeline.context import Context
+from pneucli.plausibility import findings, look, measured
+from pneucli.quantities import SIGNALS
+
+
+@dataclass
+class Ingested:
+    """What came of one raw file."""
+
+    source: Source
+    signals: list[str]
+    empty: set[str]  # of the signals that have columns, those without any value so far
+    sha256: str = ""
+    samples: int = 0
+    period: float = float("nan")
+    start: float = float("nan")
+    end: float = float("nan")
+    noise: dict[str, NoiseModel] = field(default_factory=dict)
+    kinked: bool = False  # a command jumps all the time: what it drives is nowhere quiet
+    repairs: list[Repair] = field(default_factory=list)
+    rows: int = 0
+    losses: Counter[str] = field(default_factory=Counter)
+
+
+def write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
+    """Write all tables but the signals."""
+    recordings = [row_of(one) for one in done]
+    columns = {key: [row[key] for row in recordings] for key in recordings[0]}
+    units = {"period": "s", "chamber": "1"} | dict.fromkeys(("rows_read", "samples", *map(column_of, LOSSES)), "1")
+    write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
+    _write_noise(out, done, about)
+    repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
+    names = ("recording", "signal", "kind", "count", "message")
+    listed = dict(zip(names, zip(*repairs, strict=True), strict=True)) if repairs else dict.fromkeys(names, ())
+    table = {name: np.array(values, np.int64) if name == "count" else list(values) for name, values in listed.items()}
+    write_table(out / REPAIRS_FILE, table, units={"count": "1"}, schema="pneucli/ingest/repairs/1", provenance=about)
+
+
+def row_of(one: Ingested) -> dict[str, Any]:
+    """Return a recording's row of ``recordings.parquet``."""
+    table = one.source.table
+    return {
+        "name": one.source.name,
+        "experiment": table.experiment,
+        "use": table.use,
+        "chamber_2": table.chamber_2 or "",
+        "imposed": table.imposed or "",
+        "valve_shut": table.valve == "shut",
+        "chamber": table.chamber,
+        "file": str(one.source.path),
+        "sha256": one.sha256,
+        "rows_read": one.rows,
+        "samples": one.samples,
+        **{column_of(kind): one.losses[kind] for kind in LOSSES},
+        "period": one.period,
+    }
+
+
+def _write_noise(out: Path, done: list[Ingested], about: Provenance) -> None:
+    """Write a long table, its quantities mixed: the column ``unit`` says what each row is in."""
+    rows = [(one.source.name, name, model) for one in done for name, model in one.noise.items()]
+    numbers = ("white", "coloured", "pole", "period", "step")
+    columns: dict[str, Any] = {
+        "recording": [row[0] for row in rows],
+        "signal": [row[1] for row in rows],
+        "unit": [SIGNALS[row[1]].unit for row in rows],
+        **{key: np.array([getattr(row[2], key) for row in rows], np.float64) for key in numbers},
+        "lines": [json.dumps(row[2].lines) for row in rows],
+    }
+    units = {"white": "column unit", "coloured": "column unit", "pole": "1", "period": "s", "step": "column unit"}
+    write_table(out / NOISE_FILE, columns, units=units, schema="pneucli/ingest/noise/1", provenance=about)
+
+
+def column_of(kind: str) -> str:
+    """Return the column that counts a kind of loss."""
+    return kind.replace("-", "_")
+
+
+def looked_at(context: Context, sources: Iterable[Source]) -> dict[str, Any]:
+    """Return ``looks`` and ``plausibility`` of the answer: what signals look like, and what cannot be true of them."""
+    context.progress("looking at what was read", 1.0)
+    recordings = load_recordings(context.out)
+    looks = {one.name: {name: asdict(look(one, name)) for name in measured(one).signals} for one in recordings}
+    stated = {source.name: source.table.constants.keys() for source in sources}
+    found = findings(recordings, context.config.to_rig(), stated)
+    return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}

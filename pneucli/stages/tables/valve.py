@@ -1,0 +1,212 @@
+"""The valve's identification as artifacts, as answer, and as warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.estimation.fit import Estimate
+from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
+from pneucli.identify.valve.iso6358 import Figure
+from pneucli.identify.valve.maps import Z95
+from pneucli.io.artifacts import Provenance, write_table
+from pneucli.messages.formatting import percent, quantity, times
+
+Row = tuple[str, float, str, float, float]
+Columns = dict[str, NDArray[Any]]
+ENDS = ("ci_low", "ci_high")
+SLOPES = ("gradient", *ENDS)
+LACK = ("difference", *(f"{name}{end}" for name in ("model", "measured") for end in ("", "_ci_low", "_ci_high")))
+FOLLOWED = 3.0  # times the noise: more on curves than a good map leaves
+FORESEEN = 2.0  # times what it leaves on the curves that were fitted
+
+
+def write_valves(
+    valves: Sequence[ValveIdentification], estimates: Sequence[Estimate], out: Path, provenance: Provenance
+) -> None:
+    """Write map, inverse, lack of fit, areas and curves of the valve's paths (interface, section 4).
+
+    Commands are those that went to the valve. Where gas is driven into both chambers a column tells which it is.
+    """
+    gradients = ("p_gradient", "p_gradient_ci_low", "p_gradient_ci_high")
+    tables: dict[str, tuple[Callable[[ValveIdentification], Columns], dict[str, str]]] = {
+        "valve_map": (_map, dict.fromkeys(gradients, "Pa/s") | {"covered": "1"}),
+        "valve_inverse": (_inverse, {"p_gradient": "Pa/s", "reachable": "1"}),
+        "valve_lack_of_fit": (_lack, dict.fromkeys(LACK, "Pa/s") | {"outside": "1"}),
+        "valve_areas": (
+            partial(_areas, estimates=estimates),
+            dict.fromkeys(("area", *ENDS), area_unit(estimates)) | {"opening": "V"},
+        ),
+        "valve_curves": (_curves, {"time": "s", "measured": "Pa", "fitted": "Pa"} | dict.fromkeys(SLOPES, "Pa/s")),
+    }
+    both = valves[0].law.trend.model.rig.arrangement.drives_both
+    for name, (columns, units) in tables.items():
+        parts = [columns(valve) for valve in valves]
+        if both:
+            parts = [_numbered(part, valve.chamber) for part, valve in zip(parts, valves, strict=True)]
+        table = {key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]}
+        write_table(
+            out / f"{name}.parquet",
+            {key: values if values.dtype.kind in "bif" else list(values) for key, values in table.items()},
+            units={key: unit for key, unit in ({"u": "V", "p": "Pa", "chamber": "1"} | units).items() if key in table},
+            schema=f"pneucli/identify/{name}/1",
+            provenance=provenance,
+        )
+
+
+def _numbered(columns: Columns, chamber: int) -> Columns:
+    return {"chamber": np.full(len(columns["u"]), chamber), **columns}
+
+
+def area_unit(estimates: Sequence[Estimate]) -> str:
+    """Return the unit of effective areas, which may be known over a volume alone."""
+    return next((e.unit for e in estimates if e.unit.startswith("m^2") and "area" in e.name), "m^2")
+
+
+def _map(valve: ValveIdentification) -> Columns:
+    grid = valve.map
+    u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
+    return {
+        "u": u.ravel(),
+        "p": p.ravel(),
+        "p_gradient": grid.gradient.ravel(),
+        "p_gradient_ci_low": grid.ci_low.ravel(),
+        "p_gradient_ci_high": grid.ci_high.ravel(),
+        "covered": grid.covered.ravel(),
+    }
+
+
+def _inverse(valve: ValveIdentification) -> Columns:
+    inverse = valve.inverse
+    gradient, p = np.meshgrid(inverse.p_gradient, inverse.p, indexing="ij")
+    columns = {"p_gradient": gradient, "p": p, "u": inverse.u, "reachable": inverse.reachable}
+    return {name: values.ravel() for name, values in columns.items()}
+
+
+def _lack(valve: ValveIdentification) -> Columns:
+    """Return the model's valve beside what was measured, where something was."""
+    lack = valve.lack
+    columns = {
+        "u": valve.command_of.of(lack.u),
+        "p": lack.p,
+        "model": lack.model,
+        "model_ci_low": lack.model - Z95 * lack.error,
+        "model_ci_high": lack.model + Z95 * lack.error,
+        "measured": lack.measured,
+        "measured_ci_low": lack.measured - lack.spread,
+        "measured_ci_high": lack.measured + lack.spread,
+        "difference": lack.difference,
+        "outside": lack.outside,
+    }
+    return {name: values[lack.seen] for name, values in columns.items()}
+
+
+def _areas(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Columns:
+    """Return the effective areas of the model's valve."""
+    found = {e.name: e for e in estimates}
+    areas = [(c, found[name]) for c, name in valve.law.trend.valve.area_names.items() if name in found]
+    return {
+        "u": valve.command_of.of(np.array([c for c, _ in areas])),
+        "opening": np.array([c for c, _ in areas]),
+        "area": np.array([e.value for _, e in areas]),
+        "ci_low": np.array([e.ci95[0] for _, e in areas]),
+        "ci_high": np.array([e.ci95[1] for _, e in areas]),
+    }
+
+
+def _curves(valve: ValveIdentification) -> Columns:
+    curves, sizes = valve.curves, [c.time.size for c in valve.curves]
+    named = np.repeat(np.array([c.recording for c in curves], dtype=object), sizes)
+    columns: Columns = {"recording": named, "u": np.repeat(np.array([c.u for c in curves]), sizes)}
+    for name in ("time", "measured", "fitted", *SLOPES):
+        columns[name] = np.concatenate([np.zeros(0), *(getattr(c, name) for c in curves)])
+    return columns
+
+
+def iso_parameters(valve: ValveIdentification) -> list[Row]:
+    """Return ISO 6358-1 characteristics by command: name, value, unit, 95 % interval; and what the curves show."""
+    rows: list[Row] = []
+    names = {"C": ("sonic_conductance", "m^3/(s Pa)"), "b": ("critical_ratio", "1"), "m": ("subsonic_index", "1")}
+    for one in valve.iso:
+        for letter, (name, unit) in names.items():
+            figure: Figure = getattr(one, letter)
+            rows.append((f"{valve.label}.{name}({one.u:+.4g} V)", figure.value, unit, figure.low, figure.high))
+            if figure.seen is not None:
+                value, low, high = figure.seen
+                rows.append((f"{valve.label}.{name}_of_curve({one.u:+.4g} V)", value, unit, low, high))
+    return rows
+
+
+def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> dict[str, Any]:
+    """Return what ``identify --json`` says of the valve."""
+    found = {e.name: e for e in estimates}
+    sides = {"charge": f"{valve.label}.overlap_fill", "discharge": f"{valve.label}.overlap_vent"}
+    overlap = {side: found[name] for side, name in sides.items() if name in found}
+    lack = valve.lack
+    return {
+        "map": "measured" if valve.measured else "model",
+        "volume": None if valve.volume is None else {"value": valve.volume, "unit": "m^3"},
+        "overlap": {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in overlap.items()},
+        "iso": {n: {"value": v, "unit": u, "ci95": [low, high]} for n, v, u, low, high in iso_parameters(valve)},
+        "lack_of_fit": {"median": lack.median, "p95": lack.p95, "share_outside": lack.share_outside},
+        "residual": {
+            "train": valve.over_noise("train"),
+            "test": valve.over_noise("test"),
+            "recordings": [asdict(one) for one in valve.residuals],
+        },
+    }
+
+
+def valve_warnings(valve: ValveIdentification) -> Iterator[str]:
+    """Yield what people must know before they use the map or the model of the valve."""
+    if not valve.described:
+        yield (
+            f"valve-not-described: the map of the valve reaches {quantity(valve.steepest, 'Pa/s')}, its curves show no "
+            f"more than {quantity(valve.shown, 'Pa/s')}; do not use it, and see what ingest finds implausible"
+        )
+    if valve.uneven:
+        name, off = max(valve.uneven, key=lambda one: one[1])
+        yield (
+            f"valve-resampled: {len(valve.uneven)} recordings are sampled unevenly and were put on an even clock "
+            f"for the map, which brings p1 an error of up to {quantity(off, 'Pa')} ({name})"
+        )
+    train, test = valve.over_noise("train") or 0.0, valve.over_noise("test") or 0.0
+    if train > FOLLOWED:
+        yield (
+            f"valve-curves-not-followed: the map leaves {times(train)} × noise on its own curves; no gradient over "
+            "command and pressure can: heat, a lag, play or a supply that gives way, which the model lacks, or a "
+            "vessel that is full within some samples"
+        )
+    if test > max(FOLLOWED, FORESEEN * train):
+        yield (
+            f"valve-not-foreseen: the map leaves {times(test)} × noise on held-out curves; take commands between those "
+            "that were fitted, or record more of them"
+        )
+    yield from _lack_warning(valve.lack, "map" if valve.measured else "gradients")
+    yield from _ratio_warning([one for one in valve.iso if one.b.contradicted], len(valve.iso))
+
+
+def _lack_warning(lack: LackOfFit, seen: str = "map") -> Iterator[str]:
+    if lack.noticeable:
+        median, p95, outside = (percent(n or 0.0) for n in (lack.median, lack.p95, lack.share_outside))
+        yield (
+            f"valve-lack-of-fit: the model's valve is off the measured {seen} by {median} in the median, {p95} at the "
+            f"95th percentile, outside both 95 % intervals at {outside} of the points: pneucli diagnose says what it "
+            "may lack"
+        )
+
+
+def _ratio_warning(others: Sequence[IsoConductance], commands: int) -> Iterator[str]:
+    if others:
+        one = max(others, key=lambda i: abs((i.b.seen or (i.b.value,))[0] - i.b.value))
+        value, low, high = one.b.seen or (one.b.value, one.b.low, one.b.high)
+        yield (
+            f"valve-critical-ratio: at {len(others)} of {commands} commands the curve shows another critical ratio "
+            f"than the model has, {one.b.value:.3g}; most at {one.u:+.4g} V: {value:.3g} ({low:.3g} to {high:.3g})"
+        )

@@ -1,0 +1,148 @@
+"""Logs of a running controller: replayed from what it read, and held against what the model foretells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from pneucli.closed_loop import log_replay
+from pneucli.closed_loop.log_replay import Log, foretold, log_of, measured, replayed, rounding
+from pneucli.closed_loop.metrics import measure
+from pneucli.closed_loop.simulation import Bench, Run, replay_rows, run
+from pneucli.controller import layout as at
+from pneucli.errors import InputError
+from pneucli.export.single_precision import rows_in_single
+from pneucli.physics.effects import catalogue
+from pneucli.recording import Recording
+from tests.design import axis
+
+MODEL, CONTROLLER = axis.model(), axis.controller()
+TIME = 1e-3 * np.arange(3000)
+REFERENCE = np.where(TIME < 0.5, 0.1, np.where(TIME < 1.5, 0.13, 0.13 + 0.02 * np.sin(np.pi * (TIME - 1.5))))
+ENGINE = partial(replay_rows, MODEL, CONTROLLER)
+
+
+@pytest.fixture(scope="module")
+def loop() -> Run:
+    return run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, REFERENCE), axis.BENCH, seed=4)
+
+
+def signals(loop: Run, first: int = 0) -> dict[str, np.ndarray]:
+    places = {"x": at.L_READ_X, "p1": at.L_READ_P1, "p2": at.L_READ_P2, "u": at.L_U1}
+    return {"x_ref": REFERENCE[first:], **{n: loop.log[first:, place] for n, place in places.items()}}
+
+
+def recorded(loop: Run, **more: object) -> Recording:
+    known = {"name": "log", "experiment": "closed-loop", "use": "test", "time": TIME, "signals": signals(loop)}
+    return Recording(**(known | {"chamber_2": "closed"} | more))
+
+
+def test_a_log_gives_back_the_commands_to_the_last_bit(loop: Run) -> None:
+    found = replayed(ENGINE, log_of(recorded(loop), CONTROLLER))
+    assert found.began == "with"
+    assert np.array_equal(found.commands[:, 0], loop.log[:, at.L_U1])
+
+
+def test_a_log_that_begins_while_the_controller_runs_is_replayed_from_its_first_command(loop: Run) -> None:
+    """From rest, while the axis was held; what it had learned it learns again from what its commands made."""
+    log = Log(signals(loop, 1450), np.arange(1550))
+    found = replayed(ENGINE, log)
+    assert found.began == "before"
+    assert found.commands[0, 0] == log["u"][0]
+    assert np.median(np.abs(found.commands[300:, 0] - log["u"][300:])) < 0.2
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_whether_a_logged_supply_was_told_to_the_controller_is_seen_by_its_commands(told: bool) -> None:
+    scenario = axis.scenario(CONTROLLER, REFERENCE)
+    scenario = replace(scenario, supply=0.9 * scenario.supply)
+    loop = run(MODEL, CONTROLLER, scenario, replace(axis.BENCH, supply=told), seed=4)
+    log = Log(signals(loop) | {"p_supply": scenario.supply}, np.arange(TIME.size))
+    found = replayed(ENGINE, log)
+    assert ("p_supply" in found.read) == told
+    assert np.array_equal(found.commands[:, 0], loop.log[:, at.L_U1])
+
+
+def test_another_controller_is_told_by_its_commands(loop: Run) -> None:
+    other = CONTROLLER.with_values(C_KP=2.0 * CONTROLLER.values["C_KP"])
+    log = log_of(recorded(loop), CONTROLLER)
+    found = replayed(partial(replay_rows, MODEL, other), log)
+    off = np.sqrt(np.mean((found.commands[:, 0] - log["u"]) ** 2))
+    assert off > 1e3 * rounding(ENGINE, log, replayed(ENGINE, log), {"p1": 0.1, "p2": 0.1})
+
+
+def test_the_rounding_of_readings_is_carried_to_the_command(loop: Run) -> None:
+    """It is in proportion to the rounding, and of the size that a replay of rounded readings shows."""
+    log = log_of(recorded(loop), CONTROLLER)
+    found = replayed(ENGINE, log)
+    fine, coarse = (rounding(ENGINE, log, found, {"p1": step}) for step in (0.1, 1.0))
+    assert coarse > 5.0 * fine  # more than in proportion: coarse readings turn decisions too
+    rounded = Log(dict(log.signals) | {"p1": np.round(log["p1"], 1)}, log.places)
+    off = np.abs(replayed(ENGINE, rounded).commands[:, 0] - log["u"])
+    assert 0.2 * fine < np.sqrt(np.mean(off[off <= np.percentile(off, 99.0)] ** 2)) < 5.0 * fine
+
+
+@pytest.mark.parametrize(("digits", "offset", "step"), [(1, 101_325.37, 0.1), (5, 0.0, 1e-5), (-2, 0.0, 100.0)])
+def test_the_digits_of_a_log_are_seen_whatever_was_added(digits: int, offset: float, step: float) -> None:
+    values = np.round(3e5 + 400.0 * np.random.default_rng(0).standard_normal(500), digits) + offset
+    assert log_replay.resolution(values) == pytest.approx(step)
+
+
+def test_a_slow_reference_is_not_taken_for_a_coarse_one() -> None:
+    sine = np.round(0.1 + 0.03 * np.sin(0.003 * np.arange(2000)), 9)
+    assert log_replay.resolution(sine) == pytest.approx(1e-9)
+
+
+def test_numbers_with_all_their_digits_and_constants_show_no_rounding() -> None:
+    assert log_replay.resolution(np.random.default_rng(0).standard_normal(500)) < 1e-9
+    assert log_replay.resolution(np.full(5, 3.0)) == 0.0
+
+
+def test_a_log_with_gaps_lies_on_the_controllers_grid(loop: Run) -> None:
+    kept = np.delete(np.arange(TIME.size), slice(700, 705))
+    gaps = {n: v[kept] for n, v in signals(loop).items()}
+    log = log_of(recorded(loop, time=TIME[kept], signals=gaps), CONTROLLER)
+    assert np.array_equal(log.places, kept)
+    assert np.isnan(log["x"][700:705]).all()
+    assert np.array_equal(replayed(ENGINE, log).commands[:600, 0], loop.log[:600, at.L_U1])
+
+
+def test_a_log_that_is_thinned_out_is_refused(loop: Run) -> None:
+    thin = {n: v[::10] for n, v in signals(loop).items()}
+    with pytest.raises(InputError, match="one sample a period") as error:
+        log_of(recorded(loop, time=TIME[::10], signals=thin), CONTROLLER)
+    assert "unknown" in error.value.mend
+
+
+def test_what_is_foretold_is_what_comes_where_the_model_is_right_and_not_where_it_lacks_a_lag(loop: Run) -> None:
+    lag = replace(MODEL, effects=(*MODEL.effects, catalogue()["valve-lag"])).with_values(
+        {"valve-lag.time_constant": 8e-3}
+    )
+    late = run(lag, CONTROLLER, axis.scenario(CONTROLLER, REFERENCE), axis.BENCH, seed=4)
+    errors = []
+    for one in (loop, late):
+        log = log_of(recorded(one), CONTROLLER)
+        pair = (foretold(MODEL, CONTROLLER, log, axis.BENCH), measured(MODEL, CONTROLLER, log, replayed(ENGINE, log)))
+        errors.append([measure(r, MODEL, CONTROLLER).tracking_rms_um for r in pair])
+    (told, came), (told_too, came_late) = errors
+    again = (run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, REFERENCE), axis.BENCH, seed) for seed in range(20, 44))
+    drawn = [came, *(measure(one, MODEL, CONTROLLER).tracking_rms_um for one in again)]  # noise decides how it sticks
+    assert min(drawn) <= told <= max(drawn)
+    assert told_too == pytest.approx(told, rel=0.3)
+    assert came_late > 2.0 * max(*drawn, told_too)
+
+
+def test_sensors_are_taken_as_noisy_as_in_the_log(loop: Run) -> None:
+    told = Bench(noise_x=1.0, quantum_x=2.0, noise_p=3.0)
+    assert log_replay.bench_from(recorded(loop), told) == told
+
+
+def test_in_single_precision_the_replay_is_that_of_the_single_controller(loop: Run) -> None:
+    """It stays near until a decision falls apart: over the first half second, at rest, none does."""
+    log = {n: v[:40] for n, v in signals(loop).items()}
+    single, double = rows_in_single(CONTROLLER, log, "with"), ENGINE(log, "with")
+    assert single[:, at.L_U1] == pytest.approx(double[:, at.L_U1], abs=0.01)
+    assert not np.array_equal(single[:, at.L_U1], double[:, at.L_U1])

@@ -1,0 +1,160 @@
+"""Figures of a channel where something is missing, and the noise of a correct model over several recordings."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.compare import channel_errors, expected_error
+from pneucli.compare.channel_errors import Comparison
+from pneucli.noise import NoiseModel
+from pneucli.simulate import layout as at
+from pneucli.simulate import noise_propagation
+from tests.simulate.synthetic_experiments import bench, clock, model
+
+Y = np.array([1.0, 2.0, 3.0, 6.0, np.nan])
+
+
+def figures(measured: np.ndarray, modelled: np.ndarray, noise: float = 0.5) -> channel_errors.ChannelResult:
+    e = bench("axis", clock(0.1), {"u": 0.0})
+    return channel_errors.channel_result(e, "p1", measured, modelled, noise)
+
+
+def test_figures_by_hand() -> None:
+    """Errors 1, 0, 0, 2 of readings whose mean is 3: sums of squares 5, 50 and 14."""
+    r = figures(Y, np.array([0.0, 2.0, 3.0, 4.0, 9.0]))
+    assert r.rmsd == pytest.approx(np.sqrt(5 / 4))
+    assert r.percent == pytest.approx(100 * np.sqrt(5 / 4) / 5.0)
+    assert r.relative_error_percent == pytest.approx(100 * np.sqrt(5 / 50))
+    assert r.fit_percent == pytest.approx(100 * (1 - np.sqrt(5 / 14)))
+    assert r.ratio_to_noise == pytest.approx(np.sqrt(5 / 4) / 0.5)
+    assert (r.recording, r.use, r.channel, r.unit, r.noise) == ("bench", "train", "p1", "Pa", 0.5)
+
+
+def test_where_the_model_says_nothing_nothing_counts() -> None:
+    r = figures(Y, np.array([0.0, np.nan, 3.0, 4.0, 9.0]))
+    assert r.rmsd == pytest.approx(np.sqrt(5 / 3))
+
+
+def test_figures_that_have_no_measure_are_not_numbers() -> None:
+    constant, zero = figures(np.full(5, 2.0), np.full(5, 1.0)), figures(np.zeros(5), np.ones(5), noise=0.0)
+    assert np.isnan(constant.percent)
+    assert np.isnan(constant.fit_percent)
+    assert constant.relative_error_percent == pytest.approx(50.0)
+    assert np.isnan(zero.relative_error_percent)
+    assert np.isnan(zero.ratio_to_noise)
+
+
+def test_every_sample_knows_the_restart_that_it_follows() -> None:
+    e = bench("axis", clock(0.006), {"u": 0.0}, restarts=(0, 3, 5))
+    assert Comparison(e, (), {}, {}).segment.tolist() == [0, 0, 0, 1, 1, 2, 2]
+
+
+def test_the_residual_is_measured_minus_modelled() -> None:
+    e = bench("axis", clock(0.001), {"u": 0.0})
+    found = Comparison(e, (), {"x": np.array([3.0, np.nan])}, {"x": np.array([1.0, 1.0])})
+    np.testing.assert_array_equal(found.residual("x"), [2.0, np.nan])
+
+
+def test_the_noise_of_a_correct_model_is_drawn_where_it_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    e = bench("valve", clock(0.01), {"u": 0.0, "p1": 3e5})
+    monkeypatch.setattr(
+        channel_errors, "expected_rms", lambda model, experiment: dict.fromkeys(experiment.channels, 0.25)
+    )
+    assert {r.noise for r in channel_errors.compare(model(), e).results} == {0.25}
+    assert {r.noise for r in channel_errors.compare(model(), e, dict.fromkeys(e.channels, 0.125)).results} == {0.125}
+
+
+def test_motion_is_not_compared_where_an_end_decides_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first ten samples, as far as the ends know; pressures are compared all along."""
+    e = bench("axis", clock(0.1), {"u": 0.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "v": 0.0, "a": 0.0})
+    held = np.arange(e.time.size) < 10
+    monkeypatch.setattr(channel_errors, "at_ends", lambda experiment, x, channel: held & (channel != "v") & (x < 0.2))
+    found = channel_errors.compare(model(), e, dict.fromkeys(e.channels, 1.0)).measured
+    lost = {c: int(np.isnan(values).sum()) for c, values in found.items()}
+    assert lost == {c: 10 if c in ("x", "a") else 0 for c in e.channels}
+    assert {"p1", "x", "v", "a"} <= lost.keys()
+
+
+# --- what a correct model shows
+
+
+def of_all(monkeypatch: pytest.MonkeyPatch, found: list[tuple[str, str | None, dict[str, float]]]) -> list[dict]:
+    """The noise of several recordings, each of a kind and with its own rms by channel."""
+    experiments: list[Any] = [
+        SimpleNamespace(recording=SimpleNamespace(experiment=kind, imposed=imposed), own=rms)
+        for kind, imposed, rms in found
+    ]
+    monkeypatch.setattr(expected_error, "expected_rms", lambda model, e: e.own)
+    heard: list[int] = []
+    out = expected_error.expected_of_all(model(), experiments, heard.append)
+    assert heard == list(range(len(found)))
+    return out
+
+
+def test_motion_is_pooled_over_recordings_of_its_kind_and_pressures_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = of_all(
+        monkeypatch,
+        [
+            ("axis", None, {"x": 3.0, "v": 1.0, "p1": 5.0}),
+            ("axis", None, {"x": 4.0, "p1": 7.0}),
+            ("friction", None, {"x": 9.0}),
+            ("friction", "motion", {"a": 2.0, "force": 1.0}),
+            ("friction", "motion", {"a": 4.0, "force": 3.0}),
+        ],
+    )
+    both, a = np.sqrt(12.5), np.sqrt(10.0)
+    assert found == [
+        {"x": pytest.approx(both), "v": 1.0, "p1": 5.0},
+        {"x": pytest.approx(both), "p1": 7.0},
+        {"x": 9.0},
+        {"a": pytest.approx(a), "force": 1.0},
+        {"a": pytest.approx(a), "force": 3.0},
+    ]
+
+
+def still(noise: dict[str, float], low_pass: float | None = None) -> Any:
+    """A piston that sticks: what is read differs from the model by the sensors' noise alone."""
+    e = bench("friction", clock(0.2), {"p1": 2e5, "p2": 2e5, "x": 0.1})
+    e.noise.update({name: NoiseModel(rms) for name, rms in noise.items()})
+    object.__setattr__(e, "low_pass", low_pass)
+    return e
+
+
+def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -> None:
+    e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
+    drawn = noise_propagation.deviations(model(), e, draws=5)
+    assert drawn["x"].shape == (5, e.time.size)
+    # the state at the restart is read too, with the same sensor
+    rms = expected_error.expected_rms(model(), e)["x"]
+    assert 2e-6 <= rms < 6e-6
+
+
+def test_what_shows_is_not_less_than_the_sensors_noise_unless_it_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:
+    e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
+    quiet = {c: np.full(e.time.size, 1e-9) for c in e.channels}
+    monkeypatch.setattr(expected_error, "drawn", lambda *_: iter([quiet, quiet]))
+    assert expected_error.expected_rms(model(), e)["x"] == 2e-6
+    object.__setattr__(e, "low_pass", 10.0)
+    assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(1e-9)
+    del e.noise["x"]
+    object.__setattr__(e, "low_pass", None)
+    assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(1e-9)
+
+
+def test_the_level_is_the_root_of_the_mean_square_over_all_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    e = still({"p1": 1e-9, "p2": 1e-9, "x": 1e-9})
+    draws = [{c: np.full(e.time.size, level) for c in e.channels} for level in (3.0, 4.0)]
+    monkeypatch.setattr(expected_error, "drawn", lambda *_: iter(draws))
+    assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(np.sqrt(12.5))
+
+
+def test_what_is_read_of_velocity_errs_by_its_reading_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    e = still({})
+    inputs = e.inputs.copy()
+    inputs[:, at.IN_V] += 0.3
+    assert noise_propagation._reading_noise(e, "v", {}, inputs) == pytest.approx(np.full(e.time.size, 0.3))
+    assert noise_propagation._reading_noise(e, "x", {"x": np.ones(3)}, inputs).tolist() == [1.0, 1.0, 1.0]

@@ -1,0 +1,102 @@
+"""The controller takes what it knows of the effects from the ports where they enter, a user's own included."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.design.effect_compensation import (
+    breakaway,
+    critical_ratio,
+    dead_volumes,
+    flow_delay,
+    moving_mass,
+    pull,
+    pulls_back,
+    sensor_delay,
+    sensor_lag,
+    spool,
+)
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.model import Model
+from tests.simulate.synthetic_experiments import model
+
+
+def with_(name: str, **values: float) -> Model:
+    added = replace(model(), effects=(catalogue()[name],))
+    return added.with_values({f"{name}.{key}": value for key, value in values.items()})
+
+
+def payload(mass: float) -> float:
+    return mass
+
+
+OWN = Effect(
+    name="my-payload",
+    title="A payload",
+    part="cylinder",
+    parameters=(Parameter("mass", "kg", 0.0, 0.0, 100.0, (1.0,)),),
+    ports={"mass": payload},
+    equation="",
+    looks_like="",
+    shows_over="a",
+    twins=(),
+    separate="",
+    source="",
+)
+
+
+def test_a_mass_counts_whatever_the_effect_is_called():
+    own = replace(model(), effects=(OWN,)).with_values({"my-payload.mass": 3.0})
+    bare = model().base()["rig.moving_mass"]
+    assert moving_mass(own) == pytest.approx(bare + 3.0)
+    assert moving_mass(with_("extra-mass", mass=3.0)) == moving_mass(own)
+
+
+def test_volumes_are_added_to_their_chamber():
+    bare, found = dead_volumes(model()), dead_volumes(with_("dead-volume", volume_added=1e-5))
+    assert found == (pytest.approx(bare[0] + 1e-5), bare[1])
+
+
+def test_the_critical_ratio_is_that_of_the_effect():
+    assert critical_ratio(model()) == 0.528
+    assert critical_ratio(with_("critical-ratio", critical_ratio=0.3)) == 0.3
+
+
+def test_break_away_and_half_speed_are_static_friction_and_stribeck_velocity():
+    coulomb = model().base()["friction.coulomb"]
+    static, fallen = breakaway(with_("stribeck", static=coulomb + 7.0, velocity=0.013))
+    assert static == pytest.approx(coulomb + 7.0)
+    assert fallen == pytest.approx(0.013, rel=1e-6)
+    slow = breakaway(with_("stribeck", static=coulomb + 0.2, velocity=5e-5))[1]
+    assert slow == pytest.approx(5e-5, rel=1e-8)
+    assert breakaway(model()) == (coulomb, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "late"),
+    [
+        ("valve-lag", {"time_constant": 0.017}, (0.017, 0.0, 0.0, 0.0)),
+        ("line-delay", {"delay": 0.004}, (0.0, 0.004, 0.0, 0.0)),
+        ("pressure-lag", {"time_constant": 0.006}, (0.0, 0.0, 0.006, 0.0)),
+        ("time-skew", {"delay": 0.003}, (0.0, 0.0, 0.0, 0.003)),
+        ("valve-hysteresis", {"half_width": 0.3}, (0.0, 0.0, 0.0, 0.0)),
+    ],
+)
+def test_what_is_late_between_command_and_reading(effect, values, late):
+    """2 %: the answer of the valve is summed in steps of 1 ms."""
+    known = with_(effect, **values)
+    found = (spool(known).lag, flow_delay(known), sensor_lag(known), sensor_delay(known))
+    assert found == pytest.approx(late, rel=0.02, abs=1e-5)
+
+
+def test_springs_and_weights_pull_toward_the_start_of_the_stroke() -> None:
+    spring = with_("spring-force", stiffness=1000.0, rest_position=-0.05)
+    assert pull(spring, np.array([0.0, 0.1])) == pytest.approx([50.0, 150.0])
+    assert pulls_back(spring)
+    assert pulls_back(with_("constant-force", force=20.0))
+    assert not pulls_back(model())
+    assert not pulls_back(with_("spring-force", stiffness=1000.0, rest_position=0.01))  # pushes outward at the start

@@ -1,0 +1,128 @@
+"""The rig of a case as it is drawn: three fifths of every range, or another share where it decides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.exam import cases, rig_variants
+from pneucli.exam.conditions import parse
+from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
+from pneucli.exam.rig_scaling import Similar
+from pneucli.exam.rig_variants import arranged
+from tests.exam.chosen import Chosen
+
+RNG: Any = Chosen()
+OFTEN: Any = Chosen(0.4)
+PAR = Parameters()._replace(
+    supply=7e5, ambient=1e5, piston_area_1=1e-3, piston_area_2=9e-4, stroke=0.2, mass=2.0, effective_area=2e-6,
+    overlap=0.2, exponent=1.1,
+)  # fmt: skip
+
+
+def made(
+    conditions: str, kind: str = "axis", par: Parameters = PAR, rng: Any = RNG
+) -> tuple[Parameters, tuple[str, ...]]:
+    return arranged(par, kind, parse(conditions), rng)
+
+
+def test_the_usual_rig_has_one_chamber_driven_and_nothing_else_that_its_file_knows() -> None:
+    par, known = made("usual")
+    assert known == ()
+    ends = {"stop_stiffness": par.stop_stiffness, "stop_damping": par.stop_damping}
+    assert par == PAR._replace(**ends)
+
+
+@pytest.mark.parametrize(("rng", "pressed", "ratio"), [(RNG, 6.8e-4, 0.88), (OFTEN, 5.2e-4, 0.15)])
+def test_an_end_gives_way_by_a_share_of_the_stroke_under_the_full_supply(
+    rng: Any, pressed: float, ratio: float
+) -> None:
+    par, _ = made("usual", rng=rng)
+    assert par.stop_stiffness == pytest.approx(600.0 / (0.2 * pressed))
+    assert par.stop_damping == pytest.approx(2.0 * ratio * np.sqrt(par.stop_stiffness * 2.0))
+
+
+def test_a_thick_rod_takes_about_half_of_the_area() -> None:
+    assert made("differential")[0].piston_area_2 == pytest.approx(0.58e-3)
+
+
+def test_a_spring_is_preloaded_by_a_share_of_the_full_force() -> None:
+    """600 N: 0.198 of it at x = 0, and 0.22 more over the stroke."""
+    par, known = made("return-spring")
+    assert known == ("spring-force",)
+    assert par.spring_stiffness == pytest.approx(0.22 * 600.0 / 0.2)
+    assert -par.spring_stiffness * par.spring_rest == pytest.approx(0.198 * 600.0)
+
+
+def test_a_weight_is_a_share_of_the_full_force_and_has_mass() -> None:
+    """Outward on a friction rig; either way, drawn, on an axis."""
+    weight = 0.128 * 600.0
+    for kind, side in (("friction", 1.0), ("axis", -1.0)):
+        par, known = made("hanging-load", kind)
+        assert known == ("constant-force",)
+        assert par.constant_force == pytest.approx(side * weight)
+        assert par.mass == pytest.approx(2.0 + weight / 9.81)
+
+
+def test_a_tank_of_litres_feeds_through_a_hose_of_metres() -> None:
+    par, known = made("tank", "valve")
+    assert known == ("line-delay", "critical-ratio")
+    assert (par.supply_volume, par.regulator_conductance) == (pytest.approx(1.52e-3), 0.0)
+    assert (par.line_delay, par.critical_ratio) == (pytest.approx(0.0114), pytest.approx(0.24))
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "factor", "exponent"),
+    [("5/3", FIVE_THREE, 1.024, 1.1 + 0.12 * 0.08), ("two-valves", TWO_VALVES, 1.05, 1.1 + 0.25 * 0.08)],
+)
+def test_a_second_path_is_nearly_the_first_ones(name: str, code: float, factor: float, exponent: float) -> None:
+    par, _ = made(name)
+    assert par.arrangement == code
+    assert par.effective_area_2 == pytest.approx(2e-6 * factor)
+    assert par.overlap_2 == pytest.approx(0.2 * factor)
+    assert par.exponent_2 == pytest.approx(exponent)
+    flat = PAR._replace(exponent=1.0)
+    assert made(name, par=flat, rng=Chosen(0.1))[0].exponent_2 == 1.0
+
+
+@pytest.mark.parametrize(("name", "null"), [("5/3", 0.0), ("5/3-5V", 5.0), ("5/3-null", 5.03)])
+def test_a_null_that_is_to_be_identified_lies_near_the_stated_one(name: str, null: float) -> None:
+    assert made(name)[0].command_null == pytest.approx(null)
+
+
+def test_valves_that_switch_say_so() -> None:
+    assert [made(name)[0].switching for name in ("usual", "switching")] == [0.0, 1.0]
+
+
+def test_the_usual_rig_is_drawn_within_these_ranges() -> None:
+    par = cases._rig("axis", False, RNG)
+    area = 5.5e-4 + 0.6 * 6.5e-4
+    wanted = {
+        "supply": 7.24e5, "piston_area_1": area, "piston_area_2": area, "dead_volume_1": 32e-6, "dead_volume_2": 32e-6,
+        "mass": 2.92, "coulomb": 18.8, "viscous": 66.0, "effective_area": 1.82e-6, "overlap": 0.212, "exponent": 1.15,
+    }  # fmt: skip
+    assert {name: getattr(par, name) for name in wanted} == pytest.approx(wanted)
+    straight = cases._rig("axis", True, RNG)
+    assert (straight.overlap, straight.exponent) == (0.0, 1.0)
+    assert cases._rig("friction", False, RNG).overlap == 0.0
+    assert [cases._is_linear(p, "axis") for p in (par, straight)] == [False, True]
+    assert not cases._is_linear(straight, "friction")
+
+
+def test_sensors_and_vessels_are_of_the_rigs_size() -> None:
+    double = Similar(length=2.0, area=3.0, pressure=4.0)
+    found = cases._sensors(parse("rate-500Hz+bits-12+drift+outliers"), double, RNG)
+    assert (found.rate, found.bits, found.drift, found.outliers) == (500.0, 12, 4.0, 5e-4)
+    assert (found.pressure, found.pole, found.hum) == (1000.0, 0.0, 0.0)
+    assert cases._vessel(double, RNG) == pytest.approx(198e-6 * 6.0)
+
+
+def test_a_stroke_is_stated_wrong_in_half_of_the_cases() -> None:
+    assert cases._stated(0.2, RNG) is None
+    assert cases._stated(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
+
+
+def test_nothing_of_an_arrangement_is_without_a_code() -> None:
+    assert rig_variants.CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}

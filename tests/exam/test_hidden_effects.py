@@ -1,0 +1,66 @@
+"""Every effect that an exam may hide changes what is recorded, in proportion to its size, and vanishes at size zero."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.exam.cases import generate_case
+from pneucli.exam.hidden_effects import CATALOGUE, OUTSIDE
+from pneucli.exam.rig.excitations import closed_loop, valve_stairs, wandering
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.exam.rig.simulation import run
+
+# no heat-transfer: it is not nested; the model without it has a constant temperature instead
+SCALED = [effect for effect in CATALOGUE + OUTSIDE if effect.scaled]
+QUIET = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
+
+
+def recorded(par: Parameters, kind: str) -> dict[str, np.ndarray]:
+    if kind == "valve":
+        par = par._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
+        return measure(par, QUIET, run(par, valve_stairs(par, 0.5, 2.0)), np.random.default_rng(0))
+    reference = wandering(np.random.default_rng(1), 4000)
+    return measure(par, QUIET, run(par, closed_loop(par, reference, 150.0, 1.8e5)), np.random.default_rng(0))
+
+
+def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:
+    """Largest change, in units of the noise of ordinary sensors (400 Pa, 0.05 m/s^2, 10 um)."""
+    pressure = max(np.max(np.abs(one[p] - other[p])) / 400.0 for p in ("p1", "p2"))
+    return max(pressure, np.max(np.abs(one["a"] - other["a"])) / 0.05, np.max(np.abs(one["x"] - other["x"])) / 1e-5)
+
+
+@pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)
+def test_an_effect_shows_at_full_size_and_vanishes_at_almost_none(effect):
+    par = Parameters(overlap=0.0 if effect.name == "valve-deadband" else 0.2)
+    for kind in set(effect.kinds) - {"friction"}:
+        without = recorded(par, kind)
+        assert change(recorded(effect.set(par, 1.0, np.random.default_rng(2)), kind), without) > 5.0
+        if not effect.inverse:
+            tiny = change(recorded(effect.set(par, 1e-9, np.random.default_rng(2)), kind), without)
+            assert tiny < 0.5, kind
+
+
+@pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)
+def test_a_third_of_the_size_is_a_third_of_the_way_from_null(effect):
+    par = Parameters()
+    full, third = (effect.set(par, size, np.random.default_rng(3)) for size in (1.0, 1 / 3))
+    for field, value in effect.scaled.items():
+        null = par.coulomb if field == "static" else value
+        there, here = getattr(full, field), getattr(third, field)
+        if effect.inverse:
+            assert here == pytest.approx(3 * there)
+        else:
+            assert here - null == pytest.approx((there - null) / 3)
+
+
+def test_an_unknown_effect_is_refused_with_the_closest_name(tmp_path):
+    with pytest.raises(InputError, match="stribeck"):
+        generate_case(tmp_path / "case", "axis", ["stribek"], "", 1.0, 1)
+
+
+def test_an_effect_that_does_not_show_on_the_rig_is_refused(tmp_path):
+    with pytest.raises(InputError, match="does not show"):
+        generate_case(tmp_path / "case", "valve", ["stribeck"], "", 1.0, 1)

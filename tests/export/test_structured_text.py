@@ -1,0 +1,105 @@
+"""The structured text: its grammar, its numbers, and, where a compiler for it is installed, its commands."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from pneucli.export import export_files, structured_text
+from tests.design import axis
+
+blark = pytest.importorskip("blark.parse", reason="needs blark")
+COMPILER, LIBRARY = shutil.which("iec2c"), os.environ.get("MATIEC_INCLUDE_PATH", "/usr/share/matiec/lib")
+DRIVER = Path(__file__).parent / "drive_st.c"
+EVERY = 5  # of the functions that are parsed: all of them take 40 s
+
+
+def text(law: str = "best", arrangement: str = "one-chamber") -> str:
+    return structured_text.source(axis.bench_of_laws(arrangement)[1][law], "demo *) evil")
+
+
+def parts(law: str) -> list[str]:
+    """The types, each function, and the block, with three numbers in the table of many."""
+    short = re.sub(r":= \[.*?\]", ":= [1.0, -2.5E-7, 3.0]", text(law), flags=re.DOTALL)
+    return re.split(r"(?=^\(\* )", short, flags=re.MULTILINE)[1:]
+
+
+@pytest.mark.parametrize("law", ["best", "pdc"])
+def test_it_is_grammatical(law: str) -> None:
+    every = parts(law)
+    chosen = {every[0], every[-1], *every[1::EVERY]}
+    for part in chosen:
+        assert blark.parse_source_code(part).exception is None, part
+
+
+def test_the_parser_would_find_a_fault() -> None:
+    assert blark.parse_source_code(parts("pid")[-1].replace("END_IF;", "", 1)).exception is not None
+
+
+def test_no_condition_is_chosen_from_two_values_that_were_both_calculated() -> None:
+    assert "SEL(" not in text()
+    part = next(p for p in parts("best") if "FUNCTION pneucli_switching " in p)
+    assert re.search(r"IF \(v_total > 0\.0\) THEN\s+chosen_1 := \(\(v_s1 \+ v_s2\) / v_total\);", part)
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [(1.0, "1.0"), (1e-05, "1.0E-5"), (2.5e-300, "2.5E-300"), (-3e5, "-300000.0"), (1e22, "1.0E22")],
+)
+def test_numbers_have_a_point_and_are_read_back_to_the_last_bit(value: float, written: str) -> None:
+    assert structured_text.number(value) == written
+    assert float(written) == value
+
+
+def test_every_number_of_the_controller_is_in_it() -> None:
+    found = re.search(r":= \[(.*?)\]", text(), flags=re.DOTALL)
+    assert found is not None
+    assert [float(one) for one in found[1].split(",")] == list(axis.bench_of_laws()[1]["best"].vector())
+
+
+def test_no_name_is_a_word_of_the_language() -> None:
+    code = re.sub(r"\(\*.*?\*\)", "", "\n".join(parts("pdc")[1:-1]), flags=re.DOTALL)
+    declared = set(re.findall(r"^    (\w+) : \w+;", code, flags=re.MULTILINE)) | set(
+        re.findall(r"FUNCTION (\w+)", code)
+    )
+    assert all(re.match(r"v_|chosen_|pneucli_|(s|c|done|ignored)$", name) for name in declared)
+    assert not any(name.endswith("_") or "__" in name for name in declared)
+
+
+def test_python_without_a_counterpart_is_refused() -> None:
+    def loops(s, c):
+        """Loops."""
+        while s[0] < c[0]:
+            s[0] = c[1]
+
+    with pytest.raises(ValueError, match="no counterpart"):
+        structured_text.st_functions([loops], {})
+
+
+@pytest.mark.skipif(COMPILER is None, reason="needs iec2c of matiec")
+@pytest.mark.parametrize(
+    ("law", "arrangement"), [("best", "one-chamber"), ("pid", "5/3"), ("compensated", "two"), ("pdc", "two")]
+)
+def test_compiled_it_gives_the_simulated_commands(law: str, arrangement: str, tmp_path: Path) -> None:
+    model, made = axis.bench_of_laws(arrangement)
+    export_files.write_st(tmp_path, made[law], model, axis.BENCH, "demo")
+    assert COMPILER is not None
+    subprocess.run(
+        [COMPILER, "-f", "-I", LIBRARY, "-T", tmp_path, tmp_path / structured_text.NAME],
+        check=True,
+        capture_output=True,
+    )
+    shutil.copy(DRIVER, tmp_path)
+    build = ["gcc", "-w", "-O1", "-I", f"{LIBRARY}/C", tmp_path / DRIVER.name, "-lm", "-o", tmp_path / "drive"]
+    subprocess.run(build, check=True)
+    told = subprocess.run(
+        [tmp_path / "drive", tmp_path / export_files.REPLAY_ST], check=True, capture_output=True, text=True
+    )
+    samples, worst = told.stdout.split()
+    assert int(samples) == 60_000
+    assert float(worst) <= 1e-9

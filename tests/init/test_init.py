@@ -1,0 +1,267 @@
+"""``init``: an example that is valid; from raw files a pipeline that says what was seen, and what people must add."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneucli import messages
+from pneucli.config import load
+from pneucli.errors import InputError
+from pneucli.init.columns import guess
+from pneucli.init.survey import Column, Survey, survey
+from pneucli.io.raw_file import RawFile
+from pneucli.pipeline.context import Context
+from pneucli.stages import ingest, init
+
+T = np.arange(600) * 0.01
+
+
+def write(path: Path, columns: dict[str, np.ndarray], *, top: str = "", mark: str = ",") -> Path:
+    rows = (mark.join(f"{value:.6g}" for value in row) for row in zip(*columns.values(), strict=True))
+    head = [mark.join(columns)] if any(not name.isdigit() for name in columns) else []
+    path.write_text(top + "\n".join([*head, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def stroke(pressure: float = 4.0, size: float = 30.0) -> dict[str, np.ndarray]:
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(T.size)
+    return {"t [s]": T, "p1 [bar]": pressure + noise, "pos [mm]": 50 + size * np.sin(T) + noise, "F [N]": np.cos(T)}
+
+
+def lines_of(answer: dict) -> list[str]:
+    return Path(answer["pipeline"]).read_text(encoding="utf-8").splitlines()
+
+
+def line(answer: dict, key: str) -> str:
+    return next(one for one in lines_of(answer) if one.startswith(f"{key} = "))
+
+
+def test_the_example_is_a_valid_pipeline(tmp_path: Path) -> None:
+    answer = init.create(tmp_path / "my bench")
+    assert load(answer["pipeline"]).name == "my bench"
+    with pytest.raises(InputError, match="exists already"):
+        init.create(tmp_path / "my bench")
+
+
+NAMES = {
+    "t [ms]": ("time", "ms"),
+    "time_s": ("time", "s"),
+    "curr_time": ("time", "s"),
+    "Zeit / s": ("time", "s"),
+    "U_valve [V]": ("u", "V"),
+    "Stellgröße [V]": ("u", "V"),
+    "Ventil [%]": ("u", "V"),
+    "P_supply [bar]": ("p_supply", "bar"),
+    "p_s": ("p_supply", "bar"),
+    "source [psi]": ("p_supply", "psi"),
+    "Versorgungsdruck, bar": ("p_supply", "bar"),
+    "P1 (kPa)": ("p1", "kPa"),
+    "pA": ("p1", "bar"),
+    "Kammerdruck": ("p1", "bar"),
+    "p_B [bar]": ("p2", "bar"),
+    "Pos [mm]": ("x", "mm"),
+    "Kolbenweg": ("x", "m"),
+    "pos [deg]": ("x", "deg"),
+    "x_soll [mm]": ("x_ref", "mm"),
+    "cmd position": ("x_ref", "m"),
+    "Druck Soll": ("p_ref", "bar"),
+    "Acc [m/s2]": ("a", "m/s2"),
+    "group/Force in N": ("force", "N"),
+    "Temperatur [°C]": ("temperature", "°C"),
+    "pressure sensor [V]": ("", "V"),
+    "P1 [mm]": ("", "mm"),
+    "gain": ("", ""),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_column_is_guessed_by_the_words_and_the_unit_of_its_name(name: str) -> None:
+    clock = NAMES[name][0] == "time"
+    columns = [] if clock else [Column("t", "t", "", T), Column("p1 x", "p1", "bar", 1 + T % 1)]
+    extra = [] if NAMES[name][0] in ("p_supply", "p2") else columns[1:]
+    values = T if clock else np.sin(T)
+    found = Survey(
+        RawFile(Path("a"), {}),
+        True,
+        [*columns[:1], *(columns[1:] if not extra else []), Column(name, name, "", values)],
+        {},
+    )
+    one = guess([found])[-1]
+    assert (one.signal, one.unit) == NAMES[name]
+
+
+def test_a_pressure_that_stands_alone_is_that_of_chamber_1(tmp_path: Path) -> None:
+    (found,) = [
+        g for g in guess([survey(RawFile(write(tmp_path / "a.csv", {"t": T, "tank": 2 + T}), {}))]) if not g.signal
+    ]
+    assert found.column.name == "tank"  # nothing says that it is a pressure
+    (found,) = guess([survey(RawFile(write(tmp_path / "a.csv", {"t": T, "tank [psi]": 2 + T}), {}))])[1:]
+    assert found.signal == "p1"
+
+
+def test_what_has_two_values_is_no_sensor() -> None:
+    columns = [
+        Column("t", "t", "", T),
+        Column("F", "F", "N", np.where(T > 1, 5.0, 0.0)),
+        Column("x", "x", "", np.sin(T)),
+    ]
+    assert [one.signal for one in guess([Survey(RawFile(Path("a"), {}), True, columns, {})])] == ["time", "", "x"]
+
+
+def test_numbers_without_a_unit_are_read_as_what_a_rig_has_and_the_guess_is_told(tmp_path: Path) -> None:
+    raw = write(tmp_path / "a.csv", {"t": 1000 * T, "pA": 3e5 + T, "x": 40 * np.sin(T), "F": np.sin(3 * T)})
+    answer = init.create(tmp_path / "rig", [raw])
+    assert 'unit = "ms"' in line(answer, "time")
+    assert 'unit = "Pa", reference = "absolute"' in line(answer, "p1")
+    assert 'unit = "mm"' in line(answer, "x")
+    assert "no unit is said: -40 to 40 is taken for mm" in line(answer, "x")
+
+
+GAUGE = {
+    "less than any gas has": (np.sin(T) + 1, "gauge", "gauge: it reads down to"),
+    "it rests at ambient pressure and moves": (
+        1.01 + 4 * (1 - np.exp(-np.maximum(T - 0.5, 0))),
+        "absolute",
+        "it rests at 1.01",
+    ),
+    "never at ambient pressure": (5 + np.sin(T), "gauge", "CHECK gauge: it never reads ambient pressure"),
+    "steady at one bar": (1 + 0.01 * np.sin(T), "gauge", "CHECK gauge"),
+}
+
+
+@pytest.mark.parametrize("way", GAUGE)
+def test_gauge_or_absolute_is_told_with_the_evidence(tmp_path: Path, way: str) -> None:
+    values, reference, why = GAUGE[way]
+    answer = init.create(tmp_path / "rig", [write(tmp_path / "a.csv", {"t [s]": T, "p1 [bar]": values})])
+    assert f'reference = "{reference}"' in line(answer, "p1")
+    assert why in line(answer, "p1")
+
+
+def test_a_force_in_proportion_with_a_pressure_tells_gauge(tmp_path: Path) -> None:
+    for bar in (1, 3, 5):
+        columns = stroke(pressure=bar)
+        write(tmp_path / f"run_{bar}.csv", {**columns, "F [N]": 50 * columns["p1 [bar]"] + np.sign(np.cos(T))})
+    answer = init.create(tmp_path / "rig", [tmp_path])
+    assert "gauge: the force is none at" in line(answer, "p1")
+    assert "scale = -1.0" in line(answer, "force")  # it holds against p1
+    assert "scale = -1.0" in line(answer, "x")  # and is larger where the piston moves against it
+
+
+def test_files_of_one_kind_are_one_entry_and_one_of_them_is_held_out(tmp_path: Path) -> None:
+    for n in (1, 2, 9, 10):
+        write(tmp_path / f"step_{n}.csv", stroke(size=0.0 if n in (2, 9) else 30.0))
+    write(tmp_path / "other.csv", stroke())
+    answer = init.create(tmp_path / "rig", [tmp_path / "step_*.csv", tmp_path / "other.csv"])
+    first, second = answer["recordings"]
+    assert (first["files"], first["held_out"]) == (4, ["step_10.csv"])  # 2 and 9 stand still
+    assert (second["files"], second["held_out"]) == (1, [])
+    text = "\n".join(lines_of(answer)).replace('"? cm^2"', '"5 cm^2"')
+    Path(answer["pipeline"]).write_text(text, encoding="utf-8")
+    config = load(answer["pipeline"])
+    out = tmp_path / "out"
+    rows = ingest.run(Context(Path(answer["pipeline"]), config, out, tmp_path))["recordings"]
+    assert {row["name"]: row["use"] for row in rows} == {
+        **dict.fromkeys(("step_1", "step_2", "step_9", "other"), "train"), "step_10": "test"
+    }  # fmt: skip
+
+
+def test_a_file_to_hold_out_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    from pneucli.config import sources
+
+    write(tmp_path / "a_1.csv", stroke())
+    (tmp_path / "p.toml").write_text(
+        '[pipeline]\nname = "p"\n[signals]\ntime = { column = "t [s]" }\n[[recordings]]\nfile = "a_*.csv"\n'
+        'experiment = "friction"\nuse = "train"\ntest = "a_2.csv"\n'
+    )
+    with pytest.raises(InputError, match=r'key test: no file "a_2.csv"(.|\n)*did you mean "a_1.csv"'):
+        sources(load(tmp_path / "p.toml"))
+
+
+def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path) -> None:
+    columns = {**stroke(), "u [V]": 5 + np.sin(T)}
+    answer = init.create(tmp_path / "rig", [write(tmp_path / "a.csv", columns)])
+    keys = [one["key"] for one in answer["fill_in"]]
+    cylinder = ["piston_area_1", "piston_area_2", "stroke", "dead_volume_2"]  # no p2 is recorded
+    assert keys == ["rig.supply_pressure", *(f"rig.cylinder.{key}" for key in cylinder)]
+    for one in answer["fill_in"]:
+        assert one["key"].endswith(lines_of(answer)[one["line"] - 1].split(" =")[0])
+    said = " ".join(messages.of("init", answer, "rig/pipeline.toml").split())
+    assert "fill in these 5: rig.supply_pressure (line 9)" in said
+    assert said.endswith("then pneucli run rig/pipeline.toml")
+    with pytest.raises(InputError, match=r'"\? bar" is to be filled in\n  wanted: a quantity such as'):
+        load(answer["pipeline"])
+
+
+def test_a_null_in_the_middle_and_who_drives_chamber_2_are_seen(tmp_path: Path) -> None:
+    x = 100 + 50 * np.sin(T)
+    columns = {"t [s]": T, "u [V]": 5 + np.sin(T), "p1 [bar]": 3 + np.cos(T), "x [mm]": x, "p_S [bar]": 7 + 0 * T}
+    closed = init.create(tmp_path / "a", [write(tmp_path / "a.csv", {**columns, "p2 [bar]": 400 / (250 - x)})])
+    assert 'chamber_2 = "closed"' in line(closed, "chamber_2")
+    assert line(closed, "null").startswith('null = "identify"')
+    driven = init.create(tmp_path / "b", [write(tmp_path / "b.csv", {**columns, "p2 [bar]": 3 - np.cos(T)})])
+    assert 'chamber_2 = "valve"' in line(driven, "chamber_2")
+    assert 'arrangement = "5/3"' in line(driven, "arrangement")
+
+
+def test_a_rotary_axis_asks_for_what_turns(tmp_path: Path) -> None:
+    columns = {"t [s]": T, "angle [deg]": 30 * np.sin(T), "p1 [bar]": 3 + np.cos(T)}
+    answer = init.create(tmp_path / "rig", [write(tmp_path / "a.csv", columns)])
+    assert '"? cm^3/rad"' in line(answer, "piston_area_1")
+    assert any(one.startswith('# moment_of_inertia = "? kg m^2"') for one in lines_of(answer))
+
+
+def test_without_a_clock_the_rate_is_asked_for_or_found(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    columns = {"p1": 3 + np.sin(T), "x": np.sin(T)}
+    savemat(tmp_path / "a.mat", columns)
+    savemat(tmp_path / "b.mat", {**columns, "fs": 500.0})
+    asked = init.create(tmp_path / "a", [tmp_path / "a.mat"])
+    assert "signals.time" in [one["key"] for one in asked["fill_in"]]
+    found = init.create(tmp_path / "b", [tmp_path / "b.mat"])
+    assert line(found, "time").startswith('time = { expression = "row / 500" }')
+
+
+def test_what_no_experiment_can_use_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'looks like a pressure or a position\n.*\n.*columns: "when", "gain"'):
+        init.create(tmp_path / "rig", [write(tmp_path / "a.csv", {"when": T, "gain": T % 1})])
+    assert not (tmp_path / "rig").exists()
+
+
+def test_how_a_text_is_written_may_be_said(tmp_path: Path) -> None:
+    raw = tmp_path / "a.txt"
+    raw.write_text("".join(f"{n}|{n % 7},5|{n % 3}\n" for n in range(50)), encoding="utf-8")
+    answer = init.create(tmp_path / "rig", [raw], header=False, delimiter="|", decimal=",", skip_rows=3)
+    text = "\n".join(lines_of(answer))
+    for key in ('delimiter = "|"', 'decimal = ","', "skip_rows = 3", "header = false"):
+        assert f"\n{key}\n" in text
+
+
+def test_globs_that_the_shell_left_alone_and_folders_are_filled_in(tmp_path: Path) -> None:
+    for n in (2, 10):
+        write(tmp_path / f"a_{n}.csv", stroke())
+    by_glob = init.create(tmp_path / "one", [tmp_path / "a_*.csv"])
+    by_folder = init.create(tmp_path / "two", [tmp_path.joinpath(".")])
+    assert by_glob["recordings"][0]["files"] == by_folder["recordings"][0]["files"] == 2
+    with pytest.raises(InputError, match="no such file"):
+        init.create(tmp_path / "three", [tmp_path / "b_*.csv"])
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_files_of_one_signal_each_are_one_recording(tmp_path: Path, same: bool) -> None:
+    """As figures are digitised; where all columns are called alike, the files' names say what they are."""
+    rng = np.random.default_rng(4)
+    curves = {"pos": 100 + 30 * np.sin(T), "p1": 2 + np.sin(T), "force": np.cos(T)}
+    for name, values in curves.items():
+        some = np.sort(rng.choice(T.size, 200, replace=False))
+        write(tmp_path / f"{name}.csv", {"t [s]": T[some], "value" if same else name: values[some]})
+    (tmp_path / "notes.md").write_text("no numbers\n", encoding="utf-8")
+    answer = init.create(tmp_path / "rig", [tmp_path])
+    assert answer["left_out"] == ["notes.md: no table of numbers in 2 lines"]
+    path = Path(answer["pipeline"])
+    path.write_text(path.read_text(encoding="utf-8").replace('"? cm^2"', '"5 cm^2"'), encoding="utf-8")
+    out = tmp_path / "out"
+    (row,) = ingest.run(Context(path, load(path), out, tmp_path))["recordings"]
+    assert row["rows_read"] == 600
+    assert set(row["signals"]) == {"time", "x", "p1", "force"}

@@ -1,0 +1,102 @@
+"""False data sets are found out, and good ones are left alone."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pneucli import messages
+from pneucli.config import load
+from pneucli.messages.plausibility import doubts
+from pneucli.pipeline.context import Context
+from pneucli.plausibility import Look
+from pneucli.stages import ingest
+from tests.plausibility.faulty_data_sets import BASES, EXPLAINED, P1, PS, SETS, Rig, T, U, looked_at
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("PNEUCLI_DATA", ROOT.parent / "shared" / "real"))
+CASES = Path(os.environ.get("PNEUCLI_CASES", ROOT.parent / "shared" / "cases"))
+REAL = sorted(path for path in (ROOT / "pipelines").glob("*.toml") if "PNEUCLI_DATA" in path.read_text())
+
+needs_real = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here (PNEUCLI_DATA)")
+needs_cases = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here (PNEUCLI_CASES)")
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_false_data_set_is_found_out(name: str, tmp_path: Path) -> None:
+    found = looked_at(SETS[name].make(noise=True), tmp_path)["plausibility"]
+    assert SETS[name].expected <= {(one["check"], one["signal"]) for one in found}, found
+    assert all(one["found"] and one["mend"] and one["recording"] for one in found)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_a_good_data_set_is_left_alone(base: str, tmp_path: Path) -> None:
+    assert looked_at(Rig.of(base, noise=True), tmp_path)["plausibility"] == []
+
+
+@pytest.mark.parametrize("name", EXPLAINED)
+def test_what_an_effect_explains_is_left_alone(name: str, tmp_path: Path) -> None:
+    base, change = EXPLAINED[name]
+    assert looked_at(change(Rig.of(base, noise=True)), tmp_path)["plausibility"] == []
+
+
+HELD = ('name = "driven_2"', 'name = "driven_2"\nx = "100 mm"\ntake = ["time", "p1", "p2"]')
+
+
+def test_a_piston_that_is_held_may_be_stated_so(tmp_path: Path) -> None:
+    rig = Rig.of("friction", noise=True)
+    held = replace(rig, text=rig.text.replace(*HELD))
+    assert held.text != rig.text
+    assert looked_at(held, tmp_path)["plausibility"] == []
+
+
+def test_a_small_leak_at_a_shut_valve_needs_no_valve(tmp_path: Path) -> None:
+    """A chamber of 160 cm^3 that loses 1 mbar/s: 1e-10 m^2, at a command that is stated."""
+    rows = [f"{t},0.0,6.0,{5.0 - 1e-5 * t + 1e-3 * (t % 3):.6f}" for t in range(3000)]
+    leak = SETS["valve, u dead"].make(noise=True)
+    head, table = leak.text.split("[[recordings]]")[:2]
+    (tmp_path / "leak.csv").write_text(f"{T},{U},{PS},{P1}\n" + "\n".join(rows))
+    table = table.replace("step_+3.0V", "leak").replace('use = "test"', 'use = "train"')
+    (tmp_path / "leak.toml").write_text(f"{head}[[recordings]]{table}")
+    assert plausibility(tmp_path / "leak.toml", tmp_path / "out") == []
+
+
+def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path) -> None:
+    answer = looked_at(SETS["friction, p2 alone gauge read as absolute"].make(noise=True), tmp_path)
+    json.dumps(answer, allow_nan=False)
+    assert answer["looks"]["driven_1"]["x"].keys() == vars(Look("m", *[0.0] * 7)).keys()
+    text = messages.of("ingest", answer, "p.toml").splitlines()
+    assert [line.split()[-3:-1] for line in text if line.split()[:2] == ["friction", "p2"]] == [["bar", "1000"]]
+    (line,) = doubts(answer["plausibility"])
+    assert line.startswith("stickslip_2 and 2 more, p2 rests at 0.000 bar in an open chamber: gauge?")
+    assert line.endswith('; write reference = "gauge" in [signals] p2')
+
+
+def plausibility(path: Path, out: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = ingest.run(Context(path, load(path), out / "ingest", out))["plausibility"]
+    return found
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "fixtures").glob("*/pipeline.toml")), ids=lambda path: path.parent.name)
+def test_nothing_is_found_in_the_fixtures(path: Path, tmp_path: Path) -> None:
+    assert plausibility(path, tmp_path) == []
+
+
+@needs_real
+@pytest.mark.real
+@pytest.mark.parametrize("path", REAL, ids=lambda path: path.stem)
+def test_nothing_is_found_in_real_recordings(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
+    assert plausibility(path, tmp_path) == []
+
+
+@needs_cases
+@pytest.mark.real
+@pytest.mark.parametrize("path", sorted(CASES.glob("*/pipeline.toml")), ids=lambda path: path.parent.name)
+def test_nothing_is_found_in_the_cases(path: Path, tmp_path: Path) -> None:
+    assert plausibility(path, tmp_path) == []

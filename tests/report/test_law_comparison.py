@@ -1,0 +1,80 @@
+"""The chapters on the controllers side by side and on the thesis's figures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.report import Material, Table
+from pneucli.report.sections import SECTIONS
+from pneucli.report.sections.law_comparison import section as bench
+from pneucli.report.sections.thesis_figures import section as thesis
+from tests.report import controlled
+
+TIME = 1e-2 * np.arange(600)
+
+
+def runs(*names: str) -> Table:
+    """Steps, a load, and a pressure that is asked for, under each of the controllers."""
+    columns: dict[str, list[Any]] = {"scenario": [], "controller": []}
+    numbers: dict[str, list[Any]] = {}
+    for name in names:
+        for scenario in ("steps", "load", "pressure"):
+            reference = np.where(TIME < 2.0, 0.1, 0.13) if scenario != "pressure" else np.full(TIME.size, np.nan)
+            asked = np.where(TIME < 2.0, 3e5, 3.5e5)
+            parts = {
+                "time": TIME,
+                "x_ref": reference,
+                "x": np.full(TIME.size, 0.12),
+                "p1": asked - 1e3,
+                "p1_ref": asked,
+            }
+            parts |= {"u": np.sin(TIME), "flow_estimate": np.cos(TIME), "load_estimate": 0.1 * TIME}
+            parts |= {"load": np.where(TIME > 3.0, -50.0, 0.0) * (scenario == "load")}
+            columns["scenario"] += [scenario] * TIME.size
+            columns["controller"] += [name] * TIME.size
+            for key, part in parts.items():
+                numbers.setdefault(key, []).append(part)
+    return Table({**columns, **{key: np.concatenate(parts) for key, parts in numbers.items()}})
+
+
+@pytest.fixture(scope="module")
+def material() -> Material:
+    names = ("best", "pdc", "pid", "compensated", "compensated, no map")
+    return Material("demo", {"design": controlled.design()}, {"design/comparison_signals": runs(*names)})
+
+
+def test_who_is_poor_is_said_with_its_numbers(material: Material) -> None:
+    told = [part.text for part in bench(material).parts if part.kind == "note"]
+    assert any("pdc stays up to 7.8 mm off" in text and "best" not in text for text in told)
+    assert any("sector" in text for text in told)  # could not be made
+
+
+def test_the_laws_the_map_and_the_components_have_a_table_each(material: Material) -> None:
+    grids = [part for part in bench(material).parts if part.kind == "grid"]
+    names = [[row[0].text for row in grid.rows] for grid in grids[:3]]
+    assert names == [["best", "pdc", "pid"], ["nothing", "switching"], ["best, no map"]]
+
+
+def test_the_figures_of_the_thesis_on_control_are_named(material: Material) -> None:
+    captions = " ".join(part.caption for part in bench(material).parts if part.kind == "figure")
+    assert all(f"Figure 7.{number}:" in captions for number in range(28, 35))
+
+
+def test_without_a_design_there_is_no_bench_and_without_identification_no_figures() -> None:
+    assert bench(Material("none")) is None
+    assert thesis(Material("none")) is None
+    assert {bench, thesis} <= set(SECTIONS)
+
+
+def test_one_slip_is_shown_under_every_model_and_the_claim_on_the_flow_function_is_checked() -> None:
+    t = 1e-3 * np.arange(50)
+    one = {"time": t, "v": t, "v_model": 0.9 * t, "a": t, "a_model": t}
+    rows = {name: np.tile(values, 6) for name, values in one.items()}
+    table = Table({"model": [m for m in "ABCDEF" for _ in t], **rows})
+    parts = thesis(Material("demo", {}, {"identify/friction_replays": table})).parts
+    captions = " ".join(part.caption for part in parts)
+    assert all(f"Figure 6.{number}:" in captions for number in (*range(14, 20), *range(34, 40)))
+    assert "0.19 % of the maximum and 0.37 % of the value (claimed: 0.3 %)" in captions

@@ -1,0 +1,91 @@
+"""Where an imposed motion turns, it does not tell its direction, and dry friction may have either sign."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.compare.channel_errors import compare
+from pneucli.compare.expected_error import expected_rms
+from pneucli.identify.residuals import Imposed
+from pneucli.noise import NoiseModel
+from pneucli.recording import Recording, Rig
+from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.imposed_motion import turning
+from pneucli.simulate.model import Model
+
+RIG = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
+COULOMB, NOISE = 20.0, 0.5  # N
+TRUE = Model(RIG, (), {"friction.coulomb": COULOMB, "friction.viscous": 0.0})
+PERIOD = 0.01  # s
+TIME = PERIOD * np.arange(800)
+SPEED = np.interp((TIME + 0.004) % 4.0, [0.0, 0.5, 1.5, 2.0, 2.5, 3.5, 4.0], [0.0, 0.05, 0.05, 0.0, -0.1, -0.1, 0.0])
+
+
+def driven(low_pass: float | None = None) -> Experiment:
+    """A piston that a machine moves to and fro, faster one way; it slows to its turn and leaves it at another rate."""
+    rng, x = np.random.default_rng(3), np.cumsum(SPEED) * PERIOD
+    force = COULOMB * np.sign(SPEED) + 2.0 * np.gradient(SPEED, PERIOD) + rng.normal(scale=NOISE, size=TIME.size)
+    noise = {"x": NoiseModel(2e-6), "force": NoiseModel(NOISE)}
+    signals = {"x": x + rng.normal(scale=2e-6, size=TIME.size), "force": force}
+    recording = Recording("given", "friction", "train", TIME, signals, noise, "open", "motion")
+    return prepare(recording, RIG, None, low_pass)
+
+
+def test_the_samples_beside_a_turn_are_those_where_the_velocity_changes_its_sign() -> None:
+    e = driven()
+    crossings = np.flatnonzero(np.diff(np.sign(SPEED)))
+    found = np.flatnonzero(turning(e))
+    assert {round(f) for f in crossings} <= {*found, *(found - 1), *(found + 1)}
+    assert found.size == pytest.approx(2 * crossings.size, abs=2)
+
+
+def test_a_low_pass_spreads_a_turn_over_as_long_as_it_takes_to_rise() -> None:
+    """0.35 / 5 Hz is 7 samples, before and after."""
+    turns = turning(driven(5.0))
+    runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], turns.astype(int), [0]]))))[::2]
+    assert set(runs.tolist()) <= {16, 17}  # one more where a sample stands at the turn
+
+
+def test_a_true_model_leaves_noise_where_the_motion_turns() -> None:
+    """The jump of 40 N that comes a sample early or late would be 80 times the noise."""
+    e = driven()
+    (found,) = compare(TRUE, e).results
+    assert found.ratio_to_noise < 1.2
+    left = Imposed(e).residual(TRUE)["force"]
+    assert np.array_equal(left == 0.0, turning(e))
+    assert np.sqrt(np.mean(left**2)) < 1.2 * NOISE
+
+
+def test_drawn_noise_says_nothing_there_either() -> None:
+    e = driven()
+    assert expected_rms(TRUE, e)["force"] < 1.5 * NOISE
+    assert Imposed(e).drawn_rms(TRUE, {}, 6, 0)["force"] < 1.5
+
+
+def test_where_the_friction_is_wrong_the_error_stays() -> None:
+    wrong = replace(TRUE, values={**TRUE.values, "friction.coulomb": COULOMB - 5.0})
+    (found,) = compare(wrong, driven()).results
+    assert found.rmsd == pytest.approx(np.hypot(5.0, NOISE), rel=0.05)
+
+
+def test_a_piston_at_rest_turns_nowhere_and_one_that_only_shakes_is_compared_all_the_same() -> None:
+    e = driven()
+    still = prepare(replace(e.recording, signals={**e.recording.signals, "x": np.full(TIME.size, 0.1)}), RIG, None)
+    assert not turning(still).any()
+    shaken = {
+        **e.recording.signals,
+        "x": 0.1 + 1e-3 * (-1.0) ** np.arange(TIME.size),
+        "v": (-1.0) ** np.arange(TIME.size),
+    }
+    assert not turning(prepare(replace(e.recording, signals=shaken), RIG, None)).any()
+
+
+def test_a_rest_between_two_ways_is_part_of_the_turn() -> None:
+    v = np.concatenate([np.full(300, 0.02), np.zeros(100), np.full(400, -0.02)])
+    e = driven()
+    rested = {**e.recording.signals, "x": 0.05 + np.cumsum(v) * PERIOD, "v": v}
+    found = np.flatnonzero(turning(prepare(replace(e.recording, signals=rested), RIG, None)))
+    assert (found[0], found[-1], found.size) == (299, 400, 102)

@@ -1,0 +1,60 @@
+"""What stands in for a pressure that a recording lacks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.recording import Recording
+from pneucli.simulate import layout as at
+from pneucli.simulate.run import run
+from pneucli.simulate.substitutes import stand_in
+from tests.simulate.synthetic_experiments import BALANCED, RIG, bench, clock, model, steps_of_command
+
+TIME = clock(4.0)
+COMMANDS = steps_of_command(TIME, [2.0, -2.0, 3.0, -2.5, 1.5, -1.5, 2.5, -3.0], 0.5)
+
+
+@pytest.fixture(scope="module")
+def moved() -> np.ndarray:
+    """The kernel's output for a piston that is driven to and fro against a gas shut in chamber 2."""
+    return run(model(), bench("axis", TIME, {"u": COMMANDS, "x": 0.1, "p1": BALANCED["p1"]}))
+
+
+def filled(out: np.ndarray, recorded: set[str], chamber_2: str, **rig: float | None) -> np.ndarray:
+    """Inputs of a recording of some signals, with what stands in for the others."""
+    inputs = np.zeros((TIME.size, len(at.INPUTS)))
+    for column, shown in ((at.IN_P1, at.P1), (at.IN_X, at.X), (at.IN_V, at.V)):
+        inputs[:, column] = out[:, shown]
+    signals = dict.fromkeys(recorded, np.zeros(TIME.size))
+    stand_in(inputs, Recording("bench", "axis", "train", TIME, signals, chamber_2=chamber_2), replace(RIG, **rig))
+    return inputs
+
+
+def test_a_gas_shut_in_has_the_pressure_that_the_forces_ask_for(moved: np.ndarray):
+    """Within 2 % of the truth, whatever dry and viscous friction are."""
+    assert filled(moved, {"p1", "x"}, "closed")[:, at.IN_P2] == pytest.approx(moved[:, at.P2], rel=0.02)
+
+
+def test_behind_a_valve_p2_begins_where_it_holds_the_piston(moved: np.ndarray):
+    """3 bar on 8.04 cm^2 are held by what ``BALANCED`` has on 7 cm^2; how p2 goes on, no reading tells."""
+    assert filled(moved, {"p1", "x"}, "valve")[:, at.IN_P2] == pytest.approx(float(BALANCED["p2"]), rel=0.001)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "chamber_2", "rig"),
+    [({"x"}, "closed", {}), ({"p1"}, "closed", {}), ({"p1", "x"}, "open", {}),
+     ({"p1", "x"}, "closed", {"stroke": None}),
+     ({"p1", "x"}, "closed", {"piston_area_1": None, "piston_area_2": None})],
+)  # fmt: skip
+def test_elsewhere_ambient_pressure_stands_in(moved: np.ndarray, recorded: set[str], chamber_2: str, rig: dict):
+    assert filled(moved, recorded, chamber_2, **rig)[:, at.IN_P2] == pytest.approx(RIG.ambient_pressure)
+
+
+def test_what_was_recorded_stays(moved: np.ndarray):
+    inputs = filled(moved, {"p1", "p2", "p_supply"}, "closed")
+    assert inputs[:, at.IN_P1] == pytest.approx(moved[:, at.P1])
+    assert not inputs[:, [at.IN_P2, at.IN_SUPPLY]].any()
+    assert filled(moved, {"p1", "p2"}, "closed")[:, at.IN_SUPPLY] == pytest.approx(7e5)
