@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.config import load
-from pneucli.exam.graded_case import Graded
+from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import graded_cases
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
@@ -210,15 +210,15 @@ class Count:
     seconds: float = 0.0
     known: int = 0
 
-    def add(self, g: Graded, seconds: float, sign: int = 1) -> None:
+    def add(self, g: GradedCase, seconds: float, sign: int = 1) -> None:
         """Count one answer, or take it off."""
         self.cases += sign > 0
         self.known += sign * bool(g.hidden)
-        self.right += sign * (bool(g.hidden) and g.hidden <= g.covered)
+        self.right += sign * (bool(g.hidden) and g.hidden <= g.answer_set)
         self.exact += sign * (bool(g.hidden) and g.hidden == g.missing)
         self.wrong += sign * len(g.missing - g.hidden)
         self.accused += sign * (g.is_null and bool(g.missing))
-        self.unflagged += sign * (bool(g.stranger) and g.verdict != "unexplained")
+        self.unflagged += sign * (bool(g.uncatalogued_effect) and g.verdict != "unexplained")
         self.seconds += sign * seconds
 
 
@@ -230,17 +230,17 @@ def shown(name: str, c: Count, what: str) -> str:
                        f"{c.unflagged:+d}", f"{c.seconds:+.0f}", what)  # fmt: skip
 
 
-def judged(exam: Path, cases: Sequence[Graded], rules: Mapping[str, Rule]) -> tuple[Count, dict[str, Count]]:
+def judged(exam: Path, cases: Sequence[GradedCase], rules: Mapping[str, Rule]) -> tuple[Count, dict[str, Count]]:
     """Diagnose cases; return what came of them, and by rule what leaving it out changed. Ctrl-C ends with the last."""
     whole, without = Count(), {name: Count() for name in rules}
     with suppress(KeyboardInterrupt):
         for i, g in enumerate(cases, 1):
             found = studied(exam / g.case, rules)
             answer, seconds = found.pop("")
-            as_it_is = Graded(g.case, g.truth, answer, None)
+            as_it_is = GradedCase(g.case, g.truth, answer, None)
             whole.add(as_it_is, seconds)
             for name, (other, spent) in found.items():
-                one, count = Graded(g.case, g.truth, other, None), without[name]
+                one, count = GradedCase(g.case, g.truth, other, None), without[name]
                 count.changed += any(getattr(one, k) != getattr(as_it_is, k) for k in ("verdict", "missing", "covered"))
                 count.add(one, spent)
                 count.add(as_it_is, seconds, -1)

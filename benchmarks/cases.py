@@ -10,7 +10,7 @@ from typing import Any
 from pneucli.config import load
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
-from pneucli.stages.pipeline_data import Study
+from pneucli.stages.pipeline_data import PipelineData
 
 SEALED = ".sealed"
 
@@ -21,9 +21,9 @@ def truths(exam: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
         yield exam / path.stem, json.loads(path.read_text(encoding="utf-8"))
 
 
-def study_of(case: Path, folder: Path, most: int | None = None) -> Study:
+def study_of(case: Path, folder: Path, most: int | None = None) -> PipelineData:
     """Return a case, ingested into an empty folder, as the stages after ``ingest`` see it."""
     path = case / "pipeline.toml"
     (folder / "ingest").mkdir()
     ingest.run(Context(path, load(path), folder / "ingest", folder))
-    return Study(Context(path, load(path), folder / "none", folder), most=most)
+    return PipelineData(Context(path, load(path), folder / "none", folder), max_samples=most)

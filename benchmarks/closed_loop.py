@@ -22,16 +22,16 @@ import numpy as np
 
 from pneucli import config
 from pneucli.closed_loop import robustness
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.scenarios import start_at
-from pneucli.closed_loop.simulation import Bench, Scenario, run
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.scenarios import equilibrium_at
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
-from pneucli.physics.effects import catalogue, select
+from pneucli.physics.effects import catalogue, select_effects
 from pneucli.simulate.model import Model
-from pneucli.simulate.rig_quantities import facts_of
-from pneucli.stages.design import bench_of, load_controller
+from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.stages.design import closed_loop_setup, load_controller
 from pneucli.stages.pipeline_data import load_model
 
 PIPELINE = Path(__file__).parents[1] / "pipelines/demo.toml"
@@ -46,10 +46,10 @@ def main() -> int:
     folder = Path(sys.argv[1])
     runs = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
     settings = config.load(PIPELINE)
-    model = load_model(folder / "identify", settings.to_rig(), select(settings.model.effects, catalogue()))
+    model = load_model(folder / "identify", settings.to_rig(), select_effects(settings.model.effects, catalogue()))
     controller, alone, relay = (load_controller(folder / "design", name) for name in ("best", "pid", "relay"))
     answer = json.loads((folder / "design" / "stage.json").read_text())["answer"]
-    bench = bench_of(answer)
+    bench = closed_loop_setup(answer)
     held = figures(model, controller, alone, relay, bench)
     print("\nLMI, decay rate by weight type:")
     for t in answer["lmi"]["types"]:
@@ -62,16 +62,17 @@ def main() -> int:
 def scene(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0) -> Scenario:
     n = reference.size
     supply = np.full(n, c.values["C_SUPPLY"])
-    start = start_at(c.values, float(reference[0]))
+    start = equilibrium_at(c.values, float(reference[0]))
     return Scenario("benchmark", reference, np.broadcast_to(force, n).astype(float), supply, start)
 
 
-def figures(model: Model, controller: Controller, alone: Controller, relay: Controller, bench: Bench) -> bool:
+def figures(model: Model, controller: Controller, alone: Controller, relay: Controller, bench: ClosedLoopSetup) -> bool:
     """Print what issue 4 asks of the identified axis, the worst of five seeds; return whether all of it holds."""
 
     def worst(name: str, reference: np.ndarray, force: np.ndarray | float = 0.0, c: Controller = controller) -> float:
         return max(
-            getattr(measure(run(model, c, scene(c, reference, force), bench, s), model, c), name) for s in range(5)
+            getattr(evaluate_run(simulate(model, c, scene(c, reference, force), bench, s), model, c), name)
+            for s in range(5)
         )
 
     sine, sine_alone = worst("tracking_rms_um", SINE), worst("tracking_rms_um", SINE, c=alone)
@@ -90,33 +91,33 @@ def figures(model: Model, controller: Controller, alone: Controller, relay: Cont
     return all(value <= limit for _, value, limit in rows)
 
 
-def chattering(model: Model, controller: Controller, bench: Bench) -> float:
+def chattering(model: Model, controller: Controller, bench: ClosedLoopSetup) -> float:
     """Return the mean change of u from sample to sample over the last second at rest."""
-    result = run(model, controller, scene(controller, STEPS), bench)
+    result = simulate(model, controller, scene(controller, STEPS), bench)
     return float(np.mean(np.abs(np.diff(result.log[-1000:, layout.L_U1]))))
 
 
-def effects_table(model: Model, controller: Controller, bench: Bench) -> None:
+def effects_table(model: Model, controller: Controller, bench: ClosedLoopSetup) -> None:
     """Print what the controller makes of an axis with one more effect, at its smallest and largest typical size."""
     print("\nController designed without the effect; each figure at the effect's first / last typical size:")
     heads = ("steady um", "cycle um", "sine um", "recovery s", "estimate")
     print(f"{'effect':22s} " + " ".join(f"{head:>15s}" for head in heads))
-    facts = facts_of(model)
+    facts = rig_quantities(model)
     active = {e.name for e in model.effects}
     for effect in catalogue().values():
         if effect.name in active:
             continue
         both = []
         for end in (0, -1):
-            sizes = {f"{effect.name}.{p.name}": p.on(facts).typical[end] for p in effect.parameters}
+            sizes = {f"{effect.name}.{p.name}": p.range_on(facts).typical[end] for p in effect.parameters}
             axis = replace(model, effects=(*model.effects, effect)).with_values(sizes)
             both.append(all_figures(axis, controller, bench))
         print(f"{effect.name:22s} " + " ".join(f"{a:>7.3g}/{b:<7.3g}" for a, b in zip(*both, strict=True)))
 
 
-def all_figures(model: Model, c: Controller, bench: Bench) -> list[float]:
+def all_figures(model: Model, c: Controller, bench: ClosedLoopSetup) -> list[float]:
     def of(reference: np.ndarray, force: np.ndarray | float = 0.0) -> dict[str, float]:
-        return asdict(measure(run(model, c, scene(c, reference, force), bench), model, c))
+        return asdict(evaluate_run(simulate(model, c, scene(c, reference, force), bench), model, c))
 
     steps, sine, load = of(STEPS), of(SINE), of(REST, LOAD)
     return [
@@ -128,14 +129,14 @@ def all_figures(model: Model, c: Controller, bench: Bench) -> list[float]:
     ]
 
 
-def monte_carlo(model: Model, controller: Controller, bench: Bench, runs: int) -> bool:
+def monte_carlo(model: Model, controller: Controller, bench: ClosedLoopSetup, runs: int) -> bool:
     """Time a study against single simulations and print its success rates; whether it takes minutes at most."""
     active = {e.name for e in model.effects}
     effects = tuple(e for e in catalogue().values() if e.name not in active)
-    axes = robustness.Axes(model, {}, robustness.TOLERANCES, effects)
+    axes = robustness.AxisDistribution(model, {}, robustness.TOLERANCES, effects)
     scenarios = (scene(controller, STEPS),)
-    study = robustness.Study(axes, controller, scenarios, bench, runs, 0, robustness.CHECKS)
-    robustness.run_one(study, 1)  # compiles
+    study = robustness.MonteCarloStudy(axes, controller, scenarios, bench, runs, 0, robustness.DEFAULT_LIMITS)
+    robustness.run_draw(study, 1)  # compiles
     with tempfile.TemporaryDirectory() as place, engine_from(None) as engine:
         start = time.perf_counter()
         rows: list[dict[str, Any]] = robustness.run_study(study, engine, Path(place))
@@ -143,12 +144,12 @@ def monte_carlo(model: Model, controller: Controller, bench: Bench, runs: int) -
     few = max(runs // 10, 1)
     start = time.perf_counter()
     for k in range(few):
-        robustness.run_one(study, k)
+        robustness.run_draw(study, k)
     single = (time.perf_counter() - start) * runs / few
     print(
         f"\n{runs} runs of 5 s at 1 kHz: {took:.1f} s; one after the other {single:.1f} s (ratio {took / single:.2f})"
     )
-    for rate in robustness.success_rates(rows, robustness.CHECKS):
+    for rate in robustness.success_rates(rows, robustness.DEFAULT_LIMITS):
         if rate.effect in ("all", ""):
             print(f"  {rate.check} <= {rate.limit:g}, {rate.effect or 'no effect'}: {rate.held} of {rate.runs}")
     return took <= 120.0

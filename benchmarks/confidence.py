@@ -48,10 +48,16 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from pneucli.diagnose.calibration import BESIDE, COMPLETE, UNLIKE, Evidence, probability
-from pneucli.exam.graded_case import Graded
+from pneucli.diagnose.calibration import (
+    EFFECT_INTERCEPTS,
+    WEIGHTS_DISCREPANCY,
+    WEIGHTS_WHITE_RESIDUAL,
+    Evidence,
+    probability,
+)
+from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import graded_cases
-from pneucli.exam.reliability import EDGES
+from pneucli.exam.reliability import BIN_EDGES
 
 Array = NDArray[np.float64]
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
@@ -71,16 +77,16 @@ PUBLISHED = {
 }
 
 
-def real(folder: Path) -> list[Graded]:
+def real(folder: Path) -> list[GradedCase]:
     """Return the answers to real recordings as cases, with what was published of them."""
     cases = []
     for name, effects in PUBLISHED.items():
         truth = {"hidden": {e: {} for e in effects}, "outside_the_catalogue": "", "conditions": ["imposed"]}
-        cases.append(Graded(name, truth, json.loads((folder / f"{name}.json").read_text()), None))
+        cases.append(GradedCase(name, truth, json.loads((folder / f"{name}.json").read_text()), None))
     return cases
 
 
-def told(cases: Sequence[Graded], *, complete: bool) -> tuple[list[Evidence], Array, NDArray[np.int64]]:
+def told(cases: Sequence[GradedCase], *, complete: bool) -> tuple[list[Evidence], Array, NDArray[np.int64]]:
     """Return of effects that were added what they rest on, whether one or a twin was there (n,), and the case (n,).
 
     Of cases in which nothing but noise is left (``complete``), or of the others.
@@ -95,7 +101,7 @@ def told(cases: Sequence[Graded], *, complete: bool) -> tuple[list[Evidence], Ar
     return list(evidence), np.array(there, float), np.array(case)
 
 
-def evidence_of(graded: Graded, candidate: dict) -> Evidence:  # type: ignore[type-arg]
+def evidence_of(graded: GradedCase, candidate: dict) -> Evidence:  # type: ignore[type-arg]
     """Return what a candidate rests on."""
     complete = graded.verdict != "unexplained"
     told = {name: value for name, value in candidate["evidence"].items() if name in Evidence._fields}
@@ -109,7 +115,7 @@ def parts_of(evidence: Sequence[Evidence], names: Sequence[str]) -> Array:
     return own * np.array([[e.effects.count(name) / len(e.effects) for name in names] for e in evidence])
 
 
-def is_there(graded: Graded, candidate: dict) -> bool:  # type: ignore[type-arg]
+def is_there(graded: GradedCase, candidate: dict) -> bool:  # type: ignore[type-arg]
     """Whether a candidate, or one that it cannot be told from, is true."""
     return bool(graded.hidden & {candidate["effect"], *candidate["indistinguishable_from"]})
 
@@ -150,7 +156,7 @@ def log_score(p: Array, y: Array) -> float:
     return float(-np.mean(np.log(np.clip(np.where(y > 0.0, p, 1.0 - p), 1e-4, 1.0))))
 
 
-def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
+def refusals(cases: Sequence[GradedCase]) -> dict[str, tuple[int, int]]:
     """Return by reason how many effects that were refused for it, and not weighed, were there, and of how many."""
     of, there = Counter[str](), Counter[str]()
     for g in cases:
@@ -161,15 +167,18 @@ def refusals(cases: Sequence[Graded]) -> dict[str, tuple[int, int]]:
     return {reason: (there[reason], of[reason]) for reason in of}
 
 
-def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew: bool) -> None:
+def law(name: str, cases: Sequence[GradedCase], exams: int, *, complete: bool, anew: bool) -> None:
     """Print a law, what each of its terms is worth, and its reliability; the first ``exams`` cases are of exams."""
     evidence, y, case = told(cases, complete=complete)
     if len(set(y)) < 2:
         return
-    now, stated = np.array(COMPLETE if complete else BESIDE), np.array([probability(e) for e in evidence])
-    names = [] if complete else sorted({*UNLIKE, *(one for e in evidence for one in e.effects)})
+    now, stated = (
+        np.array(WEIGHTS_WHITE_RESIDUAL if complete else WEIGHTS_DISCREPANCY),
+        np.array([probability(e) for e in evidence]),
+    )
+    names = [] if complete else sorted({*EFFECT_INTERCEPTS, *(one for e in evidence for one in e.effects)})
     x = np.column_stack([[e.features for e in evidence], parts_of(evidence, names)])
-    known = np.array([*now, *(UNLIKE.get(name, 0.0) for name in names)]) * (not anew)
+    known = np.array([*now, *(EFFECT_INTERCEPTS.get(name, 0.0) for name in names)]) * (not anew)
     penalties = [Ridge(a, b).penalty(now.size, len(names)) for a in RIDGES for b in (OF_EFFECTS if names else (1.0,))]
     penalty = min(penalties, key=lambda one: log_score(left_out(x, y, case, one, known), y))
     p = left_out(x, y, case, penalty, known)
@@ -189,7 +198,7 @@ def law(name: str, cases: Sequence[Graded], exams: int, *, complete: bool, anew:
         kept = np.delete(np.arange(x.shape[1]), i if i < now.size else range(now.size, x.shape[1]))
         lesser = left_out(x[:, kept], y, case, penalty[kept], known[kept])
         print(f"without {term}: log score {log_score(lesser, y):.3f}")
-    for low, high in pairwise(EDGES):
+    for low, high in pairwise(BIN_EDGES):
         mine = (p >= low) & (p <= high)
         if mine.any():
             print(f"{low:g} to {high:g}: stated {p[mine].mean():.2f}, there {int(y[mine].sum())} of {mine.sum()}")

@@ -47,7 +47,7 @@ def shares(path: Path, out: Path) -> dict[str, float]:
     """Return the share of each phase, of a diagnosis in this process at a prepared ``out``."""
     profile = cProfile.Profile()
     with profile:
-        open_pipeline_of(path, out).bring_up(["diagnose"])
+        open_pipeline_of(path, out).update(["diagnose"])
     times: dict[tuple[str, str], float] = {}
     for (file, _, name), row in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
         key = "/".join(Path(file).parts[-2:]), name

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from pneucli.caches import compiled
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, V, X, mode_at, rates
+from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, XL, V, X, motion_sign, state_rates
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig.simulation import LOOP, drive, empty_line, limited
+from pneucli.exam.rig.simulation import LOOP_PERIOD, empty_delay_line, limit_opening, step_rig
 
 Array = NDArray[np.float64]
 ASKED = ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves", "differential+5/3", "hanging-load+5/3", "return-spring")
-TIME = LOOP * np.arange(6000)
+TIME = LOOP_PERIOD * np.arange(6000)
 LOAD = 0.1  # of the supply's force
 SETTLED = 500  # samples before the next change
 
@@ -41,10 +41,10 @@ def period(
     """Run the rig for ``steps`` steps with openings ``o`` (V): time at rest (s), air (kg), acceleration (m/s^2)."""
     air, q = 0.0, (0.0, 0.0, 0.0, 0.0)
     for i in range(first, first + steps):
-        rest, q = drive(par, i, STEP, o[0], o[1], spools, line, s, rest, held, work)
-        air += STEP * (q[0] + q[2])
-    t = (first + steps) * STEP
-    rates(par, t, s, mode_at(par, t, s, rest), q, held, work[1])
+        rest, q = step_rig(par, i, MAX_STEP, o[0], o[1], spools, line, s, rest, held, work)
+        air += MAX_STEP * (q[0] + q[2])
+    t = (first + steps) * MAX_STEP
+    state_rates(par, t, s, motion_sign(par, t, s, rest), q, held, work[1])
     return rest, air, work[1][V]
 
 
@@ -103,11 +103,11 @@ class Trace(NamedTuple):
 
 def driven(
     par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, is_open: bool,
-    h: float = LOOP, seed: int = 0,
+    h: float = LOOP_PERIOD, seed: int = 0,
 ) -> Trace:  # fmt: skip
     """Let the controller follow a ``reference`` (m) under a ``load`` (N), called every ``h`` s."""
     s, o, work, rest = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
-    spools, line, steps = np.zeros(6), empty_line(par, STEP), round(h / STEP)
+    spools, line, steps = np.zeros(6), empty_delay_line(par, MAX_STEP), round(h / MAX_STEP)
     s[X] = s[XL] = reference[0]
     balanced = par.constant_force + par.spring_stiffness * (reference[0] - par.spring_rest)
     s[P1] = s[P2] = np.sqrt(par.ambient * par.supply)
@@ -122,8 +122,8 @@ def driven(
     for k in range(n):
         x[k], supply[k], read[k] = s[X], s[PS], sensed(s)
         u[k], u2[k] = control(reference[k], *read[k])
-        o[0] = limited(par, par.command_sign * (u[k] - par.command_null))
-        o[1] = limited(par, u2[k] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        o[0] = limit_opening(par, par.command_sign * (u[k] - par.command_null))
+        o[1] = limit_opening(par, u2[k] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = par._replace(constant_force=par.constant_force + load[k])
         rest, used, moved = period(loaded, k * steps, steps, s, o, spools, line, int(is_open), rest, work)
         air += used

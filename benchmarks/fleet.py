@@ -29,9 +29,9 @@ import pyarrow.dataset as ds
 from threadpoolctl import threadpool_limits
 
 from pneucli.config import load_fleet
-from pneucli.exam.cases import SEALED
-from pneucli.exam.fleet import FLEET, TRUTH, write_fleet
-from pneucli.executors import Engine, Processes, Threads, stream
+from pneucli.exam.cases import SEALED_FOLDER
+from pneucli.exam.fleet import FLEET_FILE, TRUTH_FILE, write_fleet
+from pneucli.executors import Engine, ProcessEngine, ThreadEngine, run_jobs
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.run import Fleet
 
@@ -41,11 +41,11 @@ TIMES = {"seconds", "core_seconds", "stamp"}
 
 def made(folder: Path, rigs: int, dates: int, changed: float, **more: Any) -> dict[str, list[str]]:
     """A fleet without reports, and what changed in it; one that is there already is taken as it is."""
-    sealed = folder / SEALED / TRUTH
+    sealed = folder / SEALED_FOLDER / TRUTH_FILE
     if not sealed.is_file():
         with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-            write_fleet(folder, rigs, dates, changed, seed=2026, each=partial(pool.map, chunksize=4), **more)
-        with (folder / FLEET).open("a", encoding="utf-8") as file:
+            write_fleet(folder, rigs, dates, changed, seed=2026, map_function=partial(pool.map, chunksize=4), **more)
+        with (folder / FLEET_FILE).open("a", encoding="utf-8") as file:
             file.write('reports = "none"\n')
     return dict(json.loads(sealed.read_text(encoding="utf-8")))
 
@@ -53,10 +53,10 @@ def made(folder: Path, rigs: int, dates: int, changed: float, **more: Any) -> di
 def find(folder: Path, rigs: int, dates: int, healthy: int = 1, **more: Any) -> None:
     """Do a fleet and hold what it says against what was hidden."""
     truth = made(folder, rigs, dates, **{"changed": 0.05, **more})
-    text = [line for line in (folder / FLEET).read_text(encoding="utf-8").splitlines() if "healthy" not in line]
-    (folder / FLEET).write_text("\n".join([*text, f"healthy = {healthy}", ""]), encoding="utf-8")
+    text = [line for line in (folder / FLEET_FILE).read_text(encoding="utf-8").splitlines() if "healthy" not in line]
+    (folder / FLEET_FILE).write_text("\n".join([*text, f"healthy = {healthy}", ""]), encoding="utf-8")
     begun, before = time.perf_counter(), _children()
-    command = [sys.executable, "-m", "pneucli", "fleet", folder / FLEET, "--json", "--quiet"]
+    command = [sys.executable, "-m", "pneucli", "fleet", folder / FLEET_FILE, "--json", "--quiet"]
     answer = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
     seconds = time.perf_counter() - begun
     rows = ds.dataset(Path(answer["out"]) / "results", partitioning="hive").to_table().to_pandas()
@@ -104,9 +104,9 @@ def _size(folder: Path) -> int:
 
 def jobs_of(folder: Path, name: str) -> deque[Any]:
     """The first date of each rig, to be done into a folder of its own."""
-    fleet = Fleet(load_fleet(folder / FLEET), folder / name)
-    fleet.lacking()
-    return fleet.ready
+    fleet = Fleet(load_fleet(folder / FLEET_FILE), folder / name)
+    fleet.queue_pending()
+    return fleet.job_queue
 
 
 def scale(folder: Path, rigs: int) -> None:
@@ -115,16 +115,16 @@ def scale(folder: Path, rigs: int) -> None:
     os.environ["PNEUCLI_THREADS"] = "1"
     with threadpool_limits(1, user_api="blas"):  # as every worker has it
         rows = jobs_of(folder, "loop")
-        fleet_row.work(rows.popleft())
+        fleet_row.process_row(rows.popleft())
         begun, used = time.perf_counter(), time.process_time()
         for job in rows:
-            fleet_row.work(job)
+            fleet_row.process_row(job)
         loop, core = (time.perf_counter() - begun) / len(rows), (time.process_time() - used) / len(rows)
         print(f"plain loop: {loop:.2f} s a row, {core:.2f} s of the processor")
         engines: dict[str, Any] = {
-            "1 process": lambda: Processes(1, fleet_row.__name__),
-            "2 processes": lambda: Processes(2, fleet_row.__name__),
-            "2 threads": lambda: Threads(2),
+            "1 process": lambda: ProcessEngine(1, fleet_row.__name__),
+            "2 processes": lambda: ProcessEngine(2, fleet_row.__name__),
+            "2 threads": lambda: ThreadEngine(2),
         }
         for name, make in engines.items():
             engine = make()
@@ -137,11 +137,11 @@ def scale(folder: Path, rigs: int) -> None:
 def _timed(engine: Engine, jobs: deque[Any]) -> tuple[float, float, float]:
     """Return seconds a row: wall, processor of workers, processor of this process."""
     warm = deque(jobs.popleft() for _ in range(2 * engine.slots))
-    for _ in stream(engine, fleet_row.work, warm):
+    for _ in run_jobs(engine, fleet_row.process_row, warm):
         pass
     number, worker = len(jobs), 0.0
     begun, used = time.perf_counter(), time.process_time()
-    for outcome in stream(engine, fleet_row.work, jobs):
+    for outcome in run_jobs(engine, fleet_row.process_row, jobs):
         assert outcome.error is None
         worker += outcome.result["core_seconds"]
     return (time.perf_counter() - begun) / number, worker / number, (time.process_time() - used) / number
@@ -150,7 +150,7 @@ def _timed(engine: Engine, jobs: deque[Any]) -> tuple[float, float, float]:
 def kill(folder: Path, rigs: int) -> None:
     """Do a fleet in peace, and a copy of it with workers killed and the client killed and resumed."""
     made(folder, rigs, 2, 0.1)
-    command = [sys.executable, "-m", "pneucli", "fleet", str(folder / FLEET), "--quiet", "--out"]
+    command = [sys.executable, "-m", "pneucli", "fleet", str(folder / FLEET_FILE), "--quiet", "--out"]
     subprocess.run([*command, str(folder / "peace")], check=False, capture_output=True)
     killed, clients, last = 0, 0, time.monotonic()
     while True:

@@ -23,9 +23,9 @@ import numpy as np
 import tomlkit
 
 from benchmarks.exam_loop import Exported, driven
-from pneucli.closed_loop.acceptance import SCENARIOS, demands
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.scenarios import scenarios_from
+from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, acceptance_criteria
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import Run, Scenario
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
@@ -138,15 +138,15 @@ def on_the_rig(out: Path, par: Parameters, sensors: Sensors, wanted: Requirement
     text = (out / "design" / "controllers" / f"{wanted.controller}.json").read_text()
     controller = Controller.from_json(text)
     found = []
-    for scenario in scenarios_from([], controller, ""):
-        if scenario.name in SCENARIOS:
+    for scenario in read_scenarios([], controller, ""):
+        if scenario.name in ACCEPTANCE_SCENARIOS:
             for seed in range(NOISES):
                 control = Exported(out / "export")
                 asked = (scenario.reference, -scenario.force, False, controller.period, seed)
                 trace = driven(par, sensors, control, *asked)
                 with np.errstate(invalid="ignore"):
-                    found.append(measure(as_run(scenario, controller, trace.x, trace.u), MODEL, controller))
-    missed = [d.missed(d.figure(m)) for d in demands(wanted, controller) for m in found]
+                    found.append(evaluate_run(as_run(scenario, controller, trace.x, trace.u), MODEL, controller))
+    missed = [d.is_violated(d.figure(m)) for d in acceptance_criteria(wanted, controller) for m in found]
     at_rest, cycle = (np.nanmax([getattr(m, n) for m in found]) for n in ("steady_um", "cycle_um"))
     return not any(missed), (float(at_rest), float(cycle))
 

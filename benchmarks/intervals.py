@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.cases import study_of, truths
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.physics.effects import catalogue
 
 
@@ -37,8 +37,8 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
     known |= {f"{e}.{n}": v for e, values in truth["hidden"].items() for n, v in values.items()}
     with tempfile.TemporaryDirectory() as out:
         study = study_of(case, Path(out))
-        views = study.views("train", whitened=True)
-        guess = first_guess([v.experiment for v in views], study.rig, study.valve)
+        views = study.residual_models("train", whitened=True)
+        guess = guess_base_model([v.experiment for v in views], study.rig, study.valve)
         names = dict.fromkeys((*truth["baseline"], *truth["hidden"]))
         found = fit_model(guess, views, tuple(catalogue()[n] for n in names))
     for made, fit in (("blocks of time", found), ("groups of signals too", with_intervals(found, views))):

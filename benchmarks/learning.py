@@ -35,11 +35,11 @@ from pneucli import config
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
-from pneucli.exam.cases import _rig, generate_case, prepare_case
+from pneucli.exam.cases import _draw_rig, generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
-from pneucli.physics.effects import catalogue, select
+from pneucli.physics.effects import catalogue, select_effects
 from pneucli.simulate.model import Model
 from pneucli.stages.pipeline_data import load_model
 
@@ -56,8 +56,8 @@ HEAD = ("rest", "moves", "sine", "load", "moves'", "after", "fast", "air")
 def rig(seed: int, effect: str = "none") -> Parameters:
     """Return an axis of the exam with one effect at its full size."""
     rng = np.random.default_rng(seed)
-    par = _rig("axis", False, rng)
-    return par if effect == "none" else BY_NAME[effect].set(par, 1.0, rng)
+    par = _draw_rig("axis", False, rng)
+    return par if effect == "none" else BY_NAME[effect].apply(par, 1.0, rng)
 
 
 def untold(par: Parameters) -> Parameters:
@@ -169,7 +169,7 @@ def identified(folder: Path) -> Model:
 def loaded(folder: Path) -> Model:
     """Return the model that was identified."""
     settings = config.load(folder / "pipeline.toml")
-    return load_model(folder / "out/identify", settings.to_rig(), select(settings.model.effects, catalogue()))
+    return load_model(folder / "out/identify", settings.to_rig(), select_effects(settings.model.effects, catalogue()))
 
 
 @cache

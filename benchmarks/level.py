@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.exam_loop import LOAD, SETTLED, TIME, Exported, designed, driven
 from pneucli.controller.parameters import Controller
-from pneucli.design.air_spring import per_pressure
+from pneucli.design.air_spring import stiffness_per_pressure
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
 
@@ -53,7 +53,7 @@ def main() -> None:
                 trace = driven(par, laboratory.sensors, Levelled(export, level), still, push, False)
                 error, on = 1e6 * (trace.x - still), round(FROM / TIME[1])
                 p1, p2 = trace.read[on - SETTLED : on, 1:].mean(axis=0)
-                one, two = per_pressure(values, np.array(0.5 * par.stroke))
+                one, two = stiffness_per_pressure(values, np.array(0.5 * par.stroke))
                 found = (
                     1e-5 * level, 5e-6 * (p1 + p2), 1e-3 * (one * p1 + two * p2), np.abs(error[on:]).max(),
                     np.abs(error[on - SETTLED : on]).max(), np.abs(error[-SETTLED:]).max(), 1e3 * trace.air,

@@ -14,17 +14,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.cases import study_of, truths
-from pneucli.diagnose.adequacy import too_much
-from pneucli.diagnose.calibration import NAMED, probability
-from pneucli.diagnose.data import Bench, remains
-from pneucli.diagnose.equivalence import Place
-from pneucli.diagnose.free_run_adequacy import astray
-from pneucli.diagnose.free_run_error import ShownErrors
-from pneucli.diagnose.posterior import evidence_of
-from pneucli.diagnose.subsample import MOST
+from pneucli.diagnose.adequacy import significant_lack_of_fit
+from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, probability
+from pneucli.diagnose.data import DiagnosisData, lack_of_fit
+from pneucli.diagnose.equivalence import Term
+from pneucli.diagnose.free_run_adequacy import free_run_lack_of_fit
+from pneucli.diagnose.free_run_error import FreeRunErrors
+from pneucli.diagnose.posterior import collect_evidence
+from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.model_fit import fit_added, fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
+from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.physics.effects import catalogue
 
 SURE = 0.9
@@ -39,14 +39,14 @@ class Row(NamedTuple):
     left: float
 
 
-def fitted(bench: Bench, base: Fit, names: list[str]) -> Fit:
+def fitted(bench: DiagnosisData, base: Fit, names: list[str]) -> Fit:
     """Return the better of the fits with these effects, added in either order."""
     orders = [names, names[::-1]] if len(names) > 1 else [names]
     ends = []
     for order in orders:
         found = base
         for name in order:
-            found = fit_added(found, bench.train, bench.effects[name])
+            found = fit_with_effect(found, bench.train, bench.effects[name])
         ends.append(found)
     return min(ends, key=lambda f: f.cost)
 
@@ -54,18 +54,24 @@ def fitted(bench: Bench, base: Fit, names: list[str]) -> Fit:
 def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
     """Yield the true effects of one case."""
     with tempfile.TemporaryDirectory() as out:
-        study = study_of(case, Path(out), MOST)
-        train, test = (study.views(use, whitened=True) for use in ("train", "test"))
-        guess = first_guess([v.experiment for v in train], study.rig, study.valve)
-        bench = Bench(train, test, catalogue(), covered=guess.valve.covers, shown=ShownErrors(study.experiments))
+        study = study_of(case, Path(out), MAX_SAMPLES)
+        train, test = (study.residual_models(use, whitened=True) for use in ("train", "test"))
+        guess = guess_base_model([v.experiment for v in train], study.rig, study.valve)
+        bench = DiagnosisData(
+            train,
+            test,
+            catalogue(),
+            modelled_parts=guess.valve.covers,
+            free_run_errors=FreeRunErrors(study.experiments),
+        )
         base = fit_model(guess, train, study.effects)
-        names = [n for n in truth["hidden"] if bench.can_show(catalogue()[n])]
-        last = bench.state(fitted(bench, base, names))
-        left = too_much(*remains(bench, last)) or astray(last.model, [*train, *test])
+        names = [n for n in truth["hidden"] if bench.is_observable(catalogue()[n])]
+        last = bench.fitted_model(fitted(bench, base, names))
+        left = significant_lack_of_fit(*lack_of_fit(bench, last)) or free_run_lack_of_fit(last.model, [*train, *test])
         for effect in (catalogue()[n] for n in names):
-            (before,) = bench.without(last, [effect])
-            place = Place(bench.trial(before, last, effect), ())
-            found = evidence_of(bench, last, place.named, place, complete=not left)
+            (before,) = bench.refit_without(last, [effect])
+            place = Term(bench.candidate(before, last, effect), ())
+            found = collect_evidence(bench, last, place.candidate, place, complete=not left)
             yield Row(case.name, effect.name, probability(found), found.left)
 
 
@@ -80,9 +86,9 @@ def main(exams: list[Path]) -> None:
     for row in sorted(seen, key=lambda r: r.likely):
         print(f"{row.case} {row.effect}: likely {row.likely:.2f}, leaves {row.left:.2f}")
     cases = {r.case: [o.likely for o in seen if o.case == r.case] for r in seen}
-    named = sum(min(of_case) >= NAMED for of_case in cases.values())
+    named = sum(min(of_case) >= MIN_NAMED_PROBABILITY for of_case in cases.values())
     print(
-        f"{sum(r.likely >= NAMED for r in seen)} of {len(seen)} effects are likely, "
+        f"{sum(r.likely >= MIN_NAMED_PROBABILITY for r in seen)} of {len(seen)} effects are likely, "
         f"{sum(r.likely >= SURE for r in seen)} with {SURE:g} or more; all effects of {named} of {len(cases)} cases"
     )
 

@@ -28,7 +28,7 @@ from pneucli.exam.cases import Case, generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.simulation import LOOP
+from pneucli.exam.rig.simulation import LOOP_PERIOD
 
 NOTHING = "none"
 ASKED = (
@@ -59,7 +59,7 @@ def row(folder: Path, export: Path, case: Case, name: str, seed: int, controller
     """Return a line of the table: one effect on one rig."""
     par = case.laboratory.parameters
     if name != NOTHING:
-        par = BY_NAME[name].set(par, 1.0, np.random.default_rng([seed, 7]))
+        par = BY_NAME[name].apply(par, 1.0, np.random.default_rng([seed, 7]))
     write_logs(folder, export, case, par, controller)
     found, compared = answer(folder, "diagnose"), answer(folder, "compare")
     named = [(c["effect"], c["indistinguishable_from"]) for c in found["candidates"] if c["effect"] in found["missing"]]
@@ -127,7 +127,7 @@ def write_logs(folder: Path, export: Path, case: Case, par: Parameters, controll
 
 def moves(par: Parameters, i: int) -> np.ndarray:
     """Return what a log asks for in m: way points, then a sine."""
-    rng, time = np.random.default_rng([i, 3]), LOOP * np.arange(round(SECONDS / LOOP))
+    rng, time = np.random.default_rng([i, 3]), LOOP_PERIOD * np.arange(round(SECONDS / LOOP_PERIOD))
     points = np.concatenate([[0.5], rng.uniform(0.3, 0.7, 3)])
     reference = points[np.minimum((time / 2.0).astype(int), 3)]
     sine = points[3] + rng.uniform(0.05, 0.12) * np.sin(2 * np.pi * rng.uniform(0.3, 0.8) * (time - 8.0))
@@ -139,7 +139,7 @@ def columns(trace: Trace, reference: np.ndarray, par: Parameters) -> pd.DataFram
     gauge = 1e-5 * (trace.read[:, 1:] - par.ambient)
     return pd.DataFrame(
         {
-            "t [ms]": 1e3 * LOOP * np.arange(reference.size),
+            "t [ms]": 1e3 * LOOP_PERIOD * np.arange(reference.size),
             "X_ref [mm]": np.round(1e3 * reference, 6),
             "U_valve [V]": np.round(trace.u, 6),
             "P_supply [bar]": np.round(1e-5 * (trace.supply - par.ambient), 5),

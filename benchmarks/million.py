@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.excitations import closed_loop, valve_stairs, valve_step, wandering
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
+from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase, valve_step
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig.simulation import Manoeuvre
+from pneucli.exam.rig.simulation import Excitation
 
 VESSEL = 160e-6  # m^3
 
@@ -30,17 +30,23 @@ def make(folder: Path, kind: str, samples: int) -> None:
     area = 0.0 if kind == "valve" else 8e-4
     rig = Parameters(piston_area_1=area, piston_area_2=area, overlap=0.0 if kind == "friction" else 0.15)
     bench = None if kind == "friction" else VESSEL
-    laboratory = Laboratory(kind, rig, Sensors(400.0, 0.5, 0.0), vessel=bench, has_cylinder=kind != "valve")
+    laboratory = Laboratory(kind, rig, Sensors(400.0, 0.5, 0.0), vessel_volume=bench, has_cylinder=kind != "valve")
     takes = []
     if kind == "valve":
-        parts = [valve_stairs(laboratory.bench, 0.5, 1.6), *(valve_step(laboratory.bench, v) for v in (1.0, 3.5, 8.0))]
+        parts = [
+            valve_staircase(laboratory.valve_test_rig, 0.5, 1.6),
+            *(valve_step(laboratory.valve_test_rig, v) for v in (1.0, 3.5, 8.0)),
+        ]
         command = np.resize(np.concatenate([part.command for part in parts]), samples)
-        takes = [Take("long", "valve", "train", Manoeuvre(command))]
+        takes = [RecordingPlan("long", "valve", "train", Excitation(command))]
     else:
-        driven = closed_loop(rig, wandering(rng, samples), 150.0, 1.7e5)
-        takes = [Take("long", "axis" if kind == "axis" else "friction", "train", driven)]
+        driven = closed_loop(rig, two_sine_reference(rng, samples), 150.0, 1.7e5)
+        takes = [RecordingPlan("long", "axis" if kind == "axis" else "friction", "train", driven)]
     if kind == "axis":
-        takes += [Take(f"step_{v}", "valve", "train", valve_step(laboratory.bench, v)) for v in (0.5, 1.0, 3.5, 8.0)]
+        takes += [
+            RecordingPlan(f"step_{v}", "valve", "train", valve_step(laboratory.valve_test_rig, v))
+            for v in (0.5, 1.0, 3.5, 8.0)
+        ]
     laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))
 

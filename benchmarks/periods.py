@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from benchmarks.laws import ASKED, laboratory_of
 from benchmarks.learning import HEAD, design, figures, identified
 from benchmarks.rigs import driven
-from pneucli.closed_loop.margins import look
-from pneucli.closed_loop.simulation import Bench
+from pneucli.closed_loop.margins import analyse_margins
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import Parameters
@@ -59,7 +59,9 @@ def show(
     noise = laboratory.sensors.pressure
     controller = design(model, laboratory.parameters, period, quantum, noise)
     found = figures(par, controller, quantum, noise)
-    cuts = look(model, controller, Bench(quantum_x=quantum, noise_p=noise), corner_of(controller)).cuts
+    cuts = analyse_margins(
+        model, controller, ClosedLoopSetup(quantum_x=quantum, noise_p=noise), corner_of(controller)
+    ).cuts
     margins = [c.margins for c in cuts]
     least = [min((getattr(m, n) for m in margins), default=np.nan) for n in ("gain_up", "phase", "delay")]
     cells = [f"{value:.3g}" for value in (*found, least[0], np.degrees(least[1]), 1e3 * least[2])]

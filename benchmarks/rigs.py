@@ -22,9 +22,9 @@ from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
 from pneucli.exam.hidden_effects import BY_NAME
-from pneucli.exam.rig.kernel import P1, P2, PS, STEP, T1, T2, XL, X
+from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, XL, X
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
-from pneucli.exam.rig.simulation import drive, empty_line, limited
+from pneucli.exam.rig.simulation import empty_delay_line, limit_opening, step_rig
 from pneucli.physics import gas
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
@@ -54,7 +54,7 @@ def model_of(par: Parameters, effects: tuple[str, ...] = ()) -> Model:
     valve = ValveArea(commands, tuple(area(abs(u)) for u in commands), overlap, overlap)
     values = {"friction.coulomb": par.coulomb, "friction.viscous": par.viscous}
     for name in effects:
-        values |= {f"{name}.{key}": value for key, value in BY_NAME[name].truth(par).items()}
+        values |= {f"{name}.{key}": value for key, value in BY_NAME[name].true_parameters(par).items()}
     return Model(rig, tuple(catalogue()[name] for name in effects), values, valve)
 
 
@@ -100,7 +100,7 @@ def read(par: Parameters, s: Array, lagged: Array, skewed: Array, row: int, h: f
 @njit(nogil=True)
 def _loop(step, par, pushed, c, cs, every, period, reference, load, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
     s, o, work, rest, air = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0, 0.0
-    spools, line = np.zeros(6), empty_line(par, STEP)
+    spools, line = np.zeros(6), empty_delay_line(par, MAX_STEP)
     s[X], s[P1], s[P2] = start[0], start[1], start[2]
     s[XL], s[T1], s[T2], s[PS] = s[X], par.temperature, par.temperature, par.supply
     lagged = np.array([s[P1], s[P2]])
@@ -115,12 +115,12 @@ def _loop(step, par, pushed, c, cs, every, period, reference, load, noise, quant
         step(reference[k], seen, p1 + noise[k, 0], p2 + noise[k, 1], cs, c)
         out[k, 1] = cs[1]
         out[k, 2:] = cs
-        o[0] = limited(par, par.command_sign * (cs[1] - par.command_null))
-        o[1] = limited(par, cs[2] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
+        o[0] = limit_opening(par, par.command_sign * (cs[1] - par.command_null))
+        o[1] = limit_opening(par, cs[2] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = pushed if load[k] != 0.0 else par
         for i in range(k * every, (k + 1) * every):
-            rest, q = drive(loaded, i, STEP, o[0], o[1], spools, line, s, rest, is_open, work)
-            air += STEP * (q[0] + q[2])
+            rest, q = step_rig(loaded, i, MAX_STEP, o[0], o[1], spools, line, s, rest, is_open, work)
+            air += MAX_STEP * (q[0] + q[2])
     return air
 
 
@@ -134,11 +134,11 @@ def driven(
     pull = par.constant_force + par.spring_stiffness * (x - par.spring_rest)
     p1 = (pull + p2 * par.piston_area_2 + par.ambient * (par.piston_area_1 - par.piston_area_2)) / par.piston_area_1
     pushed = par._replace(constant_force=par.constant_force + float(np.abs(load).max() * np.sign(load.sum())))
-    states = np.zeros(layout.OWN_STATE + layout.MOST_OWN)
+    states = np.zeros(layout.FIRST_LAW_STATE + layout.MAX_LAW_STATES)
     out = np.zeros((reference.size, 2 + states.size))
     noises = noise * np.random.default_rng(seed).standard_normal((reference.size, 2))
     air = _loop(
-        compiled_step(controller.law), par, pushed, controller.vector(), states, round(controller.period / STEP),
+        compiled_step(controller.law), par, pushed, controller.vector(), states, round(controller.period / MAX_STEP),
         controller.period, reference, load, noises, quantum, int(is_open), np.array([x, p1, p2]), out,
     )  # fmt: skip
     return Trace(out[:, 0], out[:, 1], air, out[:, 2:])

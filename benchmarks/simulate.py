@@ -33,7 +33,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.kernel.valve import effective_area
 from pneucli.simulate.model import Model
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ STEP = 2.5e-4  # s, the kernel's longest
 FRICTION = {"friction.coulomb": 14.0, "friction.viscous": 45.0}
 VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.83e-6, 0.83e-6, 1.8e-6), 0.2, 0.2)
 AREAS = VALVE.table(10.0)
-BASE = np.array([Model(RIG, (), FRICTION).base()[name] for name in at.BASE])
+BASE = np.array([Model(RIG, (), FRICTION).base_values()[name] for name in at.BASE_NAMES])
 PERIOD, N, BATCH = 1e-3, 10_000, 256
 TIME = PERIOD * np.arange(N)
 # steps with rests, then a sine: breaks away, slides, holds
@@ -103,15 +103,15 @@ def inputs(reference: Array) -> Array:
 
 def typical(effects: dict[str, Effect]) -> dict[str, float]:
     """The first typical value of every parameter."""
-    facts = facts_of(Model(RIG, (), FRICTION, VALVE))
-    return {f"{e.name}.{p.name}": p.on(facts).typical[0] for e in effects.values() for p in e.parameters}
+    facts = rig_quantities(Model(RIG, (), FRICTION, VALVE))
+    return {f"{e.name}.{p.name}": p.range_on(facts).typical[0] for e in effects.values() for p in e.parameters}
 
 
 def closed_loop(
     kernel: Kernel, effects: dict[str, Effect] | None = None, step: float = STEP, base: Array = BASE
 ) -> Callable[[], Array]:
     """The loop as a call without arguments, which returns the kernel's output."""
-    th, on = kernel.vector(typical(effects or {})), kernel.switches(effects or {})
+    th, on = kernel.effect_vector(typical(effects or {})), kernel.effect_switches(effects or {})
     given, out, starts = inputs(REFERENCE), np.zeros((N, at.OUTPUTS)), np.zeros(1, dtype=np.int64)
     switches, gains = flags(), np.array([GAIN, LIMIT])
 
@@ -131,7 +131,7 @@ def creep(kernel: Kernel) -> float:
     given, out, switches = inputs(REFERENCE), np.zeros((N, at.OUTPUTS)), flags()
     given[:, at.IN_FORCE] = 0.99 * FRICTION["friction.coulomb"]
     switches[[at.LOOP, at.PNEUMATICS]] = 0.0
-    th, on = kernel.vector({}), kernel.switches(())
+    th, on = kernel.effect_vector({}), kernel.effect_switches(())
     starts = np.zeros(1, dtype=np.int64)
     kernel.run(TIME, given, starts, BASE, th, on, switches, AREAS, STEP, np.zeros(1), np.zeros(2), out)
     return float(np.ptp(out[:, at.X]))

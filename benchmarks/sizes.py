@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from benchmarks.million import VESSEL, measured
-from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import valve_step
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
@@ -27,9 +27,9 @@ FILES, IMAGE = 8, (100, 1000, 1000)  # bytes of a camera
 def valve_tests(folder: Path, count: int) -> Path:
     """Write ``count`` step responses of one valve; return the pipeline file."""
     rig = Parameters(piston_area_1=0.0, piston_area_2=0.0, overlap=0.15)
-    laboratory = Laboratory("valve", rig, Sensors(400.0, 0.5, 0.0), vessel=VESSEL, has_cylinder=False)
-    steps = [valve_step(laboratory.bench, v) for v in np.geomspace(0.5, 10.0, 10)]
-    takes = [Take(f"step_{n}", "valve", "train", steps[n % len(steps)]) for n in range(count)]
+    laboratory = Laboratory("valve", rig, Sensors(400.0, 0.5, 0.0), vessel_volume=VESSEL, has_cylinder=False)
+    steps = [valve_step(laboratory.valve_test_rig, v) for v in np.geomspace(0.5, 10.0, 10)]
+    takes = [RecordingPlan(f"step_{n}", "valve", "train", steps[n % len(steps)]) for n in range(count)]
     laboratory.record(folder / "raw", takes, np.random.default_rng(4))
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))
     return folder / "pipeline.toml"

@@ -26,42 +26,42 @@ if TYPE_CHECKING:
     from pneucli.notebook.run import open_run as open
     from pneucli.notebook.simulation import simulate
 
-_FOUND = {
+_LAZY_NAMES = {
     "InputError": ("pneucli.errors", "InputError"),
     "Run": ("pneucli.notebook.run", "Run"),
     "open": ("pneucli.notebook.run", "open_run"),
     "from_arrays": ("pneucli.notebook.arrays", "from_arrays"),
 }
-_CALLED = {"simulate": "pneucli.notebook.simulation", "diagnose": "pneucli.notebook.arrays"}
+_CALLABLE_PACKAGES = {"simulate": "pneucli.notebook.simulation", "diagnose": "pneucli.notebook.arrays"}
 
 
-class _Called(ModuleType):
+class _CallablePackage(ModuleType):
     """A package of which one function bears the name, too: calling the package calls the function."""
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         name = self.__name__.rpartition(".")[2]
-        return getattr(import_module(_CALLED[name]), name)(*arguments, **named)
+        return getattr(import_module(_CALLABLE_PACKAGES[name]), name)(*arguments, **named)
 
 
-class _Front(ModuleType):
+class _LazyPackage(ModuleType):
     """The package itself: names are found when they are first used, so that importing it takes no time."""
 
     def __getattr__(self, name: str) -> Any:
-        if name in _CALLED:
+        if name in _CALLABLE_PACKAGES:
             return import_module(f"pneucli.{name}")
-        if name not in _FOUND:
+        if name not in _LAZY_NAMES:
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        module, inner = _FOUND[name]
+        module, inner = _LAZY_NAMES[name]
         return getattr(import_module(module), inner)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in _CALLED and isinstance(value, ModuleType):  # the import system binds the package here
-            value.__class__ = _Called
-            value.__doc__ = f"{value.__doc__}\n\nCalled, it is the function {_CALLED[name]}.{name}."
+        if name in _CALLABLE_PACKAGES and isinstance(value, ModuleType):  # the import system binds the package here
+            value.__class__ = _CallablePackage
+            value.__doc__ = f"{value.__doc__}\n\nCalled, it is the function {_CALLABLE_PACKAGES[name]}.{name}."
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *__all__})
 
 
-sys.modules[__name__].__class__ = _Front
+sys.modules[__name__].__class__ = _LazyPackage

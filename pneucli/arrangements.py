@@ -9,26 +9,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Name = Literal["one-chamber", "5/3", "two"]
-Second = Literal["none", "mirrored", "own"]
+ArrangementName = Literal["one-chamber", "5/3", "two"]
+Chamber2Supply = Literal["none", "mirrored", "own"]
 
 
 @dataclass(frozen=True)
 class Arrangement:
     """One arrangement: chamber 2 has no valve, the other way of the first one's spool, or a valve with command u2."""
 
-    name: Name
-    second: Second
+    name: ArrangementName
+    chamber_2: Chamber2Supply
 
     @property
     def commands(self) -> tuple[str, ...]:
         """The signals that command it."""
-        return ("u", "u2") if self.second == "own" else ("u",)
+        return ("u", "u2") if self.chamber_2 == "own" else ("u",)
 
     @property
     def drives_both(self) -> bool:
         """Whether gas flows into both chambers."""
-        return self.second != "none"
+        return self.chamber_2 != "none"
 
 
 ARRANGEMENTS: dict[str, Arrangement] = {

@@ -19,13 +19,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _LOG = logging.getLogger(__name__)
 
 
-def folder() -> Path:
+def cache_folder() -> Path:
     """Return the folder of the cache: ``PNEUCLI_CACHE``, else the user's, else, with a warning, a temporary one."""
-    return _writable(Path(os.environ.get("PNEUCLI_CACHE") or platformdirs.user_cache_dir("pneucli")))
+    return _writable_folder(Path(os.environ.get("PNEUCLI_CACHE") or platformdirs.user_cache_dir("pneucli")))
 
 
 @cache
-def _writable(wanted: Path) -> Path:
+def _writable_folder(wanted: Path) -> Path:
     try:
         wanted.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=wanted):
@@ -54,14 +54,14 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
         try:
             made = njit(cache=True, **options)(function)
         except RuntimeError:  # numba finds no place that it may write to
-            numba.config.CACHE_DIR = str(folder())  # type: ignore[attr-defined]
+            numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
             made = njit(cache=True, **options)(function)
-        return cast("Function", forgiving(made))
+        return cast("Function", with_cache_fallback(made))
 
     return decorate
 
 
-def forgiving(function: Any) -> Any:
+def with_cache_fallback(function: Any) -> Any:
     """Return numba's compiled function: where its cache is damaged or cannot be written, it is compiled anew."""
     kept = function._cache
     load, save = kept.load_overload, kept.save_overload

@@ -10,7 +10,7 @@ from pneucli.errors import InputError
 from pneucli.paths import require_printable
 
 
-def read(path: Path) -> tuple[str, dict[str, Any]]:
+def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return text and tables of a pipeline file.
 
     Raises InputError where there is no such file, where it is not UTF-8, or not TOML; the message has line and column.

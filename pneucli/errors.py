@@ -39,41 +39,60 @@ class UnitError(ValueError):
     """A unit or quantity string that cannot be read; the door (config, ingest) turns it into an InputError."""
 
 
-SHOWN = 40  # of what is known
+MAX_LISTED = 40  # of what is known
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``'did you mean "x"?'`` for the closest of ``known``, or the list (of the first) where none is close."""
-    known = sorted(known)
-    close = difflib.get_close_matches(word, known, cutoff=0.6)
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
+    """Return ``'did you mean "x"?'`` for the closest of ``choices``, or the list (of the first) where none is close."""
+    choices = sorted(choices)
+    close = difflib.get_close_matches(word, choices, cutoff=0.6)
     close.sort(key=lambda one: sorted(one) != sorted(word))  # letters that changed places before others
-    more = ", ..." * (len(known) > SHOWN)
-    return f'did you mean "{close[0]}"?' if close else f"known: {', '.join(known[:SHOWN])}{more}"
+    more = ", ..." * (len(choices) > MAX_LISTED)
+    return f'did you mean "{close[0]}"?' if close else f"known: {', '.join(choices[:MAX_LISTED])}{more}"
 
 
-_NO_TEXT = {"Cc", "Cn", "Cs", "Zl", "Zp"}  # control, no character, half of a pair (a byte that is no UTF-8), line ends
-_TURNS = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}  # what follows is shown in another order
+_INVISIBLE_CATEGORIES = {
+    "Cc",
+    "Cn",
+    "Cs",
+    "Zl",
+    "Zp",
+}  # control, no character, half of a pair (a byte that is no UTF-8), line ends
+_DIRECTION_CHANGES = {
+    "LRE",
+    "RLE",
+    "LRO",
+    "RLO",
+    "PDF",
+    "LRI",
+    "RLI",
+    "FSI",
+    "PDI",
+}  # what follows is shown in another order
 
 
 def printable(text: str, keep: str = "") -> str:
     """Return ``text`` with every character that acts and is not seen as its escape, such as that of a line end."""
     if text.isprintable():
         return text
-    return "".join(c if c in keep or not _acts(c) else c.encode("unicode_escape").decode("ascii") for c in text)
+    return "".join(c if c in keep or not _is_invisible(c) else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
-def _acts(character: str) -> bool:
-    return unicodedata.category(character) in _NO_TEXT or unicodedata.bidirectional(character) in _TURNS
+def _is_invisible(character: str) -> bool:
+    return (
+        unicodedata.category(character) in _INVISIBLE_CATEGORIES
+        or unicodedata.bidirectional(character) in _DIRECTION_CHANGES
+    )
 
 
-_PERMISSION = "check its permissions, or name another folder with --out"
-_MENDS = {
+_PERMISSION_MEND = "check its permissions, or name another folder with --out"
+_ENVIRONMENT_MENDS = {
     errno.ENOSPC: "free some space, or name another folder with --out",
     errno.EDQUOT: "free some space, or name another folder with --out",
     errno.EFBIG: "raise the limit of a file's size, or name another folder with --out",
-    errno.EACCES: _PERMISSION,
-    errno.EPERM: _PERMISSION,
-    errno.EROFS: _PERMISSION,
+    errno.EACCES: _PERMISSION_MEND,
+    errno.EPERM: _PERMISSION_MEND,
+    errno.EROFS: _PERMISSION_MEND,
     errno.ENAMETOOLONG: "choose shorter names",
     errno.EMFILE: "raise the limit of open files",
     errno.ENFILE: "close other programs",
@@ -81,13 +100,13 @@ _MENDS = {
 }
 
 
-def surroundings(error: OSError | MemoryError) -> InputError | None:
+def environment_error(error: OSError | MemoryError) -> InputError | None:
     """Return what the surroundings refuse, such as space or permission, as an error of exit code 2.
 
     ``None`` where ``error`` says no such thing: then it may be a fault of the program.
     """
     if isinstance(error, MemoryError):
         return InputError("memory", "there is not enough", mend="shorten or leave out recordings, or free some")
-    if error.errno not in _MENDS:
+    if error.errno not in _ENVIRONMENT_MENDS:
         return None
-    return InputError(str(error.filename or "files"), os.strerror(error.errno), mend=_MENDS[error.errno])
+    return InputError(str(error.filename or "files"), os.strerror(error.errno), mend=_ENVIRONMENT_MENDS[error.errno])

@@ -1,6 +1,6 @@
 """The kinds of experiment (interface, section 1): what stands on the bench, what is needed of it, what is compared.
 
-A new kind is one entry of ``KINDS``; what follows from it is asked of the entry, not of its name.
+A new kind is one entry of ``EXPERIMENT_KINDS``; what follows from it is asked of the entry, not of its name.
 """
 
 from __future__ import annotations
@@ -9,42 +9,42 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-Name = Literal["valve", "friction", "axis", "closed-loop"]
+ExperimentName = Literal["valve", "friction", "axis", "closed-loop"]
 Part = Literal["gas", "chamber", "cylinder", "supply", "line", "valve", "linear valve", "sensor"]
 
-PNEUMATIC: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
+PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
 
 
 @dataclass(frozen=True)
-class Kind:
+class ExperimentKind:
     """One kind of experiment.
 
     ``valve``: gas flows through one. ``cylinder``: a piston moves. ``needs`` are the signals that nothing can do
-    without, ``compared`` the channels that a model of it is held against, where they are recorded. ``controlled``: a
+    without, ``compared_channels`` the channels that a model of it is held against, where they are recorded. ``controlled``: a
     controller follows ``x_ref``.
     """
 
-    name: Name
+    name: ExperimentName
     valve: bool
     cylinder: bool
     needs: tuple[str, ...]
-    compared: tuple[str, ...]
+    compared_channels: tuple[str, ...]
     bench: str
     controlled: bool = False
 
     @property
-    def beside(self) -> tuple[str, ...]:
+    def optional_channels(self) -> tuple[str, ...]:
         """The channels that are compared too, where they were recorded."""
         return ("temperature", "flow") if self.valve else ("temperature",)
 
-    def needed(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
+    def required_signals(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
         """Return the signals without which nothing can be identified, beside those that are ``present``."""
         driven = {"u"} if self.vessel and not valve_shut else set()
         pushed = {"p1"} if not self.valve and "force" not in present else set()
         return set(self.needs) | driven | pushed
 
     @property
-    def parameters(self) -> int:
+    def min_parameters(self) -> int:
         """How many parameters the base model has at least: an area; Coulomb and viscous friction."""
         return self.valve + 2 * self.cylinder
 
@@ -65,7 +65,7 @@ class Kind:
         """
         found: set[Part] = {"sensor"}
         if self.valve:
-            found |= PNEUMATIC - ({"supply"} if supply_recorded else set())
+            found |= PNEUMATIC_PARTS - ({"supply"} if supply_recorded else set())
         if self.cylinder:
             found.add("cylinder")
         if self.axis or (self.vessel and not cylinder_known):
@@ -73,25 +73,27 @@ class Kind:
         return frozenset(found)
 
 
-KINDS: dict[str, Kind] = {
+EXPERIMENT_KINDS: dict[str, ExperimentKind] = {
     kind.name: kind
     for kind in (
-        Kind("valve", valve=True, cylinder=False, needs=("p1",), compared=("p1",), bench="vessel"),
-        Kind("friction", valve=False, cylinder=True, needs=("x",), compared=("x", "v", "a"), bench="cylinder"),
-        Kind(
+        ExperimentKind("valve", valve=True, cylinder=False, needs=("p1",), compared_channels=("p1",), bench="vessel"),
+        ExperimentKind(
+            "friction", valve=False, cylinder=True, needs=("x",), compared_channels=("x", "v", "a"), bench="cylinder"
+        ),
+        ExperimentKind(
             "axis",
             valve=True,
             cylinder=True,
             needs=("u", "p1", "x"),
-            compared=("p1", "p2", "x", "v", "a"),
+            compared_channels=("p1", "p2", "x", "v", "a"),
             bench="cylinder",
         ),
-        Kind(
+        ExperimentKind(
             "closed-loop",
             valve=True,
             cylinder=True,
             needs=("u", "p1", "x", "x_ref"),
-            compared=("p1", "p2", "x", "v", "a"),
+            compared_channels=("p1", "p2", "x", "v", "a"),
             bench="cylinder",
             controlled=True,
         ),

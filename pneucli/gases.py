@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Name = Literal["air", "nitrogen", "helium", "argon"]
+GasName = Literal["air", "nitrogen", "helium", "argon"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Gas:
     gas_constant: float
 
 
-GASES: dict[Name, Gas] = {
+GASES: dict[GasName, Gas] = {
     "air": Gas(1.4, 287.0),
     "nitrogen": Gas(1.4, 296.8),
     "helium": Gas(5.0 / 3.0, 2077.1),

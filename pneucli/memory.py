@@ -8,7 +8,7 @@ import sys
 import pyarrow as pa
 
 
-def give_back() -> None:
+def release_free_memory() -> None:
     """Return what Arrow and the C library hold of freed memory; where the C library cannot, what Arrow holds."""
     pa.default_memory_pool().release_unused()
     if sys.platform == "linux":

@@ -10,7 +10,7 @@ from pathlib import Path
 from pneucli.errors import InputError, printable
 
 
-def expand(text: str, folder: Path, where: str) -> Path:
+def expand_path(text: str, folder: Path, where: str) -> Path:
     """Return the path or glob ``text``: ``${NAME}`` and ``~`` replaced, relative to ``folder``, that of the file.
 
     Raises InputError, ``where`` named, for an environment variable that is not set.
@@ -25,23 +25,23 @@ def expand(text: str, folder: Path, where: str) -> Path:
     return folder / os.path.expanduser(re.sub(r"\$\{(\w+)\}", value, text))
 
 
-def files(text: str, folder: Path, where: str) -> list[Path]:
+def matching_files(text: str, folder: Path, where: str) -> list[Path]:
     """Return the files that ``text`` names, in natural order; none of them is a folder, a pipe or a device.
 
     Raises InputError for an environment variable that is not set, and for a name that cannot be printed.
     """
-    path = expand(text, folder, where)
+    path = expand_path(text, folder, where)
     found = (
         [path] if is_file(path) else [hit for hit in map(Path, glob.glob(str(path), recursive=True)) if is_file(hit)]
     )
     for hit in found:
         require_printable(hit, where)
-    return sorted(found, key=_natural)
+    return sorted(found, key=_natural_order)
 
 
-def named(text: str, folder: Path, where: str) -> list[Path]:
-    """Return :func:`files`, or the path itself where there is none."""
-    return files(text, folder, where) or [expand(text, folder, where)]
+def matching_files_or_path(text: str, folder: Path, where: str) -> list[Path]:
+    """Return :func:`matching_files`, or the path itself where there is none."""
+    return matching_files(text, folder, where) or [expand_path(text, folder, where)]
 
 
 def require_printable(path: Path, where: str) -> None:
@@ -59,6 +59,6 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def _natural(path: Path) -> list[tuple[bool, int, str]]:
+def _natural_order(path: Path) -> list[tuple[bool, int, str]]:
     parts = re.split(r"(\d+)", str(path))
     return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]

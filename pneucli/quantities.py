@@ -3,7 +3,7 @@
 Pressures are absolute. ``x = 0`` where chamber 1 is smallest; ``u > 0`` fills chamber 1; a ``force`` is positive
 toward +x.
 
-On a rotary axis the same names stand for an angle, torques and a moment of inertia (:data:`ROTARY`).
+On a rotary axis the same names stand for an angle, torques and a moment of inertia (:data:`ROTARY_UNITS`).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _ALL = (
 SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}
 
 
-def titled(signal: str) -> str:
+def signal_title(signal: str) -> str:
     """Return the words for a signal, or for what is made of signals, such as p_ratio."""
     return SIGNALS[signal].title if signal in SIGNALS else signal.replace("_", " ")
 
@@ -55,10 +55,10 @@ CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature", "flow")
 COMMANDS = ("u", "u2")  # compared too where the controller that gave them is known
 
 # where a residual may concentrate (interface, section 3)
-LOCATORS = ("time", "u", "p1", "p2", "x", "v", "a", "direction", "p_ratio")
+RESIDUAL_VARIABLES = ("time", "u", "p1", "p2", "x", "v", "a", "direction", "p_ratio")
 
 # SI units of a rotary axis, by those of a linear one in the same place
-ROTARY = {
+ROTARY_UNITS = {
     "m": "rad",
     "m/s": "rad/s",
     "m/s^2": "rad/s^2",
@@ -67,14 +67,14 @@ ROTARY = {
     "N s/m": "N m s/rad",
     "kg": "kg m^2",
 }
-_SHOWN = {"rad": "deg", "rad/s": "deg/s"}  # to people
-PISTON_AREA = ("m^2", "m^3/rad")  # an area is one elsewhere
+_DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s"}  # to people
+PISTON_AREA_UNITS = ("m^2", "m^3/rad")  # an area is one elsewhere
 
 _rotary: ContextVar[bool] = ContextVar("rotary", default=False)
 
 
 @contextmanager
-def moving(*, rotary: bool) -> Iterator[None]:
+def axis_motion(*, rotary: bool) -> Iterator[None]:
     """Let units that are shown or written be those of a rotary axis, or of a linear one, while it lasts."""
     token = _rotary.set(rotary)
     try:
@@ -83,29 +83,29 @@ def moving(*, rotary: bool) -> Iterator[None]:
         _rotary.reset(token)
 
 
-def of_motion(unit: str) -> str:
+def axis_unit(unit: str) -> str:
     """Return an SI unit as it is on the axis at hand."""
-    return ROTARY.get(unit, unit) if _rotary.get() else unit
+    return ROTARY_UNITS.get(unit, unit) if _rotary.get() else unit
 
 
 def display_unit(signal: str, unit: str | None = None) -> str:
     """Return the unit in which people read a signal whose SI unit is ``unit``, by default that of the axis at hand."""
     own = SIGNALS[signal]
-    unit = of_motion(own.unit) if unit is None else unit
-    return own.display_unit if unit == own.unit else _SHOWN.get(unit, unit)
+    unit = axis_unit(own.unit) if unit is None else unit
+    return own.display_unit if unit == own.unit else _DISPLAY_UNITS.get(unit, unit)
 
 
-def told(answer: object, name: str = "") -> object:
+def in_axis_units(answer: object, name: str = "") -> object:
     """Return an answer, of any depth, with the units and names of the axis at hand; ``name`` is its own key."""
     if not _rotary.get():
         return answer
     if isinstance(answer, dict):
-        unit = PISTON_AREA[1] if name.startswith("rig.piston_area") else of_motion(str(answer.get("unit")))
-        inner = {named(key): told(value, key) for key, value in answer.items()}
+        unit = PISTON_AREA_UNITS[1] if name.startswith("rig.piston_area") else axis_unit(str(answer.get("unit")))
+        inner = {axis_parameter_name(key): in_axis_units(value, key) for key, value in answer.items()}
         return inner | {"unit": unit} if isinstance(answer.get("unit"), str) else inner
-    return [told(one) for one in answer] if isinstance(answer, list) else answer
+    return [in_axis_units(one) for one in answer] if isinstance(answer, list) else answer
 
 
-def named(key: str) -> str:
+def axis_parameter_name(key: str) -> str:
     """Return the name of a parameter, or of its key in the file, on the axis at hand."""
     return key.replace("moving_mass", "moment_of_inertia") if _rotary.get() else key

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrangements import ARRANGEMENTS, Arrangement
-from pneucli.arrangements import Name as ArrangementName
-from pneucli.experiments import KINDS, Kind
-from pneucli.experiments import Name as Experiment
+from pneucli.arrangements import ArrangementName as ArrangementName
+from pneucli.experiments import EXPERIMENT_KINDS, ExperimentKind
+from pneucli.experiments import ExperimentName as Experiment
 
 if TYPE_CHECKING:  # who only reads the pipeline file need not wait for scipy
     from pneucli.noise import NoiseModel
@@ -45,9 +45,9 @@ class Recording:
     chamber: Literal[1, 2] = 1
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> ExperimentKind:
         """What its kind of experiment means."""
-        return KINDS[self.experiment]
+        return EXPERIMENT_KINDS[self.experiment]
 
     @property
     def period(self) -> float:
@@ -62,7 +62,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Known:
+class ParameterPrior:
     """What is known of a parameter before it is identified, in its unit: ``fixed``, or its start, its bounds, and the
     standard deviation ``sigma`` of what is known of its ``start``; None where it is not known.
     """
@@ -83,7 +83,7 @@ class Rig:
     ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows, to be identified where it is
     ``null_free``, then with the ``null_range`` in which it lies, and ``null_ranges``, those that recordings which fill
     and vent show by themselves. ``polytropic_exponent`` of the gas in a chamber: None is that of an adiabatic one;
-    to be identified where it is ``exponent_free``. ``known``: what is known beforehand of parameters by name.
+    to be identified where it is ``exponent_free``. ``priors``: what is known beforehand of parameters by name.
     """
 
     gas_temperature: float = 293.15
@@ -106,16 +106,16 @@ class Rig:
     null_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     valve_arrangement: ArrangementName = "one-chamber"
     valve_kind: Literal["proportional", "switching"] = "proportional"
-    known: Mapping[str, Known] = field(default_factory=dict)
+    priors: Mapping[str, ParameterPrior] = field(default_factory=dict)
 
     @property
     def arrangement(self) -> Arrangement:
         """How the valves are connected to the chambers."""
         return ARRANGEMENTS[self.valve_arrangement]
 
-    def sense(self, chamber: Literal[1, 2]) -> float:
+    def command_sign(self, chamber: Literal[1, 2]) -> float:
         """Return 1 where a larger command fills a chamber, or the vessel on its port; -1 where it vents it."""
-        return -1.0 if chamber == 2 and self.arrangement.second == "mirrored" else 1.0
+        return -1.0 if chamber == 2 and self.arrangement.chamber_2 == "mirrored" else 1.0
 
     @property
     def has_cylinder(self) -> bool:
@@ -123,7 +123,7 @@ class Rig:
         return self.piston_area_1 is not None
 
     @property
-    def areas(self) -> tuple[float, float]:
+    def piston_areas(self) -> tuple[float, float]:
         """Areas in m^2 on which p1 and p2 act: 0 where there is no piston, equal where only one is given."""
         area_1 = self.piston_area_1 or 0.0
         return area_1, area_1 if self.piston_area_2 is None else self.piston_area_2

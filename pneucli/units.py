@@ -15,8 +15,8 @@ from functools import lru_cache
 from pneucli.errors import UnitError, did_you_mean
 
 STANDARD_ATMOSPHERE = 101_325.0  # Pa
-LONGEST = 60  # characters of a unit
-LARGEST = 1e18  # of any number of a rig, in SI: its powers stay finite
+MAX_UNIT_LENGTH = 60  # characters of a unit
+MAX_MAGNITUDE = 1e18  # of any number of a rig, in SI: its powers stay finite
 
 Dimension = tuple[int, int, int, int, int]  # exponents of m, kg, s, K, A
 
@@ -104,7 +104,9 @@ STANDARD_GRAVITY = 9.806_65  # m/s^2
 _AIR = {"ANR": 1.185, "N": 1.2929}
 _ACCELERATION = (1, 0, -2, 0, 0)
 # what a symbol means where another dimension than its own is wanted
-_WANTED = {_ACCELERATION: {f"{m}g": Unit(f * STANDARD_GRAVITY, _ACCELERATION) for m, f in (("", 1.0), ("m", 1e-3))}}
+_SYMBOLS_BY_DIMENSION = {
+    _ACCELERATION: {f"{m}g": Unit(f * STANDARD_GRAVITY, _ACCELERATION) for m, f in (("", 1.0), ("m", 1e-3))}
+}
 
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 
@@ -121,7 +123,7 @@ def parse_unit(text: str) -> Unit:
     Raises :class:`UnitError` with the closest known unit where it cannot be read.
     """
     try:
-        unit = _parsed(text)
+        unit = _parse(text)
     except (OverflowError, ZeroDivisionError):  # of powers that no unit has
         unit = Unit(math.inf, _ONE)
     if not 0.0 < unit.factor < math.inf:
@@ -129,9 +131,9 @@ def parse_unit(text: str) -> Unit:
     return unit
 
 
-def _parsed(text: str) -> Unit:
-    if len(text) > LONGEST:
-        raise UnitError(f'"{text[:LONGEST]}..." is no unit')
+def _parse(text: str) -> Unit:
+    if len(text) > MAX_UNIT_LENGTH:
+        raise UnitError(f'"{text[:MAX_UNIT_LENGTH]}..." is no unit')
     spelled = text.strip().replace("℃", "°C").translate(_SUPERSCRIPTS)
     if of_air := _of_air(spelled):
         return of_air
@@ -206,20 +208,20 @@ def _reduce(tokens: list[Unit | str], text: str, depth: int) -> Unit:
     return result
 
 
-def after_number(unit: str) -> str:
+def unit_suffix(unit: str) -> str:
     """Return a unit as it follows a number: nothing where there is none."""
     return "" if unit == "1" else f" {unit}"
 
 
-def unit_as(text: str, wanted: str) -> Unit:
+def parse_unit_as(text: str, wanted: str) -> Unit:
     """Read a unit of what is measured in ``wanted``: ``"g"`` is gravity where an acceleration is wanted."""
     dimension = parse_unit(wanted).dimension
-    return _WANTED.get(dimension, {}).get(text.strip()) or parse_unit(text)
+    return _SYMBOLS_BY_DIMENSION.get(dimension, {}).get(text.strip()) or parse_unit(text)
 
 
 def same_dimension(unit: str, wanted: str) -> bool:
     """Whether a unit measures what ``wanted`` does."""
-    return unit_as(unit, wanted).dimension == parse_unit(wanted).dimension
+    return parse_unit_as(unit, wanted).dimension == parse_unit(wanted).dimension
 
 
 def factor_and_offset(
@@ -227,9 +229,9 @@ def factor_and_offset(
 ) -> tuple[float, float]:
     """``SI = factor * value + offset``; the offset of a gauge unit holds ``ambient_pressure`` (Pa).
 
-    ``wanted``: a unit of what is measured, see :func:`unit_as`.
+    ``wanted``: a unit of what is measured, see :func:`parse_unit_as`.
     """
-    parsed = unit_as(unit, wanted or unit)
+    parsed = parse_unit_as(unit, wanted or unit)
     return parsed.factor, parsed.offset + (ambient_pressure if parsed.gauge else 0.0)
 
 
@@ -246,9 +248,9 @@ def parse_quantity(
         raise UnitError(f"{value!r} is not {wanted}")
     if not isinstance(value, str):
         return _finite(float(value), value)
-    parts = _QUANTITY.match(value) if len(value) <= 2 * LONGEST else None
+    parts = _QUANTITY.match(value) if len(value) <= 2 * MAX_UNIT_LENGTH else None
     if not parts:
-        raise UnitError(f'"{value[: 2 * LONGEST]}" is not {wanted}')
+        raise UnitError(f'"{value[: 2 * MAX_UNIT_LENGTH]}" is not {wanted}')
     if parts[2].startswith(","):
         raise UnitError(f'"{value}" has a decimal comma; write a point')
     number = _finite(float(parts[1]), value)
@@ -263,6 +265,6 @@ def parse_quantity(
 def _finite(number: float, value: object) -> float:
     if not math.isfinite(number):
         raise UnitError(f"{value!r} is not finite")
-    if abs(number) > LARGEST:
-        raise UnitError(f"{value!r} is beyond what a rig may have; wanted up to {LARGEST:g}")
+    if abs(number) > MAX_MAGNITUDE:
+        raise UnitError(f"{value!r} is beyond what a rig may have; wanted up to {MAX_MAGNITUDE:g}")
     return number

@@ -75,8 +75,8 @@ def test_a_disk_that_is_full_does_not_stop_the_work(
 
 
 def test_a_kernels_text_that_is_foreign_is_written_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(caches, "folder", lambda: tmp_path)
-    text = "".join(f"def {name}():\n    return 1\n" for name in build.ENTRIES)
+    monkeypatch.setattr(caches, "cache_folder", lambda: tmp_path)
+    text = "".join(f"def {name}():\n    return 1\n" for name in build.ENTRY_POINTS)
     path = Path(str(build._load(text).__file__))
     path.write_text("raise SystemExit('foreign')")
     monkeypatch.delitem(sys.modules, path.stem)
@@ -91,7 +91,7 @@ def test_where_the_home_cannot_be_written_a_temporary_folder_is_taken_with_one_w
     monkeypatch.setenv("PNEUCLI_CACHE", str(tmp_path / "home"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with caplog.at_level(logging.WARNING):
-        first, second = caches.folder(), caches.folder()
+        first, second = caches.cache_folder(), caches.cache_folder()
     assert first == second
     assert first.parent == tmp_path
     assert first.stat().st_mode & 0o077 == 0

@@ -19,13 +19,13 @@ import typer
 
 from pneucli.cli import docs
 from pneucli.cli.commands import build
-from pneucli.config.key_reference import keys
+from pneucli.config.key_reference import all_keys
 from pneucli.physics.effects import catalogue
-from pneucli.report.effect_figures import picture
+from pneucli.report.effect_figures import effect_figure
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-MADE = docs.pages()
+MADE = docs.generated_pages()
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("*/*.md"))]
 
 
@@ -54,7 +54,9 @@ def test_every_page_of_an_effect_has_its_story() -> None:
 )
 def test_a_picture_is_drawn_from_the_declaration_of_what_shows_it(effect: str, label: str) -> None:
     words = [
-        node.text or "" for node in ET.fromstring(picture(catalogue()[effect])).iter() if node.tag.endswith("text")
+        node.text or ""
+        for node in ET.fromstring(effect_figure(catalogue()[effect])).iter()
+        if node.tag.endswith("text")
     ]
     assert any(label in word for word in words)
     assert "model without it" in words
@@ -62,13 +64,13 @@ def test_a_picture_is_drawn_from_the_declaration_of_what_shows_it(effect: str, l
 
 def test_the_picture_is_the_same_every_time() -> None:
     effect = catalogue()["line-delay"]
-    assert picture(effect) == picture(effect)
+    assert effect_figure(effect) == effect_figure(effect)
 
 
 def test_an_effect_that_changes_nothing_has_no_picture() -> None:
     mute = replace(catalogue()["constant-force"], ports={})
     with pytest.raises(ValueError, match="shows on no standard manoeuvre"):
-        picture(mute)
+        effect_figure(mute)
 
 
 def links(page: Path) -> Iterator[str]:
@@ -116,7 +118,7 @@ def test_the_constants_of_the_diagnosis_are_those_of_the_code() -> None:
 def test_every_piece_of_a_pipeline_file_is_one(page: Path) -> None:
     """It is TOML, and each key of a table that the program knows is a key of it."""
     known: dict[str, set[str]] = {}
-    for key in keys():
+    for key in all_keys():
         known.setdefault(key.table.partition(",")[0], set()).add(key.name)
     for block in re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
         document = tomllib.loads(block)

@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.executors import Processes, Threads, dask_cluster, engine_from, require_cluster, stream
-from pneucli.executors.dask_cluster import refuse_others
-from pneucli.executors.job_stream import AHEAD, TRIES
+from pneucli.executors import ProcessEngine, ThreadEngine, dask_cluster, engine_from, require_cluster, run_jobs
+from pneucli.executors.dask_cluster import require_same_identity
+from pneucli.executors.job_stream import JOBS_PER_SLOT, MAX_ATTEMPTS
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])
@@ -38,7 +38,7 @@ def test_a_port_where_nobody_listens_is_refused_before_anything_is_begun() -> No
 
 def test_who_listens_and_never_answers_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(dask_cluster, "PATIENCE", 0.3)
+    monkeypatch.setattr(dask_cluster, "ANSWER_TIMEOUT", 0.3)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         mute.listen()
@@ -66,7 +66,7 @@ def die(_: str) -> None:
 
 
 def test_a_job_that_fails_stops_no_other() -> None:
-    found = {o.job: o for o in stream(Threads(2), double, deque([3, -1, 4]))}
+    found = {o.job: o for o in run_jobs(ThreadEngine(2), double, deque([3, -1, 4]))}
     assert (found[3].result, found[4].result) == (6, 8)
     assert isinstance(found[-1].error, ValueError)
 
@@ -74,14 +74,14 @@ def test_a_job_that_fails_stops_no_other() -> None:
 def test_what_becomes_ready_meanwhile_is_done_too() -> None:
     ready = deque([1])
     seen = []
-    for outcome in stream(Threads(1), double, ready):
+    for outcome in run_jobs(ThreadEngine(1), double, ready):
         seen.append(outcome.result)
         if outcome.job < 3:
             ready.append(outcome.job + 1)
     assert seen == [2, 4, 6]
 
 
-class Watched(Threads):
+class Watched(ThreadEngine):
     """Counts how many jobs are under way."""
 
     most = now = 0
@@ -99,36 +99,36 @@ class Watched(Threads):
 
 def test_however_many_jobs_wait_few_are_under_way() -> None:
     engine = Watched(2)
-    assert sum(1 for _ in stream(engine, time.sleep, deque([0.001] * 200))) == 200
-    assert engine.most <= AHEAD * engine.slots
+    assert sum(1 for _ in run_jobs(engine, time.sleep, deque([0.001] * 200))) == 200
+    assert engine.most <= JOBS_PER_SLOT * engine.slots
 
 
 def test_a_job_whose_worker_died_is_done_by_another_and_its_neighbours_too(tmp_path: Path) -> None:
-    engine = Processes(2)
+    engine = ProcessEngine(2)
     jobs = [str(tmp_path / name) for name in "abcd"]
     try:
-        found = [o.result for o in stream(engine, die_once, deque(jobs))]
+        found = [o.result for o in run_jobs(engine, die_once, deque(jobs))]
     finally:
         engine.close()
     assert sorted(found) == jobs
 
 
 def test_a_job_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
-    engine = Processes(1)
+    engine = ProcessEngine(1)
     try:
-        (outcome,) = stream(engine, die, deque([str(tmp_path)]))
+        (outcome,) = run_jobs(engine, die, deque([str(tmp_path)]))
     finally:
         engine.close()
     assert "worker died" in str(outcome.error)
-    assert TRIES > 1
+    assert MAX_ATTEMPTS > 1
 
 
 def test_a_worker_with_another_program_is_an_error_that_says_what_differs() -> None:
     answers: Mapping[str, Any] = {"tcp://a": {"pneucli": "0.1.0 abc"}, "tcp://b": {"pneucli": "0.2.0 def"}}
     with pytest.raises(InputError, match=r"tcp://b: pneucli is 0\.2\.0 def\n.*0\.1\.0 abc"):
-        refuse_others({"pneucli": "0.1.0 abc"}, answers, "dask://here:1")
+        require_same_identity({"pneucli": "0.1.0 abc"}, answers, "dask://here:1")
     with pytest.raises(InputError, match="No module named"):
-        refuse_others({}, {"tcp://c": ModuleNotFoundError("No module named 'pneucli'")}, "dask://here:1")
+        require_same_identity({}, {"tcp://c": ModuleNotFoundError("No module named 'pneucli'")}, "dask://here:1")
 
 
 CLUSTER = """\
@@ -152,7 +152,7 @@ def test_a_cluster_is_started_from_a_file_and_asked_what_it_runs(tmp_path: Path)
     file = tmp_path / "cluster.toml"
     file.write_text(CLUSTER)
     with engine_from(str(file), here) as engine:
-        assert [o.result for o in stream(engine, double, deque([21]))] == [42]
+        assert [o.result for o in run_jobs(engine, double, deque([21]))] == [42]
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
     file.write_text(DYING)
     marks = [str(tmp_path / name) for name in "ab"]
     with engine_from(str(file)) as engine:
-        assert sorted(o.result for o in stream(engine, die_once, deque(marks))) == marks
+        assert sorted(o.result for o in run_jobs(engine, die_once, deque(marks))) == marks
 
 
 ORPHANS = """

@@ -6,14 +6,14 @@ from typing import get_args
 
 import pytest
 
-from pneucli.experiments import KINDS, Name
-from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
+from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.physics.declaration import PORTS
 from pneucli.physics.effects import catalogue
 
 
 def test_every_name_of_the_pipeline_file_has_its_entry():
-    assert set(KINDS) == set(get_args(Name))
+    assert set(EXPERIMENT_KINDS) == set(get_args(ExperimentName))
 
 
 @pytest.mark.parametrize(
@@ -26,34 +26,34 @@ def test_every_name_of_the_pipeline_file_has_its_entry():
     ],
 )
 def test_parts_stand_on_the_bench_as_the_interface_says(kind, cylinder, recorded, stands, lacks):
-    parts = KINDS[kind].parts(cylinder_known=cylinder, supply_recorded=recorded)
+    parts = EXPERIMENT_KINDS[kind].parts(cylinder_known=cylinder, supply_recorded=recorded)
     assert stands <= parts
     assert not lacks & parts
 
 
 def test_a_valve_test_needs_a_command_unless_the_valve_is_shut():
-    assert "u" in KINDS["valve"].needed(set(), valve_shut=False)
-    assert "u" not in KINDS["valve"].needed(set(), valve_shut=True)
+    assert "u" in EXPERIMENT_KINDS["valve"].required_signals(set(), valve_shut=False)
+    assert "u" not in EXPERIMENT_KINDS["valve"].required_signals(set(), valve_shut=True)
 
 
 def test_a_piston_is_pushed_by_a_recorded_force_or_by_pressures():
-    assert "p1" in KINDS["friction"].needed({"x"}, valve_shut=False)
-    assert "p1" not in KINDS["friction"].needed({"x", "force"}, valve_shut=False)
+    assert "p1" in EXPERIMENT_KINDS["friction"].required_signals({"x"}, valve_shut=False)
+    assert "p1" not in EXPERIMENT_KINDS["friction"].required_signals({"x", "force"}, valve_shut=False)
 
 
 def test_every_effect_shows_in_a_subsystem_by_its_ports_alone():
     for effect in catalogue().values():
-        assert any(view.sides & effect.sides for view in (Chambers, Forces)), effect.name
-        assert Whole.sides >= effect.sides
+        assert any(view.sides & effect.balances for view in (ChamberPressures, ForceBalance)), effect.name
+        assert FreeRun.sides >= effect.balances
 
 
 def test_flow_is_not_felt_where_pressures_are_given():
-    assert not Forces.sides & catalogue()["piston-leak"].sides
-    assert not Imposed.sides & catalogue()["piston-leak"].sides
-    assert not Chambers.sides & catalogue()["stribeck"].sides
-    assert all(view.sides & catalogue()["pressure-offset"].sides for view in (Chambers, Forces))
+    assert not ForceBalance.sides & catalogue()["piston-leak"].balances
+    assert not ImposedMotion.sides & catalogue()["piston-leak"].balances
+    assert not ChamberPressures.sides & catalogue()["stribeck"].balances
+    assert all(view.sides & catalogue()["pressure-offset"].balances for view in (ChamberPressures, ForceBalance))
 
 
 def test_two_branches_of_friction_alone_state_bounds():
-    assert [name for name, port in PORTS.items() if port.bounds] == ["slowing"]
-    assert [e.name for e in catalogue().values() if e.bounds] == ["friction-hysteresis"]
+    assert [name for name, port in PORTS.items() if port.is_set_valued] == ["slowing"]
+    assert [e.name for e in catalogue().values() if e.is_set_valued] == ["friction-hysteresis"]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.memory import give_back
+from pneucli.memory import release_free_memory
 
 
 def resident() -> int:
@@ -19,6 +19,6 @@ def test_what_was_freed_below_what_is_still_held_goes_back() -> None:
     held = [np.ones(8 << 10) for _ in range(2000)]  # 64 kB each: too small to have pages of their own
     last, before = held.pop(), resident()
     held.clear()
-    give_back()
+    release_free_memory()
     assert before - resident() > 100e6
     assert last.size == 8 << 10

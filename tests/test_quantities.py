@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table
-from pneucli.messages.formatting import quantity
-from pneucli.quantities import display_unit, moving, of_motion, told
+from pneucli.messages.formatting import format_quantity
+from pneucli.quantities import axis_motion, axis_unit, display_unit, in_axis_units
 
 ANSWER = {
     "parameters": {
@@ -21,8 +21,8 @@ ANSWER = {
 
 
 def test_an_answer_of_a_rotary_axis() -> None:
-    with moving(rotary=True):
-        found = told(ANSWER)
+    with axis_motion(rotary=True):
+        found = in_axis_units(ANSWER)
     assert found == {
         "parameters": {
             "rig.moment_of_inertia": {"value": 2.0, "unit": "kg m^2"},
@@ -34,16 +34,16 @@ def test_an_answer_of_a_rotary_axis() -> None:
 
 
 def test_a_linear_axis_is_told_as_it_is() -> None:
-    assert told(ANSWER) is ANSWER
-    with moving(rotary=False):
-        assert told(ANSWER) is ANSWER
-        assert of_motion("N") == "N"
+    assert in_axis_units(ANSWER) is ANSWER
+    with axis_motion(rotary=False):
+        assert in_axis_units(ANSWER) is ANSWER
+        assert axis_unit("N") == "N"
 
 
 def test_people_read_degrees(tmp_path: Path) -> None:
-    with moving(rotary=True):
-        assert quantity(0.5, "m", 3) == "28.6 °"
-        assert quantity(1.0, "N") == "1.000 N·m"
+    with axis_motion(rotary=True):
+        assert format_quantity(0.5, "m", 3) == "28.6 °"
+        assert format_quantity(1.0, "N") == "1.000 N·m"
         assert (display_unit("x"), display_unit("p1")) == ("deg", "bar")
     assert display_unit("x") == "mm"
     assert display_unit("x", "rad") == "deg"
@@ -51,15 +51,15 @@ def test_people_read_degrees(tmp_path: Path) -> None:
 
 def test_artifacts_say_so_in_metadata_and_in_columns_of_units(tmp_path: Path) -> None:
     path = tmp_path / "one.parquet"
-    with moving(rotary=True):
+    with axis_motion(rotary=True):
         columns = {"x": [1.0], "value": [2.0], "unit": ["N s/m"]}
         write_table(path, columns, units={"value": "see column unit"}, schema="s/1", provenance=Provenance(None, {}))
     assert read_metadata(path)["units"]["x"] == "rad"
     assert list(read_table(path)["unit"]) == ["N m s/rad"]
-    assert told({"unit": "m"}) == {"unit": "m"}
+    assert in_axis_units({"unit": "m"}) == {"unit": "m"}
 
 
 def test_the_axis_at_hand_ends_with_its_stage() -> None:
-    with pytest.raises(ZeroDivisionError), moving(rotary=True):
+    with pytest.raises(ZeroDivisionError), axis_motion(rotary=True):
         _ = 1 / 0
-    assert of_motion("m") == "m"
+    assert axis_unit("m") == "m"

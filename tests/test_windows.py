@@ -64,7 +64,7 @@ def test_the_lock_of_windows_waits_until_the_other_run_has_ended(
         spec.loader.exec_module(twin)  # type: ignore[union-attr]
     said: list[str] = []
     with twin.held(tmp_path, said.append):
-        assert (tmp_path / lock.NAME).read_text() == str(os.getpid())
+        assert (tmp_path / lock.LOCK_FILE).read_text() == str(os.getpid())
         assert [mode for _, mode in fake.calls] == [fake.LK_NBLCK]
         fake.calls.clear()
     fake.holder = 0  # another run
@@ -79,4 +79,4 @@ def test_a_file_on_another_drive_is_named_whole(tmp_path: Path, monkeypatch: pyt
         raise ValueError("path is on mount 'D:', start on mount 'C:'")
 
     monkeypatch.setattr(writer.os.path, "relpath", relpath)
-    assert writer.relative("D:/raw/a_*.csv", tmp_path) == "D:/raw/a_*.csv"
+    assert writer.relative_path("D:/raw/a_*.csv", tmp_path) == "D:/raw/a_*.csv"

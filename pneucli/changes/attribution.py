@@ -15,20 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from pneucli.changes.baseline import Reference
-from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, Tested
-from pneucli.changes.repeatability import NONE, Drift
-from pneucli.changes.selection import Naming, Taken
+from pneucli.changes.baseline import Baseline
+from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, HypothesisTest
+from pneucli.changes.repeatability import NO_DRIFT, Repeatability
+from pneucli.changes.selection import ChangeSelection, Hypotheses
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
-from pneucli.identify.residuals import View
+from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
 CANDIDATES = 6  # hypotheses of different names that are refitted
-TWIN = 0.05  # of the likelihood of all that were refitted: one with less can be told from the first
+MIN_EQUIVALENT_SHARE = 0.05  # of the likelihood of all that were refitted: one with less can be told from the first
 AKAIKE = 2.0  # what a further parameter must take off the cost
 
 
@@ -37,7 +37,7 @@ class Change:
     """One thing that changed, by the name of its parameter; ``effect`` where it belongs to one.
 
     ``ci95`` is of ``after``. ``confidence``: one less the chance that a healthy repeat seems so changed in anything;
-    ``alone``: of this one, where it has ``twins``, other names that explain the change as well.
+    ``confidence_alone``: of this one, where it has ``equivalents``, other names that explain the change as well.
     """
 
     name: str
@@ -47,12 +47,12 @@ class Change:
     unit: str
     ci95: tuple[float, float] | None
     confidence: float
-    alone: float
-    twins: tuple[str, ...] = ()
+    confidence_alone: float
+    equivalents: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Limit:
+class DetectableChange:
     """The size of a change of a parameter from which it would have been named; ``plausible``: within a typical one."""
 
     name: str
@@ -66,66 +66,68 @@ class Changes:
     """What changed, the strongest first, and what could not have been seen; ``p_value`` that nothing did."""
 
     changes: tuple[Change, ...]
-    limits: tuple[Limit, ...]
+    limits: tuple[DetectableChange, ...]
     p_value: float
 
 
-def named_changes(
-    old: Reference,
-    new: Reference,
-    found: Fit,
-    views: Sequence[View],
+def attribute_changes(
+    old: Baseline,
+    new: Baseline,
+    fitted: Fit,
+    views: Sequence[ResidualModel],
     effects: Mapping[str, Effect],
     alarm_rate: float = ALARM_RATE,
-    drift: Drift = NONE,
+    repeatability: Repeatability = NO_DRIFT,
     names: Sequence[str] = (),
 ) -> Changes:
-    """Return what differs between ``old`` and the fit ``found`` of new recordings, whose reference is ``new``.
+    """Return what differs between ``old`` and the fit ``fitted`` of new recordings, whose reference is ``new``.
 
-    ``alarm_rate`` is the chance that anything is named where nothing changed; ``drift`` is what the rig varies by from
+    ``alarm_rate`` is the chance that anything is named where nothing changed; ``repeatability`` is what the rig varies by from
     date to date, of the quantities called by ``names``.
     """
-    comparison = Comparison(old, new, drift=drift, names=tuple(names))
-    tested = comparison.tested()
-    level, family = comparison.level(), len(tested) + 1
+    comparison = Comparison(old, new, repeatability=repeatability, names=tuple(names))
+    tested = comparison.test_all()
+    level, family = comparison.residual_level_test(), len(tested) + 1
     p_value = min(1.0, family * min(t.p_value for t in [*tested, level]))
-    limits = tuple(_limits(tested, new, effects, found.model, alarm_rate / family))
+    limits = tuple(_detectable_changes(tested, new, effects, fitted.model, alarm_rate / family))
     if p_value > alarm_rate:
         return Changes((), limits, p_value)
-    naming = Naming(comparison, found, views, effects, alarm_rate / family)
-    chosen = naming.chosen()
+    naming = ChangeSelection(comparison, fitted, views, effects, alarm_rate / family)
+    chosen = naming.select()
     if not chosen:
         return Changes((_unexplained(level, 1.0 - p_value),), limits, p_value)
     return Changes(tuple(_change(naming, chosen, i, p_value, family) for i in range(len(chosen))), limits, p_value)
 
 
-def _unexplained(level: Tested, confidence: float) -> Change:
+def _unexplained(level: HypothesisTest, confidence: float) -> Change:
     """Return that the residual has changed, in units of noise, and nothing that is known accounts for it."""
     edge = norm.ppf(0.975) * level.error
     after, low, high = (float(np.exp(0.5 * (level.size + e))) for e in (0.0, -edge, edge))
     return Change(UNEXPLAINED, None, 1.0, after, "1", (low, high), confidence, confidence)
 
 
-def _change(naming: Naming, chosen: Taken, place: int, p_value: float, family: int) -> Change:
+def _change(naming: ChangeSelection, chosen: Hypotheses, place: int, p_value: float, family: int) -> Change:
     """Return one of the things that changed, the first as sure as that anything did, the others by their own tests."""
     mine = chosen[place]
     tested = naming.test(naming.without(chosen, place), mine)
     chance = p_value if place == 0 or tested is None else min(1.0, family * tested.p_value)
-    shares = naming.shares(chosen, place)
+    shares = naming.likelihood_shares(chosen, place)
     share = shares.pop(mine.name)
-    twins = tuple(name for name, other in shares.items() if other >= TWIN)
+    twins = tuple(name for name, other in shares.items() if other >= MIN_EQUIVALENT_SHARE)
     confidence, alone = 1.0 - chance, share * (1.0 - chance)
     if mine.direction is not None:
         assert tested is not None
-        return _moved(naming.comparison.old, tested, confidence, alone, twins)
-    effect, fitted = naming.effects[mine.name], naming.explained(chosen).fit
+        return _parameter_change(naming.comparison.old, tested, confidence, alone, twins)
+    effect, fitted = naming.effects[mine.name], naming.refit_cost(chosen).fit
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
     known = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.ci95)
     return Change(*known, confidence, alone, twins)
 
 
-def _moved(old: Reference, tested: Tested, confidence: float, alone: float, twins: tuple[str, ...]) -> Change:
+def _parameter_change(
+    old: Baseline, tested: HypothesisTest, confidence: float, alone: float, twins: tuple[str, ...]
+) -> Change:
     """Return the change of a parameter, or of all areas of a valve by one factor, all else being as it was."""
     hypothesis = tested.hypothesis
     assert hypothesis.direction is not None
@@ -140,13 +142,13 @@ def _moved(old: Reference, tested: Tested, confidence: float, alone: float, twin
     return Change(hypothesis.name, effect, before, after, unit, (low, high), confidence, alone, twins)
 
 
-def _limits(
-    tested: Sequence[Tested], new: Reference, effects: Mapping[str, Effect], model: Model, p_value: float
-) -> list[Limit]:
+def _detectable_changes(
+    tested: Sequence[HypothesisTest], new: Baseline, effects: Mapping[str, Effect], model: Model, p_value: float
+) -> list[DetectableChange]:
     """Return for each name the least size that would have been named, those first that could not have been seen."""
-    found: dict[str, Limit] = {}
+    found: dict[str, DetectableChange] = {}
     for one in sorted(tested, key=lambda t: t.error):
-        hypothesis, least = one.hypothesis, one.least(p_value)
+        hypothesis, least = one.hypothesis, one.minimum_detectable_size(p_value)
         if hypothesis.name in found:
             continue
         if hypothesis.direction is not None:
@@ -154,15 +156,21 @@ def _limits(
             single = np.count_nonzero(hypothesis.direction) == 1
             size = coordinate.value * np.expm1(least) if coordinate.logarithmic and single else least
             unit = coordinate.unit if single else "1"
-            found[hypothesis.name] = Limit(hypothesis.name, float(size), unit, bool(size < abs(coordinate.value)))
-        elif hypothesis.start is not None:
-            found[hypothesis.name] = _limit(effects[hypothesis.name], new, hypothesis.start, model, least)
+            found[hypothesis.name] = DetectableChange(
+                hypothesis.name, float(size), unit, bool(size < abs(coordinate.value))
+            )
+        elif hypothesis.effect_index is not None:
+            found[hypothesis.name] = _detectable_effect_change(
+                effects[hypothesis.name], new, hypothesis.effect_index, model, least
+            )
     return sorted(found.values(), key=lambda limit: limit.plausible)
 
 
-def _limit(effect: Effect, new: Reference, start: int, model: Model, least: float) -> Limit:
+def _detectable_effect_change(
+    effect: Effect, new: Baseline, start: int, model: Model, least: float
+) -> DetectableChange:
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
-    value, null = new.starts[start].values[name], null_value(leading, model)
+    value, null = new.typical_effects[start].values[name], null_value(leading, model)
     size = abs(value - null) * least if null is not None else value
-    return Limit(name, float(size), leading.unit, bool(least < 1.0))
+    return DetectableChange(name, float(size), leading.unit, bool(least < 1.0))

@@ -17,18 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from pneucli.changes.baseline import Reference
-from pneucli.changes.repeatability import LEVEL, NONE, Drift
-from pneucli.diagnose.evidence import effective_number
-from pneucli.identify.estimation.least_squares import inverse
+from pneucli.changes.baseline import Baseline
+from pneucli.changes.repeatability import NO_DRIFT, RESIDUAL_LEVEL, Repeatability
+from pneucli.diagnose.evidence import effective_degrees_of_freedom
+from pneucli.identify.estimation.least_squares import pseudo_inverse
 
 Array = NDArray[np.float64]
 
 ALARM_RATE = 1e-3  # false alarms for each rig and comparison
 UNEXPLAINED = "unexplained"  # the name of what changed where nothing of the model or the catalogue accounts for it
-CARRIED = 0.5  # of a change, at least, by the side on which a one-sided effect is larger
-LEAST = 1e-12  # of what a block alone says of an effect, that others say as well
-NOISE_KNOWN = 0.1  # the standard error of the logarithm of the noise's power, as two recordings' noise is estimated
+MIN_ONE_SIDED_SHARE = 0.5  # of a change, at least, by the side on which a one-sided effect is larger
+MIN_LEVERAGE_COMPLEMENT = 1e-12  # of what a block alone says of an effect, that others say as well
+LOG_NOISE_POWER_ERROR = (
+    0.1  # the standard error of the logarithm of the noise's power, as two recordings' noise is estimated
+)
 _AREA = re.compile(r"(valve(?:_2)?\.effective_area)\(.+\)")
 
 
@@ -38,48 +40,48 @@ class Hypothesis:
 
     name: str
     direction: Array | None = None
-    start: int | None = None
+    effect_index: int | None = None
 
 
 @dataclass(frozen=True)
-class Tested:
+class HypothesisTest:
     """One hypothesis and what the data say: the ``size`` of the change along its direction, and the ``error`` of that.
 
-    ``freedom``: how many blocks of data that error rests on.
+    ``degrees_of_freedom``: how many blocks of data that error rests on.
     """
 
     hypothesis: Hypothesis
     size: float
     error: float
-    freedom: float
+    degrees_of_freedom: float
 
     @property
-    def ratio(self) -> float:
+    def t_statistic(self) -> float:
         """The size over its error."""
         return self.size / self.error if self.error > 0.0 else 0.0
 
     @property
     def p_value(self) -> float:
         """The chance of a size like this or a larger one where nothing changed."""
-        return float(2.0 * student.sf(abs(self.ratio), self.freedom))
+        return float(2.0 * student.sf(abs(self.t_statistic), self.degrees_of_freedom))
 
-    def least(self, p_value: float) -> float:
+    def minimum_detectable_size(self, p_value: float) -> float:
         """The size from which the chance would be below ``p_value``."""
-        return float(student.isf(0.5 * p_value, self.freedom)) * self.error
+        return float(student.isf(0.5 * p_value, self.degrees_of_freedom)) * self.error
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two references of one model, the old one first; ``taken``: what is known to have changed, and is let free.
+    """Two references of one model, the old one first; ``accepted``: what is known to have changed, and is let free.
 
-    ``drift`` is what a healthy rig varies by from date to date, of the quantities by their ``names``: coordinates, then
+    ``repeatability`` is what a healthy rig varies by from date to date, of the quantities by their ``names``: coordinates, then
     starts.
     """
 
-    old: Reference
-    new: Reference
-    taken: tuple[Hypothesis, ...] = ()
-    drift: Drift = NONE
+    old: Baseline
+    new: Baseline
+    accepted: tuple[Hypothesis, ...] = ()
+    repeatability: Repeatability = NO_DRIFT
     names: tuple[str, ...] = ()
 
     @cached_property
@@ -100,43 +102,45 @@ class Comparison:
                 yield Hypothesis(name, mine)
 
     def _effects(self) -> Iterator[Hypothesis]:
-        for i, start in enumerate(self.old.starts):
+        for i, start in enumerate(self.old.typical_effects):
             if min(self.old.power[i], self.new.power[i]) > 0.0:
-                yield Hypothesis(start.effect, start=i)
+                yield Hypothesis(start.effect, effect_index=i)
 
-    def tested(self) -> list[Tested]:
+    def test_all(self) -> list[HypothesisTest]:
         """Return every hypothesis that is not taken, the least probable by chance first."""
-        taken = {(h.name, h.start) for h in self.taken}
-        found = [self.test(h) for h in self.hypotheses if (h.name, h.start) not in taken]
-        return sorted((f for f in found if f is not None), key=lambda f: (f.p_value, -abs(f.ratio)))
+        taken = {(h.name, h.effect_index) for h in self.accepted}
+        found = [self.test(h) for h in self.hypotheses if (h.name, h.effect_index) not in taken]
+        return sorted((f for f in found if f is not None), key=lambda f: (f.p_value, -abs(f.t_statistic)))
 
-    def test(self, hypothesis: Hypothesis) -> Tested | None:
+    def test(self, hypothesis: Hypothesis) -> HypothesisTest | None:
         """Return what the data say of one hypothesis; None where they say nothing.
 
         The differences of the estimates (k,), with those of the effects' steps, are weighed by what they would vary by
         were the residuals white; what they do vary by is told by the blocks.
         """
-        starts = [h.start for h in (*self.taken, hypothesis) if h.start is not None]
+        starts = [h.effect_index for h in (*self.accepted, hypothesis) if h.effect_index is not None]
         if len(starts) > 1:
             return None  # an effect that is known to have changed is in the model (Reference.beside)
-        varies, known = self.varies(starts)
-        weight = inverse(_working(self.old, starts) + _working(self.new, starts) + np.diag(varies))
-        columns = np.array([_direction(h, starts, self.old) for h in (hypothesis, *self.taken)]).T
-        bread = inverse(columns.T @ weight @ columns)
+        varies, known = self.repeat_variance(starts)
+        weight = pseudo_inverse(
+            _white_noise_covariance(self.old, starts) + _white_noise_covariance(self.new, starts) + np.diag(varies)
+        )
+        columns = np.array([_direction(h, starts, self.old) for h in (hypothesis, *self.accepted)]).T
+        bread = pseudo_inverse(columns.T @ weight @ columns)
         contrast = (bread @ columns.T @ weight)[0]
-        difference = _places(self.new, starts) - _places(self.old, starts)
-        parts = np.concatenate([_parts(one, starts, contrast) for one in (self.old, self.new)])
+        difference = _estimates(self.new, starts) - _estimates(self.old, starts)
+        parts = np.concatenate([_block_contributions(one, starts, contrast) for one in (self.old, self.new)])
         drifting = contrast**2 * varies
         error = float(np.sqrt(np.sum(parts**2) + np.sum(drifting)))
         size = float(contrast @ difference)
         if not np.isfinite(error) or error <= 0.0:
             return None
-        if hypothesis.start is not None and not self._can_be(hypothesis.start, size):
+        if hypothesis.effect_index is not None and not self._is_admissible(hypothesis.effect_index, size):
             size = 0.0
         own = known[columns[:, 0] != 0.0].min()
-        return Tested(hypothesis, size, error, min(_freedom(parts, drifting, known), own))
+        return HypothesisTest(hypothesis, size, error, min(_satterthwaite_freedom(parts, drifting, known), own))
 
-    def varies(self, starts: Sequence[int] = ()) -> tuple[Array, Array]:
+    def repeat_variance(self, starts: Sequence[int] = ()) -> tuple[Array, Array]:
         """Return the variance that a healthy difference of two dates has beyond its error, for all coordinates and the
         steps of ``starts`` (k + len(starts),), and its degrees of freedom.
         """
@@ -144,15 +148,15 @@ class Comparison:
         named = (
             [self.names[i] for i in (*range(k), *(k + i for i in starts))] if self.names else [""] * (k + len(starts))
         )
-        variance, freedom = self.drift.of(named)
+        variance, freedom = self.repeatability.variance_and_freedom(named)
         return 2.0 * variance, freedom
 
-    def _can_be(self, start: int, size: float) -> bool:
+    def _is_admissible(self, start: int, size: float) -> bool:
         """Whether the effect is there on the side on which it would be larger: a leak does not fall below none."""
         side = self.new if size > 0.0 else self.old
-        return not side.starts[start].one_sided or float(side.steps[start]) > CARRIED * abs(size)
+        return not side.typical_effects[start].one_sided or float(side.steps[start]) > MIN_ONE_SIDED_SHARE * abs(size)
 
-    def level(self) -> Tested:
+    def residual_level_test(self) -> HypothesisTest:
         """Return how the logarithm of the mean square residual differs, block by block where both have as many."""
         old, new = self.old.levels, self.new.levels
         if old.size == new.size:
@@ -163,46 +167,46 @@ class Comparison:
             mean = float(new.mean() - old.mean())
             error = float(np.hypot(new.std(ddof=1) / np.sqrt(new.size), old.std(ddof=1) / np.sqrt(old.size)))
         blocks = float(min(np.isfinite(self.old.levels).sum(), np.isfinite(self.new.levels).sum()))
-        (varies,), (known,) = self.drift.of([LEVEL])
-        error = float(np.sqrt(error**2 + NOISE_KNOWN**2 + 2.0 * varies))
-        return Tested(Hypothesis(UNEXPLAINED), mean, error, min(max(blocks - 1.0, 1.0), known))
+        (varies,), (known,) = self.repeatability.variance_and_freedom([RESIDUAL_LEVEL])
+        error = float(np.sqrt(error**2 + LOG_NOISE_POWER_ERROR**2 + 2.0 * varies))
+        return HypothesisTest(Hypothesis(UNEXPLAINED), mean, error, min(max(blocks - 1.0, 1.0), known))
 
-    def because(self, *hypotheses: Hypothesis) -> Comparison:
+    def with_accepted(self, *hypotheses: Hypothesis) -> Comparison:
         """Return the comparison in which further things are known to have changed."""
-        return replace(self, taken=(*self.taken, *hypotheses))
+        return replace(self, accepted=(*self.accepted, *hypotheses))
 
 
-def _freedom(parts: Array, drifting: Array, known: Array) -> float:
+def _satterthwaite_freedom(parts: Array, drifting: Array, known: Array) -> float:
     """Return the degrees of freedom of a variance that blocks (B,) and drifts (n,) add up to (F. E. Satterthwaite)."""
     blocks = float(np.sum(parts**2))
-    spread = blocks**2 / effective_number(parts) + float(np.sum(drifting**2 / known))
+    spread = blocks**2 / effective_degrees_of_freedom(parts) + float(np.sum(drifting**2 / known))
     return (blocks + float(np.sum(drifting))) ** 2 / spread
 
 
-def _direction(hypothesis: Hypothesis, starts: Sequence[int], reference: Reference) -> Array:
+def _direction(hypothesis: Hypothesis, starts: Sequence[int], reference: Baseline) -> Array:
     """Return how a hypothesis moves the coordinates and the steps of ``starts``, shape (k + len(starts),)."""
     k = len(reference.coordinates)
     direction = np.zeros(k + len(starts))
     if hypothesis.direction is not None:
         direction[:k] = hypothesis.direction
     else:
-        direction[k + starts.index(hypothesis.start)] = 1.0
+        direction[k + starts.index(hypothesis.effect_index)] = 1.0
     return direction
 
 
-def _places(one: Reference, starts: Sequence[int]) -> Array:
+def _estimates(one: Baseline, starts: Sequence[int]) -> Array:
     """Return the estimates with the effects of ``starts`` in the model, then their steps."""
-    places = one.places.copy()
+    places = one.estimates.copy()
     for i in starts:
         places -= one.bias[:, i] * one.steps[i]
     return np.append(places, one.steps[list(starts)])
 
 
-def _working(one: Reference, starts: Sequence[int]) -> Array:
-    """Return the covariance of :func:`_places` were the residuals white."""
+def _white_noise_covariance(one: Baseline, starts: Sequence[int]) -> Array:
+    """Return the covariance of :func:`_estimates` were the residuals white."""
     k = len(one.coordinates)
     out = np.zeros((k + len(starts), k + len(starts)))
-    out[:k, :k] = one.working
+    out[:k, :k] = one.white_noise_covariance
     for n, i in enumerate(starts):
         bias, variance = one.bias[:, i], 1.0 / one.power[i]
         out[:k, :k] += variance * np.outer(bias, bias)
@@ -211,8 +215,8 @@ def _working(one: Reference, starts: Sequence[int]) -> Array:
     return out
 
 
-def _parts(one: Reference, starts: Sequence[int], contrast: Array) -> Array:
-    """Return what each block adds to a contrast of :func:`_places` (B,).
+def _block_contributions(one: Baseline, starts: Sequence[int], contrast: Array) -> Array:
+    """Return what each block adds to a contrast of :func:`_estimates` (B,).
 
     Where a step is taken, each block is held against the step that the others want (the jackknife, or HC3): one that
     alone shows an effect fits it perfectly, and would else vouch for it without any doubt.
@@ -220,9 +224,13 @@ def _parts(one: Reference, starts: Sequence[int], contrast: Array) -> Array:
     influence, columns = one.influence.copy(), []
     for i in starts:
         step = one.step_influence[:, i]
-        if one.cross is not None and one.share is not None:  # a change that is there is no scatter
-            influence += one.steps[i] * one.cross[i]
-            step = (step - one.steps[i] * one.share[:, i]) / np.maximum(1.0 - one.share[:, i], LEAST)
+        if (
+            one.step_cross_influence is not None and one.block_power_share is not None
+        ):  # a change that is there is no scatter
+            influence += one.steps[i] * one.step_cross_influence[i]
+            step = (step - one.steps[i] * one.block_power_share[:, i]) / np.maximum(
+                1.0 - one.block_power_share[:, i], MIN_LEVERAGE_COMPLEMENT
+            )
         influence -= np.outer(step, one.bias[:, i])
         columns.append(step)
     parts = np.column_stack([influence, *columns]) @ contrast

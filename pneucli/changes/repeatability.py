@@ -15,50 +15,62 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
-from pneucli.changes.baseline import Reference
+from pneucli.changes.baseline import Baseline
 
 Array = NDArray[np.float64]
-Repeat = Mapping[str, Sequence[float]]  # by name: difference from the old model, its error, the error of the old one
-Prior = tuple[float, float]  # degrees of freedom of what is known beforehand of a ratio of variances, and that ratio
+RepeatDifferences = Mapping[
+    str, Sequence[float]
+]  # by name: difference from the old model, its error, the error of the old one
+VariancePrior = tuple[
+    float, float
+]  # degrees of freedom of what is known beforehand of a ratio of variances, and that ratio
 
-LEVEL = "level"
-FEWEST = 8  # ratios from which something is known beforehand
-MOST = 1024.0  # degrees of freedom: as good as any number
-LEAST = 1e-12  # of a ratio: its logarithm is taken
+RESIDUAL_LEVEL = "level"
+MIN_RATIOS = 8  # ratios from which something is known beforehand
+MAX_DEGREES_OF_FREEDOM = 1024.0  # degrees of freedom: as good as any number
+MIN_RATIO = 1e-12  # of a ratio: its logarithm is taken
 
 
 @dataclass(frozen=True)
-class Drift:
+class Repeatability:
     """The variance of each quantity from one healthy date to another, by name, and the degrees of freedom of it."""
 
     variance: Mapping[str, float]
-    freedom: Mapping[str, float]
+    degrees_of_freedom: Mapping[str, float]
 
-    def of(self, names: Sequence[str]) -> tuple[Array, Array]:
+    def variance_and_freedom(self, names: Sequence[str]) -> tuple[Array, Array]:
         """Return variances and degrees of freedom (n,); what no healthy date has shown is taken not to vary."""
         variance = np.array([self.variance.get(n, 0.0) for n in names], dtype=np.float64)
-        return variance, np.array([self.freedom.get(n, MOST) for n in names], dtype=np.float64)
+        return variance, np.array(
+            [self.degrees_of_freedom.get(n, MAX_DEGREES_OF_FREEDOM) for n in names], dtype=np.float64
+        )
 
 
-NONE = Drift({}, {})
+NO_DRIFT = Repeatability({}, {})
 
 
-def names_of(whole: Reference, part: Reference) -> list[str]:
+def quantity_names(whole: Baseline, part: Baseline) -> list[str]:
     """Return the names of the coordinates and starts of ``part``, one of ``whole`` with some left out.
 
     A start is called by its effect and its number among those that the effect has in ``whole``.
     """
-    own = [s.effect for s in whole.starts]
+    own = [s.effect for s in whole.typical_effects]
     numbered = [f"{name}#{own[:i].count(name)}" for i, name in enumerate(own)]
-    return [*(c.name for c in part.coordinates), *(numbered[whole.starts.index(s)] for s in part.starts)]
+    return [
+        *(c.name for c in part.coordinates),
+        *(numbered[whole.typical_effects.index(s)] for s in part.typical_effects),
+    ]
 
 
-def repeat_of(whole: Reference, old: Reference, new: Reference) -> dict[str, list[float]]:
+def repeat_differences(whole: Baseline, old: Baseline, new: Baseline) -> dict[str, list[float]]:
     """Return what a date says of the old model: for each quantity the difference, its error and that of the old one.
 
     ``old`` and ``new`` are aligned, ``whole`` is the old reference as it was.
     """
-    both = [(one.places, _norms(one.influence), one.steps, _norms(one.step_influence)) for one in (old, new)]
+    both = [
+        (one.estimates, _standard_errors(one.influence), one.steps, _standard_errors(one.step_influence))
+        for one in (old, new)
+    ]
     (places, errors, steps, step_errors), (moved, now, stepped, steps_now) = both
     known = [not a.at_bound and not b.at_bound for a, b in zip(old.coordinates, new.coordinates, strict=True)]
     known += [bool(p > 0.0) for p in np.minimum(old.power, new.power)]
@@ -69,17 +81,17 @@ def repeat_of(whole: Reference, old: Reference, new: Reference) -> dict[str, lis
             np.append(errors, step_errors),
         ]
     )
-    told = {n: row.tolist() for n, row, use in zip(names_of(whole, old), rows, known, strict=True) if use}
+    told = {n: row.tolist() for n, row, use in zip(quantity_names(whole, old), rows, known, strict=True) if use}
     levels = [one.levels[np.isfinite(one.levels)] for one in (old, new)]
     errors_of = [float(one.std(ddof=1) / np.sqrt(one.size)) for one in levels]
-    return told | {LEVEL: [float(levels[1].mean() - levels[0].mean()), errors_of[1], errors_of[0]]}
+    return told | {RESIDUAL_LEVEL: [float(levels[1].mean() - levels[0].mean()), errors_of[1], errors_of[0]]}
 
 
-def _norms(influence: Array) -> Array:
+def _standard_errors(influence: Array) -> Array:
     return np.asarray(np.sqrt(np.sum(influence**2, axis=0)))
 
 
-def ratios(repeats: Sequence[Repeat]) -> dict[str, tuple[float, float, float]]:
+def variance_ratios(repeats: Sequence[RepeatDifferences]) -> dict[str, tuple[float, float, float]]:
     """Return for each quantity the variance between dates over that of its estimates, the dates' degrees of freedom,
     and the mean variance of its estimates. The old model is a date as well.
     """
@@ -93,17 +105,17 @@ def ratios(repeats: Sequence[Repeat]) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def known_beforehand(found: Iterable[tuple[float, float]]) -> Prior | None:
+def fit_variance_prior(found: Iterable[tuple[float, float]]) -> VariancePrior | None:
     """Return what many ratios (with their degrees of freedom) say together; None where there are too few.
 
     By the moments of their logarithms: were they all of one true ratio, these would scatter as those of chi-square do.
     """
-    table = np.array([(max(ratio, LEAST), freedom) for ratio, freedom in found])
-    if len(table) < FEWEST:
+    table = np.array([(max(ratio, MIN_RATIO), freedom) for ratio, freedom in found])
+    if len(table) < MIN_RATIOS:
         return None
     logs = np.log(table[:, 0]) - digamma(table[:, 1] / 2) + np.log(table[:, 1] / 2)
     beyond = float(np.var(logs, ddof=1) - np.mean(polygamma(1, table[:, 1] / 2)))
-    freedom = min(2.0 * _trigamma_inverse(beyond), MOST) if beyond > 0.0 else MOST
+    freedom = min(2.0 * _trigamma_inverse(beyond), MAX_DEGREES_OF_FREEDOM) if beyond > 0.0 else MAX_DEGREES_OF_FREEDOM
     return freedom, float(np.exp(np.mean(logs) + digamma(freedom / 2) - np.log(freedom / 2)))
 
 
@@ -119,26 +131,28 @@ def _trigamma_inverse(value: float) -> float:
     return x
 
 
-def drift_of(repeats: Sequence[Repeat], prior: Mapping[str, Prior] | None = None) -> Drift:
+def estimate_repeatability(
+    repeats: Sequence[RepeatDifferences], prior: Mapping[str, VariancePrior] | None = None
+) -> Repeatability:
     """Return what the healthy ``repeats`` of a rig say of its drift; ``prior``: what is known beforehand, by name.
 
     Where nothing is known beforehand of a quantity, all quantities of the rig together tell.
     """
-    found = ratios(repeats)
-    own = known_beforehand((ratio, freedom) for ratio, freedom, _ in found.values()) or (0.0, 1.0)
+    found = variance_ratios(repeats)
+    own = fit_variance_prior((ratio, freedom) for ratio, freedom, _ in found.values()) or (0.0, 1.0)
     variance, freedom = {}, {}
     for name, (ratio, dates, known) in found.items():
         degrees, expected = (prior or {}).get(name, own)
         drawn = (degrees * expected + dates * ratio) / (degrees + dates)
         variance[name], freedom[name] = max(drawn - 1.0, 0.0) * known, degrees + dates
-    return Drift(variance, freedom)
+    return Repeatability(variance, freedom)
 
 
-def pooled(rigs: Iterable[Sequence[Repeat]]) -> dict[str, Prior]:
+def pool_priors(rigs: Iterable[Sequence[RepeatDifferences]]) -> dict[str, VariancePrior]:
     """Return by name what the healthy repeats of many rigs of a kind say together."""
     by_name: dict[str, list[tuple[float, float]]] = {}
     for repeats in rigs:
-        for name, (ratio, dates, _) in ratios(repeats).items():
+        for name, (ratio, dates, _) in variance_ratios(repeats).items():
             by_name.setdefault(name, []).append((ratio, dates))
-    known = {name: known_beforehand(found) for name, found in sorted(by_name.items())}
+    known = {name: fit_variance_prior(found) for name, found in sorted(by_name.items())}
     return {name: one for name, one in known.items() if one is not None}

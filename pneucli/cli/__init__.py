@@ -19,7 +19,7 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.commands import build
-from pneucli.errors import InputError, surroundings
+from pneucli.errors import InputError, environment_error
 
 
 def main() -> None:
@@ -35,7 +35,7 @@ def main() -> None:
         code = _run()
         sys.stdout.flush()
     except BrokenPipeError:
-        console.silence(sys.stdout)
+        console.discard_output(sys.stdout)
         code = 0
     sys.exit(code)
 
@@ -48,23 +48,23 @@ def _run() -> int:
             raise leave.__context__ from None
         return int(leave.code or 0)
     except InputError as error:
-        return _refused(error)
+        return _print_refusal(error)
     except (KeyboardInterrupt, typer.Abort):
         return 130
     except Exception as error:
-        refused = surroundings(error) if isinstance(error, OSError | MemoryError) else None
+        refused = environment_error(error) if isinstance(error, OSError | MemoryError) else None
         if refused:
-            return _refused(refused)
-        console.say(_fault(error))
+            return _print_refusal(refused)
+        console.print_message(_fault_message(error))
         return 3
     return 0
 
 
-def _refused(error: InputError) -> int:
+def _print_refusal(error: InputError) -> int:
     """Tell what is refused, under ``--json`` as JSON as well; return the exit code."""
-    console.say(f"error: {error}")
+    console.print_message(f"error: {error}")
     if "--json" in sys.argv[1:]:
-        console.fault(error)
+        console.print_error(error)
     return error.exit_code
 
 
@@ -83,7 +83,7 @@ def _call(arguments: list[str]) -> None:
     sys.exit(code or 0)
 
 
-def _fault(error: Exception) -> str:
+def _fault_message(error: Exception) -> str:
     trace = "".join(traceback.format_exception(error))
     if "--debug" in sys.argv[1:]:
         return trace.rstrip()

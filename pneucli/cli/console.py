@@ -7,22 +7,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneucli.errors import InputError, printable
-from pneucli.notebook.progress import hush, progress, say, silence
+from pneucli.notebook.progress import discard_output, ignore_message, print_message, progress
 
-__all__ = ["answer", "fault", "hush", "progress", "say", "silence", "tell"]
+__all__ = ["discard_output", "ignore_message", "print_error", "print_json", "print_message", "print_text", "progress"]
 
 
-def tell(text: str) -> None:
+def print_text(text: str) -> None:
     """Print an answer for people; control characters that came in with a name are shown, not obeyed."""
     print(printable(text, keep="\n"))
 
 
-def answer(content: Mapping[str, Any]) -> None:
+def print_json(content: Mapping[str, Any]) -> None:
     """Print the one JSON object of ``--json``."""
     print(json.dumps(content, indent=1, allow_nan=False))
 
 
-def fault(error: InputError) -> None:
+def print_error(error: InputError) -> None:
     """Print an error as the one JSON object of ``--json``."""
     parts = {key: getattr(error, key) for key in ("where", "found", "wanted", "mend")}
-    answer({"schema": "pneucli/error/1", "error": parts, "exit_code": error.exit_code})
+    print_json({"schema": "pneucli/error/1", "error": parts, "exit_code": error.exit_code})

@@ -18,48 +18,54 @@ Made by `make docs` from the commands themselves; a test holds it to them. `pneu
 """
 
 
-def render() -> str:
+def command_line_page() -> str:
     """Return the page: the program, then each command with its arguments and options."""
     program: Any = typer.main.get_command(build())
     pages = [_page(f"pneucli {name}", command) for name, command in program.commands.items()]
     return "\n".join([HEAD, _page("pneucli", program), *pages, f"{EXIT_CODES}\n"])
 
 
-def pages() -> dict[str, str]:
+def generated_pages() -> dict[str, str]:
     """Return every page that is made, by its path below ``docs``."""
     from pneucli.physics.effects import catalogue
     from pneucli.stages.schema import schema_text
 
     known = [effect for _, effect in sorted(catalogue().items())]
-    made = {"cli.md": render(), "effects.md": effects.index(known), "pipeline-file.md": schema.page()}
+    made = {
+        "cli.md": command_line_page(),
+        "effects.md": effects.index_page(known),
+        "pipeline-file.md": schema.keys_page(),
+    }
     made |= {
         "pipeline.schema.json": schema_text(),
-        "gallery.md": effects.gallery(known),
+        "gallery.md": effects.gallery_page(known),
         "own-effect.md": _own_effect(),
     }
-    return made | {f"effects/{effect.name}.md": effects.page(effect) for effect in known}
+    return made | {f"effects/{effect.name}.md": effects.effect_page(effect) for effect in known}
 
 
 def _own_effect() -> str:
     """Return the page on effects of one's own, its example and its table of ports as they are now."""
     text = (DOCS / "own-effect.md").read_text(encoding="utf-8")
     example = (DOCS / "examples" / "rod_wiper.py").read_text(encoding="utf-8")
-    return _between(_between(text, "example", f"```python\n{example}```"), "ports", effects.ports())
+    return _replace_between_marks(
+        _replace_between_marks(text, "example", f"```python\n{example}```"), "ports", effects.ports_table()
+    )
 
 
-def _between(text: str, name: str, made: str) -> str:
+def _replace_between_marks(text: str, name: str, made: str) -> str:
     """Return a page with what stands between two marks replaced."""
     begin, end = f"<!-- made: {name} -->\n\n", f"\n\n<!-- end of {name} -->"
     before, _, rest = text.partition(begin)
     return f"{before}{begin}{made}{end}{rest.partition(end)[2]}"
 
 
-def pictures() -> dict[str, str]:
+def effect_pictures() -> dict[str, str]:
     """Return every effect's picture (SVG), by its path below ``docs``."""
     from pneucli.physics.effects import catalogue
-    from pneucli.report.effect_figures import picture
+    from pneucli.report.effect_figures import effect_figure
 
-    return {f"effects/{name}.svg": picture(effect) for name, effect in sorted(catalogue().items())}
+    return {f"effects/{name}.svg": effect_figure(effect) for name, effect in sorted(catalogue().items())}
 
 
 def _page(title: str, command: Any) -> str:
@@ -78,7 +84,7 @@ def _flags(parameter: Any) -> str:
 def main(docs: Path) -> None:
     """Write all pages and pictures into the folder ``docs``."""
     (docs / "effects").mkdir(exist_ok=True)
-    for name, text in (pages() | pictures()).items():
+    for name, text in (generated_pages() | effect_pictures()).items():
         (docs / name).write_text(text, encoding="utf-8")
 
 

@@ -11,38 +11,40 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, opened
+from pneucli.cli.options import File, Json, Out, Quiet, open_pipeline_file
 from pneucli.errors import InputError, did_you_mean
 
 ADD = "Add effects to [model], identify anew, show the error before and after."
 REMOVE = "Remove effects from [model], identify anew, show the error before and after."
 Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
-Some = Annotated[list[str] | None, typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
+OptionalEffects = Annotated[
+    list[str] | None, typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)
+]
 Suggested = Annotated[bool, typer.Option("--suggested", help="What the diagnosis names, in its order.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the two commands."""
-    app.command("add", help=ADD, epilog=examples.of("add"))(_add)
-    app.command("remove", help=REMOVE, epilog=examples.of("remove"))(_remove)
+    app.command("add", help=ADD, epilog=examples.example_line("add"))(_add)
+    app.command("remove", help=REMOVE, epilog=examples.example_line("remove"))(_remove)
 
 
 def _add(
     pipeline: File,
-    effects: Some = None,
+    effects: OptionalEffects = None,
     suggested: Suggested = False,
     out: Out = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     from pneucli.config import load, plugin_files
-    from pneucli.physics.effects import all_effects, select
+    from pneucli.physics.effects import all_effects, select_effects
 
     if not effects and not suggested:
         raise InputError("pneucli add", "no effect", "names of effects, or --suggested", "pneucli effects lists them")
     config = load(pipeline)
-    chosen = [*(effects or []), *(_answers("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
-    select(chosen, all_effects(plugin_files(config)))
+    chosen = [*(effects or []), *(_stage_answer("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
+    select_effects(chosen, all_effects(plugin_files(config)))
     _change(pipeline, list(dict.fromkeys([*config.model.effects, *chosen])), out, json, quiet)
 
 
@@ -59,21 +61,21 @@ def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = Fals
 def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool) -> None:
     from pneucli.config.effect_edit import set_effects
 
-    before = _answers("compare", file, out, quiet)
+    before = _stage_answer("compare", file, out, quiet)
     present = before["model"]["effects"]
     if effects != present:
         set_effects(file, effects)
-    answer = _difference(before, _answers("compare", file, out, quiet))
+    answer = _difference(before, _stage_answer("compare", file, out, quiet))
     if json:
-        console.answer(answer)
+        console.print_json(answer)
     else:
-        console.tell(messages.of("edit", answer, str(file)))
+        console.print_text(messages.render("edit", answer, str(file)))
 
 
-def _answers(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:
-    say = console.hush if quiet else console.say
+def _stage_answer(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:
+    say = console.ignore_message if quiet else console.print_message
     with console.progress(quiet) as progress:
-        return opened(file, out).bring_up([stage], None, progress, say)[stage].answer
+        return open_pipeline_file(file, out).update([stage], None, progress, say)[stage].answer
 
 
 def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:

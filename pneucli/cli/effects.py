@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pneucli.physics.declaration import Effect, Parameter
     from pneucli.physics.scales import Quantity
 
-HEAD = """# The catalogue of effects
+INDEX_HEAD = """# The catalogue of effects
 
 What the base model may lack. Each page says what the effect does to a residual, what is easily taken for it and which
 experiment tells them apart. Made by `make docs` from the declarations in `pneucli/physics/effects`, as is
@@ -25,7 +25,7 @@ experiment tells them apart. Made by `make docs` from the declarations in `pneuc
 | effect | what it is | part | parameters | shows over | easily taken for |
 | --- | --- | --- | --- | --- | --- |
 """
-TAIL = """
+INDEX_TAIL = """
 [An effect of your own](own-effect.md) is the same declaration in a Python file that the pipeline file names
 (`[model] plugins`); `pneucli effects PIPELINE` knows it too. [A gallery](gallery.md) has a picture of each.
 
@@ -63,9 +63,9 @@ First the three walks through recordings of real rigs.
 
 ![A pressure that decays](img/walk-pressure-decay.svg)
 """
-PICTURED = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
+PICTURE_CAPTION = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
-THESIS = (
+THESIS_REFERENCE = (
     "; the thesis is K. Széll, Direct Modeling and Robust Control of a Servo-pneumatic System, PhD thesis, Budapest "
     "University of Technology and Economics, 2015"
 )
@@ -80,7 +80,7 @@ def register(app: typer.Typer) -> None:
     app.command(
         "effects",
         help=HELP,
-        epilog=examples.of("effects"),
+        epilog=examples.example_line("effects"),
     )(_effects)
 
 
@@ -92,13 +92,13 @@ def _effects(
     second: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.", show_default=False)] = None,
     json: Json = False,
 ) -> None:
-    from pneucli.physics.effects import all_effects, select
+    from pneucli.physics.effects import all_effects, select_effects
 
     pipeline, effect = (first, second) if second is not None or (first or "").endswith(".toml") else (None, first)
     known = all_effects(_plugins(Path(pipeline)) if pipeline else ())
-    chosen = list(known.values()) if effect is None else list(select([effect], known, "effects"))
+    chosen = list(known.values()) if effect is None else list(select_effects([effect], known, "effects"))
     if json:
-        console.answer({"schema": "pneucli/effects/1", "effects": [_content(one) for one in chosen]})
+        console.print_json({"schema": "pneucli/effects/1", "effects": [_content(one) for one in chosen]})
     elif effect is None:
         for one in chosen:
             parameters = ", ".join(f"{p.name} ({p.unit})" for p in one.parameters)
@@ -114,18 +114,18 @@ def _plugins(pipeline: Path) -> list[Path]:
     return plugin_files(load(pipeline))
 
 
-def page(effect: Effect) -> str:
+def effect_page(effect: Effect) -> str:
     """Return the effect's page in Markdown; its picture lies beside it."""
     lines = [f"# {effect.title}", "", f"`{effect.name}`, part: {effect.part}", "", effect.equation, ""]
     lines += [f"| {' | '.join(COLUMNS)} |", "| --- " * len(COLUMNS) + "|"]
     lines += [f"| {' | '.join(_row(p))} |" for p in effect.parameters]
-    lines += ["", f"![What it looks like]({effect.name}.svg)", "", PICTURED]
+    lines += ["", f"![What it looks like]({effect.name}.svg)", "", PICTURE_CAPTION]
     for heading, words in _story(effect, [f"[{twin}]({twin}.md)" for twin in effect.twins]):
         lines += ["", f"## {heading}", "", words]
     return "\n".join([*lines, "", "[All effects](../effects.md)", ""])
 
 
-def index(effects: Iterable[Effect]) -> str:
+def index_page(effects: Iterable[Effect]) -> str:
     """Return the page of all effects in Markdown."""
     from pneucli.physics.scales import SCALES
 
@@ -135,10 +135,10 @@ def index(effects: Iterable[Effect]) -> str:
         for e in effects
     ]
     scales = [f"| {s.name} | {s.unit} | {s.meaning} |" for s in SCALES.values()]
-    return HEAD + "\n".join(rows) + "\n" + TAIL + "\n".join(scales) + "\n"
+    return INDEX_HEAD + "\n".join(rows) + "\n" + INDEX_TAIL + "\n".join(scales) + "\n"
 
 
-def gallery(effects: Sequence[Effect]) -> str:
+def gallery_page(effects: Sequence[Effect]) -> str:
     """Return the page with a picture of every effect, and of the walks, in Markdown."""
     shown = [
         f"## [{e.title}](effects/{e.name}.md)\n\n{e.looks_like}\n\n![{e.title}](effects/{e.name}.svg)\n"
@@ -147,7 +147,7 @@ def gallery(effects: Sequence[Effect]) -> str:
     return "\n".join([GALLERY, *shown])
 
 
-def ports() -> str:
+def ports_table() -> str:
     """Return the table of all ports in Markdown."""
     from pneucli.physics.declaration import PORTS
 
@@ -184,7 +184,7 @@ def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
         ("Easily taken for", ", ".join(twins) or "nothing else in the catalogue"),
         ("What tells them apart" if effect.twins else "How to make sure", effect.separate),
         ("Where it enters the model", f"{ports}."),
-        ("Source", effect.source + (THESIS if "thesis" in effect.source else "")),
+        ("Source", effect.source + (THESIS_REFERENCE if "thesis" in effect.source else "")),
     ]
     if not effect.nested:
         story.insert(0, ("Not nested", "No value of its parameters gives the model without it; it is there or not."))

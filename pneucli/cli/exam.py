@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
     app.command(
         "exam",
         help="Sealed cases with hidden effects, answers to them, and the grading of answers.",
-        epilog=examples.of("exam"),
+        epilog=examples.example_line("exam"),
     )(_exam)
 
 
@@ -44,7 +44,8 @@ def _exam(
         typer.Option(
             "--condition",
             metavar="NAME",
-            help="Repeatable: as many cases of each, by names that + joins to hold at once. " + conditions.listed(),
+            help="Repeatable: as many cases of each, by names that + joins to hold at once. "
+            + conditions.describe_conditions(),
             show_default=False,
         ),
     ] = None,
@@ -72,13 +73,13 @@ def _exam(
     if answer:
         with console.progress(quiet) as progress:
             result = workflow.answer(directory, progress, executor)
-        words = _answered(result)
+        words = _answered_message(result)
     if grade:
         result = workflow.grade(directory)
         words = workflow.to_markdown(result).rstrip()
-        if (told := from_pipeline.tell(directory, directory / workflow.ANSWERS)) is not None:
+        if (told := from_pipeline.write_result(directory, directory / workflow.ANSWERS)) is not None:
             result = result | {"like": told}
-            words = f"{words}\n\n{from_pipeline.read_page(directory / workflow.ANSWERS)}"
+            words = f"{words}\n\n{from_pipeline.read_result_page(directory / workflow.ANSWERS)}"
     if like is not None and not (answer or grade):
         with console.progress(quiet) as progress:
             result = from_pipeline.write(
@@ -91,11 +92,11 @@ def _exam(
             f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
         )
     if json:
-        console.answer(result)
+        console.print_json(result)
     else:
         print(words)
 
 
-def _answered(result: dict[str, Any]) -> str:
+def _answered_message(result: dict[str, Any]) -> str:
     failed = [f"{case} failed: {error}" for case, error in result["failed"].items()]
     return "\n".join([*failed, f"{len(result['answered'])} cases answered, {len(failed)} failed"])

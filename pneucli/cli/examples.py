@@ -25,6 +25,6 @@ _EXAMPLES = {
 }
 
 
-def of(command: str) -> str:
+def example_line(command: str) -> str:
     """Return the last lines of a command's help."""
     return f"Example: {_EXAMPLES[command]}"

@@ -29,7 +29,7 @@ Out = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the command."""
     text = "Many rigs and dates from one template: a pipeline a row, and what changed in which rig."
-    app.command("fleet", help=text, epilog=examples.of("fleet"))(_fleet)
+    app.command("fleet", help=text, epilog=examples.example_line("fleet"))(_fleet)
 
 
 def _fleet(
@@ -42,23 +42,23 @@ def _fleet(
 ) -> None:
     from pneucli.config import load_fleet
     from pneucli.fleet import run as stage
-    from pneucli.fleet.output import checked
+    from pneucli.fleet.output import evaluate_checks
     from pneucli.io.remote_files import is_remote
 
     config = load_fleet(fleet)
     here = Path(out or config.path.parent / "artifacts" / config.fleet.name).absolute()
-    place, say = out if out and is_remote(out) else here, console.hush if quiet else console.say
+    place, say = out if out and is_remote(out) else here, console.ignore_message if quiet else console.print_message
     with console.progress(quiet) as progress:
         answer = stage.run(config, place, executor, progress, say)
-    results = checked(config, answer)
+    results = evaluate_checks(config, answer)
     _print(answer, json, verbose, str(fleet), [str(one) for one in results if not one.passed])
     raise typer.Exit(0 if all(one.passed for one in results) else 1)
 
 
 def _print(answer: dict[str, Any], json: bool, verbose: bool, file: str, failed: list[str]) -> None:
     if json:
-        console.answer(answer)
+        console.print_json(answer)
         return
-    console.tell(messages.of("fleet", answer, file, verbose=verbose))
+    console.print_text(messages.render("fleet", answer, file, verbose=verbose))
     for one in failed:
-        console.tell(f"check    {one}")
+        console.print_text(f"check    {one}")

@@ -10,7 +10,7 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json, shortest
+from pneucli.cli.options import Json, shortest_path
 
 
 def register(app: typer.Typer) -> None:
@@ -18,7 +18,7 @@ def register(app: typer.Typer) -> None:
     app.command(
         "init",
         help="A new pipeline from an example, or from raw files, columns guessed and shown.",
-        epilog=examples.of("init"),
+        epilog=examples.example_line("init"),
     )(_init)
 
 
@@ -46,6 +46,6 @@ def _init(
     stated = {"header": not no_header, "skip_rows": skip_rows, "delimiter": mark, "decimal": decimal}
     answer = init.create(directory, [*(raw or []), *(more or [])], **stated)
     if json:
-        console.answer(answer)
+        console.print_json(answer)
     else:
-        print(messages.of("init", answer, shortest(Path(answer["pipeline"]))))
+        print(messages.render("init", answer, shortest_path(Path(answer["pipeline"]))))

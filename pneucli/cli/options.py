@@ -25,18 +25,18 @@ EXECUTORS = "local (default), dask://host:port, or a TOML file of a cluster"
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no messages on standard error.")]
 
 
-def opened(file: Path, out: Path | None) -> Pipeline:
+def open_pipeline_file(file: Path, out: Path | None) -> Pipeline:
     """Open the pipeline; the file itself is validated only when it has changed (units cost half a second to import)."""
     from pneucli.notebook.run import open_pipeline_of
 
     return open_pipeline_of(file, out)
 
 
-def shortest(path: Path) -> str:
+def shortest_path(path: Path) -> str:
     """Return a path as short as it can be said from here."""
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
-def built(*names: str) -> list[str]:
+def built_stages(*names: str) -> list[str]:
     """Those of the stages that this installation has."""
     return [name for name in names if STAGES[name].built]

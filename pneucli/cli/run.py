@@ -11,10 +11,10 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built, opened, shortest
-from pneucli.cli.stage import doubt, refused
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
+from pneucli.cli.stage import fails_acceptance, print_implausibilities
 from pneucli.messages.run import lines as summary
-from pneucli.stages.history import listed
+from pneucli.stages.history import history_answer
 
 if TYPE_CHECKING:
     from pneucli.pipeline.checks import CheckResult
@@ -26,26 +26,28 @@ STAGES = ("compare", "design", "simulate", "diagnose", "report")
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
-        "run", help="All that is out of date, then the report; exit 1 where a check fails.", epilog=examples.of("run")
+        "run",
+        help="All that is out of date, then the report; exit 1 where a check fails.",
+        epilog=examples.example_line("run"),
     )(_run)
 
 
 def _run(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     from pneucli.pipeline.checks import evaluate
 
-    opened_pipeline = opened(pipeline, out)
-    say = console.hush if quiet else console.say
+    opened_pipeline = open_pipeline_file(pipeline, out)
+    say = console.ignore_message if quiet else console.print_message
     with console.progress(quiet) as progress:
-        done = opened_pipeline.bring_up(built(*STAGES), None, progress, say)
-    if not any(stage.why for stage in done.values()):
+        done = opened_pipeline.update(built_stages(*STAGES), None, progress, say)
+    if not any(stage.reasons for stage in done.values()):
         say("everything is up to date")
     answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
     results = evaluate(opened_pipeline.tables.get("checks", {}), answers, str(pipeline))
     if json:
-        console.answer(_answer(opened_pipeline, done, results))
+        console.print_json(_answer(opened_pipeline, done, results))
     else:
         _print(opened_pipeline, done, results, pipeline, verbose)
-    raise typer.Exit(0 if all(result.passed for result in results) and not refused(done) else 1)
+    raise typer.Exit(0 if all(result.passed for result in results) and not fails_acceptance(done) else 1)
 
 
 def _answer(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult]) -> dict[str, Any]:
@@ -55,8 +57,8 @@ def _answer(pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[Chec
         "stages": [
             {
                 "stage": name,
-                "ran": bool(stage.why),
-                "why": list(stage.why),
+                "ran": bool(stage.reasons),
+                "why": list(stage.reasons),
                 "skipped": (stage.manifest.skipped or {}).get("found"),
                 "seconds": stage.manifest.seconds,
             }
@@ -72,21 +74,21 @@ def _print(
     pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult], file: Path, verbose: bool
 ) -> None:
     answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
-    models = listed(pipeline.artifacts / "compare")
+    models = history_answer(pipeline.artifacts / "compare")
     failed = [str(result) for result in results if not result.passed]
     if verbose:
         for name, stage in done.items():
-            console.tell(f"{name:10}{_state(stage)}")
+            console.print_text(f"{name:10}{_state(stage)}")
             if name in answers:
-                console.tell(textwrap.indent(messages.of(name, answers[name], str(file), verbose=True), "  "))
-    doubt(done)
-    console.tell("\n".join(summary(answers, models, failed, shortest(_report(pipeline)), str(file))))
+                console.print_text(textwrap.indent(messages.render(name, answers[name], str(file), verbose=True), "  "))
+    print_implausibilities(done)
+    console.print_text("\n".join(summary(answers, models, failed, shortest_path(_report(pipeline)), str(file))))
 
 
 def _state(stage: Done) -> str:
     if stage.manifest.skipped is not None:
         return f"does not apply: {stage.manifest.skipped['found']}"
-    return f"ran in {stage.manifest.seconds:.1f} s" if stage.why else "up to date"
+    return f"ran in {stage.manifest.seconds:.1f} s" if stage.reasons else "up to date"
 
 
 def _report(pipeline: Pipeline) -> Path:

@@ -53,7 +53,7 @@ TABLES = {
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("schema", help=HELP, epilog=examples.of("schema"))(_schema)
+    app.command("schema", help=HELP, epilog=examples.example_line("schema"))(_schema)
 
 
 def _schema() -> None:
@@ -62,12 +62,12 @@ def _schema() -> None:
     print(schema_text(), end="")
 
 
-def page() -> str:
+def keys_page() -> str:
     """Return the page of all keys in Markdown."""
-    from pneucli.config.key_reference import keys
+    from pneucli.config.key_reference import all_keys
 
     parts = [HEAD]
-    for table, own in groupby(keys(), key=lambda key: key.table):
+    for table, own in groupby(all_keys(), key=lambda key: key.table):
         title, lead = TABLES.get(table, (f"[{table}]", ""))
         parts += [f"## {title}\n", *([lead + "\n"] if lead else []), _rows(list(own))]
     return "\n".join(parts)

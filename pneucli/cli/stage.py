@@ -11,7 +11,7 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import EXECUTORS, File, Json, Out, Quiet, Verbose, opened
+from pneucli.cli.options import EXECUTORS, File, Json, Out, Quiet, Verbose, open_pipeline_file
 from pneucli.messages import acceptance, plausibility
 from pneucli.pipeline.graph import Stage
 
@@ -45,10 +45,10 @@ def register(app: typer.Typer, stage: Stage) -> None:
     }
     command = special.get(stage.name, _plain(stage.name))
     text = f"{stage.title[0].upper()}{stage.title[1:]}."
-    app.command(stage.name, help=text, epilog=examples.of(stage.name))(command)
+    app.command(stage.name, help=text, epilog=examples.example_line(stage.name))(command)
 
 
-def bring_up(
+def run_stage(
     name: str,
     file: Path,
     out: Path | None,
@@ -58,38 +58,38 @@ def bring_up(
     options: Mapping[str, Any] | None = None,
 ) -> None:
     """Bring the stage up to date and print its answer; without ``options`` those of its last run hold."""
-    say = console.hush if quiet else console.say
-    pipeline = opened(file, out)
+    say = console.ignore_message if quiet else console.print_message
+    pipeline = open_pipeline_file(file, out)
     with console.progress(quiet) as progress:
-        done = pipeline.bring_up([name], None if options is None else {name: options}, progress, say)
+        done = pipeline.update([name], None if options is None else {name: options}, progress, say)
     answer = done[name].answer
     if json:
-        console.answer(answer)
+        console.print_json(answer)
     else:
-        console.tell(messages.of(name, answer, str(file), verbose=verbose))
-        doubt(done)
-    if refused(done):
+        console.print_text(messages.render(name, answer, str(file), verbose=verbose))
+        print_implausibilities(done)
+    if fails_acceptance(done):
         raise typer.Exit(1)
 
 
-def refused(done: Mapping[str, Done]) -> bool:
+def fails_acceptance(done: Mapping[str, Done]) -> bool:
     """Whether the design misses what a strict ``[design]`` asks."""
     designed = done["design"].manifest.answer if "design" in done else None
-    return acceptance.refused((designed or {}).get("gate"))
+    return acceptance.fails_acceptance((designed or {}).get("gate"))
 
 
-def doubt(done: Mapping[str, Done]) -> None:
+def print_implausibilities(done: Mapping[str, Done]) -> None:
     """Print what is implausible in the recordings, behind the answer of every stage that rests on them."""
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
         for line in plausibility.lines(answer):
-            console.tell(line)
+            console.print_text(line)
 
 
 def _plain(name: str) -> Callable[..., None]:
     def command(
         pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
     ) -> None:
-        bring_up(name, pipeline, out, json, quiet, verbose)
+        run_stage(name, pipeline, out, json, quiet, verbose)
 
     return command
 
@@ -121,7 +121,7 @@ def _diagnose(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    bring_up(
+    run_stage(
         "diagnose",
         pipeline,
         out,
@@ -129,33 +129,33 @@ def _diagnose(
         quiet,
         verbose,
         ({"exclude": sorted(set(exclude))} if exclude else {})
-        | _since(since, alarm_rate, quiet, repeat or [])
-        | _where(executor),
+        | _baseline_options(since, alarm_rate, quiet, repeat or [])
+        | _executor_option(executor),
     )
 
 
-def _since(old: Path | None, alarm_rate: float | None, quiet: bool, repeats: list[Path]) -> dict[str, Any]:
+def _baseline_options(old: Path | None, alarm_rate: float | None, quiet: bool, repeats: list[Path]) -> dict[str, Any]:
     """Return the options that ask what changed since ``old``, a pipeline (diagnosed first) or its artifacts.
 
     ``repeats`` are pipelines, or their artifacts, that were held against it before.
     """
     if old is None:
         return {}
-    from pneucli.stages.changes import option, repeat_in
+    from pneucli.stages.changes import baseline_options, read_repeat
 
-    folder = _diagnosed(old, quiet)
-    asked = option(folder, alarm_rate)
-    known = [repeat_in(one / "diagnose" if one.is_dir() else _diagnosed(one, quiet), asked) for one in repeats]
-    return option(folder, alarm_rate, known)
+    folder = _diagnosis_folder(old, quiet)
+    asked = baseline_options(folder, alarm_rate)
+    known = [read_repeat(one / "diagnose" if one.is_dir() else _diagnosis_folder(one, quiet), asked) for one in repeats]
+    return baseline_options(folder, alarm_rate, known)
 
 
-def _diagnosed(old: Path, quiet: bool) -> Path:
+def _diagnosis_folder(old: Path, quiet: bool) -> Path:
     """Return the folder of a diagnosis, which is brought up to date where a pipeline file is named."""
     if old.is_dir():
         return old / "diagnose"
-    pipeline = opened(old, None)
+    pipeline = open_pipeline_file(old, None)
     with console.progress(quiet) as progress:
-        pipeline.bring_up(["diagnose"], None, progress, console.hush if quiet else console.say)
+        pipeline.update(["diagnose"], None, progress, console.ignore_message if quiet else console.print_message)
     return pipeline.artifacts / "diagnose"
 
 
@@ -172,15 +172,15 @@ def _design(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    options = None if compare is None else {"compare": _laws(compare.split(","), "--compare")}
-    bring_up("design", pipeline, out, json, quiet, verbose, options)
+    options = None if compare is None else {"compare": _law_names(compare.split(","), "--compare")}
+    run_stage("design", pipeline, out, json, quiet, verbose, options)
 
 
-def _laws(names: list[str], where: str) -> list[str]:
+def _law_names(names: list[str], where: str) -> list[str]:
     """Check names of laws before anything runs; raises InputError."""
-    from pneucli.controller.laws import laws_named
+    from pneucli.controller.laws import select_laws
 
-    return [law.name for law in laws_named([name.strip() for name in names], where)]
+    return [law.name for law in select_laws([name.strip() for name in names], where)]
 
 
 def _simulate(
@@ -194,10 +194,10 @@ def _simulate(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    bring_up("simulate", pipeline, out, json, quiet, verbose, _where(executor) or None)
+    run_stage("simulate", pipeline, out, json, quiet, verbose, _executor_option(executor) or None)
 
 
-def _where(executor: str | None) -> dict[str, Any]:
+def _executor_option(executor: str | None) -> dict[str, Any]:
     """Return the option that says where work is done; raises InputError at once where nobody is there."""
     if executor is None:
         return {}
@@ -224,23 +224,23 @@ def _export(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    bring_up(
+    run_stage(
         "export",
         pipeline,
         out,
         json,
         quiet,
         verbose,
-        {"to": _with_former(opened(pipeline, out).artifacts, to)}
-        | ({"controller": _laws([controller], "--controller")[0]} if controller else {})
+        {"to": _with_previous_targets(open_pipeline_file(pipeline, out).artifacts, to)}
+        | ({"controller": _law_names([controller], "--controller")[0]} if controller else {})
         | ({"precision": precision.value} if precision != Precision.float64 else {}),
     )
 
 
-def _with_former(artifacts: Path, to: list[Target]) -> list[str]:
+def _with_previous_targets(artifacts: Path, to: list[Target]) -> list[str]:
     """What was exported before stays exported, up to date with the rest."""
     from pneucli.pipeline import manifest
 
-    former = manifest.read(artifacts / "export")
+    former = manifest.read_manifest(artifacts / "export")
     options: Mapping[str, Any] = former.inputs.options if former else {}
     return sorted({*options.get("to", []), *(target.value for target in to)})

@@ -13,25 +13,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneucli.closed_loop.metrics import Metrics, measure
-from pneucli.closed_loop.robustness import TOLERANCES, Axes
-from pneucli.closed_loop.simulation import Bench, Scenario, run
-from pneucli.controller.parameters import Controller, usual_load
-from pneucli.design.air_spring import per_pressure, unmet
-from pneucli.design.cascade_design import reachable, spring_pressure
+from pneucli.closed_loop.metrics import Metrics, evaluate_run
+from pneucli.closed_loop.robustness import TOLERANCES, AxisDistribution
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
+from pneucli.controller.parameters import Controller, nominal_load
+from pneucli.design.air_spring import stiffness_per_pressure, unmet_requirements
+from pneucli.design.cascade_design import chamber_2_pressure, reachable_speed_and_gradient
 from pneucli.design.requirements import Requirements
 from pneucli.physics.gas import PSI_MAX
 from pneucli.simulate.model import Model
 
-DRAWS, SEED = 50, 0
-SPARED = 0.05  # share of the draws that may miss
-SCENARIOS = ("steps", "sine", "load")
-NOMINAL, DRAWN = "the model", "draws"
-UM = 1e6
+DRAW_COUNT, SEED = 50, 0
+ALLOWED_FAILURE_RATE = 0.05  # share of the draws that may miss
+ACCEPTANCE_SCENARIOS = ("steps", "sine", "load")
+NOMINAL_AXIS, DRAWN_AXIS = "the model", "draws"
+MICROMETRES_PER_METRE = 1e6
 
 
 @dataclass(frozen=True)
-class Demand:
+class Criterion:
     """One thing that is asked: its name and limit in ``unit``, and how the figure of a run is found; NaN: not shown.
 
     ``at_least``: the figure shall not be below the limit, else not above.
@@ -43,13 +43,13 @@ class Demand:
     figure: Callable[[Metrics], float]
     at_least: bool = False
 
-    def missed(self, value: float) -> bool:
+    def is_violated(self, value: float) -> bool:
         """Whether a figure misses the limit; one that is not shown does not."""
         return not math.isnan(value) and (value < self.limit if self.at_least else value > self.limit)
 
 
 @dataclass(frozen=True)
-class Missed:
+class Violation:
     """A demand that is missed: the worst figure, on which axis and in which scenario, and the cause ("" if unknown).
 
     ``share`` is that of the draws that miss it.
@@ -66,148 +66,177 @@ class Missed:
 
 
 @dataclass(frozen=True)
-class Gate:
+class AcceptanceResult:
     """What the gate found: demands that are missed, all that was asked, and how many axes were run."""
 
-    missed: tuple[Missed, ...]
-    asked: tuple[Demand, ...]
-    axes: int
+    violations: tuple[Violation, ...]
+    criteria: tuple[Criterion, ...]
+    axis_count: int
 
 
-def demands(wanted: Requirements, controller: Controller) -> list[Demand]:
+def acceptance_criteria(requirements: Requirements, controller: Controller) -> list[Criterion]:
     """Return what is asked of the loop: rest without a cycle always, the rest as stated."""
-    tolerance, push = 2.0 * controller.values["C_REACH"], usual_load(controller.values)
+    tolerance, push = 2.0 * controller.values["C_HOLDING_BAND"], nominal_load(controller.values)
     found = [
-        Demand("tolerance", tolerance, "m", lambda m: m.steady_um / UM),
-        Demand("no limit cycle", tolerance, "m", lambda m: m.cycle_um / UM),
+        Criterion("tolerance", tolerance, "m", lambda m: m.steady_um / MICROMETRES_PER_METRE),
+        Criterion("no limit cycle", tolerance, "m", lambda m: m.cycle_um / MICROMETRES_PER_METRE),
     ]
-    if wanted.settling_time is not None:
-        found.append(Demand("settling_time", wanted.settling_time, "s", lambda m: m.settling_s))
-    if wanted.overshoot is not None:
-        found.append(Demand("overshoot", wanted.overshoot, "m", lambda m: m.overshoot_um / UM))
-    if wanted.tracking_error is not None:
-        found.append(Demand("tracking_error", wanted.tracking_error, "m", lambda m: m.tracking_rms_um / UM))
-    if wanted.stiffness is not None:
-        found.append(Demand("stiffness", wanted.stiffness, "N/m", lambda m: push / (m.peak_um / UM), at_least=True))
+    if requirements.settling_time is not None:
+        found.append(Criterion("settling_time", requirements.settling_time, "s", lambda m: m.settling_s))
+    if requirements.overshoot is not None:
+        found.append(
+            Criterion("overshoot", requirements.overshoot, "m", lambda m: m.overshoot_um / MICROMETRES_PER_METRE)
+        )
+    if requirements.tracking_error is not None:
+        found.append(
+            Criterion(
+                "tracking_error", requirements.tracking_error, "m", lambda m: m.tracking_rms_um / MICROMETRES_PER_METRE
+            )
+        )
+    if requirements.stiffness is not None:
+        found.append(
+            Criterion(
+                "stiffness",
+                requirements.stiffness,
+                "N/m",
+                lambda m: push / (m.peak_um / MICROMETRES_PER_METRE),
+                at_least=True,
+            )
+        )
     return found
 
 
-def stated(wanted: Requirements) -> list[Demand]:
+def gas_spring_criteria(requirements: Requirements) -> list[Criterion]:
     """Return what is asked of the enclosed gas, which no run shows: arrangement and supply tell whether it can be."""
-    asked = (("pressure_level", wanted.pressure_level, "Pa"), ("air_stiffness", wanted.air_stiffness, "N/m"))
-    return [Demand(n, limit, unit, lambda m: math.nan, at_least=True) for n, limit, unit in asked if limit is not None]
+    asked = (
+        ("pressure_level", requirements.pressure_level, "Pa"),
+        ("air_stiffness", requirements.air_stiffness, "N/m"),
+    )
+    return [
+        Criterion(n, limit, unit, lambda m: math.nan, at_least=True) for n, limit, unit in asked if limit is not None
+    ]
 
 
-def axes_of(
-    model: Model, intervals: Mapping[str, tuple[float, float]], sigma: Mapping[str, float], draws: int = DRAWS
+def axis_variants(
+    model: Model, intervals: Mapping[str, tuple[float, float]], sigma: Mapping[str, float], draws: int = DRAW_COUNT
 ) -> Iterator[tuple[str, Model]]:
     """Yield axes by name: the model, one parameter at a time at an end of its interval, and draws of all of them."""
-    yield NOMINAL, model
-    known = model.base() | dict(model.values)
+    yield NOMINAL_AXIS, model
+    known = model.base_values() | dict(model.values)
     for name, ends in sorted(intervals.items()):
         if name in known and all(map(math.isfinite, ends)):
             for word, end in zip(("low", "high"), ends, strict=True):
                 yield f"{name} {word}", model.with_values({name: end})
-    drawn = Axes(model, sigma, TOLERANCES, ())
+    drawn = AxisDistribution(model, sigma, TOLERANCES, ())
     for k in range(draws):
-        yield DRAWN, drawn.draw(SEED, k)[0]
+        yield DRAWN_AXIS, drawn.draw(SEED, k)[0]
 
 
-def gate(
+def check_acceptance(
     controller: Controller,
-    wanted: Requirements,
+    requirements: Requirements,
     scenarios: Sequence[Scenario],
-    bench: Bench,
+    setup: ClosedLoopSetup,
     axes: Sequence[tuple[str, Model]],
     progress: Callable[[float], None] = lambda share: None,
-) -> Gate:
+) -> AcceptanceResult:
     """Run the controller on every axis and return what it misses."""
-    asked = demands(wanted, controller)
+    asked = acceptance_criteria(requirements, controller)
     rows: list[tuple[str, str, dict[str, float]]] = []
     for i, (name, model) in enumerate(axes):
         progress(i / len(axes))
         for scenario in scenarios:
-            figures = measure(run(model, controller, scenario, bench, seed=SEED + i), model, controller)
+            figures = evaluate_run(simulate(model, controller, scenario, setup, seed=SEED + i), model, controller)
             rows.append((name, scenario.name, {d.name: d.figure(figures) for d in asked}))
-    missed = [_judged(demand, rows, controller, wanted, scenarios) for demand in asked]
-    spring = unmet(wanted, controller.values, air_spring(controller.values))
-    missed += [Missed(u.name, u.limit, u.found, u.unit, NOMINAL, "the enclosed gas", 0.0, u.cause) for u in spring]
-    return Gate(tuple(one for one in missed if one is not None), (*asked, *stated(wanted)), len(axes))
+    missed = [_violation(demand, rows, controller, requirements, scenarios) for demand in asked]
+    spring = unmet_requirements(requirements, controller.values, min_air_stiffness(controller.values))
+    missed += [
+        Violation(u.name, u.limit, u.found, u.unit, NOMINAL_AXIS, "the enclosed gas", 0.0, u.cause) for u in spring
+    ]
+    return AcceptanceResult(
+        tuple(one for one in missed if one is not None), (*asked, *gas_spring_criteria(requirements)), len(axes)
+    )
 
 
-def _judged(
-    demand: Demand,
+def _violation(
+    demand: Criterion,
     rows: Sequence[tuple[str, str, Mapping[str, float]]],
     controller: Controller,
     wanted: Requirements,
     scenarios: Sequence[Scenario],
-) -> Missed | None:
+) -> Violation | None:
     """Return how a demand is missed, None where it is kept."""
-    drawn = [demand.missed(figures[demand.name]) for axis, _, figures in rows if axis == DRAWN]
+    drawn = [demand.is_violated(figures[demand.name]) for axis, _, figures in rows if axis == DRAWN_AXIS]
     per_draw = np.reshape(drawn, (-1, len(scenarios))).any(axis=1) if drawn else np.zeros(1, dtype=bool)
     share = float(np.mean(per_draw))
-    counted = [r for r in rows if demand.missed(r[2][demand.name]) and (r[0] != DRAWN or share > SPARED)]
+    counted = [
+        r
+        for r in rows
+        if demand.is_violated(r[2][demand.name]) and (r[0] != DRAWN_AXIS or share > ALLOWED_FAILURE_RATE)
+    ]
     if not counted:
         return None
     sign = -1.0 if demand.at_least else 1.0
-    axis, scenario, figures = max(counted, key=lambda r: (r[0] == NOMINAL, sign * r[2][demand.name]))
-    why = cause(demand, controller, wanted, scenarios)
-    return Missed(demand.name, demand.limit, figures[demand.name], demand.unit, axis, scenario, share, why)
+    axis, scenario, figures = max(counted, key=lambda r: (r[0] == NOMINAL_AXIS, sign * r[2][demand.name]))
+    why = limiting_cause(demand, controller, wanted, scenarios)
+    return Violation(demand.name, demand.limit, figures[demand.name], demand.unit, axis, scenario, share, why)
 
 
-def cause(demand: Demand, controller: Controller, wanted: Requirements, scenarios: Sequence[Scenario]) -> str:
+def limiting_cause(
+    demand: Criterion, controller: Controller, requirements: Requirements, scenarios: Sequence[Scenario]
+) -> str:
     """Return what of the plant keeps a demand from being reached, in words; "" where it is none of these."""
     c = controller.values
     if demand.name == "settling_time":
-        way, least = _longest_step(scenarios), shortest_time(c, _longest_step(scenarios))
+        way, least = _longest_step(scenarios), min_travel_time(c, _longest_step(scenarios))
         if demand.limit < least:
             return f"the valve is too small: {1e3 * way:.3g} mm take at least {least:.3g} s"
     if demand.name == "tracking_error":
-        asked, speed = max(_fastest(s, c["C_PERIOD"]) for s in scenarios), reachable(c)[0]
+        asked, speed = max(_fastest(s, c["C_PERIOD"]) for s in scenarios), reachable_speed_and_gradient(c)[0]
         if asked > speed:
             return f"the valve is too small: {1e3 * asked:.3g} mm/s are asked, it keeps up with {1e3 * speed:.3g} mm/s"
-    if demand.name == "stiffness" and demand.limit > (most := stiffest(c)):
+    if demand.name == "stiffness" and demand.limit > (most := max_load_stiffness(c)):
         return f"the valve is too small and the air spring too soft: both together give at most {most:.3g} N/m"
     if demand.name in ("tolerance", "no limit cycle"):
-        least = max(wanted.quantum_x, 2.0 * wanted.noise_x)
+        least = max(requirements.quantum_x, 2.0 * requirements.noise_x)
         if demand.limit < least:
-            return f"the position sensor is too coarse: {UM * least:.3g} um"
+            return f"the position sensor is too coarse: {MICROMETRES_PER_METRE * least:.3g} um"
     return ""
 
 
-def shortest_time(c: Mapping[str, float], way: float) -> float:
+def min_travel_time(c: Mapping[str, float], distance: float) -> float:
     """Return the least time in s that a way in m takes: at the speed that the valve keeps up with."""
-    return way / reachable(c)[0]
+    return distance / reachable_speed_and_gradient(c)[0]
 
 
-def stiffest(c: Mapping[str, float]) -> float:
+def max_load_stiffness(c: Mapping[str, float]) -> float:
     """Return the largest load over deflection in N/m that any controller reaches when a usual load jumps on.
 
     What friction leaves of the load F meets the force that the valve builds at its full rate R from the first moment:
     ``m dv/dt = F - R t`` comes to rest after ``2 F^3 / (3 m R^2)``. The enclosed gas helps beside it.
     """
-    push, rate = usual_load(c), force_rate(c)
+    push, rate = nominal_load(c), max_force_rate(c)
     left = push - c["C_STATIC"]
     if left <= 0.0:
         return math.inf
-    return 1.5 * push / left * c["C_MASS"] * (rate / left) ** 2 + air_spring(c)
+    return 1.5 * push / left * c["C_MASS"] * (rate / left) ** 2 + min_air_stiffness(c)
 
 
-def force_rate(c: Mapping[str, float]) -> float:
+def max_force_rate(c: Mapping[str, float]) -> float:
     """Return the most in N/s at which the open valve builds force in the middle of the stroke: both ways choked."""
     choked, half = c["C_GAMMA_R_T"] * c["C_K_GAS"] * c["C_SUPPLY"] * PSI_MAX, 0.5 * c["C_STROKE"]
-    one = c["C_AREA_1"] / (c["C_DEAD_1"] + c["C_AREA_1"] * half) * max(c["C_AREA_FILL"], c["C_AREA_VENT"])
-    two = c["C_AREA_2"] / (c["C_DEAD_2"] + c["C_AREA_2"] * half) * max(c["C_AREA_FILL_2"], c["C_AREA_VENT_2"])
+    one = c["C_AREA_1"] / (c["C_DEAD_VOLUME_1"] + c["C_AREA_1"] * half) * max(c["C_AREA_FILL"], c["C_AREA_VENT"])
+    two = c["C_AREA_2"] / (c["C_DEAD_VOLUME_2"] + c["C_AREA_2"] * half) * max(c["C_AREA_FILL_2"], c["C_AREA_VENT_2"])
     driven = c["C_TWO_VALVES"] > 0.5 or c["C_MIRRORED"] > 0.5
     return choked * (one + two * driven)
 
 
-def air_spring(c: Mapping[str, float]) -> float:
+def min_air_stiffness(c: Mapping[str, float]) -> float:
     """Return the least stiffness in N/m of the enclosed gas over the middle 60 % of the stroke (isentropic)."""
     x = np.linspace(0.2, 0.8, 25) * c["C_STROKE"]
-    p2 = spring_pressure(c, x)
+    p2 = chamber_2_pressure(c, x)
     p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
-    one, two = per_pressure(c, x)
+    one, two = stiffness_per_pressure(c, x)
     return float(np.min(p1 * one + p2 * two))
 
 

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FAINT = 1e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
+SINGULAR_VALUE_TOLERANCE = (
+    1e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
+)
 
 
 @dataclass(frozen=True)
-class System:
+class DiscreteSystem:
     """A sampled linear system: ``x+ = A x + B u``, ``y = C x + D u``; u and y in SI."""
 
     A: Array
@@ -21,7 +23,7 @@ class System:
     C: Array
     D: Array
 
-    def at(self, z: Array) -> Array:
+    def transfer_matrix(self, z: Array) -> Array:
         """Return the transfer matrix at the complex numbers ``z`` (n,): shape (n, outputs, inputs)."""
         if not self.A.size:
             return np.broadcast_to(self.D.astype(complex), (z.size, *self.D.shape))
@@ -29,7 +31,7 @@ class System:
         return np.asarray(self.C @ np.linalg.solve(inner, self.B.astype(complex)[None]) + self.D)
 
 
-def realised(markov: Array) -> tuple[System, float]:
+def realise_impulse_response(markov: Array) -> tuple[DiscreteSystem, float]:
     """Return a system whose answer to an impulse is ``markov`` (n, outputs, inputs), and what it misses of it (share).
 
     Ho and Kalman (1966), by the singular values of the block Hankel matrix (Kung 1978); outputs and inputs are to be
@@ -40,25 +42,25 @@ def realised(markov: Array) -> tuple[System, float]:
     rows = np.arange(half)[:, None] + np.arange(half)
     hankel, shifted = (markov[rows + i].transpose(0, 2, 1, 3).reshape(half * outputs, half * inputs) for i in (0, 1))
     left, size, right = np.linalg.svd(hankel, full_matrices=False)
-    order = int(np.sum(size > FAINT * size[0]))
+    order = int(np.sum(size > SINGULAR_VALUE_TOLERANCE * size[0]))
     root = np.sqrt(size[:order])
     U, V = left[:, :order], right[:order].T
     A, B, C = (U / root).T @ shifted @ (V / root), (V * root).T[:, :inputs], (U * root)[:outputs]
-    missed = float(np.max(np.abs(impulse(A, B, C, n) - markov)))
-    return System(A, B, C, np.zeros((outputs, inputs))), missed
+    missed = float(np.max(np.abs(impulse_response(A, B, C, n) - markov)))
+    return DiscreteSystem(A, B, C, np.zeros((outputs, inputs))), missed
 
 
-def late(system: System, samples: int) -> System:
+def with_input_delay(system: DiscreteSystem, samples: int) -> DiscreteSystem:
     """Return a system whose inputs take effect so many samples later."""
     m = system.B.shape[1]
     for _ in range(samples):
         A = np.block([[system.A, system.B], [np.zeros((m, len(system.A) + m))]])
         B = np.vstack([np.zeros((len(system.A), m)), np.eye(m)])
-        system = System(A, B, np.hstack([system.C, np.zeros((len(system.C), m))]), system.D)
+        system = DiscreteSystem(A, B, np.hstack([system.C, np.zeros((len(system.C), m))]), system.D)
     return system
 
 
-def impulse(A: Array, B: Array, C: Array, n: int) -> Array:
+def impulse_response(A: Array, B: Array, C: Array, n: int) -> Array:
     """Return the answer of a sampled system to an impulse, from the sample after it on: (n, outputs, inputs)."""
     found, state = np.empty((n, len(C), B.shape[1])), B
     for i in range(n):
@@ -67,9 +69,9 @@ def impulse(A: Array, B: Array, C: Array, n: int) -> Array:
     return np.nan_to_num(found, nan=np.inf, posinf=np.inf, neginf=-np.inf)
 
 
-def told(system: System) -> System:
+def observable_part(system: DiscreteSystem) -> DiscreteSystem:
     """Return a system without the states that no way leads from to an output."""
     kept = np.any(system.C != 0.0, axis=0)
     while np.any(more := np.any(system.A[kept] != 0.0, axis=0) & ~kept):
         kept |= more
-    return System(system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D)
+    return DiscreteSystem(system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D)

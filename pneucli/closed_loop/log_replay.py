@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.closed_loop.simulation import Bench, Run, Scenario, run
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError
@@ -21,36 +21,36 @@ Array = NDArray[np.float64]
 
 Engine = Callable[[Mapping[str, Array], str], Array]  # signals of a log and how it began -> rows (n, L_ROW)
 
-SMALL = 0.01  # of what a log rounds away
-DRAWS = 8
-SAME_PERIOD = 0.01  # share by which the periods of log and controller may differ
+SMALL_ROUNDING = 0.01  # of what a log rounds away
+NOISE_DRAWS = 8
+PERIOD_TOLERANCE = 0.01  # share by which the periods of log and controller may differ
 SEED = 0
 
 
 @dataclass(frozen=True)
-class Log:
+class ControllerLog:
     """A log on the controller's own grid: sample k at ``k`` periods, NaN where nothing was logged.
 
-    ``signals`` by name, each of shape (n,); ``places``: sample of the grid at which each sample of the recording lies.
+    ``signals`` by name, each of shape (n,); ``grid_indices``: sample of the grid at which each sample of the recording lies.
     """
 
     signals: dict[str, Array]
-    places: NDArray[np.int64]
+    grid_indices: NDArray[np.int64]
 
     def __getitem__(self, name: str) -> Array:
         return self.signals[name]
 
 
 @dataclass(frozen=True)
-class Replayed:
+class Replay:
     """What the controller commands at a log's readings: ``log`` rows of design.layout (n, L_ROW), and how it began.
 
-    ``read``: the signals that it is taken to have read, a logged supply pressure among them where it was told it.
+    ``readings``: the signals that it is taken to have read, a logged supply pressure among them where it was told it.
     """
 
     log: Array
-    began: str
-    read: Mapping[str, Array]
+    start_mode: str
+    readings: Mapping[str, Array]
 
     @property
     def commands(self) -> Array:
@@ -58,9 +58,9 @@ class Replayed:
         return self.log[:, [layout.L_U1, layout.L_U2]]
 
 
-def log_of(recording: Recording, controller: Controller) -> Log:
+def log_on_grid(recording: Recording, controller: Controller) -> ControllerLog:
     """Return a recording on the controller's grid; raises InputError where it was not logged at every sample."""
-    if abs(recording.period - controller.period) > SAME_PERIOD * controller.period:
+    if abs(recording.period - controller.period) > PERIOD_TOLERANCE * controller.period:
         found = f"a sample every {recording.period:g} s, and the controller has a period of {controller.period:g} s"
         mend = 'log every sample of the controller, or write controller = "unknown"'
         raise InputError(f"recording {recording.name}", found, "one sample a period", mend)
@@ -69,10 +69,10 @@ def log_of(recording: Recording, controller: Controller) -> Log:
     for name, values in recording.signals.items():
         signals[name] = np.full(places[-1] + 1, np.nan)
         signals[name][places] = values
-    return Log(signals, places)
+    return ControllerLog(signals, places)
 
 
-def replayed(engine: Engine, log: Log) -> Replayed:
+def find_replay(engine: Engine, log: ControllerLog) -> Replay:
     """Return what the controller commands at what was logged that it read.
 
     It began with the log, or ran before: then as a reset from the first readings and commands. A supply pressure that
@@ -81,11 +81,11 @@ def replayed(engine: Engine, log: Log) -> Replayed:
     told = [log.signals]
     if "p_supply" in log.signals:
         told.append({name: values for name, values in log.signals.items() if name != "p_supply"})
-    found = [Replayed(engine(read, began), began, read) for read in told for began in ("with", "before")]
+    found = [Replay(engine(read, began), began, read) for read in told for began in ("with", "before")]
     return min(found, key=lambda one: float(np.nanmean((one.commands[:, 0] - log["u"]) ** 2)))
 
 
-def rounding(engine: Engine, log: Log, replay: Replayed, steps: Mapping[str, float]) -> float:
+def replay_rounding_error(engine: Engine, log: ControllerLog, replay: Replay, steps: Mapping[str, float]) -> float:
     """Return by how much in V (rms) a replay is off because a log rounds readings to ``steps`` (SI, by signal).
 
     From DRAWS of that rounding: most commands follow it in proportion, and a few decisions, such as to leave the
@@ -93,25 +93,25 @@ def rounding(engine: Engine, log: Log, replay: Replayed, steps: Mapping[str, flo
     proportion is found by itself, from a hundredth of the rounding, and is the least.
     """
     rng, squares = np.random.default_rng(SEED), []
-    for size in (SMALL, *DRAWS * (1.0,)):
-        shaken = dict(replay.read)
+    for size in (SMALL_ROUNDING, *NOISE_DRAWS * (1.0,)):
+        shaken = dict(replay.readings)
         for name in sorted(steps.keys() & shaken.keys()):
-            moves = _moves(log[name]) if name == "x_ref" else 1.0  # a reference that rests is none that is rounded
+            moves = _is_moving(log[name]) if name == "x_ref" else 1.0  # a reference that rests is none that is rounded
             noise = size * steps[name] / np.sqrt(12.0) * rng.standard_normal(log[name].size)
             shaken[name] = log[name] + moves * noise
-        off = np.abs(engine(shaken, replay.began)[:, layout.L_U1] - replay.commands[:, 0])
-        kept = off[off <= np.percentile(off, 99.0)] if size == SMALL else off
+        off = np.abs(engine(shaken, replay.start_mode)[:, layout.L_U1] - replay.commands[:, 0])
+        kept = off[off <= np.percentile(off, 99.0)] if size == SMALL_ROUNDING else off
         squares.append(float(np.mean(kept**2)) / size**2)
-    return math.sqrt(max(squares[0], math.fsum(squares[1:]) / DRAWS))
+    return math.sqrt(max(squares[0], math.fsum(squares[1:]) / NOISE_DRAWS))
 
 
-def _moves(values: Array) -> Array:
+def _is_moving(values: Array) -> Array:
     """Return 1 where a signal changes from its neighbours before and after, else 0."""
     changes = np.concatenate([[False], np.diff(values) != 0.0, [False]])
     return np.asarray(changes[:-1] & changes[1:], dtype=np.float64)
 
 
-def resolution(values: Array) -> float:
+def log_resolution(values: Array) -> float:
     """Return the decimal step to which a log rounds a signal, in its unit; 0 where it shows none."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     steps = steps[steps > 0.0]
@@ -126,54 +126,58 @@ def resolution(values: Array) -> float:
     return 0.0
 
 
-def foretold(model: Model, controller: Controller, log: Log, bench: Bench) -> Run:
+def predict_loop(model: Model, controller: Controller, log: ControllerLog, setup: ClosedLoopSetup) -> Run:
     """Return the loop as the model has it, under the log's references, from where the log begins.
 
-    Noise decides how a piston sticks at each turn: of ``DRAWS`` draws of it the one whose error is the median.
+    Noise decides how a piston sticks at each turn: of ``NOISE_DRAWS`` draws of it the one whose error is the median.
     """
     scenario = _scenario(model, controller, log)
-    runs = [run(model, controller, scenario, bench, SEED + k) for k in range(DRAWS)]
-    return sorted(runs, key=lambda one: float(np.mean((one.model[:, at.X] - scenario.reference) ** 2)))[DRAWS // 2]
+    runs = [simulate(model, controller, scenario, setup, SEED + k) for k in range(NOISE_DRAWS)]
+    return sorted(runs, key=lambda one: float(np.mean((one.model[:, at.X] - scenario.reference) ** 2)))[
+        NOISE_DRAWS // 2
+    ]
 
 
-def measured(model: Model, controller: Controller, log: Log, replay: Replayed) -> Run:
+def logged_loop(model: Model, controller: Controller, log: ControllerLog, replay: Replay) -> Run:
     """Return the loop as it was logged, in the form of a simulated one; the estimates are those of the replay."""
     scenario = _scenario(model, controller, log)
     out, rows = np.zeros((scenario.reference.size, at.OUTPUTS)), replay.log.copy()
     for place, name in ((at.X, "x"), (at.P1, "p1"), (at.P2, "p2")):
-        out[:, place] = _filled(log[name]) if name in log.signals else np.nan
-    rows[:, layout.L_U1] = _filled(log["u"])
+        out[:, place] = _interpolate_gaps(log[name]) if name in log.signals else np.nan
+    rows[:, layout.L_U1] = _interpolate_gaps(log["u"])
     if "u2" in log.signals:
-        rows[:, layout.L_U2] = _filled(log["u2"])
+        rows[:, layout.L_U2] = _interpolate_gaps(log["u2"])
     time: Array = controller.period * np.arange(scenario.reference.size, dtype=np.float64)
     return Run(scenario, time, out, rows)
 
 
-def _scenario(model: Model, controller: Controller, log: Log) -> Scenario:
-    reference, n = _filled(log["x_ref"]), log["x_ref"].size
-    base = model.base()
-    p1 = _filled(log["p1"])[0]
-    p2 = _filled(log["p2"])[0] if "p2" in log.signals else controller.values["C_P_MEAN"]
-    supply = _filled(log["p_supply"]) if "p_supply" in log.signals else np.full(n, base["rig.supply_pressure"])
-    force = _filled(log["force"]) if "force" in log.signals else np.zeros(n)
-    start = float(_filled(log["x"])[0]), float(p1), float(p2)
+def _scenario(model: Model, controller: Controller, log: ControllerLog) -> Scenario:
+    reference, n = _interpolate_gaps(log["x_ref"]), log["x_ref"].size
+    base = model.base_values()
+    p1 = _interpolate_gaps(log["p1"])[0]
+    p2 = _interpolate_gaps(log["p2"])[0] if "p2" in log.signals else controller.values["C_P_MEAN"]
+    supply = (
+        _interpolate_gaps(log["p_supply"]) if "p_supply" in log.signals else np.full(n, base["rig.supply_pressure"])
+    )
+    force = _interpolate_gaps(log["force"]) if "force" in log.signals else np.zeros(n)
+    start = float(_interpolate_gaps(log["x"])[0]), float(p1), float(p2)
     return Scenario("log", reference, force, supply, start)
 
 
-def _filled(values: Array) -> Array:
+def _interpolate_gaps(values: Array) -> Array:
     """Return a signal, its gaps bridged by straight lines."""
     known = np.flatnonzero(np.isfinite(values))
     return np.interp(np.arange(values.size), known, values[known]) if known.size else np.zeros(values.size)
 
 
-def bench_from(recording: Recording, told: Bench) -> Bench:
+def setup_from_recording(recording: Recording, designed_setup: ClosedLoopSetup) -> ClosedLoopSetup:
     """Return sensors as noisy as the log's own; what it does not tell is as in the design."""
     noise = recording.noise
     x, p = noise.get("x"), noise.get("p1")
     coarse = x is not None and x.rms <= x.step
     return replace(
-        told,
-        noise_x=told.noise_x if x is None else 0.0 if coarse else x.rms,
-        quantum_x=told.quantum_x if x is None else x.step,
-        noise_p=told.noise_p if p is None else p.rms,
+        designed_setup,
+        noise_x=designed_setup.noise_x if x is None else 0.0 if coarse else x.rms,
+        quantum_x=designed_setup.quantum_x if x is None else x.step,
+        noise_p=designed_setup.noise_p if p is None else p.rms,
     )

@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.closed_loop.linearisation import Linear, linearised, smooth
-from pneucli.closed_loop.simulation import Bench
+from pneucli.closed_loop.linearisation import LinearisedLoop, linearise, without_nonsmooth_effects
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-PLACES = (0.3, 0.5, 0.7)  # of the stroke
-FREQUENCIES = 1200
-LOWEST = 0.05  # of the position loop's corner: what is slower is the way that the piston makes meanwhile
-REAL = 0.02  # rad off the real axis: at half the sampling rate, and at the low end, a ratio is real
-COMMANDS, POSITION = ("command", "command 2"), "position"
+STROKE_FRACTIONS = (0.3, 0.5, 0.7)  # of the stroke
+FREQUENCY_COUNT = 1200
+MIN_FREQUENCY_RATIO = 0.05  # of the position loop's corner: what is slower is the way that the piston makes meanwhile
+REAL_AXIS_TOLERANCE = 0.02  # rad off the real axis: at half the sampling rate, and at the low end, a ratio is real
+COMMAND_LOOPS, POSITION_LOOP = ("command", "command 2"), "position"
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class Cut:
+class LoopCut:
     """A loop cut open at one operating point: where, its return ratio over the frequencies in rad/s, its margins."""
 
     loop: str
@@ -61,68 +61,70 @@ class Cut:
 
 
 @dataclass(frozen=True)
-class Looked:
+class MarginAnalysis:
     """All cuts, the poles (1/s) of the closed loop at each operating point (x, speed), and what was left out.
 
-    ``stuck``: operating points (x, direction) at which the piston does not slide steadily, so that nothing can be said.
-    ``left_out``: titles of effects without a small-signal answer.
+    ``sticking_points``: operating points (x, direction) at which the piston does not slide steadily, so that nothing can be said.
+    ``excluded_effects``: titles of effects without a small-signal answer.
     """
 
-    cuts: tuple[Cut, ...]
+    cuts: tuple[LoopCut, ...]
     poles: dict[tuple[float, float], Complex]
-    stuck: tuple[tuple[float, float], ...]
-    left_out: tuple[str, ...]
-    slowest: float
+    sticking_points: tuple[tuple[float, float], ...]
+    excluded_effects: tuple[str, ...]
+    slow_pole_limit: float
 
-    def unstable(self, point: tuple[float, float]) -> bool:
+    def is_unstable(self, point: tuple[float, float]) -> bool:
         """Whether a loop grows at an operating point, other than so slowly that the piston has gone by then."""
-        return bool(np.max(self.poles[point].real) > self.slowest)
+        return bool(np.max(self.poles[point].real) > self.slow_pole_limit)
 
 
-def look(
+def analyse_margins(
     model: Model,
     controller: Controller,
-    bench: Bench,
+    setup: ClosedLoopSetup,
     corner: float,
     progress: Callable[[float], None] = lambda share: None,
-) -> Looked:
+) -> MarginAnalysis:
     """Return margins and poles at PLACES of the stroke, both ways; ``corner`` is the position loop's in rad/s."""
-    smoothed, left = smooth(model)
-    cuts: list[Cut] = []
+    smoothed, left = without_nonsmooth_effects(model)
+    cuts: list[LoopCut] = []
     poles, stuck = {}, []
-    points = [(share * controller.values["C_STROKE"], way) for share in PLACES for way in (1.0, -1.0)]
+    points = [(share * controller.values["C_STROKE"], way) for share in STROKE_FRACTIONS for way in (1.0, -1.0)]
     for i, (x, way) in enumerate(points):
         progress(i / len(points))
-        if (one := linearised(smoothed, controller, bench, corner, x, way)) is None:
+        if (one := linearise(smoothed, controller, setup, corner, x, way)) is None:
             stuck.append((x, way))
             continue
-        cuts += cut_open(one, LOWEST * corner)
-        poles[x, one.speed] = poles_of(one)
-    return Looked(tuple(cuts), poles, tuple(stuck), left, LOWEST * corner)
+        cuts += cut_loops(one, MIN_FREQUENCY_RATIO * corner)
+        poles[x, one.speed] = closed_loop_poles(one)
+    return MarginAnalysis(tuple(cuts), poles, tuple(stuck), left, MIN_FREQUENCY_RATIO * corner)
 
 
-def cut_open(one: Linear, lowest: float) -> list[Cut]:
+def cut_loops(one: LinearisedLoop, lowest: float) -> list[LoopCut]:
     """Return the loop cut at each command and at the position's reading, from ``lowest`` (rad/s) on."""
-    frequency = np.geomspace(lowest, math.pi / one.period, FREQUENCIES)
+    frequency = np.geomspace(lowest, math.pi / one.period, FREQUENCY_COUNT)
     z = np.exp(1j * frequency * one.period)
-    P, C = one.axis.at(z), one.law.at(z)
-    ratios = {name: ratio(-C @ P, i) for i, name in enumerate(COMMANDS[: C.shape[1]])} | {POSITION: ratio(-P @ C, 0)}
-    return [Cut(n, one.x, one.speed, frequency, L, margins_of(frequency, L)) for n, L in ratios.items()]
+    P, C = one.axis.transfer_matrix(z), one.controller.transfer_matrix(z)
+    ratios = {name: return_ratio(-C @ P, i) for i, name in enumerate(COMMAND_LOOPS[: C.shape[1]])} | {
+        POSITION_LOOP: return_ratio(-P @ C, 0)
+    }
+    return [LoopCut(n, one.x, one.speed, frequency, L, stability_margins(frequency, L)) for n, L in ratios.items()]
 
 
-def ratio(loops: NDArray[Any], i: int) -> Complex:
+def return_ratio(loops: NDArray[Any], i: int) -> Complex:
     """Return the return ratio of loop i of several (n, m, m), the others closed: ``1 + L = det / det of these``."""
     whole, others = np.eye(loops.shape[1]) + loops, np.delete(np.arange(loops.shape[1]), i)
     return np.asarray(np.linalg.det(whole) / np.linalg.det(whole[:, others][:, :, others]) - 1.0)
 
 
-def margins_of(frequency: Array, L: Complex) -> Margins:
+def stability_margins(frequency: Array, L: Complex) -> Margins:
     """Return the margins of a return ratio over frequencies in rad/s; between samples by straight lines."""
     size, angle = np.log(np.abs(L)), np.unwrap(np.angle(-L))  # of -L, which is 0 where L lies on the negative axis
     at_one = _crossings(size)
-    phases = np.array([_between(angle, i, w) for i, w in at_one])
-    speeds = np.array([_between(frequency, i, w) for i, w in at_one])
-    sizes = np.exp([_between(size, i, w) for i, w in _opposite(angle)])
+    phases = np.array([_interpolate(angle, i, w) for i, w in at_one])
+    speeds = np.array([_interpolate(frequency, i, w) for i, w in at_one])
+    sizes = np.exp([_interpolate(size, i, w) for i, w in _phase_crossovers(angle)])
     near = (phases + math.pi) % (2.0 * math.pi) - math.pi
     return Margins(
         gain_up=float(np.min(1.0 / sizes[sizes < 1.0], initial=math.inf)),
@@ -134,13 +136,13 @@ def margins_of(frequency: Array, L: Complex) -> Margins:
     )
 
 
-def _opposite(angle: Array) -> list[tuple[int, float]]:
+def _phase_crossovers(angle: Array) -> list[tuple[int, float]]:
     """Return where L lies on the negative axis, an end of the band that is near enough among them."""
     turn = 2.0 * math.pi
     first, last = int(angle.min() // turn), int(angle.max() // turn) + 1
     found = [place for k in range(first, last + 1) for place in _crossings(angle - turn * k)]
     ends = ((0, 0.0, angle[0]), (angle.size - 2, 1.0, angle[-1]))
-    return found + [(i, w) for i, w, a in ends if abs(math.remainder(a, turn)) < REAL]
+    return found + [(i, w) for i, w, a in ends if abs(math.remainder(a, turn)) < REAL_AXIS_TOLERANCE]
 
 
 def _crossings(values: Array) -> list[tuple[int, float]]:
@@ -149,18 +151,18 @@ def _crossings(values: Array) -> list[tuple[int, float]]:
     return [(int(i), float(values[i] / (values[i] - values[i + 1]))) for i in places]
 
 
-def _between(values: Array, i: int, share: float) -> float:
+def _interpolate(values: Array, i: int, share: float) -> float:
     return float(values[i] + share * (values[i + 1] - values[i]))
 
 
-def closed(one: Linear) -> Array:
+def closed_loop_matrix(one: LinearisedLoop) -> Array:
     """Return the matrix of the closed loop: states of the axis, then those of the controller."""
-    axis, law = one.axis, one.law
+    axis, law = one.axis, one.controller
     return np.block([[axis.A + axis.B @ law.D @ axis.C, axis.B @ law.C], [law.B @ axis.C, law.A]])
 
 
-def poles_of(one: Linear) -> Complex:
+def closed_loop_poles(one: LinearisedLoop) -> Complex:
     """Return the poles of the closed loop in 1/s, slowest first; those that are gone within a sample are left out."""
-    z = np.linalg.eigvals(closed(one)).astype(complex)
+    z = np.linalg.eigvals(closed_loop_matrix(one)).astype(complex)
     s = np.log(z[np.abs(z) > math.exp(-math.pi)]) / one.period
     return np.asarray(s[np.argsort(np.abs(s))])

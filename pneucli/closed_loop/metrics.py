@@ -22,11 +22,11 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-UM = 1e6
-LAST = 0.4  # s at the end of a stretch in which nothing changes, over which rest is judged
-SETTLED = 50e-6  # m
-FAST_HZ = 50.0  # above it the command counts as chattering
-RESTING = 1.2  # s that a stretch without change lasts at least
+MICROMETRES_PER_METRE = 1e6
+REST_WINDOW = 0.4  # s at the end of a stretch in which nothing changes, over which rest is judged
+SETTLING_BAND = 50e-6  # m
+CHATTERING_FREQUENCY = 50.0  # above it the command counts as chattering
+MIN_REST_DURATION = 1.2  # s that a stretch without change lasts at least
 
 
 @dataclass(frozen=True)
@@ -61,52 +61,54 @@ class Metrics:
     pressure_rms_pa: float = np.nan
 
 
-def measure(run: Run, model: Model, controller: Controller) -> Metrics:
+def evaluate_run(run: Run, model: Model, controller: Controller) -> Metrics:
     """Return the figures of a run."""
     s, time, x = run.scenario, run.time, run.model[:, at.X]
-    if s.pressed:
-        return _of_pressure(run, model, controller)
+    if s.controls_pressure:
+        return _pressure_metrics(run, model, controller)
     error = s.reference - x
     jumps = np.abs(np.diff(s.reference)) > 10.0 * controller.values["C_A_MAX"] * controller.period**2
     moving = np.concatenate([[False], (np.diff(s.reference) != 0.0) & ~jumps])
-    rests = [r for r in _stretches(run, moving) if time[r.stop - 1] - time[r.start] >= RESTING]
-    ends = [slice(r.stop - round(LAST / controller.period), r.stop) for r in rests]
+    rests = [r for r in _constant_segments(run, moving) if time[r.stop - 1] - time[r.start] >= MIN_REST_DURATION]
+    ends = [slice(r.stop - round(REST_WINDOW / controller.period), r.stop) for r in rests]
     track = moving & (time >= 1.0) & ~np.isnan(error)
-    steps = [_step(time[r], x[r], s.reference[r]) for r in rests if r.start > 0 and jumps[r.start - 1]]
+    steps = [_step_response(time[r], x[r], s.reference[r]) for r in rests if r.start > 0 and jumps[r.start - 1]]
     loads = [_recovery(time[r], error[r]) for r in rests if r.start > 0 and s.force[r.start] != s.force[r.start - 1]]
     fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
     return Metrics(
-        UM * _worst(float(np.max(np.abs(error[e]))) for e in ends),
-        UM * _worst(float(np.ptp(x[e])) for e in ends),
-        UM * float(np.sqrt(np.mean(error[track] ** 2))) if track.any() else np.nan,
-        UM * float(np.max(np.abs(error[track]))) if track.any() else np.nan,
-        UM * _worst(o for o, _, _ in steps),
+        MICROMETRES_PER_METRE * _worst(float(np.max(np.abs(error[e]))) for e in ends),
+        MICROMETRES_PER_METRE * _worst(float(np.ptp(x[e])) for e in ends),
+        MICROMETRES_PER_METRE * float(np.sqrt(np.mean(error[track] ** 2))) if track.any() else np.nan,
+        MICROMETRES_PER_METRE * float(np.max(np.abs(error[track]))) if track.any() else np.nan,
+        MICROMETRES_PER_METRE * _worst(o for o, _, _ in steps),
         _worst(r for _, r, _ in steps),
         _worst(t for _, _, t in steps),
         _worst(t for t, _ in loads),
-        UM * _worst(p for _, p in loads),
-        _load_error(run, ends) if LAWS[controller.law].estimates else np.nan,
+        MICROMETRES_PER_METRE * _worst(p for _, p in loads),
+        _load_error(run, ends) if LAWS[controller.law].estimates_load else np.nan,
         _switching(run, controller),
         share,
         fast,
-        air_used(run, model, controller),
+        air_consumption(run, model, controller),
     )
 
 
-def _of_pressure(run: Run, model: Model, controller: Controller) -> Metrics:
+def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics:
     """Return the figures of a run in which a pressure is asked for."""
     error = run.scenario.reference - run.model[:, at.P1]
     rests = [
-        r for r in _stretches(run, np.zeros(error.size, dtype=bool)) if (r.stop - r.start) * controller.period > LAST
+        r
+        for r in _constant_segments(run, np.zeros(error.size, dtype=bool))
+        if (r.stop - r.start) * controller.period > REST_WINDOW
     ]
-    ends = [slice(r.stop - round(LAST / controller.period), r.stop) for r in rests]
+    ends = [slice(r.stop - round(REST_WINDOW / controller.period), r.stop) for r in rests]
     fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
     nothing = dict.fromkeys((f.name for f in fields(Metrics)), np.nan)
     told = {
         "switching_hz": _switching(run, controller),
         "fast_share": share,
         "fast_v": fast,
-        "air_kg": air_used(run, model, controller),
+        "air_kg": air_consumption(run, model, controller),
         "pressure_rest_pa": _worst(float(np.max(np.abs(error[e]))) for e in ends),
         "pressure_rms_pa": float(np.sqrt(np.mean(error**2))),
     }
@@ -124,7 +126,7 @@ def _worst(values: object) -> float:
     return max(values, default=float("nan"))  # type: ignore[call-overload,no-any-return]
 
 
-def _stretches(run: Run, moving: NDArray[np.bool_]) -> list[slice]:
+def _constant_segments(run: Run, moving: NDArray[np.bool_]) -> list[slice]:
     """Return the stretches in which reference, load and supply do not change."""
     s = run.scenario
     change = moving.copy()
@@ -134,7 +136,7 @@ def _stretches(run: Run, moving: NDArray[np.bool_]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
-def _step(time: Array, x: Array, reference: Array) -> tuple[float, float, float]:
+def _step_response(time: Array, x: Array, reference: Array) -> tuple[float, float, float]:
     """Return overshoot (m), rise time 10-90 % and settling time (s) of one step."""
     target, begin = reference[0], x[0]
     way = (x - begin) / (target - begin)
@@ -147,7 +149,7 @@ def _step(time: Array, x: Array, reference: Array) -> tuple[float, float, float]
 
 def _recovery(time: Array, error: Array) -> tuple[float, float]:
     """Return the time in s after which the error stays within 50 um (infinite: never), and its peak in m."""
-    off = np.flatnonzero(np.abs(error) > SETTLED)
+    off = np.flatnonzero(np.abs(error) > SETTLING_BAND)
     late = 0.0 if off.size == 0 else np.inf if off[-1] == time.size - 1 else time[off[-1] + 1] - time[0]
     return float(late), float(np.max(np.abs(error)))
 
@@ -178,21 +180,21 @@ def _reversals(u: Array, threshold: float) -> int:
 def _chattering(u: Array, period: float) -> tuple[float, float]:
     """Return rms (V) and share of the variance of u above 50 Hz."""
     frequency, power = welch(u, 1.0 / period, nperseg=min(1024, u.size))
-    width, fast = frequency[1], frequency > FAST_HZ
+    width, fast = frequency[1], frequency > CHATTERING_FREQUENCY
     total = float(np.sum(power) * width)
     high = float(np.sum(power[fast]) * width)
     return float(np.sqrt(high)), high / total if total > 0.0 else 0.0
 
 
-def air_used(run: Run, model: Model, controller: Controller) -> float:
+def air_consumption(run: Run, model: Model, controller: Controller) -> float:
     """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
-    base = model.base()
+    base = model.base_values()
     gas = (base[f"rig.{name}"] for name in ("gas_constant", "gas_temperature", "heat_capacity_ratio"))
     k, b = flow_constant(*gas), critical_ratio(model)
     null, total = base["valve.null"], 0.0
     second = null - run.log[:, layout.L_U1] if controller.values["C_MIRRORED"] > 0.5 else run.log[:, layout.L_U2] - null
     driven = controller.values["C_MIRRORED"] > 0.5 or controller.values["C_TWO_VALVES"] > 0.5
-    sides = [(model.valve, run.log[:, layout.L_U1] - null, at.P1)] + [(model.second, second, at.P2)] * driven
+    sides = [(model.valve, run.log[:, layout.L_U1] - null, at.P1)] + [(model.chamber_2_valve, second, at.P2)] * driven
     for valve, opened, p in sides:
         ratio = np.minimum(run.model[:, p] / run.scenario.supply, 1.0)
         psi = flow_functions(ratio, b)

@@ -20,23 +20,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.closed_loop.metrics import Metrics, measure
-from pneucli.closed_loop.simulation import Bench, Scenario, run
-from pneucli.controller.codegen import controller_text
+from pneucli.closed_loop.metrics import Metrics, evaluate_run
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
+from pneucli.controller.codegen import controller_source
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError, did_you_mean
-from pneucli.executors import Engine, stream
+from pneucli.executors import Engine, run_jobs
 from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.build import source
-from pneucli.simulate.layout import BASE
+from pneucli.simulate.layout import BASE_NAMES
 from pneucli.simulate.model import Model
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 
 Array = NDArray[np.float64]
 
-CHUNK = 16  # runs
+CHUNK_SIZE = 16  # runs
 Z95 = 1.959964
 TOLERANCES = {  # 1 sigma, relative: weighing, measuring drawings, a regulator's setting
     "rig.moving_mass": 0.02,
@@ -45,40 +45,40 @@ TOLERANCES = {  # 1 sigma, relative: weighing, measuring drawings, a regulator's
     "rig.supply_pressure": 0.01,
     "valve.areas": 0.02,
 }
-CHECKS = {"steady_um": 10.0, "cycle_um": 10.0, "recovery_s": 0.5, "load_error": 0.1}
+DEFAULT_LIMITS = {"steady_um": 10.0, "cycle_um": 10.0, "recovery_s": 0.5, "load_error": 0.1}
 
 
-KEYS = ("kind", "name", "runs", "seed", "tolerances", "checks")
-MOST = 1_000_000  # runs
+SETTING_KEYS = ("kind", "name", "runs", "seed", "tolerances", "checks")
+MAX_RUNS = 1_000_000  # runs
 
 
 @dataclass(frozen=True)
-class Settings:
+class MonteCarloSettings:
     """What a pipeline file may state of a study; ``tolerances`` are 1 sigma, relative, ``checks`` limits of figures."""
 
     runs: int = 112  # each effect of the catalogue four times
     seed: int = 0
     tolerances: Mapping[str, float] = field(default_factory=lambda: TOLERANCES)
-    checks: Mapping[str, float] = field(default_factory=lambda: CHECKS)
+    checks: Mapping[str, float] = field(default_factory=lambda: DEFAULT_LIMITS)
 
 
-def settings_from(table: Mapping[str, Any], where: str) -> Settings:
+def read_settings(table: Mapping[str, Any], where: str) -> MonteCarloSettings:
     """Return the settings of a ``[[scenarios]]`` table; raises InputError for a key or value that cannot be read."""
     for key in table:
-        if key not in KEYS:
-            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, KEYS))
-    usual = Settings()
-    return Settings(
+        if key not in SETTING_KEYS:
+            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, SETTING_KEYS))
+    usual = MonteCarloSettings()
+    return MonteCarloSettings(
         _count(table.get("runs", usual.runs), f"{where}.runs", 1),
         _count(table.get("seed", usual.seed), f"{where}.seed", 0),
-        TOLERANCES | _numbers(table.get("tolerances", {}), f"{where}.tolerances", [*BASE, "valve.areas"]),
-        CHECKS | _numbers(table.get("checks", {}), f"{where}.checks", [f.name for f in fields(Metrics)]),
+        TOLERANCES | _numbers(table.get("tolerances", {}), f"{where}.tolerances", [*BASE_NAMES, "valve.areas"]),
+        DEFAULT_LIMITS | _numbers(table.get("checks", {}), f"{where}.checks", [f.name for f in fields(Metrics)]),
     )
 
 
 def _count(value: Any, where: str, least: int) -> int:
-    if not isinstance(value, int) or not least <= value <= MOST:
-        raise InputError(where, f"{value}", f"a whole number from {least} to {MOST}")
+    if not isinstance(value, int) or not least <= value <= MAX_RUNS:
+        raise InputError(where, f"{value}", f"a whole number from {least} to {MAX_RUNS}")
     return value
 
 
@@ -94,7 +94,7 @@ def _numbers(values: Any, where: str, known: Sequence[str]) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Axes:
+class AxisDistribution:
     """What the drawn axes vary in: 1 sigma of parameters by name (identified), relative tolerances, and effects."""
 
     model: Model
@@ -105,10 +105,10 @@ class Axes:
     def draw(self, seed: int, k: int) -> tuple[Model, str, dict[str, float]]:
         """Return the axis of run k, the name of its effect ("" for none) and the sizes of that effect's parameters."""
         rng = np.random.default_rng([seed, k])
-        base = self.model.base() | dict(self.model.values)
+        base = self.model.base_values() | dict(self.model.values)
         values = {n: base[n] + s * rng.standard_normal() for n, s in sorted(self.sigma.items()) if n in base}
         for name, share in sorted(self.tolerances.items()):
-            if name in BASE:
+            if name in BASE_NAMES:
                 values[name] = values.get(name, base[name]) * (1.0 + share * rng.standard_normal())
         factor = 1.0 + self.tolerances.get("valve.areas", 0.0) * rng.standard_normal()
         valve = self.model.valve.scaled(factor)
@@ -117,20 +117,20 @@ class Axes:
         if place == 0:
             return model, "", {}
         effect = self.effects[place - 1]
-        sizes = plausible(effect, model, rng)
+        sizes = draw_effect_size(effect, model, rng)
         return replace(model, effects=(*model.effects, effect)).with_values(sizes), effect.name, sizes
 
 
-def plausible(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
+def draw_effect_size(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
     """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign).
 
     Raises InputError where the rig does not tell it.
     """
-    facts, sizes = facts_of(model), {}
+    facts, sizes = rig_quantities(model), {}
     for p in effect.parameters:
-        size = p.on(facts)
+        size = p.range_on(facts)
         if not size.typical:
-            raise effect.without_size(facts)
+            raise effect.missing_scale_error(facts)
         low, high = min(size.typical), max(size.typical)
         share = rng.random()
         sizes[f"{effect.name}.{p.name}"] = (
@@ -140,63 +140,66 @@ def plausible(effect: Effect, model: Model, rng: np.random.Generator) -> dict[st
 
 
 @dataclass(frozen=True)
-class Study:
+class MonteCarloStudy:
     """A Monte Carlo study: axes, controller, scenarios, sensors, number of runs, seed, and the checks' limits."""
 
-    axes: Axes
+    distribution: AxisDistribution
     controller: Controller
     scenarios: tuple[Scenario, ...]
-    bench: Bench
+    setup: ClosedLoopSetup
     runs: int
     seed: int
     checks: Mapping[str, float]
 
     def key(self) -> str:
         """Return a hash of all that decides the rows, so that rows of another study are not taken for this one's."""
-        model = self.axes.model
+        model = self.distribution.model
         about = {
-            "program": source(tuple(catalogue().values()), control=controller_text()),
+            "program": source(tuple(catalogue().values()), control=controller_source()),
             "controller": self.controller.to_json(),
             "scenarios": [
                 [s.name, s.reference.tobytes().hex(), s.force.tobytes().hex(), str(s)] for s in self.scenarios
             ],
-            "bench": asdict(self.bench),
+            "bench": asdict(self.setup),
             "model": [sorted(model.values.items()), [e.name for e in model.effects], str(model.valve), str(model.rig)],
-            "axes": [sorted(self.axes.sigma.items()), sorted(self.axes.tolerances.items())],
-            "effects": [e.name for e in self.axes.effects],
+            "axes": [sorted(self.distribution.sigma.items()), sorted(self.distribution.tolerances.items())],
+            "effects": [e.name for e in self.distribution.effects],
             "seed": self.seed,
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
 
 
-def run_one(study: Study, k: int) -> list[dict[str, Any]]:
+def run_draw(study: MonteCarloStudy, k: int) -> list[dict[str, Any]]:
     """Return one row a scenario of run k: the draw, the figures, and which checks they hold (none where not shown)."""
-    model, effect, sizes = study.axes.draw(study.seed, k)
+    model, effect, sizes = study.distribution.draw(study.seed, k)
     rows = []
     for scenario in study.scenarios:
-        result = run(model, study.controller, scenario, study.bench, seed=study.seed + k)
-        figures = asdict(measure(result, model, study.controller))
+        result = simulate(model, study.controller, scenario, study.setup, seed=study.seed + k)
+        figures = asdict(evaluate_run(result, model, study.controller))
         held = {n: bool(figures[n] <= limit) for n, limit in study.checks.items() if not np.isnan(figures[n])}
         rows.append({"run": k, "scenario": scenario.name, "effect": effect, "sizes": sizes, **figures, "held": held})
     return rows
 
 
-def run_chunk(study: Study, first: int) -> list[dict[str, Any]]:
+def run_chunk(study: MonteCarloStudy, first: int) -> list[dict[str, Any]]:
     """Return the rows of one chunk of runs."""
-    return [row for k in range(first, min(first + CHUNK, study.runs)) for row in run_one(study, k)]
+    return [row for k in range(first, min(first + CHUNK_SIZE, study.runs)) for row in run_draw(study, k)]
 
 
 def run_study(
-    study: Study, engine: Engine, folder: Path, progress: Callable[[str, float], None] = lambda message, share: None
+    study: MonteCarloStudy,
+    engine: Engine,
+    folder: Path,
+    progress: Callable[[str, float], None] = lambda message, share: None,
 ) -> list[dict[str, Any]]:
     """Return the rows of all runs, in order; chunks that ``folder`` holds from before are not run again."""
     place = folder / study.key()[:16]
     place.mkdir(parents=True, exist_ok=True)
-    first = range(0, study.runs, CHUNK)
-    paths = {k: place / f"{k:06d}_{min(CHUNK, study.runs - k)}.json" for k in first}
+    first = range(0, study.runs, CHUNK_SIZE)
+    paths = {k: place / f"{k:06d}_{min(CHUNK_SIZE, study.runs - k)}.json" for k in first}
     lacking = deque(k for k in first if not paths[k].exists())
     before = len(first) - len(lacking)
-    for done, outcome in enumerate(stream(engine, partial(run_chunk, study), lacking), before + 1):
+    for done, outcome in enumerate(run_jobs(engine, partial(run_chunk, study), lacking), before + 1):
         if outcome.error is not None:
             raise outcome.error
         with atomic_path(paths[outcome.job]) as temporary:
@@ -206,7 +209,7 @@ def run_study(
 
 
 @dataclass(frozen=True)
-class Rate:
+class SuccessRate:
     """In how many runs with one effect ("" none, "all" any) a check held, and the worst of them."""
 
     check: str
@@ -218,7 +221,7 @@ class Rate:
     worst_run: int
 
 
-def success_rates(rows: Sequence[Mapping[str, Any]], checks: Mapping[str, float]) -> list[Rate]:
+def success_rates(rows: Sequence[Mapping[str, Any]], checks: Mapping[str, float]) -> list[SuccessRate]:
     """Return the rates per check: over all runs first, then per effect."""
     rates = []
     for check, limit in checks.items():
@@ -228,13 +231,13 @@ def success_rates(rows: Sequence[Mapping[str, Any]], checks: Mapping[str, float]
             if mine:
                 worst = max(mine, key=lambda r: r[check])
                 held = sum(r["held"][check] for r in mine)
-                rates.append(Rate(check, limit, effect, held, len(mine), worst[check], worst["run"]))
+                rates.append(SuccessRate(check, limit, effect, held, len(mine), worst[check], worst["run"]))
     return rates
 
 
-def sigma_of(intervals: Mapping[str, tuple[float, float]], model: Model) -> dict[str, float]:
+def sigma_from_intervals(intervals: Mapping[str, tuple[float, float]], model: Model) -> dict[str, float]:
     """Return 1 sigma of the model's parameters from their 95 % intervals; names that the model has not are left out."""
-    known = model.base() | dict(model.values)
+    known = model.base_values() | dict(model.values)
     return {
         n: (high - low) / (2 * Z95) for n, (low, high) in intervals.items() if n in known and np.isfinite(high - low)
     }

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.closed_loop.simulation import Scenario
-from pneucli.controller.parameters import Controller, usual_load
-from pneucli.design.cascade_design import spring_pressure
+from pneucli.controller.parameters import Controller, nominal_load
+from pneucli.design.cascade_design import chamber_2_pressure
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.units import parse_quantity
 
 Array = NDArray[np.float64]
 Recorded = Mapping[str, tuple[Array, Array]]
-PRESSED = ", pressure"  # behind a recording's name: what was asked of its pressure
+PRESSURE_SUFFIX = ", pressure"  # behind a recording's name: what was asked of its pressure
 
 UNITS = {
     "duration": "s",
@@ -34,10 +34,10 @@ UNITS = {
     "lost_from": "s",
     "lost_to": "s",
 }
-TEXTS = ("name", "reference", "recording", "lost", "control")
+TEXT_KEYS = ("name", "reference", "recording", "lost", "control")
 REFERENCES = ("hold", "steps", "points", "sine", "s-curve", "recorded")
 CONTROLS = ("position", "pressure")
-OF_PRESSURE = ("centre", "amplitude", "points")  # in Pa where the pressure is controlled
+PRESSURE_KEYS = ("centre", "amplitude", "points")  # in Pa where the pressure is controlled
 
 # what is run where the pipeline file states nothing; sizes that are absent follow from the rig, as said below
 DEFAULTS: tuple[dict[str, Any], ...] = (
@@ -56,34 +56,34 @@ DEFAULTS: tuple[dict[str, Any], ...] = (
     {"name": "points", "reference": "points", "dwell": 1.5, "duration": 8.0},
     {"name": "pressure", "control": "pressure", "reference": "steps", "dwell": 1.5, "duration": 6.0},
 )
-LONGEST = 10_000_000  # samples of a scenario
+MAX_SAMPLES = 10_000_000  # samples of a scenario
 CENTRE, AMPLITUDE = 0.5, 0.15  # of the stroke: what a closed chamber's air spring allows
 POINTS = (0.5, 0.515, 0.44, 0.4385, 0.62)  # of the stroke: long ways and short ones
-DROP = 1.0 / 6.0  # of the supply above ambient pressure
-STEP = 0.1  # of the same, up and down: of a pressure that is asked for
+SUPPLY_DROP_FRACTION = 1.0 / 6.0  # of the supply above ambient pressure
+PRESSURE_STEP_FRACTION = 0.1  # of the same, up and down: of a pressure that is asked for
 
 
-def scenarios_from(
+def read_scenarios(
     tables: Sequence[Mapping[str, Any]], controller: Controller, where: str, recorded: Recorded | None = None
 ) -> list[Scenario]:
     """Return the scenarios of ``[[scenarios]]`` tables, or the default ones where there is none.
 
-    ``recorded`` holds time (s) and reference (m) of recordings by name, of pressures (Pa) by name and ``PRESSED``.
+    ``recorded`` holds time (s) and reference (m) of recordings by name, of pressures (Pa) by name and ``PRESSURE_SUFFIX``.
     Raises InputError for what cannot be read.
     """
     found = []
     for i, table in enumerate(tables or DEFAULTS):
-        values = read_table(table, f"{where}[{i}]")
+        values = read_scenario(table, f"{where}[{i}]")
         found.append(_scenario(values, controller, recorded or {}, f"{where}[{i}]"))
     return found
 
 
-def read_table(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+def read_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return a table of ``[[scenarios]]`` in SI; raises InputError for a key or value that cannot be read."""
     values: dict[str, Any] = {"reference": "steps", "control": "position"}
     pressed = table.get("control") == "pressure"
     for key, value in table.items():
-        values[key] = _read(key, value, "Pa" if pressed and key in OF_PRESSURE else UNITS.get(key, ""), where)
+        values[key] = _read(key, value, "Pa" if pressed and key in PRESSURE_KEYS else UNITS.get(key, ""), where)
     for key, known in (("reference", REFERENCES), ("control", CONTROLS)):
         if values[key] not in known:
             raise InputError(f"{where}.{key}", f'"{values[key]}"', mend=did_you_mean(values[key], known))
@@ -97,12 +97,12 @@ def read_table(table: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 def _read(key: str, value: Any, unit: str, where: str) -> Any:
     """Return one entry in SI; raises InputError where it cannot be read."""
-    if key in TEXTS:
+    if key in TEXT_KEYS:
         if not isinstance(value, str):
             raise InputError(f"{where}.{key}", f"{value}", "a text")
         return value
     if key not in UNITS:
-        raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, [*TEXTS, *UNITS]))
+        raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, [*TEXT_KEYS, *UNITS]))
     several = value if key == "points" and isinstance(value, list) and value else [value]
     try:
         found = [parse_quantity(one, unit, difference=key == "supply_drop") for one in several]
@@ -114,17 +114,17 @@ def _read(key: str, value: Any, unit: str, where: str) -> Any:
 def _scenario(values: Mapping[str, Any], controller: Controller, recorded: Recorded, where: str) -> Scenario:
     c = controller.values
     duration = values.get("duration", 6.0)
-    if duration > LONGEST * controller.period:
+    if duration > MAX_SAMPLES * controller.period:
         found = f"{duration:g} s in steps of {controller.period:g} s"
-        raise InputError(f"{where}.duration", found, f"at most {LONGEST} steps", "shorten it")
+        raise InputError(f"{where}.duration", found, f"at most {MAX_SAMPLES} steps", "shorten it")
     time = np.arange(0.0, duration, controller.period)
     pressed = values["control"] == "pressure"
     reference = _reference(values, time, _sizes(values, c, pressed), recorded, where)
-    x, p1, p2 = start_at(c, CENTRE * c["C_STROKE"] if pressed else float(reference[0]))
+    x, p1, p2 = equilibrium_at(c, CENTRE * c["C_STROKE"] if pressed else float(reference[0]))
     given = "load" in values or "load_from" in values or "load_to" in values
-    load = values.get("load", -usual_load(c)) * _between(time, values, "load") * given
+    load = values.get("load", -nominal_load(c)) * _between(time, values, "load") * given
     given = any(key in values for key in ("supply_drop", "supply_from", "supply_to"))
-    drop = values.get("supply_drop", DROP * (c["C_SUPPLY"] - c["C_AMBIENT"])) * given
+    drop = values.get("supply_drop", SUPPLY_DROP_FRACTION * (c["C_SUPPLY"] - c["C_AMBIENT"])) * given
     supply = c["C_SUPPLY"] - drop * _between(time, values, "supply")
     lost = ((values["lost"], values.get("lost_from", 1.0), values.get("lost_to", 1.05)),) if "lost" in values else ()
     name = values.get("name", values["reference"])
@@ -137,22 +137,22 @@ def _sizes(values: Mapping[str, Any], c: Mapping[str, float], pressed: bool) -> 
     A sine is no faster than the reference may be, an S-curve takes as long as it needs for that.
     """
     if pressed:
-        _, middle, _ = start_at(c, CENTRE * c["C_STROKE"])
-        size = STEP * (c["C_SUPPLY"] - c["C_AMBIENT"])
+        _, middle, _ = equilibrium_at(c, CENTRE * c["C_STROKE"])
+        size = PRESSURE_STEP_FRACTION * (c["C_SUPPLY"] - c["C_AMBIENT"])
         usual = {"centre": middle, "amplitude": size, "points": [middle, middle + size, middle - size]}
-        return usual | {key: values[key] for key in OF_PRESSURE if key in values}
+        return usual | {key: values[key] for key in PRESSURE_KEYS if key in values}
     stroke, fastest = c["C_STROKE"], c["C_V_MAX"]
     amplitude = values.get("amplitude", AMPLITUDE * stroke)
     if values["reference"] == "sine" and "amplitude" not in values:
         amplitude = min(amplitude, fastest / (2 * np.pi * values.get("frequency", 0.5)))
     usual = {"centre": CENTRE * stroke, "amplitude": amplitude, "points": [share * stroke for share in POINTS]}
     usual["way"] = max(1.5, 1.875 * 2 * amplitude / fastest)
-    return usual | {key: values[key] for key in OF_PRESSURE if key in values}
+    return usual | {key: values[key] for key in PRESSURE_KEYS if key in values}
 
 
-def start_at(c: Mapping[str, float], x: float) -> tuple[float, float, float]:
+def equilibrium_at(c: Mapping[str, float], x: float) -> tuple[float, float, float]:
     """Return x (m) and the pressures (Pa) that hold the piston there against the air spring, friction aside."""
-    p2 = float(spring_pressure(c, np.array([x]))[0])
+    p2 = float(chamber_2_pressure(c, np.array([x]))[0])
     p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
     return x, p1, p2
 
@@ -188,7 +188,9 @@ def _recorded(values: Mapping[str, Any], time: Array, recorded: Recorded, where:
     """Return what a recording asked for or did, held at its ends."""
     name = values.get("recording", "")
     pressed = values["control"] == "pressure"
-    known = {key.removesuffix(PRESSED): v for key, v in recorded.items() if key.endswith(PRESSED) == pressed}
+    known = {
+        key.removesuffix(PRESSURE_SUFFIX): v for key, v in recorded.items() if key.endswith(PRESSURE_SUFFIX) == pressed
+    }
     if name not in known:
         wanted = "a recording with p_ref or p1" if pressed else "a recording with x_ref or x"
         raise InputError(f"{where}.recording", f'"{name}"', wanted, did_you_mean(name, known))

@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.controller import layout
-from pneucli.controller.codegen import controller_text
+from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.kernel_settings import longest_step
+from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Bench:
+class ClosedLoopSetup:
     """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples.
 
     ``supply``: whether the controller is told the supply pressure.
@@ -43,8 +43,8 @@ class Scenario:
     """What happens to the axis, one value a sample of the controller: shapes ``(n,)``, SI.
 
     ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
-    ``pressed``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
-    ``lost`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s. ``duty``: what is
+    ``controls_pressure``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
+    ``dropouts`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s. ``operating_mode``: what is
     asked of the controller's operation, places of ``layout.DUTIES`` (None: to run). ``level``: the mean of both
     pressures in Pa that is set, 0 where it is as designed (None: all along).
     """
@@ -54,9 +54,9 @@ class Scenario:
     force: Array
     supply: Array
     start: tuple[float, float, float]
-    lost: tuple[tuple[str, float, float], ...] = field(default=())
-    pressed: bool = False
-    duty: Array | None = None
+    dropouts: tuple[tuple[str, float, float], ...] = field(default=())
+    controls_pressure: bool = False
+    operating_mode: Array | None = None
     level: Array | None = None
 
 
@@ -71,39 +71,39 @@ class Run:
 
 
 @cache
-def loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
+def closed_loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
     """Return the compiled kernel with the controller in it: bare, or with the catalogue and a user's own effects."""
     if not effects:
-        return build((), control=controller_text())
-    return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()), control=controller_text())
+        return build((), control=controller_source())
+    return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()), control=controller_source())
 
 
-def run(model: Model, controller: Controller, scenario: Scenario, bench: Bench, seed: int = 0) -> Run:
+def simulate(model: Model, controller: Controller, scenario: Scenario, setup: ClosedLoopSetup, seed: int = 0) -> Run:
     """Simulate one scenario; the noise depends on the seed alone."""
-    controller = controller.with_values(C_PRESSURE=float(scenario.pressed))
+    controller = controller.with_values(C_PRESSURE_MODE=float(scenario.controls_pressure))
     n = scenario.reference.size
     time: Array = controller.period * np.arange(n, dtype=np.float64)
-    log = sensor_rows(scenario, bench, time, seed)
+    log = initial_log(scenario, setup, time, seed)
     state = np.concatenate([np.zeros(layout.L_STATES), log.ravel()])
-    flags = _flags(controller, scenario.pressed)
-    out = _simulate(model, controller, flags, _inputs(scenario), state, bench)
+    flags = _flags(controller, scenario.controls_pressure)
+    out = _simulate(model, controller, flags, _inputs(scenario), state, setup)
     return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
 
 
-def run_commanded(
-    model: Model, controller: Controller, scenario: Scenario, commands: Array, anew: tuple[int, Array] | None = None
+def simulate_open_loop(
+    model: Model, controller: Controller, scenario: Scenario, commands: Array, restart: tuple[int, Array] | None = None
 ) -> Array:
     """Return the model's output (n, 10) on a scenario under the given ``commands`` (n, 2) in V, the loop being open.
 
-    ``anew``: a sample, and readings (n, 4) of x, v, p1, p2, at which the states with a sensor begin anew there.
+    ``restart``: a sample, and readings (n, 4) of x, v, p1, p2, at which the states with a sensor begin anew there.
     """
     inputs, flags, restarts = _inputs(scenario), _flags(controller), [0]
     inputs[:, [at.IN_U, at.IN_U2]] = commands
     flags[at.LOOP] = 0.0
-    if anew is not None:
-        restarts.append(anew[0])
-        inputs[1:, [at.IN_X, at.IN_V, at.IN_P1, at.IN_P2]] = anew[1][1:]
-    return _simulate(model, controller, flags, inputs, np.zeros(layout.L_STATES), Bench(), restarts)
+    if restart is not None:
+        restarts.append(restart[0])
+        inputs[1:, [at.IN_X, at.IN_V, at.IN_P1, at.IN_P2]] = restart[1][1:]
+    return _simulate(model, controller, flags, inputs, np.zeros(layout.L_STATES), ClosedLoopSetup(), restarts)
 
 
 def _simulate(
@@ -112,22 +112,22 @@ def _simulate(
     flags: Array,
     inputs: Array,
     state: Array,
-    bench: Bench,
+    bench: ClosedLoopSetup,
     restarts: Sequence[int] = (0,),
 ) -> Array:
     """Run the kernel over the inputs (n, 8), one row a period; the ``state`` of the loop is filled. Returns (n, 10)."""
-    kernel, n = loop_kernel(model.effects), len(inputs)
+    kernel, n = closed_loop_kernel(model.effects), len(inputs)
     out = np.zeros((n, at.OUTPUTS))
     kernel.run(
         controller.period * np.arange(n, dtype=np.float64),
         inputs,
         np.array(restarts, dtype=np.int64),
-        np.array([model.base()[name] for name in at.BASE]),
-        kernel.vector(model.effect_values()),
-        kernel.switches([e.name for e in model.effects]),
+        np.array([model.base_values()[name] for name in at.BASE_NAMES]),
+        kernel.effect_vector(model.effect_values()),
+        kernel.effect_switches([e.name for e in model.effects]),
         flags,
-        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.second)),
-        longest_step(model.rig, controller.period),
+        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.chamber_2_valve)),
+        max_motion_step(model.rig, controller.period),
         state,
         np.concatenate([controller.vector(), _settings(controller, bench)]),
         out,
@@ -135,11 +135,11 @@ def _simulate(
     return out
 
 
-def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Array], began: str) -> Array:
+def replay_log(model: Model, controller: Controller, signals: Mapping[str, Array], start_mode: str) -> Array:
     """Return the log (n, L_ROW) of a controller that reads what was logged: the kernel with the axis standing still.
 
     ``signals``: x_ref, x (m), p1, p2 where it is measured, p_supply likewise (Pa), u and u2 (V); NaN where a reading is
-    missing. ``began``: ``with`` the first sample, or ``before``: then it starts from the first readings and commands,
+    missing. ``start_mode``: ``with`` the first sample, or ``before``: then it starts from the first readings and commands,
     and its observers follow the logged commands: what they had learned is not in the log, and is learned again.
     """
     n = signals["x_ref"].size
@@ -149,35 +149,35 @@ def replay_rows(model: Model, controller: Controller, signals: Mapping[str, Arra
         inputs[:, place] = signals.get(name, np.full(n, np.nan))
     rows[:, layout.L_SUPPLY] = np.nan_to_num(signals.get("p_supply", np.zeros(n)))
     states = np.zeros(layout.L_STATES)
-    if began == "before":
-        rows[:, layout.L_DUTY] = layout.DUTIES.index("follow")
-        rows[0, layout.L_DUTY] = layout.DUTIES.index("reset")
+    if start_mode == "before":
+        rows[:, layout.L_MODE] = layout.OPERATING_MODES.index("follow")
+        rows[0, layout.L_MODE] = layout.OPERATING_MODES.index("reset")
         for place, name in ((layout.L_U1, "u"), (layout.L_U2, "u2")):
             rows[1:, place] = np.nan_to_num(signals[name][:-1]) if name in signals else 0.0
         for place, name in ((layout.S_U1, "u"), (layout.S_U2, "u2")):
             states[place] = np.nan_to_num(signals[name][0]) if name in signals else 0.0
     state, flags = np.concatenate([states, rows.ravel()]), _flags(controller)
     flags[[at.MECHANICS, at.PNEUMATICS]] = 0.0
-    _simulate(replace(model, effects=()), controller, flags, inputs, state, Bench())
+    _simulate(replace(model, effects=()), controller, flags, inputs, state, ClosedLoopSetup())
     return state[layout.L_STATES :].reshape(n, layout.L_ROW)
 
 
-def _settings(controller: Controller, bench: Bench) -> list[float]:
+def _settings(controller: Controller, bench: ClosedLoopSetup) -> list[float]:
     """Return what stands behind the controller's numbers: the sensors' quanta, the delay, and the law's place."""
     return [bench.quantum_x, bench.quantum_p, bench.delay, list(LAWS).index(controller.law)]
 
 
-def sensor_rows(scenario: Scenario, bench: Bench, time: Array, seed: int) -> Array:
+def initial_log(scenario: Scenario, setup: ClosedLoopSetup, time: Array, seed: int) -> Array:
     """Return the log, shape ``(n, L_ROW)``, with the sensors' noise in it; NaN where a reading is missing."""
     rows = np.zeros((time.size, layout.L_ROW))
-    sigma = np.array([bench.noise_x, bench.noise_p, bench.noise_p])
+    sigma = np.array([setup.noise_x, setup.noise_p, setup.noise_p])
     rows[:, :3] = sigma * np.random.default_rng(seed).standard_normal((time.size, 3))
-    for signal, begin, end in scenario.lost:
+    for signal, begin, end in scenario.dropouts:
         rows[(time >= begin) & (time < end), ("x", "p1", "p2").index(signal)] = np.nan
-    if bench.supply:
+    if setup.supply:
         rows[:, layout.L_SUPPLY] = scenario.supply
-    if scenario.duty is not None:
-        rows[:, layout.L_DUTY] = scenario.duty
+    if scenario.operating_mode is not None:
+        rows[:, layout.L_MODE] = scenario.operating_mode
     if scenario.level is not None:
         rows[:, layout.L_LEVEL] = scenario.level
     return rows
@@ -196,7 +196,7 @@ def _flags(controller: Controller, clamped: bool = False) -> Array:
     flags = np.zeros(at.FLAGS)
     flags[[at.MECHANICS, at.PNEUMATICS, at.LOOP]] = 1.0 - clamped, 1.0, 1.0
     two, mirrored = (controller.values[name] > 0.5 for name in ("C_TWO_VALVES", "C_MIRRORED"))
-    undriven = at.OPEN if controller.values["C_DEAD_2"] >= layout.OUTSIDE else at.CLOSED
+    undriven = at.OPEN if controller.values["C_DEAD_VOLUME_2"] >= layout.OPEN_CHAMBER_VOLUME else at.CLOSED
     flags[at.CHAMBER_2] = at.MIRRORED if mirrored else at.VALVE_2 if two else undriven
     flags[at.U_MAX] = controller.values["C_U_MAX"]
     return flags

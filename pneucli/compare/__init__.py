@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from pneucli.compare.channel_errors import ChannelResult, Comparison, compare, overall_error
-from pneucli.compare.error_regions import Region, find_regions
+from pneucli.compare.error_regions import Region, find_error_regions
 
-__all__ = ["ChannelResult", "Comparison", "Region", "compare", "find_regions", "overall_error"]
+__all__ = ["ChannelResult", "Comparison", "Region", "compare", "find_error_regions", "overall_error"]

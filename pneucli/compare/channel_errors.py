@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare.expected_error import MOTION, expected_rms
+from pneucli.compare.expected_error import MOTION_CHANNELS, expected_rms
 from pneucli.quantities import SIGNALS
-from pneucli.simulate.end_stops import at_ends
+from pneucli.simulate.end_stops import in_end_contact
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import outputs
+from pneucli.simulate.outputs import simulate_outputs
 
 Array = NDArray[np.float64]
 
@@ -59,19 +59,19 @@ def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None
     Where an end decides on the motion, it is not compared.
     """
     noise = expected_rms(model, experiment) if noise is None else noise
-    modelled = outputs(model, experiment)
+    modelled = simulate_outputs(model, experiment)
     measured = {channel: experiment.measured(channel) for channel in experiment.channels}
     if "x" in modelled:
-        given = {c: at_ends(experiment, modelled["x"], c) for c in MOTION if c in measured}
+        given = {c: in_end_contact(experiment, modelled["x"], c) for c in MOTION_CHANNELS if c in measured}
         measured |= {c: np.where(ends, np.nan, measured[c]) for c, ends in given.items()}
     results = tuple(
-        channel_result(experiment, channel, measured[channel], modelled[channel], noise[channel])
+        evaluate_channel(experiment, channel, measured[channel], modelled[channel], noise[channel])
         for channel in experiment.channels
     )
     return Comparison(experiment, results, measured, modelled)
 
 
-def channel_result(experiment: Experiment, channel: str, y: Array, model: Array, noise: float) -> ChannelResult:
+def evaluate_channel(experiment: Experiment, channel: str, y: Array, model: Array, noise: float) -> ChannelResult:
     """Return the errors of one channel: measured and modelled of shape (n,), NaN where there is nothing."""
     seen = ~np.isnan(y) & ~np.isnan(model)
     y, error = y[seen], (y - model)[seen]

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.compare.channel_errors import ChannelResult, Comparison
-from pneucli.quantities import LOCATORS, SIGNALS
+from pneucli.quantities import RESIDUAL_VARIABLES, SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
 Array = NDArray[np.float64]
 
-BINS = 20
-REMARKABLE = 2.0  # times its share of the samples
-SAME = 0.5  # of a stretch's error lies within another one: they tell of the same
-LARGEST_REGIONS = 40
+LOCATOR_BINS = 20
+MIN_CONCENTRATION = 2.0  # times its share of the samples
+MIN_SHARED_ERROR = 0.5  # of a stretch's error lies within another one: they tell of the same
+MAX_REGIONS = 40
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Region:
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class _RegionSamples:
     """A region with its samples (n,) of bool, the channel's squared error (n,), and how much it weighs."""
 
     region: Region
@@ -48,16 +48,20 @@ class _Stretch:
     squared: Array
     weight: float
 
-    def holds(self, other: _Stretch) -> bool:
+    def contains_error_of(self, other: _RegionSamples) -> bool:
         """Whether most of the other stretch's error lies within this one."""
-        return bool(other.squared[self.inside & other.inside].sum() >= SAME * other.squared[other.inside].sum())
+        return bool(
+            other.squared[self.inside & other.inside].sum() >= MIN_SHARED_ERROR * other.squared[other.inside].sum()
+        )
 
-    def same(self, other: _Stretch) -> bool:
+    def is_same_event(self, other: _RegionSamples) -> bool:
         """Whether both hold the same error: most of one lies within the other."""
-        return self.region.recording == other.region.recording and (self.holds(other) or other.holds(self))
+        return self.region.recording == other.region.recording and (
+            self.contains_error_of(other) or other.contains_error_of(self)
+        )
 
 
-def locators(e: Experiment) -> dict[str, Array]:
+def locator_signals(e: Experiment) -> dict[str, Array]:
     """Return the signals over which an error may concentrate, each (n,), as measured and smoothed."""
     inputs = e.inputs
     found: dict[str, Array] = {"time": e.time}
@@ -73,44 +77,50 @@ def locators(e: Experiment) -> dict[str, Array]:
         filling = found["u"] > 0
         ratio = np.where(filling, found["p1"] / inputs[:, at.IN_SUPPLY], e.rig.ambient_pressure / found["p1"])
         found["p_ratio"] = np.where(found["u"] == 0, np.nan, ratio)
-    return {name: found[name] for name in LOCATORS if name in found}
+    return {name: found[name] for name in RESIDUAL_VARIABLES if name in found}
 
 
-def find_regions(comparisons: Sequence[Comparison], at_least: float = 1.2) -> list[Region]:
+def find_error_regions(comparisons: Sequence[Comparison], min_ratio_to_noise: float = 1.2) -> list[Region]:
     """Return the regions that hold at least twice their share of the error, worst first.
 
-    Channels whose error is below ``at_least`` times the noise have none: there is nothing to find.
+    Channels whose error is below ``min_ratio_to_noise`` times the noise have none: there is nothing to find.
     """
-    found = [s for c in comparisons for r in c.results if r.ratio_to_noise >= at_least for s in _stretches(c, r)]
-    return _by_event(sorted(found, key=lambda s: -s.weight)[:LARGEST_REGIONS])
+    found = [
+        s
+        for c in comparisons
+        for r in c.results
+        if r.ratio_to_noise >= min_ratio_to_noise
+        for s in _regions_of_channel(c, r)
+    ]
+    return _number_events(sorted(found, key=lambda s: -s.weight)[:MAX_REGIONS])
 
 
-def _by_event(stretches: Sequence[_Stretch]) -> list[Region]:
+def _number_events(stretches: Sequence[_RegionSamples]) -> list[Region]:
     """Return the regions, each with the number of its event: the worst one whose stretch is the same."""
-    leads: list[_Stretch] = []
+    leads: list[_RegionSamples] = []
     regions = []
     for one in stretches:
-        event = next((i for i, lead in enumerate(leads) if lead.same(one)), len(leads))
+        event = next((i for i, lead in enumerate(leads) if lead.is_same_event(one)), len(leads))
         if event == len(leads):
             leads.append(one)
         regions.append(replace(one.region, event=event))
     return regions
 
 
-def _stretches(comparison: Comparison, result: ChannelResult) -> Iterator[_Stretch]:
+def _regions_of_channel(comparison: Comparison, result: ChannelResult) -> Iterator[_RegionSamples]:
     """Yield the worst stretch of each signal over which the error of one channel is uneven."""
     squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
     weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
-    for signal, values in locators(comparison.experiment).items():
-        found = worst_stretch(values, squared)
+    for signal, values in locator_signals(comparison.experiment).items():
+        found = error_concentration(values, squared)
         if found is not None:
             low, high, error, samples = found
             unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
             region = Region(result.recording, result.channel, signal, low, high, unit, error, samples)
-            yield _Stretch(region, (values >= low) & (values <= high), squared, weight * (error - samples))
+            yield _RegionSamples(region, (values >= low) & (values <= high), squared, weight * (error - samples))
 
 
-def worst_stretch(values: Array, squared: Array) -> tuple[float, float, float, float] | None:
+def error_concentration(values: Array, squared: Array) -> tuple[float, float, float, float] | None:
     """Return (from, to, share of error, share of samples) of the run of bins with the largest excess of error.
 
     The largest sum of (share of error - share of samples) over neighbouring bins (Kadane's algorithm).
@@ -120,18 +130,18 @@ def worst_stretch(values: Array, squared: Array) -> tuple[float, float, float, f
     total = float(squared.sum())
     if high <= low or total <= 0:
         return None
-    edges = np.linspace(low, high, BINS + 1)
-    place = np.clip(np.digitize(values[seen], edges) - 1, 0, BINS - 1)
-    error = np.bincount(place, squared[seen], BINS) / total
-    samples = np.bincount(place, minlength=BINS) / values.size
-    first, last = _largest_run(error - samples)
+    edges = np.linspace(low, high, LOCATOR_BINS + 1)
+    place = np.clip(np.digitize(values[seen], edges) - 1, 0, LOCATOR_BINS - 1)
+    error = np.bincount(place, squared[seen], LOCATOR_BINS) / total
+    samples = np.bincount(place, minlength=LOCATOR_BINS) / values.size
+    first, last = _max_sum_run(error - samples)
     share, count = float(error[first : last + 1].sum()), float(samples[first : last + 1].sum())
-    if share < REMARKABLE * count:
+    if share < MIN_CONCENTRATION * count:
         return None
     return float(edges[first]), float(edges[last + 1]), share, count
 
 
-def _largest_run(gain: Array) -> tuple[int, int]:
+def _max_sum_run(gain: Array) -> tuple[int, int]:
     best, run, start, span = -np.inf, 0.0, 0, (0, 0)
     for i, g in enumerate(gain):
         if run <= 0:

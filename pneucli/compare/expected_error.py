@@ -10,17 +10,20 @@ import numpy as np
 
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.noise_propagation import SEED, drawn
+from pneucli.simulate.noise_propagation import NOISE_SEED, iterate_deviations
 
-DRAWS = 6
-MOTION = ("x", "v", "a")
+NOISE_DRAWS = 6
+MOTION_CHANNELS = ("x", "v", "a")
 
 
-def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed: int = SEED) -> dict[str, float]:
+def expected_rms(
+    model: Model, experiment: Experiment, draws: int = NOISE_DRAWS, seed: int = NOISE_SEED
+) -> dict[str, float]:
     """Return the rms deviation by channel that a correct model would show, never below the sensor's own noise."""
-    seen = ~experiment.turning if experiment.recording.imposed else slice(None)
+    seen = ~experiment.reversals if experiment.recording.imposed else slice(None)
     squares = [
-        {c: float(np.mean(d[seen] ** 2)) for c, d in one.items()} for one in drawn(model, experiment, draws, seed)
+        {c: float(np.mean(d[seen] ** 2)) for c, d in one.items()}
+        for one in iterate_deviations(model, experiment, draws, seed)
     ]
     rms = {c: float(np.sqrt(np.mean([one[c] for one in squares]))) for c in experiment.channels}
     low_pass = experiment.low_pass is not None
@@ -29,7 +32,7 @@ def expected_rms(model: Model, experiment: Experiment, draws: int = DRAWS, seed:
     }
 
 
-def expected_of_all(
+def expected_rms_of_all(
     model: Model, experiments: Sequence[Experiment], progress: Callable[[int], None] = lambda _: None
 ) -> list[dict[str, float]]:
     """Return :func:`expected_rms` of each experiment, that of a simulated motion pooled over those of its kind.
@@ -45,9 +48,14 @@ def expected_of_all(
     out = []
     for kind, mine in zip(kinds, own, strict=True):
         like = [n for k, n in zip(kinds, own, strict=True) if k == kind]
-        out.append({c: _pooled([n[c] for n in like if c in n]) if c in MOTION else r for c, r in mine.items()})
+        out.append(
+            {
+                c: _root_mean_square([n[c] for n in like if c in n]) if c in MOTION_CHANNELS else r
+                for c, r in mine.items()
+            }
+        )
     return out
 
 
-def _pooled(values: Sequence[float]) -> float:
+def _root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))

@@ -18,16 +18,16 @@ from pneucli.compare.channel_errors import Comparison
 
 Array = NDArray[np.float64]
 
-POINTS = 100  # lags up to the horizon
+MAX_LAGS = 100  # lags up to the horizon
 Z95 = 1.959964
-NO_INPUTS = ("x_ref", "p_ref", "flow", "temperature")  # recorded beside, and not what drives the model
+NON_INPUT_SIGNALS = ("x_ref", "p_ref", "flow", "temperature")  # recorded beside, and not what drives the model
 
 
 @dataclass(frozen=True)
 class Correlation:
     """Correlation of one residual with itself (``against`` is its channel) or with an input, over ``lag`` (s, (k,)).
 
-    A positive lag: the input comes first. ``bound``: within plus and minus it lie 95 % of the correlations of a
+    A positive lag: the input comes first. ``confidence_bound``: within plus and minus it lie 95 % of the correlations of a
     residual that has nothing to do with the input, given how slowly both change; with itself, of white noise.
     """
 
@@ -40,33 +40,33 @@ class Correlation:
     bound: float
 
 
-def correlations(comparison: Comparison, longest: float) -> Iterator[Correlation]:
-    """Yield every channel's correlation with itself and with each input, for lags up to ``longest`` (s).
+def residual_correlations(comparison: Comparison, max_lag: float) -> Iterator[Correlation]:
+    """Yield every channel's correlation with itself and with each input, for lags up to ``max_lag`` (s).
 
     Samples that were not measured count as the mean. What does not change, or is too short, has none.
     """
     experiment = comparison.experiment
     r = experiment.recording
-    inputs = [n for n in experiment.raw if n not in (*experiment.channels, *NO_INPUTS, "time")]
-    lags = _lags(longest, r.period, r.time.size)
+    inputs = [n for n in experiment.raw if n not in (*experiment.channels, *NON_INPUT_SIGNALS, "time")]
+    lags = _lags(max_lag, r.period, r.time.size)
     if not lags.size:
         return
-    driving = {name: one for name in inputs if (one := _centred(experiment.raw[name])) is not None}
-    theirs = {name: _over_lags(one, one) for name, one in driving.items()}
+    driving = {name: one for name in inputs if (one := _normalised(experiment.raw[name])) is not None}
+    theirs = {name: _cross_correlation(one, one) for name, one in driving.items()}
     for channel in experiment.channels:
-        residual = _centred(comparison.residual(channel))
+        residual = _normalised(comparison.residual(channel))
         if residual is None:
             continue
-        own = _over_lags(residual, residual)
+        own = _cross_correlation(residual, residual)
         mine = lags[lags >= 0]
         white = Z95 / float(np.sqrt(residual.size))
-        yield Correlation(r.name, r.use, channel, channel, np.asarray(mine * r.period), _at(own, mine), white)
+        yield Correlation(r.name, r.use, channel, channel, np.asarray(mine * r.period), _at_lags(own, mine), white)
         for name, other in driving.items():
-            cross, edge = _at(_over_lags(residual, other), lags), bound(own, theirs[name])
+            cross, edge = _at_lags(_cross_correlation(residual, other), lags), confidence_bound(own, theirs[name])
             yield Correlation(r.name, r.use, channel, name, np.asarray(lags * r.period), cross, edge)
 
 
-def bound(own: Array, other: Array) -> float:
+def confidence_bound(own: Array, other: Array) -> float:
     """Return the 95 % bound of the correlation of two series that are independent (Bartlett's formula).
 
     ``own`` and ``other`` are the correlations of each with itself (2 n - 1,). Where both change slowly there are
@@ -80,11 +80,13 @@ def bound(own: Array, other: Array) -> float:
 def _lags(longest: float, period: float, samples: int) -> NDArray[np.int64]:
     most = min(round(longest / period), samples // 4)
     return (
-        np.unique(np.linspace(-most, most, 2 * POINTS + 1).round()).astype(np.int64) if most >= 1 else np.zeros(0, int)
+        np.unique(np.linspace(-most, most, 2 * MAX_LAGS + 1).round()).astype(np.int64)
+        if most >= 1
+        else np.zeros(0, int)
     )
 
 
-def _centred(values: Array) -> Array | None:
+def _normalised(values: Array) -> Array | None:
     """Return a series (n,) of mean 0 and norm 1, 0 where it was not measured; None where it does not change."""
     seen = np.isfinite(values)
     if not seen.any():
@@ -94,9 +96,9 @@ def _centred(values: Array) -> Array | None:
     return centred / size if size > 1e-12 * max(1.0, float(np.abs(values[seen]).max())) else None
 
 
-def _over_lags(first: Array, second: Array) -> Array:
+def _cross_correlation(first: Array, second: Array) -> Array:
     return np.asarray(correlate(first, second, mode="full", method="fft"))
 
 
-def _at(full: Array, lags: NDArray[np.int64]) -> Array:
+def _at_lags(full: Array, lags: NDArray[np.int64]) -> Array:
     return np.asarray(full[full.size // 2 + lags])

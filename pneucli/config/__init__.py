@@ -1,9 +1,9 @@
 """The pipeline file: read, checked as a whole, and edited without losing comments."""
 
 from pneucli.config.fleet_file import FleetConfig, load_fleet
-from pneucli.config.load import checked, join_faults, keys_at, load
+from pneucli.config.load import join_faults, keys_at, load, validate
 from pneucli.config.pipeline_tables import PipelineConfig, RecordingTable, SignalTable, WhereTable
-from pneucli.config.recording_sources import Source, plugin_files, raw_files, sources
+from pneucli.config.recording_sources import RecordingSource, plugin_files, raw_files, recording_sources
 from pneucli.config.signal_tables import TextTable
 from pneucli.config.stage_tables import CheckTable, ParameterTable
 
@@ -12,17 +12,17 @@ __all__ = [
     "FleetConfig",
     "ParameterTable",
     "PipelineConfig",
+    "RecordingSource",
     "RecordingTable",
     "SignalTable",
-    "Source",
     "TextTable",
     "WhereTable",
-    "checked",
     "join_faults",
     "keys_at",
     "load",
     "load_fleet",
     "plugin_files",
     "raw_files",
-    "sources",
+    "recording_sources",
+    "validate",
 ]

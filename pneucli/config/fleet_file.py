@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr
 
-from pneucli.config.load import checked_as
+from pneucli.config.load import validate_as
 from pneucli.config.stage_tables import CheckTable
 from pneucli.config.value_types import Name, Table
-from pneucli.document import read
+from pneucli.document import read_toml
 
 
 class FleetTable(Table):
@@ -42,7 +42,7 @@ class FleetConfig(Table):
 
 def load_fleet(path: Path) -> FleetConfig:
     """Return the checked fleet file; raises InputError that names line and key of every fault."""
-    text, document = read(path)
-    config = checked_as(FleetConfig, path, document, text)
+    text, document = read_toml(path)
+    config = validate_as(FleetConfig, path, document, text)
     config._path = path.absolute()
     return config

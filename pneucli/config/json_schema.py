@@ -6,23 +6,23 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, keys
+from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, all_keys
 from pneucli.config.pipeline_tables import PipelineConfig
 
-FILE = "pipeline.schema.json"
-DIRECTIVE = f"#:schema ./{FILE}"  # on the first line of a TOML file, as Taplo and its editors read it
+SCHEMA_FILE = "pipeline.schema.json"
+DIRECTIVE = f"#:schema ./{SCHEMA_FILE}"  # on the first line of a TOML file, as Taplo and its editors read it
 _KINDS = {OPEN_LOOP: "open-loop", CLOSED_LOOP: "closed-loop", MONTE_CARLO: "monte-carlo"}
 
 
-def schema(effects: Iterable[str] = ()) -> dict[str, Any]:
+def json_schema(effects: Iterable[str] = ()) -> dict[str, Any]:
     """Return the schema (draft 2020-12); ``effects`` are names to be offered where one is asked for."""
     made = PipelineConfig.model_json_schema(by_alias=True)
-    known = keys()
+    known = all_keys()
     for table, model in MODELS.items():
         properties = made["$defs"][model.__name__]["properties"]
         for key in known:
             if key.table == table:
-                properties[key.name] |= _told(key)
+                properties[key.name] |= _description(key)
     made["properties"]["design"] = _object([k for k in known if k.table == "design"])
     kinds = [_object([k for k in known if k.table == table]) for table in _KINDS]
     for kind, name in zip(kinds, _KINDS.values(), strict=True):
@@ -36,20 +36,20 @@ def schema(effects: Iterable[str] = ()) -> dict[str, Any]:
     }
 
 
-def _told(key: Key) -> dict[str, Any]:
+def _description(key: Key) -> dict[str, Any]:
     unit = f" (SI unit: {key.unit})" if key.unit and key.unit != "1" else ""
-    return {"description": f"{key.says}{unit}", "examples": [value_of(key.example)]}
+    return {"description": f"{key.says}{unit}", "examples": [parse_toml_value(key.example)]}
 
 
 def _object(own: list[Key]) -> dict[str, Any]:
-    properties = {key.name: _told(key) | _choices(key) for key in own}
+    properties = {key.name: _description(key) | _choices(key) for key in own}
     return {"type": "object", "properties": properties, "additionalProperties": False}
 
 
 def _choices(key: Key) -> dict[str, Any]:
-    return {"enum": [value_of(one) for one in key.choices]} if key.choices else {}
+    return {"enum": [parse_toml_value(one) for one in key.choices]} if key.choices else {}
 
 
-def value_of(text: str) -> Any:
+def parse_toml_value(text: str) -> Any:
     """Return the value that a piece of TOML stands for."""
     return tomllib.loads(f"value = {text}")["value"]

@@ -28,8 +28,8 @@ from pneucli.config.stage_tables import (
     ModelTable,
     ParameterTable,
 )
-from pneucli.config.value_types import InUnit
-from pneucli.quantities import ROTARY
+from pneucli.config.value_types import QuantityReader
+from pneucli.quantities import ROTARY_UNITS
 
 MODELS: dict[str, type[BaseModel]] = {
     "pipeline": PipelineTable,
@@ -48,7 +48,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "compare": CompareTable,
     "checks.PATH": CheckTable,
 }
-LAST = "checks.PATH"  # on the page
+LAST_TABLE = "checks.PATH"  # on the page
 OPEN_LOOP, CLOSED_LOOP, MONTE_CARLO = (f"scenarios, kind = {k}" for k in ("open-loop", "closed-loop", "monte-carlo"))
 
 
@@ -69,45 +69,45 @@ class Key(NamedTuple):
 
 
 @cache
-def said() -> dict[str, dict[str, tuple[str, str]]]:
+def key_texts() -> dict[str, dict[str, tuple[str, str]]]:
     """Return what each key says, and an example, by table and key."""
     tables = tomllib.loads((files("pneucli.config") / "keys.toml").read_text(encoding="utf-8"))
     return {t: {name: (says, example) for name, (says, example) in own.items()} for t, own in tables.items()}
 
 
-def keys() -> list[Key]:
+def all_keys() -> list[Key]:
     """Return every key that the pipeline file may have, table after table, in the order in which the models have them.
 
     Of a key that ``keys.toml`` does not have nothing is said; a test asks for it.
     """
-    found = [_of_model(table, name, field) for table, name, field in _fields()]
-    for table, name, unit, default, choices in _of_stages():
+    found = [_key_of_field(table, name, field) for table, name, field in _fields()]
+    for table, name, unit, default, choices in _keys_of_stages():
         says, example = _entry(table, name)
         found.append(Key(table, name, says, unit, default, choices, False, example))
-    order = [*(t for t in MODELS if t != LAST), "design", OPEN_LOOP, CLOSED_LOOP, MONTE_CARLO, LAST]
+    order = [*(t for t in MODELS if t != LAST_TABLE), "design", OPEN_LOOP, CLOSED_LOOP, MONTE_CARLO, LAST_TABLE]
     return sorted(found, key=lambda key: order.index(key.table))
 
 
 def _fields() -> Iterator[tuple[str, str, FieldInfo]]:
     for table, model in MODELS.items():
         for name, field in model.model_fields.items():
-            if f"{table}.{name}" not in MODELS or name in said().get(table, {}):  # a table has its own rows
+            if f"{table}.{name}" not in MODELS or name in key_texts().get(table, {}):  # a table has its own rows
                 yield table, field.alias or name, field
 
 
 def _entry(table: str, name: str) -> tuple[str, str]:
-    return said().get(table, {}).get(name, ("", '""'))
+    return key_texts().get(table, {}).get(name, ("", '""'))
 
 
-def _of_model(table: str, name: str, field: FieldInfo) -> Key:
+def _key_of_field(table: str, name: str, field: FieldInfo) -> Key:
     says, example = _entry(table, name)
-    unit = next((part.unit for part in _parts(field) if isinstance(part, InUnit)), "")
-    unit = ROTARY[unit] if name == "moment_of_inertia" else unit
+    unit = next((part.unit for part in _type_annotations(field) if isinstance(part, QuantityReader)), "")
+    unit = ROTARY_UNITS[unit] if name == "moment_of_inertia" else unit
     default = "" if field.is_required() or field.default in (None, PydanticUndefined) else _toml(field.default)
     return Key(table, name, says, unit, default, _choices(field.annotation), field.is_required(), example)
 
 
-def _parts(field: FieldInfo) -> Iterator[Any]:
+def _type_annotations(field: FieldInfo) -> Iterator[Any]:
     """Yield all that is said of a field's type, at any depth."""
     yield from field.metadata
     waiting = [field.annotation]
@@ -131,7 +131,7 @@ def _toml(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _of_stages() -> Iterator[tuple[str, str, str, str, tuple[str, ...]]]:
+def _keys_of_stages() -> Iterator[tuple[str, str, str, str, tuple[str, ...]]]:
     """Yield table, key, unit, default and choices of the tables that stages read themselves."""
     from pneucli.closed_loop import robustness, scenarios  # noqa: PLC0415
     from pneucli.controller.laws import LAWS  # noqa: PLC0415
@@ -148,12 +148,12 @@ def _of_stages() -> Iterator[tuple[str, str, str, str, tuple[str, ...]]]:
         yield "design", one.name, design.UNITS.get(one.name, ""), default, _quoted(choices.get(one.name, ()))
     for name in open_loop.KEYS:
         unit = "V" if name == "values" else open_loop.UNITS.get(name, "")
-        yield OPEN_LOOP, name, unit, "", _quoted(open_loop.BENCHES.get(name, ()))
+        yield OPEN_LOOP, name, unit, "", _quoted(open_loop.CHOICES.get(name, ()))
     known = {"reference": scenarios.REFERENCES, "control": scenarios.CONTROLS}
-    for name in ("kind", *scenarios.TEXTS, *scenarios.UNITS):
+    for name in ("kind", *scenarios.TEXT_KEYS, *scenarios.UNITS):
         yield CLOSED_LOOP, name, scenarios.UNITS.get(name, ""), "", _quoted(known.get(name, ()))
-    usual = robustness.Settings()
-    for name in robustness.KEYS:
+    usual = robustness.MonteCarloSettings()
+    for name in robustness.SETTING_KEYS:
         default = str(getattr(usual, name)) if name in ("runs", "seed") else ""
         yield MONTE_CARLO, name, "", default, ()
 

@@ -13,15 +13,15 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from pneucli.config.pipeline_tables import PipelineConfig
-from pneucli.document import read
+from pneucli.document import read_toml
 from pneucli.errors import InputError, UnitError, did_you_mean, printable
-from pneucli.units import LARGEST, STANDARD_ATMOSPHERE, parse_quantity, same_dimension
+from pneucli.units import MAX_MAGNITUDE, STANDARD_ATMOSPHERE, parse_quantity, same_dimension
 
 Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[str | int, ...]
-DEEPEST = 12  # tables in one another; the format has 4
-SHOWN = 80  # characters of what was found
-MOST = 20  # faults of one kind told at once
+MAX_TABLE_DEPTH = 12  # tables in one another; the format has 4
+MAX_SHOWN_CHARACTERS = 80  # characters of what was found
+MAX_FAULTS = 20  # faults of one kind told at once
 
 
 def load(path: str | Path) -> PipelineConfig:
@@ -30,26 +30,26 @@ def load(path: str | Path) -> PipelineConfig:
     Raises :class:`InputError` that names file, line and key of every fault, what was found, what is wanted, the mend.
     """
     path = Path(path)
-    text, document = read(path)
-    return checked(path, document, text)
+    text, document = read_toml(path)
+    return validate(path, document, text)
 
 
-def checked(path: Path, document: dict[str, Any], text: str = "") -> PipelineConfig:
+def validate(path: Path, document: dict[str, Any], text: str = "") -> PipelineConfig:
     """Return the tables of a pipeline file, checked; ``text`` is the file's, by which faults name their line.
 
     Raises InputError as :func:`load` does.
     """
-    context = {"ambient_pressure": _ambient(document), "rotary": rotary(document)}
-    config = checked_as(PipelineConfig, path, document, text, context)
-    config._path, config._document, config._rotary = path, document, rotary(document)
+    context = {"ambient_pressure": _ambient(document), "rotary": is_rotary(document)}
+    config = validate_as(PipelineConfig, path, document, text, context)
+    config._path, config._document, config._rotary = path, document, is_rotary(document)
     return config
 
 
-def checked_as(
+def validate_as(
     model: type[Model], path: Path, document: dict[str, Any], text: str, context: Mapping[str, Any] | None = None
 ) -> Model:
     """Return the tables of a TOML file as ``model``; raises InputError as :func:`load` does."""
-    unfit = islice(_unfit(document), MOST)
+    unfit = islice(_structural_faults(document), MAX_FAULTS)
     if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
         raise join_faults(path, faults)
     try:
@@ -64,36 +64,43 @@ def join_faults(path: Path, faults: Sequence[InputError]) -> InputError:
     return faults[0] if len(faults) == 1 else InputError(str(path), f"{len(faults)} faults", faults=faults)
 
 
-def _unfit(document: Mapping[str, Any]) -> Iterator[tuple[Location, str, str, str]]:
+def _structural_faults(document: Mapping[str, Any]) -> Iterator[tuple[Location, str, str, str]]:
     """Yield key, found, wanted and mend of what no table may hold, so that no reader of one need think of it."""
     waiting: list[tuple[Location, Any]] = [((), document)]
     while waiting:
         key, value = waiting.pop()
-        if len(key) > DEEPEST:
+        if len(key) > MAX_TABLE_DEPTH:
             yield key, "tables in tables without end", "the keys that the documentation names", "mend that line"
         elif isinstance(value, dict):
             waiting += [((*key, name), inner) for name, inner in reversed(value.items())]
             yield from (
-                (key, f'"{n}" is no name of a key', "a text that can be printed", "") for n in value if _acts(n)
+                (key, f'"{n}" is no name of a key', "a text that can be printed", "")
+                for n in value
+                if _has_control_characters(n)
             )
         elif isinstance(value, list):
             waiting += [((*key, number), inner) for number, inner in reversed([*enumerate(value)])]
-        elif isinstance(value, str) and _acts(value) and (value != "\t" or key[-1] != "delimiter"):
-            yield key, f"{value[:SHOWN]!r} holds control characters", "a text that can be printed", "take them out"
-        elif isinstance(value, int | float) and not abs(value) <= LARGEST:
-            yield key, _shown(value), f"a number up to {LARGEST:g}", ""
+        elif isinstance(value, str) and _has_control_characters(value) and (value != "\t" or key[-1] != "delimiter"):
+            yield (
+                key,
+                f"{value[:MAX_SHOWN_CHARACTERS]!r} holds control characters",
+                "a text that can be printed",
+                "take them out",
+            )
+        elif isinstance(value, int | float) and not abs(value) <= MAX_MAGNITUDE:
+            yield key, _abbreviated(value), f"a number up to {MAX_MAGNITUDE:g}", ""
 
 
-def _acts(text: str) -> bool:
+def _has_control_characters(text: str) -> bool:
     return printable(text) != text
 
 
 def _where(path: Path, text: str, key: Location) -> str:
     name = ".".join(str(part + 1) if isinstance(part, int) else part for part in key)
-    return f"{path}, line {line_of(text, key)}, key {name[:SHOWN]}"
+    return f"{path}, line {line_of(text, key)}, key {name[:MAX_SHOWN_CHARACTERS]}"
 
 
-def _in_document(location: Location, document: Any) -> Location:
+def _document_key(location: Location, document: Any) -> Location:
     """Return ``location`` as far as the document goes, and one key further: without the names of pydantic's types."""
     for depth, part in enumerate(location):
         try:
@@ -111,7 +118,7 @@ def _ambient(document: Mapping[str, Any]) -> float:
         return STANDARD_ATMOSPHERE
 
 
-def rotary(document: Mapping[str, Any]) -> bool:
+def is_rotary(document: Mapping[str, Any]) -> bool:
     """Return whether the axis turns: by the unit of its position, or a moment of inertia; no fault is told here."""
     rig = document.get("rig", {})
     cylinder = rig.get("cylinder", {}) if isinstance(rig, dict) else {}
@@ -137,7 +144,7 @@ def _faults(
     """Return a fault a key; a key that may be of several types has as many details, which become one."""
     faults: dict[Location, InputError] = {}
     for detail in error.errors(include_url=False):
-        key = _in_document(detail["loc"], document)
+        key = _document_key(detail["loc"], document)
         fault = _fault(path, text, document, key, detail, model)
         if key in faults:
             faults[key].wanted += f", or {fault.wanted}"
@@ -155,15 +162,15 @@ def _fault(
     model: type[BaseModel],
 ) -> InputError:
     where = _where(path, text, location)
-    kind, value = detail["type"], _shown(detail["input"])
+    kind, value = detail["type"], _abbreviated(detail["input"])
     if kind == "extra_forbidden":
         return InputError(where, "unknown key", "", did_you_mean(str(location[-1]), keys_at(location[:-1], model)))
     if kind == "missing":
-        return InputError(where, "missing", _wanted(location, model), f'add "{location[-1]}"')
+        return InputError(where, "missing", _choices(location, model), f'add "{location[-1]}"')
     if kind == "literal_error":
         expected = str((detail.get("ctx") or {}).get("expected", ""))
         known = re.findall(r"'([^']*)'", expected)
-        return InputError(where, value, expected, did_you_mean(str(detail["input"])[:SHOWN], known))
+        return InputError(where, value, expected, did_you_mean(str(detail["input"])[:MAX_SHOWN_CHARACTERS], known))
     if kind == "value_error":
         found, _, wanted = detail["msg"].removeprefix("Value error, ").partition("; wanted ")
         return InputError(where, found, wanted)
@@ -174,13 +181,13 @@ def _fault(
     return InputError(where, value, wanted)
 
 
-def _shown(value: Any) -> str:
+def _abbreviated(value: Any) -> str:
     """Return a value as the file may have it, and no more of it than tells which."""
     text = f'"{value}"' if isinstance(value, str) else str(value)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}..."
 
 
-def _wanted(location: Location, model: type[BaseModel]) -> str:
+def _choices(location: Location, model: type[BaseModel]) -> str:
     fields = _model_at(location[:-1], model)
     field = fields.model_fields.get(str(location[-1])) if fields else None
     choices = get_args(field.annotation) if field else ()
@@ -216,12 +223,12 @@ _KEY = re.compile(r"""^\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*
 
 def line_of(text: str, location: Location) -> int:
     """Return the line (from 1) of ``text`` that comes closest to the key at ``location``."""
-    lines, keys = _lines(text), tuple(location)
+    lines, keys = _line_numbers(text), tuple(location)
     return next((lines[keys[:depth]] for depth in range(len(keys), 0, -1) if keys[:depth] in lines), 1)
 
 
 @lru_cache(maxsize=4)
-def _lines(text: str) -> dict[tuple[str | int, ...], int]:
+def _line_numbers(text: str) -> dict[tuple[str | int, ...], int]:
     """Return the first line (from 1) of every table and key."""
     lines: dict[tuple[str | int, ...], int] = {}
     counts: dict[tuple[str, ...], int] = {}
@@ -229,19 +236,19 @@ def _lines(text: str) -> dict[tuple[str | int, ...], int]:
     for number, line in enumerate(text.splitlines(), 1):
         here = table
         if header := _HEADER.match(line):
-            table = here = _numbered(_parts(header[2]), counts, new=header[1] == "[[")
+            table = here = _with_table_numbers(_key_parts(header[2]), counts, new=header[1] == "[[")
         elif key := _KEY.match(line):
-            here = [*table, *_parts(key[1])]
+            here = [*table, *_key_parts(key[1])]
         for depth in range(1, len(here) + 1):
             lines.setdefault(tuple(here[:depth]), number)
     return lines
 
 
-def _parts(dotted: str) -> list[str]:
+def _key_parts(dotted: str) -> list[str]:
     return [bare or quoted for quoted, bare in re.findall(r"""["']([^"']*)["']|([\w-]+)""", dotted)]
 
 
-def _numbered(parts: Sequence[str], counts: dict[tuple[str, ...], int], *, new: bool) -> list[str | int]:
+def _with_table_numbers(parts: Sequence[str], counts: dict[tuple[str, ...], int], *, new: bool) -> list[str | int]:
     """Put the running number of each array of tables behind its name."""
     if new:
         counts[tuple(parts)] = counts.get(tuple(parts), -1) + 1

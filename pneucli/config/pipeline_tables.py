@@ -13,16 +13,16 @@ from pydantic import (
     model_validator,
 )
 
-from pneucli.arrangements import Name as ArrangementName
+from pneucli.arrangements import ArrangementName as ArrangementName
 from pneucli.config.rig_table import RigTable
 from pneucli.config.signal_tables import TextTable
 from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable
 from pneucli.config.value_types import (
     Acceleration,
     Column,
+    DecimalMark,
     Force,
     Instant,
-    Mark,
     MassFlow,
     Name,
     Position,
@@ -35,10 +35,10 @@ from pneucli.config.value_types import (
     Voltage,
 )
 from pneucli.errors import UnitError
-from pneucli.experiments import KINDS
-from pneucli.experiments import Name as Experiment
+from pneucli.experiments import EXPERIMENT_KINDS
+from pneucli.experiments import ExperimentName as Experiment
 from pneucli.io.expression import Expression
-from pneucli.quantities import ROTARY, SIGNALS
+from pneucli.quantities import ROTARY_UNITS, SIGNALS
 from pneucli.recording import Rig, Use
 from pneucli.units import parse_quantity, parse_unit, same_dimension
 
@@ -46,7 +46,7 @@ SignalName = Literal[
     "time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "flow", "x_ref", "p_ref"
 ]
 
-AS_VOLUME = ', or a volume of air under standard conditions, "l/min ANR" or "Nl/min"'
+STANDARD_VOLUME_HINT = ', or a volume of air under standard conditions, "l/min ANR" or "Nl/min"'
 
 
 class PipelineTable(Table):
@@ -76,7 +76,7 @@ class SignalTable(Table):
     scale: Scale = 1.0
     offset: float = 0.0
     thousands: Thousands | None = None
-    decimal: Mark | None = None
+    decimal: DecimalMark | None = None
     where: WhereTable | None = None
     noise: str | float | None = None
 
@@ -102,16 +102,16 @@ class SignalTable(Table):
         return self.reference == "gauge" or (self.unit is not None and parse_unit(self.unit).gauge)
 
 
-def _fits(name: str) -> AfterValidator:
+def _checked_against(name: str) -> AfterValidator:
     """Check unit and reference of an entry of ``[signals]`` against what the signal is."""
     quantity = SIGNALS[name]
 
     def check(signal: SignalTable | None, info: ValidationInfo) -> SignalTable | None:
         if signal is None:
             return None
-        wanted = ROTARY.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
+        wanted = ROTARY_UNITS.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
         if signal.unit is not None and not same_dimension(signal.unit, wanted):
-            more = AS_VOLUME if name == "flow" else ""
+            more = STANDARD_VOLUME_HINT if name == "flow" else ""
             raise UnitError(
                 f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"{more}'
             )
@@ -132,20 +132,20 @@ def _fits(name: str) -> AfterValidator:
 class SignalsTable(Table):
     """``[signals]`` and ``[recordings.signals]``: one entry for each signal that is recorded."""
 
-    time: Annotated[SignalTable | None, _fits("time")] = None
-    u: Annotated[SignalTable | None, _fits("u")] = None
-    u2: Annotated[SignalTable | None, _fits("u2")] = None
-    p_supply: Annotated[SignalTable | None, _fits("p_supply")] = None
-    p1: Annotated[SignalTable | None, _fits("p1")] = None
-    p2: Annotated[SignalTable | None, _fits("p2")] = None
-    x: Annotated[SignalTable | None, _fits("x")] = None
-    v: Annotated[SignalTable | None, _fits("v")] = None
-    a: Annotated[SignalTable | None, _fits("a")] = None
-    force: Annotated[SignalTable | None, _fits("force")] = None
-    temperature: Annotated[SignalTable | None, _fits("temperature")] = None
-    flow: Annotated[SignalTable | None, _fits("flow")] = None
-    x_ref: Annotated[SignalTable | None, _fits("x_ref")] = None
-    p_ref: Annotated[SignalTable | None, _fits("p_ref")] = None
+    time: Annotated[SignalTable | None, _checked_against("time")] = None
+    u: Annotated[SignalTable | None, _checked_against("u")] = None
+    u2: Annotated[SignalTable | None, _checked_against("u2")] = None
+    p_supply: Annotated[SignalTable | None, _checked_against("p_supply")] = None
+    p1: Annotated[SignalTable | None, _checked_against("p1")] = None
+    p2: Annotated[SignalTable | None, _checked_against("p2")] = None
+    x: Annotated[SignalTable | None, _checked_against("x")] = None
+    v: Annotated[SignalTable | None, _checked_against("v")] = None
+    a: Annotated[SignalTable | None, _checked_against("a")] = None
+    force: Annotated[SignalTable | None, _checked_against("force")] = None
+    temperature: Annotated[SignalTable | None, _checked_against("temperature")] = None
+    flow: Annotated[SignalTable | None, _checked_against("flow")] = None
+    x_ref: Annotated[SignalTable | None, _checked_against("x_ref")] = None
+    p_ref: Annotated[SignalTable | None, _checked_against("p_ref")] = None
 
     def present(self) -> dict[str, SignalTable]:
         """Return the signals that the file describes."""
@@ -202,7 +202,7 @@ class RecordingTable(TextTable):
     p_ref: Pressure | None = None
 
     @property
-    def constants(self) -> dict[str, float]:
+    def held_constant(self) -> dict[str, float]:
         """What was held and not logged, SI."""
         return {name: getattr(self, name) for name in SIGNALS if getattr(self, name, None) is not None}
 
@@ -212,7 +212,7 @@ class RecordingTable(TextTable):
             raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between columns or thousands too')
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError(f"the stretch from {self.from_} s to {self.to} s is empty")
-        kind = KINDS[self.experiment]
+        kind = EXPERIMENT_KINDS[self.experiment]
         if self.imposed and kind.valve:
             raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
         if kind.controlled and self.controller is None:
@@ -255,7 +255,7 @@ class PipelineConfig(Table):
     def unit(self, signal: str) -> str:
         """The SI unit of a signal, as the axis moves."""
         unit = SIGNALS[signal].unit
-        return ROTARY.get(unit, unit) if self._rotary else unit
+        return ROTARY_UNITS.get(unit, unit) if self._rotary else unit
 
     @property
     def document(self) -> dict[str, Any]:
@@ -271,7 +271,7 @@ class PipelineConfig(Table):
         """Return what is known of the rig, as domain packages receive it (SI)."""
         valve = self.rig.valve
         return Rig(
-            **self.rig.known(),
+            **self.rig.stated(),
             vessel_volume=self.rig.vessel.volume,
             valve_null=0.0 if valve.null == "identify" else valve.null,
             null_free=valve.null == "identify",

@@ -12,11 +12,11 @@ from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
 from pneucli.config.pipeline_tables import MoreTable, PipelineConfig, RecordingTable, SignalTable
 from pneucli.errors import InputError, did_you_mean
-from pneucli.experiments import KINDS
+from pneucli.experiments import EXPERIMENT_KINDS
 
 
 @dataclass(frozen=True)
-class More:
+class AdditionalFile:
     """A further file of a recording, with the signals that it may hold."""
 
     path: Path
@@ -25,7 +25,7 @@ class More:
 
 
 @dataclass(frozen=True)
-class Source:
+class RecordingSource:
     """One raw file as one recording; ``where`` names the place in the pipeline file that asks for it.
 
     ``signals`` holds ``[recordings.signals]`` over ``[signals]`` (an entry replaces the whole entry below it),
@@ -40,15 +40,15 @@ class Source:
     required: frozenset[str]
     where: str
     commands: tuple[str, ...] = ()
-    more: tuple[More, ...] = ()
+    additional_files: tuple[AdditionalFile, ...] = ()
 
     @property
     def paths(self) -> tuple[Path, ...]:
         """All files of the recording."""
-        return (self.path, *(one.path for one in self.more))
+        return (self.path, *(one.path for one in self.additional_files))
 
 
-def sources(config: PipelineConfig) -> list[Source]:
+def recording_sources(config: PipelineConfig) -> list[RecordingSource]:
     """Return all recordings in the file's order.
 
     A glob that matches several files makes several recordings: ``name_1``, ``name_2``, ... in natural order, or the
@@ -67,19 +67,19 @@ def sources(config: PipelineConfig) -> list[Source]:
 def plugin_files(config: PipelineConfig) -> list[Path]:
     """Return the Python files of ``[model] plugins``; one that is not there stands for itself."""
     where, folder = f"{config.path}, key model.plugins", config.path.parent
-    return [path for plugin in config.model.plugins for path in paths.named(plugin, folder, where)]
+    return [path for plugin in config.model.plugins for path in paths.matching_files_or_path(plugin, folder, where)]
 
 
 def raw_files(config: PipelineConfig) -> list[Path]:
     """Return the raw files that the pipeline reads, each once."""
-    return list(dict.fromkeys(path for source in sources(config) for path in source.paths))
+    return list(dict.fromkeys(path for source in recording_sources(config) for path in source.paths))
 
 
-def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
+def _sources_of(config: PipelineConfig, index: int, text: str) -> list[RecordingSource]:
     table = config.recordings[index]
     where = f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"
     signals = {**config.signals.present(), **table.signals.present()}
-    required = {"time", *table.signals.present(), *(table.take or [])} - table.constants.keys()
+    required = {"time", *table.signals.present(), *(table.take or [])} - table.held_constant.keys()
     if table.take is not None:
         further = {name: one for more in table.more for name, one in more.signals.present().items()}
         _check_take(table, {**signals, **further}, where)
@@ -87,21 +87,23 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Source]:
     if "time" not in signals:
         mend = 'add to [signals]: time = { column = "...", unit = "s" }'
         raise InputError(where, "no signal is called time", "a column of time stamps", mend)
-    signals = {name: signal for name, signal in signals.items() if name not in table.constants}
+    signals = {name: signal for name, signal in signals.items() if name not in table.held_constant}
     found = _paths(config.path, table.file, where)
     names = _names(table.name, found)
     required &= signals.keys()
-    is_driven = table.chamber_2 == "valve" and KINDS[table.experiment].axis
+    is_driven = table.chamber_2 == "valve" and EXPERIMENT_KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
-    tables = _by_use(table, found, where)
-    more = _more(config, table, len(found), where)
+    tables = _tables_by_use(table, found, where)
+    more = _additional_files(config, table, len(found), where)
     return [
-        Source(name, path, own, signals, frozenset(required), where, commands, further)
+        RecordingSource(name, path, own, signals, frozenset(required), where, commands, further)
         for name, path, own, further in zip(names, found, tables, more, strict=True)
     ]
 
 
-def _more(config: PipelineConfig, table: RecordingTable, count: int, where: str) -> list[tuple[More, ...]]:
+def _additional_files(
+    config: PipelineConfig, table: RecordingTable, count: int, where: str
+) -> list[tuple[AdditionalFile, ...]]:
     """Return the further files of each of ``count`` recordings: of globs, the first, the second, ... of each.
 
     A further file holds signals of ``[signals]`` and its own, as far as they are taken and not held constant.
@@ -113,13 +115,13 @@ def _more(config: PipelineConfig, table: RecordingTable, count: int, where: str)
             wanted = f"{count}, one for each file of the recording"
             raise InputError(f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob")
         own = {**config.signals.present(), **one.signals.present()}
-        taken = {"time", *(table.take or own)} - table.constants.keys()
+        taken = {"time", *(table.take or own)} - table.held_constant.keys()
         own = {name: signal for name, signal in own.items() if name in taken}
-        columns.append([More(path, one, own) for path in found])
+        columns.append([AdditionalFile(path, one, own) for path in found])
     return list(zip(*columns, strict=True)) if columns else [()] * count
 
 
-def _by_use(table: RecordingTable, found: list[Path], where: str) -> list[RecordingTable]:
+def _tables_by_use(table: RecordingTable, found: list[Path], where: str) -> list[RecordingTable]:
     """Return the table of each file: those that ``test`` names are held out."""
     if table.test is None:
         return [table] * len(found)
@@ -138,7 +140,7 @@ def _by_use(table: RecordingTable, found: list[Path], where: str) -> list[Record
 
 def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: str) -> None:
     for name in table.take or []:
-        if name not in signals and name not in table.constants:
+        if name not in signals and name not in table.held_constant:
             raise InputError(
                 f"{where}, key take", f'"{name}" is not described', "a signal of [signals]", did_you_mean(name, signals)
             )
@@ -151,9 +153,9 @@ def _names(name: str | None, found: list[Path]) -> list[str]:
 
 
 def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
-    if found := paths.files(file, pipeline.parent, where):
+    if found := paths.matching_files(file, pipeline.parent, where):
         return found
-    pattern = paths.expand(file, pipeline.parent, where)
+    pattern = paths.expand_path(file, pipeline.parent, where)
     if os.path.exists(pattern):
         raise InputError(
             where, f"{pattern} is a folder, a pipe or a device", "a raw file", 'such as file = "raw/*.csv"'

@@ -19,7 +19,7 @@ from pneucli.config.value_types import (
     Volume,
 )
 from pneucli.gases import GASES
-from pneucli.gases import Name as GasName
+from pneucli.gases import GasName as GasName
 from pneucli.units import STANDARD_ATMOSPHERE
 
 
@@ -72,7 +72,7 @@ class RigTable(Table):
     valve: ValveTable = ValveTable()
     cylinder: CylinderTable = CylinderTable()
 
-    def known(self) -> dict[str, Any]:
+    def stated(self) -> dict[str, Any]:
         """Return what is stated of gas, pressures and cylinder by name, SI; a gas by name has its constants."""
         plain = self.model_dump(exclude={"vessel", "cylinder", "valve", "gas", "thermal"})
         gas, cylinder = GASES[self.gas], self.cylinder.model_dump(exclude={"moment_of_inertia"})

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pneucli.config.value_types import Delimiter, Encoding, Mark, Table, Thousands
+from pneucli.config.value_types import DecimalMark, Delimiter, Encoding, Table, Thousands
 
 
 class TextTable(Table):
@@ -14,7 +14,7 @@ class TextTable(Table):
 
     header: bool = True
     delimiter: Delimiter | None = None
-    decimal: Mark | None = None
+    decimal: DecimalMark | None = None
     thousands: Thousands | None = None
     encoding: Encoding | None = None
     skip_rows: Annotated[int, Field(ge=0)] = 0

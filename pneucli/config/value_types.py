@@ -7,43 +7,43 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
-from pneucli.quantities import PISTON_AREA, ROTARY
+from pneucli.quantities import PISTON_AREA_UNITS, ROTARY_UNITS
 from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity
 
-SMALLEST = 1e-30  # of any number of a rig that is not 0, in SI: quotients stay finite
+MIN_MAGNITUDE = 1e-30  # of any number of a rig that is not 0, in SI: quotients stay finite
 
 
-def size(number: float) -> float:
+def require_dividable(number: float) -> float:
     """Return ``number``; raises ValueError where it is too small to divide by and not 0."""
-    if 0.0 < abs(number) < SMALLEST:
-        raise ValueError(f"{number} is next to nothing; wanted 0, or a size of at least {SMALLEST:g}")
+    if 0.0 < abs(number) < MIN_MAGNITUDE:
+        raise ValueError(f"{number} is next to nothing; wanted 0, or a size of at least {MIN_MAGNITUDE:g}")
     return number
 
 
-def _is_scale(scale: float) -> float:
-    if size(scale) == 0.0:
+def _check_scale(scale: float) -> float:
+    if require_dividable(scale) == 0.0:
         raise ValueError(f"{scale} makes nothing of the column; wanted a factor other than 0")
     return scale
 
 
-def _is_delimiter(text: str) -> str:
-    known = text == "\t" or (len(text) == 1 and text.isascii() and text.isprintable() and not _in_numbers(text))
+def _check_delimiter(text: str) -> str:
+    known = text == "\t" or (len(text) == 1 and text.isascii() and text.isprintable() and not _occurs_in_numbers(text))
     if not (known or not text.strip(" ") or text in (r"\s+", "whitespace")):
         raise ValueError(f"{text!r} cannot stand between columns; wanted one character, such as a tab, ; or ,")
     return text
 
 
-def _is_thousands(text: str) -> str:
+def _check_thousands(text: str) -> str:
     if text.isalnum() or text in "+-":
         raise ValueError(f"{text!r} cannot stand between thousands; wanted a character such as . or ,")
     return text
 
 
-def _in_numbers(character: str) -> bool:
+def _occurs_in_numbers(character: str) -> bool:
     return character.isalnum() or character in '+-."#'
 
 
-def _is_encoding(name: str) -> str:
+def _check_encoding(name: str) -> str:
     """Check that the name is that of an encoding of text; the standard library has others, such as hex and zlib."""
     plain = "x" * 100 + ";1.5,-2e3\t\n"
     try:
@@ -55,54 +55,54 @@ def _is_encoding(name: str) -> str:
     return name
 
 
-Scale: TypeAlias = Annotated[float, AfterValidator(_is_scale)]
-Mark: TypeAlias = Literal[".", ","]
-Delimiter: TypeAlias = Annotated[str, Field(min_length=1), AfterValidator(_is_delimiter)]
-Thousands: TypeAlias = Annotated[str, Field(min_length=1, max_length=1), AfterValidator(_is_thousands)]
-Encoding: TypeAlias = Annotated[str, AfterValidator(_is_encoding)]
+Scale: TypeAlias = Annotated[float, AfterValidator(_check_scale)]
+DecimalMark: TypeAlias = Literal[".", ","]
+Delimiter: TypeAlias = Annotated[str, Field(min_length=1), AfterValidator(_check_delimiter)]
+Thousands: TypeAlias = Annotated[str, Field(min_length=1, max_length=1), AfterValidator(_check_thousands)]
+Encoding: TypeAlias = Annotated[str, AfterValidator(_check_encoding)]
 Column: TypeAlias = Annotated[int, Field(strict=True, ge=1)] | Annotated[str, Field(strict=True, min_length=1)]
 Name: TypeAlias = Annotated[str, Field(pattern=r"\S")]
 
 
 @dataclass(frozen=True, slots=True)
-class InUnit(BeforeValidator):
+class QuantityReader(BeforeValidator):
     """The reader of a quantity, with the SI unit that it reads into."""
 
     unit: str = ""
 
 
-def _in(unit: str, rotary: str | None = None) -> InUnit:
+def _quantity_in(unit: str, rotary: str | None = None) -> QuantityReader:
     """Read text with a unit; gauge values stand on the file's own ambient pressure, ``rotary`` is the unit there."""
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
         context = info.context or {}
-        wanted = (rotary or ROTARY.get(unit, unit)) if context.get("rotary") else unit
+        wanted = (rotary or ROTARY_UNITS.get(unit, unit)) if context.get("rotary") else unit
         if isinstance(value, str) and "?" in value:
             raise ValueError(f'"{value}" is to be filled in; wanted a quantity such as "1 {wanted}"')
         ambient = context.get("ambient_pressure", STANDARD_ATMOSPHERE)
-        return size(parse_quantity(value, wanted, ambient_pressure=ambient))
+        return require_dividable(parse_quantity(value, wanted, ambient_pressure=ambient))
 
-    return InUnit(parse, json_schema_input_type=float | str, unit=unit)
+    return QuantityReader(parse, json_schema_input_type=float | str, unit=unit)
 
 
-Pressure: TypeAlias = Annotated[float, _in("Pa"), Field(gt=0)]
-Temperature: TypeAlias = Annotated[float, _in("K"), Field(gt=0)]
-Area: TypeAlias = Annotated[float, _in(*PISTON_AREA), Field(gt=0)]
-Volume: TypeAlias = Annotated[float, _in("m^3"), Field(gt=0)]
-Length: TypeAlias = Annotated[float, _in("m"), Field(gt=0)]
-Mass: TypeAlias = Annotated[float, _in("kg"), Field(gt=0)]
-GasConstant: TypeAlias = Annotated[float, _in("J/(kg K)"), Field(gt=0)]
-HeatCapacityRatio: TypeAlias = Annotated[float, _in("1"), Field(gt=1)]
-Duration: TypeAlias = Annotated[float, _in("s"), Field(gt=0)]
-Frequency: TypeAlias = Annotated[float, _in("1/s"), Field(gt=0)]
-MassFlow: TypeAlias = Annotated[float, _in("kg/s")]
-Instant: TypeAlias = Annotated[float, _in("s")]
-Voltage: TypeAlias = Annotated[float, _in("V")]
-Position: TypeAlias = Annotated[float, _in("m")]
-Velocity: TypeAlias = Annotated[float, _in("m/s")]
-Steepness: TypeAlias = Annotated[float, _in("s/m"), Field(gt=0)]
-Acceleration: TypeAlias = Annotated[float, _in("m/s^2")]
-Force: TypeAlias = Annotated[float, _in("N")]
+Pressure: TypeAlias = Annotated[float, _quantity_in("Pa"), Field(gt=0)]
+Temperature: TypeAlias = Annotated[float, _quantity_in("K"), Field(gt=0)]
+Area: TypeAlias = Annotated[float, _quantity_in(*PISTON_AREA_UNITS), Field(gt=0)]
+Volume: TypeAlias = Annotated[float, _quantity_in("m^3"), Field(gt=0)]
+Length: TypeAlias = Annotated[float, _quantity_in("m"), Field(gt=0)]
+Mass: TypeAlias = Annotated[float, _quantity_in("kg"), Field(gt=0)]
+GasConstant: TypeAlias = Annotated[float, _quantity_in("J/(kg K)"), Field(gt=0)]
+HeatCapacityRatio: TypeAlias = Annotated[float, _quantity_in("1"), Field(gt=1)]
+Duration: TypeAlias = Annotated[float, _quantity_in("s"), Field(gt=0)]
+Frequency: TypeAlias = Annotated[float, _quantity_in("1/s"), Field(gt=0)]
+MassFlow: TypeAlias = Annotated[float, _quantity_in("kg/s")]
+Instant: TypeAlias = Annotated[float, _quantity_in("s")]
+Voltage: TypeAlias = Annotated[float, _quantity_in("V")]
+Position: TypeAlias = Annotated[float, _quantity_in("m")]
+Velocity: TypeAlias = Annotated[float, _quantity_in("m/s")]
+Steepness: TypeAlias = Annotated[float, _quantity_in("s/m"), Field(gt=0)]
+Acceleration: TypeAlias = Annotated[float, _quantity_in("m/s^2")]
+Force: TypeAlias = Annotated[float, _quantity_in("N")]
 
 
 class Table(BaseModel):

@@ -11,99 +11,105 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.observers import arrive, begin, look_ahead, observe_motion, observe_pressures
+from pneucli.controller.observers import (
+    advance_valve_gradients,
+    initialise_at_first_sample,
+    observe_motion,
+    observe_pressures,
+    predict_to_arrival,
+)
 from pneucli.controller.plant import (
-    along,
-    both_ways,
     clamp,
     damping,
+    drive_mirrored_valve,
     dry_friction,
-    dry_share,
-    highest,
-    reached,
-    reached_2,
+    dry_friction_factor,
+    limit_gradient_1,
+    limit_gradient_2,
+    max_pressure_reference,
     sign,
+    stroke_table,
     valve_command,
     valve_command_2,
 )
-from pneucli.controller.pressure_level import level_kept
+from pneucli.controller.pressure_level import update_level
 from pneucli.controller.reference import follow_reference
-from pneucli.controller.stiction import braking, carry, hold, loosen
+from pneucli.controller.stiction import braking_force, breakaway_ramp, drive_elastic_piston, update_hold
 from pneucli.controller.valve_dynamics import (
-    commanded,
+    chamber_volume_1,
+    chamber_volume_2,
+    compensate_valve_dynamics,
     drift_1,
     drift_2,
-    gradient_1,
-    gradient_2,
-    shut_1,
-    shut_2,
-    space_1,
-    space_2,
+    null_command_1,
+    null_command_2,
+    valve_gradient_1,
+    valve_gradient_2,
 )
 
 
-def dry_ahead(s, c):
+def friction_feedforward(s, c):
     """Return the dry friction in N on the reference's way; its direction fades below the least speed.
 
     It is that of when the force arrives: a turn is led by the time that the pressure loop takes. A piston that broke
     away and runs at more than twice the speed has the friction of half its own: what drives it on falls, as that does.
     One that stays behind, at less than half the speed, has that of twice its own: what holds it has to be overcome.
     """
-    v = s[S_V_SHAPED] + c[C_LEAD] * s[S_A_SHAPED]
+    v = s[S_V_SHAPED] + c[C_FRICTION_LEAD] * s[S_A_SHAPED]
     speed = max(math.fabs(v), 0.5 * math.fabs(s[S_V]))
     if (s[S_X_SHAPED] - s[S_X]) * v > 0.0:
         speed = min(speed, 2.0 * math.fabs(s[S_V]))
     level = dry_friction(speed, s, c)
-    if s[S_A_SHAPED] * v < 0.0 and c[C_SLOWING] < 1.0:
-        level = min(level, c[C_COULOMB] * c[C_SLOWING])
+    if s[S_A_SHAPED] * v < 0.0 and c[C_DECELERATION_RATIO] < 1.0:
+        level = min(level, c[C_COULOMB] * c[C_DECELERATION_RATIO])
     floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference is known however coarse the sensor
-    return level * dry_share(s[S_X_SHAPED] + c[C_LEAD] * v, v, s, c) * clamp(v / floor, -1.0, 1.0)
+    return level * dry_friction_factor(s[S_X_SHAPED] + c[C_FRICTION_LEAD] * v, v, s, c) * clamp(v / floor, -1.0, 1.0)
 
 
-def position_law(x_ref, s, c):
+def position_control(x_ref, s, c):
     """Return the force in N that the pressures shall make: PID, friction ahead, minus the load, the sector at rest."""
-    wait = c[C_WAIT] * c[C_PERIOD]
-    error = s[S_X_SHAPED] + wait * (s[S_V_SHAPED] + 0.5 * wait * s[S_A_SHAPED]) - s[S_AHEAD_X]
-    rate = s[S_V_SHAPED] + wait * s[S_A_SHAPED] - s[S_AHEAD_V]
-    if c[C_HOLD] > 0.5 and hold(x_ref, s, c):
+    wait = c[C_FLOW_DELAY] * c[C_PERIOD]
+    error = s[S_X_SHAPED] + wait * (s[S_V_SHAPED] + 0.5 * wait * s[S_A_SHAPED]) - s[S_PREDICTED_X]
+    rate = s[S_V_SHAPED] + wait * s[S_A_SHAPED] - s[S_PREDICTED_V]
+    if c[C_HOLD] > 0.5 and update_hold(x_ref, s, c):
         return s[S_FORCE]
-    ahead = c[C_AHEAD]
-    force = c[C_MASS] * (ahead * s[S_A_SHAPED] + s[S_SOFT] * (c[C_KD] * rate + c[C_KP] * error))
-    force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * (s[S_V_SHAPED] + c[C_LEAD] * s[S_A_SHAPED])
-    if c[C_SWITCHING] > 0.5 and s[S_REST] > 0.05:
+    ahead = c[C_FEEDFORWARD]
+    force = c[C_MASS] * (ahead * s[S_A_SHAPED] + s[S_LOOP_GAIN] * (c[C_KD] * rate + c[C_KP] * error))
+    force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * (s[S_V_SHAPED] + c[C_FRICTION_LEAD] * s[S_A_SHAPED])
+    if c[C_SWITCHING] > 0.5 and s[S_REF_REST_TIME] > 0.05:
         if s[S_ELASTIC] > 0.5:
-            carry(s[S_X_SHAPED] - s[S_X], s, c)
-            force += s[S_SOFT] * braking(s[S_X_SHAPED] - s[S_X], s, c)
+            drive_elastic_piston(s[S_X_SHAPED] - s[S_X], s, c)
+            force += s[S_LOOP_GAIN] * braking_force(s[S_X_SHAPED] - s[S_X], s, c)
         else:
-            loosen(s[S_X_SHAPED] - s[S_X], s, c)
+            breakaway_ramp(s[S_X_SHAPED] - s[S_X], s, c)
     else:
-        s[S_STICK] = 0.0
-        s[S_TRIED] = 0.0
-        s[S_SIDE] = 0.0
-        s[S_WIDE] = 1.0
-        s[S_SOFT] = 1.0
-        s[S_EAGER] = 4.0
-        s[S_BRAKE] = 0.0
-        s[S_JUMP] = 0.0
-    force = force + ahead * dry_ahead(s, c) + s[S_STICK]
-    if c[C_ESTIMATES] > 0.5:
-        return force - s[S_LOAD] - along(s[S_AHEAD_X], 4, c)
+        s[S_RELEASE_FORCE] = 0.0
+        s[S_FORCE_RAMP] = 0.0
+        s[S_LAST_SIGN] = 0.0
+        s[S_DEADBAND_GAIN] = 1.0
+        s[S_LOOP_GAIN] = 1.0
+        s[S_RAMP_GAIN] = 4.0
+        s[S_BRAKING_TIME] = 0.0
+        s[S_LAST_JUMP] = 0.0
+    force = force + ahead * friction_feedforward(s, c) + s[S_RELEASE_FORCE]
+    if c[C_DISTURBANCE_OBSERVERS] > 0.5:
+        return force - s[S_LOAD] - stroke_table(s[S_PREDICTED_X], 4, c)
     s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
     return force + s[S_INTEGRAL]
 
 
-def pressure_references(force, s, c):
+def set_pressure_references(force, s, c):
     """Set the pressure references in Pa from the force, within what supply and ambient allow; keep what is left."""
     bias = (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]
     if c[C_TWO_VALVES] > 0.5:
-        level = level_kept(force + bias, s, c)
+        level = update_level(force + bias, s, c)
         both = (force + bias - (c[C_AREA_1] - c[C_AREA_2]) * level) / (c[C_AREA_1] + c[C_AREA_2])
-        s[S_P2_REF] = clamp(level - both, c[C_P_LOW], highest(s, c))
+        s[S_P2_REF] = clamp(level - both, c[C_P_LOW], max_pressure_reference(s, c))
         wanted = (force + bias + c[C_AREA_2] * s[S_P2_REF]) / c[C_AREA_1]
     else:
         s[S_P2_REF] = s[S_P2]
         wanted = (force + bias + c[C_AREA_2] * s[S_P2]) / c[C_AREA_1]
-    s[S_P1_REF] = clamp(wanted, c[C_P_LOW], highest(s, c))
+    s[S_P1_REF] = clamp(wanted, c[C_P_LOW], max_pressure_reference(s, c))
     lost = c[C_AREA_1] * (s[S_P1_REF] - wanted)
     s[S_FORCE] = force + lost
     # anti-windup: what was not reachable is taken back from the integral
@@ -111,82 +117,84 @@ def pressure_references(force, s, c):
         s[S_INTEGRAL] += sign(lost) * min(math.fabs(lost), math.fabs(s[S_INTEGRAL]))
 
 
-def quiet(error, s, c):
+def valve_stays_shut(error, s, c):
     """Whether a valve stays shut: the piston is held, and its pressure is near enough."""
-    return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_P_BAND]
+    return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_PRESSURE_BAND]
 
 
-def undriven(s, c):
+def undriven_gradient(s, c):
     """Return the rate in Pa/s of the force over the first area with the valve shut, when the command arrives."""
-    x = s[S_AHEAD_X]
-    v = s[S_AHEAD_V]
-    p1 = s[S_AHEAD_P1]
-    p2 = s[S_AHEAD_P2]
-    rate = gradient_1(shut_1(c), p1, space_1(x, c), s, c) + drift_1(x, v, p1, p2, c)
-    rate = c[C_AHEAD] * rate + c[C_ESTIMATES] * s[S_FLOW1]
+    x = s[S_PREDICTED_X]
+    v = s[S_PREDICTED_V]
+    p1 = s[S_PREDICTED_P1]
+    p2 = s[S_PREDICTED_P2]
+    rate = valve_gradient_1(null_command_1(c), p1, chamber_volume_1(x, c), s, c) + drift_1(x, v, p1, p2, c)
+    rate = c[C_FEEDFORWARD] * rate + c[C_DISTURBANCE_OBSERVERS] * s[S_FLOW1]
     if c[C_TWO_VALVES] < 0.5:
-        second = gradient_2(shut_1(c), p2, space_2(x, c), s, c) + drift_2(x, v, p1, p2, c)
-        rate -= c[C_AREA_2] / c[C_AREA_1] * (c[C_AHEAD] * second + c[C_ESTIMATES] * s[S_FLOW2])
+        second = valve_gradient_2(null_command_1(c), p2, chamber_volume_2(x, c), s, c) + drift_2(x, v, p1, p2, c)
+        rate -= c[C_AREA_2] / c[C_AREA_1] * (c[C_FEEDFORWARD] * second + c[C_DISTURBANCE_OBSERVERS] * s[S_FLOW2])
     return rate
 
 
-def chamber_1(s, c):
+def control_chamber_1(s, c):
     """Set the command of the valve at chamber 1: what motion, leaks and other flows make is made up for, or a PI."""
-    error = s[S_P1_REF] - s[S_AHEAD_P1]
+    error = s[S_P1_REF] - s[S_PREDICTED_P1]
     if c[C_TWO_VALVES] < 0.5:
-        error += c[C_AREA_2] / c[C_AREA_1] * (s[S_AHEAD_P2] - s[S_P2])
-    wanted = c[C_P_KP] * error - undriven(s, c)
-    if c[C_ESTIMATES] < 0.5:
+        error += c[C_AREA_2] / c[C_AREA_1] * (s[S_PREDICTED_P2] - s[S_P2])
+    wanted = c[C_P_KP] * error - undriven_gradient(s, c)
+    if c[C_DISTURBANCE_OBSERVERS] < 0.5:
         wanted += s[S_INTEGRAL1]
-    if quiet(error, s, c):
+    if valve_stays_shut(error, s, c):
         wanted = 0.0
     last = s[S_U1]
     if c[C_MIRRORED] > 0.5:
-        made = both_ways(wanted, s[S_AHEAD_X], s[S_AHEAD_P1], s[S_AHEAD_P2], s, c)
+        made = drive_mirrored_valve(wanted, s[S_PREDICTED_X], s[S_PREDICTED_P1], s[S_PREDICTED_P2], s, c)
     else:
-        volume = space_1(s[S_AHEAD_X], c)
-        made = reached(wanted, s[S_AHEAD_P1], volume, s, c)
+        volume = chamber_volume_1(s[S_PREDICTED_X], c)
+        made = limit_gradient_1(wanted, s[S_PREDICTED_P1], volume, s, c)
         s[S_RATE1] = made
-        s[S_U1] = valve_command(wanted, s[S_AHEAD_P1], volume, s, c)
+        s[S_U1] = valve_command(wanted, s[S_PREDICTED_P1], volume, s, c)
     if made == wanted:
         s[S_INTEGRAL1] += c[C_PERIOD] * c[C_P_KI] * error
-    end: int = C_TABLE + int(c[C_NODES]) - 1
-    s[S_U1] = commanded(s[S_U1], last, S_PLAY1, S_SPOOL1, c[end + int(c[C_NODES])], c[end], s, c)
+    end: int = C_TABLE + int(c[C_TABLE_NODES]) - 1
+    s[S_U1] = compensate_valve_dynamics(s[S_U1], last, S_PLAY1, S_SPOOL1, c[end + int(c[C_TABLE_NODES])], c[end], s, c)
 
 
-def chamber_2(s, c):
+def control_chamber_2(s, c):
     """Set the command of the valve at chamber 2, likewise, where there is one."""
     if c[C_TWO_VALVES] < 0.5:
         return
-    x = s[S_AHEAD_X]
-    p2 = s[S_AHEAD_P2]
-    volume = space_2(x, c)
+    x = s[S_PREDICTED_X]
+    p2 = s[S_PREDICTED_P2]
+    volume = chamber_volume_2(x, c)
     error = s[S_P2_REF] - p2
-    alone = gradient_2(shut_2(c), p2, volume, s, c) + drift_2(x, s[S_AHEAD_V], s[S_AHEAD_P1], p2, c)
-    wanted = c[C_P_KP] * error - c[C_AHEAD] * alone - c[C_ESTIMATES] * s[S_FLOW2]
-    if c[C_ESTIMATES] < 0.5:
+    alone = valve_gradient_2(null_command_2(c), p2, volume, s, c) + drift_2(
+        x, s[S_PREDICTED_V], s[S_PREDICTED_P1], p2, c
+    )
+    wanted = c[C_P_KP] * error - c[C_FEEDFORWARD] * alone - c[C_DISTURBANCE_OBSERVERS] * s[S_FLOW2]
+    if c[C_DISTURBANCE_OBSERVERS] < 0.5:
         wanted += s[S_INTEGRAL2]
-    if quiet(error, s, c):
+    if valve_stays_shut(error, s, c):
         wanted = 0.0
-    s[S_RATE2] = reached_2(wanted, p2, volume, s, c)
+    s[S_RATE2] = limit_gradient_2(wanted, p2, volume, s, c)
     if s[S_RATE2] == wanted:
         s[S_INTEGRAL2] += c[C_PERIOD] * c[C_P_KI] * error
-    end: int = C_TABLE + 3 * int(c[C_NODES]) - 1
+    end: int = C_TABLE + 3 * int(c[C_TABLE_NODES]) - 1
     u = valve_command_2(wanted, p2, volume, s, c)
-    s[S_U2] = commanded(u, s[S_U2], S_PLAY2, S_SPOOL2, c[end + int(c[C_NODES])], c[end], s, c)
+    s[S_U2] = compensate_valve_dynamics(u, s[S_U2], S_PLAY2, S_SPOOL2, c[end + int(c[C_TABLE_NODES])], c[end], s, c)
 
 
-def step(x_ref, x, p1, p2, s, c):
+def cascade_step(x_ref, x, p1, p2, s, c):
     """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2].
 
     Positions in m, pressures absolute in Pa. A reading that cannot be one is bridged by what the observers expect.
     """
-    x_ref = begin(x_ref, x, p1, p2, s, c)
-    arrive(s, c)
+    x_ref = initialise_at_first_sample(x_ref, x, p1, p2, s, c)
+    advance_valve_gradients(s, c)
     observe_pressures(p1, p2, s, c)
     observe_motion(x, s, c)
-    look_ahead(s, c)
+    predict_to_arrival(s, c)
     if follow_reference(x_ref, s, c):
-        pressure_references(position_law(x_ref, s, c), s, c)
-    chamber_1(s, c)
-    chamber_2(s, c)
+        set_pressure_references(position_control(x_ref, s, c), s, c)
+    control_chamber_1(s, c)
+    control_chamber_2(s, c)

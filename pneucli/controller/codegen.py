@@ -15,23 +15,32 @@ from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.layout import *
-from pneucli.controller.operation import asked, enable, finish, follow, pause, reset, set_supply, shut
+from pneucli.controller.operation import (
+    active_reference,
+    close_valves,
+    enable,
+    finish_commands,
+    pause,
+    reset,
+    set_supply,
+    track_commands,
+)
 from pneucli.controller.pressure_level import set_level
-from pneucli.controller.valve_dynamics import shut_1, shut_2
+from pneucli.controller.valve_dynamics import null_command_1, null_command_2
 from pneucli.physics import gas
 
-DISPATCH = "any_law"  # of :mod:`pneucli.controller.codegen`
+DISPATCH_FUNCTION = "any_law"  # of :mod:`pneucli.controller.codegen`
 
 
 @cache
-def controller_text() -> str:
+def controller_source() -> str:
     """Return all laws as text for the kernel: constants, functions, and the choice between them."""
     roots = [*(law.step for law in LAWS.values()), control]
     needed = {f.__name__: f for root in roots for f in callees_first(root) if f.__module__ != gas.__name__}
-    needed.pop(DISPATCH)
+    needed.pop(DISPATCH_FUNCTION)
     around = [_source(f) for f in needed.values() if f.__module__ == __name__]
     within = [_source(f) for f in needed.values() if f.__module__ != __name__]
-    return "\n\n\n".join([_constants(), *within, _dispatch(), *around])
+    return "\n\n\n".join([_constants(), *within, _dispatch_source(), *around])
 
 
 def _source(function: FunctionType) -> str:
@@ -42,30 +51,30 @@ def _constants() -> str:
     common = {n: v for n, v in vars(layout).items() if n[:2] in ("S_", "C_", "L_") and isinstance(v, int)}
     own: dict[str, int] = {}
     for law in LAWS.values():
-        _join(own, law.constants)
+        _add_constants(own, law.constants)
     return "\n".join(f"{name} = {value}" for name, value in (common | own).items())
 
 
-def _join(known: dict[str, int], more: Mapping[str, int]) -> None:
+def _add_constants(known: dict[str, int], more: Mapping[str, int]) -> None:
     """Add constants; raises ValueError where a name has two places, which one text cannot hold."""
     for name, value in more.items():
         if known.setdefault(name, value) != value:
             raise ValueError(f"{name} stands for two places")
 
 
-def _dispatch() -> str:
-    lines = [f"def {DISPATCH}(which, x_ref, x, p1, p2, s, c):"]
+def _dispatch_source() -> str:
+    lines = [f"def {DISPATCH_FUNCTION}(which, x_ref, x, p1, p2, s, c):"]
     for i, law in enumerate(LAWS.values()):
         lines += [f"    if which == {i}:", f"        {law.step.__name__}(x_ref, x, p1, p2, s, c)"]
     return "\n".join(lines)
 
 
-def rounded(value, quantum):
+def quantize(value, quantum):
     """Return value on a grid of ``quantum``, itself where that is zero or the value is missing."""
     return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 and math.isfinite(value) else value
 
 
-def any_law(which: int, x_ref, x, p1, p2, s, c):
+def step_law(which: int, x_ref, x, p1, p2, s, c):
     """Advance the law at that place of the table; in the kernel a choice between compiled functions."""
     tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
 
@@ -81,11 +90,11 @@ def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
     pause(1.0 if duty == 1.0 else 0.0, s)
     if duty == 3.0:
         reset(x, p1, p2, s[S_U1], s[S_U2], s, c)
-    if s[S_OFF] > 0.5:
-        shut(s, c)
+    if s[S_DISABLED] > 0.5:
+        close_valves(s, c)
         return
-    any_law(which, asked(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
-    finish(s, c)
+    step_law(which, active_reference(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
+    finish_commands(s, c)
 
 
 def control(k, x_ref, x, p1, p2, cs, cp):
@@ -95,18 +104,18 @@ def control(k, x_ref, x, p1, p2, cs, cp):
     """
     settings: int = cp.size - 4
     row: int = L_STATES + k * L_ROW
-    read_x = rounded(x + cs[row + L_NOISE_X], cp[settings])
-    read_p1 = rounded(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
-    read_p2 = rounded(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
-    supply, duty, level = cs[row + L_SUPPLY], cs[row + L_DUTY], cs[row + L_LEVEL]
+    read_x = quantize(x + cs[row + L_NOISE_X], cp[settings])
+    read_p1 = quantize(p1 + cs[row + L_NOISE_P1], cp[settings + 1])
+    read_p2 = quantize(p2 + cs[row + L_NOISE_P2], cp[settings + 1])
+    supply, duty, level = cs[row + L_SUPPLY], cs[row + L_MODE], cs[row + L_LEVEL]
     if duty == 4.0:
-        follow(cs[row + L_U1], cs[row + L_U2], cs, cp)
+        track_commands(cs[row + L_U1], cs[row + L_U2], cs, cp)
     operate(int(cp[settings + 3]), x_ref, read_x, read_p1, read_p2, supply, duty, level, cs, cp)
     cs[row + L_READ_X], cs[row + L_READ_P1], cs[row + L_READ_P2] = read_x, read_p1, read_p2
     cs[row + L_U1], cs[row + L_U2], cs[row + L_LOAD] = cs[S_U1], cs[S_U2], cs[S_LOAD]
     cs[row + L_P1_REF], cs[row + L_P2_REF], cs[row + L_FLOW1] = cs[S_P1_REF], cs[S_P2_REF], cs[S_FLOW1]
-    cs[row + L_SHAPED], cs[row + L_V], cs[row + L_FORCE] = cs[S_X_SHAPED], cs[S_V], cs[S_FORCE]
+    cs[row + L_X_SHAPED], cs[row + L_V], cs[row + L_FORCE] = cs[S_X_SHAPED], cs[S_V], cs[S_FORCE]
     late: int = k - int(cp[settings + 2])
     if late < 0:
-        return shut_1(cp), shut_2(cp)
+        return null_command_1(cp), null_command_2(cp)
     return cs[L_STATES + late * L_ROW + L_U1], cs[L_STATES + late * L_ROW + L_U2]

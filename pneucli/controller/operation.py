@@ -10,33 +10,42 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.observers import pressure_force, settle, start
-from pneucli.controller.plant import along, clamp, usable
-from pneucli.controller.valve_dynamics import drift_1, drift_2, gradient_1, gradient_2, shut_1, shut_2, space_1, space_2
+from pneucli.controller.observers import initialise_state, pressure_force, settle_valves_and_sensors
+from pneucli.controller.plant import clamp, is_plausible, stroke_table
+from pneucli.controller.valve_dynamics import (
+    chamber_volume_1,
+    chamber_volume_2,
+    drift_1,
+    drift_2,
+    null_command_1,
+    null_command_2,
+    valve_gradient_1,
+    valve_gradient_2,
+)
 
 
 def set_supply(p, s, c):
     """Take a measured supply pressure in Pa; one that cannot be is passed over."""
-    if usable(p, 1.1 * c[C_AMBIENT], 3.0 * c[C_SUPPLY]):
+    if is_plausible(p, 1.1 * c[C_AMBIENT], 3.0 * c[C_SUPPLY]):
         s[S_SUPPLY] = p
 
 
 def enable(on, s):
     """Begin to control, or shut the valves. What begins anew starts from the state of its next readings."""
-    if on > 0.5 and s[S_OFF] > 0.5:
-        s[S_RESET] = 2.0
-    s[S_OFF] = 0.0 if on > 0.5 else 1.0
+    if on > 0.5 and s[S_DISABLED] > 0.5:
+        s[S_RESET_PHASE] = 2.0
+    s[S_DISABLED] = 0.0 if on > 0.5 else 1.0
 
 
 def pause(on, s):
     """Stop as fast as the reference may and stay there, or go on to the reference."""
     if on < 0.5:
-        s[S_PAUSED] = 0.0
-    elif s[S_PAUSED] < 0.5:
-        s[S_PAUSED] = 1.0
+        s[S_HOLD_REQUEST] = 0.0
+    elif s[S_HOLD_REQUEST] < 0.5:
+        s[S_HOLD_REQUEST] = 1.0
 
 
-def standing(x, s, c):
+def holding_force(x, s, c):
     """Return the force in N that holds a resting piston against its pressures, beside what an end stop carries."""
     force = pressure_force(s, c)
     if x <= 0.005 * c[C_STROKE]:
@@ -46,34 +55,34 @@ def standing(x, s, c):
     return -force
 
 
-def follow(u1, u2, s, c):
+def track_commands(u1, u2, s, c):
     """Take u1, u2 (V) as the last commands; what the valves make of them where nothing is late."""
     s[S_U1] = u1
     s[S_U2] = u2 if c[C_TWO_VALVES] > 0.5 else 0.0
-    s[S_RATE1] = gradient_1(u1, s[S_P1], space_1(s[S_X], c), s, c)
-    s[S_RATE2] = gradient_2(u2 if c[C_TWO_VALVES] > 0.5 else u1, s[S_P2], space_2(s[S_X], c), s, c)
+    s[S_RATE1] = valve_gradient_1(u1, s[S_P1], chamber_volume_1(s[S_X], c), s, c)
+    s[S_RATE2] = valve_gradient_2(u2 if c[C_TWO_VALVES] > 0.5 else u1, s[S_P2], chamber_volume_2(s[S_X], c), s, c)
 
 
-def balance(s, c):
+def assume_equilibrium(s, c):
     """Take pressures and piston as at rest: something else takes away what the valves make and the pressures push."""
-    s[S_INTEGRAL] = -standing(s[S_X], s, c)
-    s[S_LOAD] = -s[S_INTEGRAL] - along(s[S_X], 4, c)
+    s[S_INTEGRAL] = -holding_force(s[S_X], s, c)
+    s[S_LOAD] = -s[S_INTEGRAL] - stroke_table(s[S_X], 4, c)
     s[S_FLOW1] = -s[S_RATE1] - drift_1(s[S_X], 0.0, s[S_P1], s[S_P2], c)
     s[S_INTEGRAL1] = s[S_RATE1]
     s[S_FLOW2] = -s[S_RATE2] - drift_2(s[S_X], 0.0, s[S_P1], s[S_P2], c)
     s[S_INTEGRAL2] = s[S_RATE2]
 
 
-def forget(s):
+def clear_state(s):
     """Forget all but the supply, the level, whether it is enabled, and whether it shall hold."""
-    off = s[S_OFF]
-    paused = s[S_PAUSED]
+    off = s[S_DISABLED]
+    paused = s[S_HOLD_REQUEST]
     supply = s[S_SUPPLY]
     level = s[S_LEVEL_SET]
     for i in range(L_STATES):
         s[i] = 0.0
-    s[S_OFF] = off
-    s[S_PAUSED] = min(paused, 1.0)
+    s[S_DISABLED] = off
+    s[S_HOLD_REQUEST] = min(paused, 1.0)
     s[S_SUPPLY] = supply
     s[S_LEVEL_SET] = level
 
@@ -84,38 +93,38 @@ def reset(x, p1, p2, u1, u2, s, c):
     Forces and flows are in balance then: what is left over is the load's and the foreign flow's estimate, or the
     integrals'. What the law's first command still differs by from u1, u2 is carried over and fades.
     """
-    forget(s)
-    start(x, x, p1, p2, s, c)
-    follow(u1, u2, s, c)
-    settle(s, c)
-    balance(s, c)
-    s[S_REST] = 1.0
-    s[S_RESET] = 1.0
-    s[S_CARRY1] = u1
-    s[S_CARRY2] = u2
+    clear_state(s)
+    initialise_state(x, x, p1, p2, s, c)
+    track_commands(u1, u2, s, c)
+    settle_valves_and_sensors(s, c)
+    assume_equilibrium(s, c)
+    s[S_REF_REST_TIME] = 1.0
+    s[S_RESET_PHASE] = 1.0
+    s[S_BUMPLESS_OFFSET1] = u1
+    s[S_BUMPLESS_OFFSET2] = u2
 
 
-def asked(x_ref, x, p1, p2, s, c):
+def active_reference(x_ref, x, p1, p2, s, c):
     """Return what the law is asked for: the reference, or where the axis shall hold.
 
     An axis that was off starts; one that starts as near to its reference as one that is held has no way to go.
     """
-    if s[S_RESET] > 1.5:
-        reset(x, p1, p2, shut_1(c), shut_2(c), s, c)
-    if s[S_RESET] > 0.5 and math.fabs(x_ref - s[S_X]) < 2.0 * c[C_REACH]:
+    if s[S_RESET_PHASE] > 1.5:
+        reset(x, p1, p2, null_command_1(c), null_command_2(c), s, c)
+    if s[S_RESET_PHASE] > 0.5 and math.fabs(x_ref - s[S_X]) < 2.0 * c[C_HOLDING_BAND]:
         s[S_HOLD] = 1.0
         s[S_X_SHAPED] = x_ref
         s[S_X_REF] = x_ref
-    if s[S_PAUSED] > 0.5 and s[S_PAUSED] < 1.5:
-        s[S_PAUSE_AT] = stop_at(x, s, c)
-        if math.isfinite(s[S_PAUSE_AT]):
-            s[S_PAUSED] = 2.0
-    return s[S_PAUSE_AT] if s[S_PAUSED] > 0.5 else x_ref
+    if s[S_HOLD_REQUEST] > 0.5 and s[S_HOLD_REQUEST] < 1.5:
+        s[S_HOLD_REFERENCE] = stopping_position(x, s, c)
+        if math.isfinite(s[S_HOLD_REFERENCE]):
+            s[S_HOLD_REQUEST] = 2.0
+    return s[S_HOLD_REFERENCE] if s[S_HOLD_REQUEST] > 0.5 else x_ref
 
 
-def stop_at(x, s, c):
+def stopping_position(x, s, c):
     """Return where the shaped reference comes to rest if it stops now, in m; the pressure asked for where it is one."""
-    if c[C_PRESSURE] > 0.5:
+    if c[C_PRESSURE_MODE] > 0.5:
         return s[S_P1_REF]
     if s[S_STARTED] < 0.5:
         return x
@@ -123,32 +132,32 @@ def stop_at(x, s, c):
     return clamp(s[S_X_SHAPED] + way, 0.0, c[C_STROKE])
 
 
-def carried(u, carry: int, table: int, s, c):
+def bumpless_command(u, carry: int, table: int, s, c):
     """Return a command in V with what it is off by for the sake of a smooth start, within the valve's range."""
-    if s[S_RESET] > 0.5:
+    if s[S_RESET_PHASE] > 0.5:
         s[carry] -= u
-    nodes: int = int(c[C_NODES])
+    nodes: int = int(c[C_TABLE_NODES])
     return clamp(u + s[carry], c[table + 2 * nodes - 1], c[table + nodes - 1])
 
 
-def fade(s, c):
+def fade_bumpless_offset(s, c):
     """Let what is carried over from the start fade, four times slower than the pressure loop answers."""
-    s[S_RESET] = 0.0
-    s[S_CARRY1] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_CARRY1]
-    s[S_CARRY2] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_CARRY2]
+    s[S_RESET_PHASE] = 0.0
+    s[S_BUMPLESS_OFFSET1] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_BUMPLESS_OFFSET1]
+    s[S_BUMPLESS_OFFSET2] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_BUMPLESS_OFFSET2]
 
 
-def shut(s, c):
+def close_valves(s, c):
     """Set the commands of an axis that is not enabled: its valves are shut."""
     s[S_STARTED] = 0.0
-    s[S_U1] = shut_1(c)
-    s[S_U2] = shut_2(c) if c[C_TWO_VALVES] > 0.5 else 0.0
+    s[S_U1] = null_command_1(c)
+    s[S_U2] = null_command_2(c) if c[C_TWO_VALVES] > 0.5 else 0.0
 
 
-def finish(s, c):
+def finish_commands(s, c):
     """Set the commands that go out: those of the law and what is carried over."""
-    if s[S_RESET] > 0.5 or s[S_CARRY1] != 0.0 or s[S_CARRY2] != 0.0:
-        s[S_U1] = carried(s[S_U1], S_CARRY1, C_TABLE, s, c)
+    if s[S_RESET_PHASE] > 0.5 or s[S_BUMPLESS_OFFSET1] != 0.0 or s[S_BUMPLESS_OFFSET2] != 0.0:
+        s[S_U1] = bumpless_command(s[S_U1], S_BUMPLESS_OFFSET1, C_TABLE, s, c)
         if c[C_TWO_VALVES] > 0.5:
-            s[S_U2] = carried(s[S_U2], S_CARRY2, C_TABLE + 2 * int(c[C_NODES]), s, c)
-        fade(s, c)
+            s[S_U2] = bumpless_command(s[S_U2], S_BUMPLESS_OFFSET2, C_TABLE + 2 * int(c[C_TABLE_NODES]), s, c)
+        fade_bumpless_offset(s, c)

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.controller.layout import ALONG, PARAMETERS, PLACES
+from pneucli.controller.layout import PARAMETERS, STROKE_NODES, STROKE_TABLES
 
 Array = NDArray[np.float64]
-TABLE = "C_TABLE"
+TABLE_MARKER = "C_TABLE"
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Controller:
     vent_2: tuple[float, ...]
     law: str = "best"
     own: tuple[float, ...] = ()
-    along: tuple[tuple[float, ...], ...] = ((1.0,) * PLACES,) * 2 + ((0.0,) * PLACES,) * 3
+    along: tuple[tuple[float, ...], ...] = ((1.0,) * STROKE_NODES,) * 2 + ((0.0,) * STROKE_NODES,) * 3
 
     @property
     def period(self) -> float:
@@ -41,19 +41,19 @@ class Controller:
 
     def vector(self) -> Array:
         """Return the parameter array of :func:`pneucli.controller.cascade.step`."""
-        numbers = [self.values[name] for name in PARAMETERS if name != TABLE]
+        numbers = [self.values[name] for name in PARAMETERS if name != TABLE_MARKER]
         return np.concatenate([numbers, *self.tables().values(), self.own])
 
     def tables(self) -> dict[str, tuple[float, ...]]:
         """Return the inverse tables and those along the stroke by name, in the order in which they stand."""
         inverse = {"fill": self.fill, "vent": self.vent, "fill_2": self.fill_2, "vent_2": self.vent_2}
-        return inverse | dict(zip(ALONG, self.along, strict=True))
+        return inverse | dict(zip(STROKE_TABLES, self.along, strict=True))
 
     def with_values(self, **values: float) -> Controller:
         """Return the controller with some numbers replaced, by the names of the layout."""
         return replace(self, values={**self.values, **values})
 
-    def governed(self, law: str, values: Mapping[str, float], own: tuple[float, ...]) -> Controller:
+    def with_law(self, law: str, values: Mapping[str, float], own: tuple[float, ...]) -> Controller:
         """Return the same axis and valve under another law."""
         return replace(self.with_values(**values), law=law, own=own)
 
@@ -69,6 +69,6 @@ class Controller:
         return Controller(**{**plain, **lists, "along": tuple(map(tuple, plain["along"]))})
 
 
-def usual_load(c: Mapping[str, float]) -> float:
+def nominal_load(c: Mapping[str, float]) -> float:
     """Return a usual load in N: a tenth of the force that supply makes against ambient pressure."""
     return 0.1 * c["C_AREA_1"] * (c["C_SUPPLY"] - c["C_AMBIENT"])

@@ -9,17 +9,17 @@ position: as designed, as a stiffness asks, or as set while it runs; it moves no
 from __future__ import annotations
 
 from pneucli.controller.layout import *
-from pneucli.controller.plant import clamp, highest, usable
-from pneucli.controller.valve_dynamics import spring_1, spring_2
+from pneucli.controller.plant import clamp, is_plausible, max_pressure_reference
+from pneucli.controller.valve_dynamics import gas_stiffness_1, gas_stiffness_2
 
 
 def set_level(p, s, c):
     """Take the mean of both pressures in Pa that shall be kept; 0: as designed. One that cannot be is passed over."""
-    if usable(p, 0.0, 3.0 * c[C_SUPPLY]):
+    if is_plausible(p, 0.0, 3.0 * c[C_SUPPLY]):
         s[S_LEVEL_SET] = p
 
 
-def level_asked(even, s, c):
+def requested_level(even, s, c):
     """Return the level in Pa that is asked for, where a force is ``even`` (Pa) times the sum of both areas.
 
     Then p1 is level (1 - unequal) + even and p2 is level (1 + unequal) - even, which the stiffness is solved for.
@@ -28,18 +28,18 @@ def level_asked(even, s, c):
         return s[S_LEVEL_SET]
     if c[C_AIR_STIFFNESS] <= 0.0:
         return c[C_P_MEAN]
-    one = spring_1(s[S_X], c)
-    two = spring_2(s[S_X], c)
+    one = gas_stiffness_1(s[S_X], c)
+    two = gas_stiffness_2(s[S_X], c)
     unequal = (c[C_AREA_1] - c[C_AREA_2]) / (c[C_AREA_1] + c[C_AREA_2])
     wanted = c[C_AIR_STIFFNESS] / c[C_GAMMA] - even * (one - two)
     return wanted / (one * (1.0 - unequal) + two * (1.0 + unequal))
 
 
-def level_kept(force, s, c):
+def update_level(force, s, c):
     """Bring the level forward by a sample, the pressures making ``force`` (N) beside ambient pressure's; return it."""
-    asked = clamp(level_asked(force / (c[C_AREA_1] + c[C_AREA_2]), s, c), c[C_P_LOW], highest(s, c))
+    asked = clamp(requested_level(force / (c[C_AREA_1] + c[C_AREA_2]), s, c), c[C_P_LOW], max_pressure_reference(s, c))
     if s[S_LEVEL] <= 0.0:
-        s[S_LEVEL] = clamp(0.5 * (s[S_P1] + s[S_P2]), c[C_P_LOW], highest(s, c))
+        s[S_LEVEL] = clamp(0.5 * (s[S_P1] + s[S_P2]), c[C_P_LOW], max_pressure_reference(s, c))
     most = c[C_PERIOD] * c[C_LEVEL_RATE]
     s[S_LEVEL] += clamp(asked - s[S_LEVEL], -most, most)
     return s[S_LEVEL]

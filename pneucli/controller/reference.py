@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.plant import clamp, highest, sign
-from pneucli.controller.pressure_level import level_asked
+from pneucli.controller.plant import clamp, max_pressure_reference, sign
+from pneucli.controller.pressure_level import requested_level
 
 
 def reference_rate(x_ref, s, c):
@@ -18,12 +18,12 @@ def reference_rate(x_ref, s, c):
     """
     h = c[C_PERIOD]
     raw = (x_ref - s[S_X_REF]) / h
-    if math.fabs(raw - s[S_RAW]) < 10.0 * c[C_A_MAX] * h:
-        share = min(h / c[C_SHAPE], 1.0)
+    if math.fabs(raw - s[S_RAW_RATE]) < 10.0 * c[C_A_MAX] * h:
+        share = min(h / c[C_SHAPING_TIME], 1.0)
         off = raw - s[S_V_REF] - h * s[S_A_REF]
         s[S_V_REF] += h * s[S_A_REF] + share * (2.0 - share) * off
         s[S_A_REF] += share * share * off / h
-    s[S_RAW] = raw
+    s[S_RAW_RATE] = raw
     s[S_X_REF] = x_ref
     return s[S_V_REF] + 0.5 * h * s[S_A_REF]
 
@@ -37,8 +37,8 @@ def shape_reference(x_ref, s, c):
     h = c[C_PERIOD]
     v_ref = reference_rate(x_ref, s, c)
     v_last = v_ref - h * s[S_A_REF]
-    linear = c[C_A_MAX] * c[C_SHAPE] * c[C_SHAPE]
-    lead = c[C_SHAPE] * (s[S_V_SHAPED] - v_last)
+    linear = c[C_A_MAX] * c[C_SHAPING_TIME] * c[C_SHAPING_TIME]
+    lead = c[C_SHAPING_TIME] * (s[S_V_SHAPED] - v_last)
     total = s[S_X_SHAPED] - (x_ref - 0.5 * h * (v_last + v_ref)) + lead
     a = lead + total
     if math.fabs(total) >= linear:
@@ -48,21 +48,21 @@ def shape_reference(x_ref, s, c):
     s[S_A_SHAPED] = (v - s[S_V_SHAPED]) / h
     s[S_X_SHAPED] += 0.5 * h * (s[S_V_SHAPED] + v)
     s[S_V_SHAPED] = v
-    still = math.fabs(v) < c[C_V_FLOOR] and math.fabs(s[S_X_SHAPED] - x_ref) < 0.5 * c[C_REACH]
-    s[S_REST] = s[S_REST] + h if still and s[S_RAW] == 0.0 else 0.0
+    still = math.fabs(v) < c[C_V_FLOOR] and math.fabs(s[S_X_SHAPED] - x_ref) < 0.5 * c[C_HOLDING_BAND]
+    s[S_REF_REST_TIME] = s[S_REF_REST_TIME] + h if still and s[S_RAW_RATE] == 0.0 else 0.0
 
 
-def pressure_wanted(p_ref, s, c):
+def set_pressure_reference(p_ref, s, c):
     """Set the pressure of chamber 1 in Pa that is asked for itself; a second valve keeps the mean pressure."""
     s[S_X_REF] = p_ref
-    s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], highest(s, c))
-    s[S_P2_REF] = level_asked(0.0, s, c) if c[C_TWO_VALVES] > 0.5 else s[S_P2]
+    s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], max_pressure_reference(s, c))
+    s[S_P2_REF] = requested_level(0.0, s, c) if c[C_TWO_VALVES] > 0.5 else s[S_P2]
 
 
 def follow_reference(x_ref, s, c):
     """Take the reference in; whether it is a position, else it is the pressure of chamber 1."""
-    if c[C_PRESSURE] > 0.5:
-        pressure_wanted(x_ref, s, c)
+    if c[C_PRESSURE_MODE] > 0.5:
+        set_pressure_reference(x_ref, s, c)
         return False
     shape_reference(x_ref, s, c)
     return True

@@ -11,136 +11,136 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.plant import area_at, clamp, per_area
+from pneucli.controller.plant import clamp, pressure_rate_per_area, relative_area
 from pneucli.physics.gas import orifice_flow
 
 
-def shut_1(c):
+def null_command_1(c):
     """Return the command in V at which the valve of chamber 1 is shut."""
-    return 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_NODES])])
+    return 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_TABLE_NODES])])
 
 
-def shut_2(c):
+def null_command_2(c):
     """Return the same for the valve of chamber 2; that of the one spool where it drives both."""
-    begin: int = C_TABLE + 2 * int(c[C_NODES])
-    return 0.5 * (c[begin] + c[begin + int(c[C_NODES])]) if c[C_TWO_VALVES] > 0.5 else shut_1(c)
+    begin: int = C_TABLE + 2 * int(c[C_TABLE_NODES])
+    return 0.5 * (c[begin] + c[begin + int(c[C_TABLE_NODES])]) if c[C_TWO_VALVES] > 0.5 else null_command_1(c)
 
 
-def opened(u, play: int, spool: int, s, c):
+def apply_valve_dynamics(u, play: int, spool: int, s, c):
     """Bring play and spool forward by a sample under a command u in V; return the mean opening over it in V."""
     s[play] = clamp(s[play], u - c[C_PLAY], u + c[C_PLAY])
     before = s[spool]
-    s[spool] += c[C_SPOOL] * (s[play] - before)
-    return before + c[C_SPOOL_MEAN] * (s[play] - before)
+    s[spool] += c[C_SPOOL_SHARE] * (s[play] - before)
+    return before + c[C_SPOOL_MEAN_SHARE] * (s[play] - before)
 
 
-def turn(s):
+def delay_line_advance(s):
     """Go on to the next place of all rows, which are rings."""
-    s[S_TURN] = s[S_TURN] + 1.0 if s[S_TURN] < S_LINE2 - S_LINE1 - 1.5 else 0.0
+    s[S_LINE_INDEX] = s[S_LINE_INDEX] + 1.0 if s[S_LINE_INDEX] < S_OPENING_LINE2 - S_OPENING_LINE1 - 1.5 else 0.0
 
 
-def remembered(row: int, back: int, s):
+def delay_line_read(row: int, back: int, s):
     """Return what was put into a row so many samples ago."""
-    place: int = int(s[S_TURN]) - back
-    return s[row + place] if place >= 0 else s[row + place + S_LINE2 - S_LINE1]
+    place: int = int(s[S_LINE_INDEX]) - back
+    return s[row + place] if place >= 0 else s[row + place + S_OPENING_LINE2 - S_OPENING_LINE1]
 
 
-def passed(value, row: int, wait, s):
+def delay_line_update(value, row: int, wait, s):
     """Put a value into a row; return the one of ``wait`` samples ago, linear between two."""
-    place: int = int(s[S_TURN])
+    place: int = int(s[S_LINE_INDEX])
     s[row + place] = value
     back: int = int(wait)
-    last = remembered(row, back, s)
-    return last + (wait - back) * (remembered(row, back + 1, s) - last)
+    last = delay_line_read(row, back, s)
+    return last + (wait - back) * (delay_line_read(row, back + 1, s) - last)
 
 
-def filled(row: int, value, s):
+def delay_line_fill(row: int, value, s):
     """Fill a row with a value."""
-    for i in range(S_LINE2 - S_LINE1):
+    for i in range(S_OPENING_LINE2 - S_OPENING_LINE1):
         s[row + i] = value
 
 
-def gradient_1(u, p, volume, s, c):
+def valve_gradient_1(u, p, volume, s, c):
     """Return dp/dt in Pa/s that an opening u (V) and the leaks of the valve make in chamber 1."""
     fill = c[C_LEAK_VALVE]
     vent = c[C_LEAK_VALVE]
-    if u > shut_1(c):
-        fill += c[C_AREA_FILL] * area_at(u, C_TABLE, c)
+    if u > null_command_1(c):
+        fill += c[C_AREA_FILL] * relative_area(u, C_TABLE, c)
     else:
-        vent += c[C_AREA_VENT] * area_at(u, C_TABLE + int(c[C_NODES]), c)
-    return fill * per_area(True, p, volume, s, c) - vent * per_area(False, p, volume, s, c)
+        vent += c[C_AREA_VENT] * relative_area(u, C_TABLE + int(c[C_TABLE_NODES]), c)
+    return fill * pressure_rate_per_area(True, p, volume, s, c) - vent * pressure_rate_per_area(False, p, volume, s, c)
 
 
-def gradient_2(u, p, volume, s, c):
+def valve_gradient_2(u, p, volume, s, c):
     """Return the same of chamber 2: from its own valve, by the other way of the one spool, or nothing."""
-    nodes: int = int(c[C_NODES])
+    nodes: int = int(c[C_TABLE_NODES])
     fill = c[C_LEAK_VALVE]
     vent = c[C_LEAK_VALVE]
     if c[C_TWO_VALVES] < 0.5 and c[C_MIRRORED] < 0.5:
         return 0.0
     if c[C_MIRRORED] > 0.5:
-        if u > shut_1(c):
-            vent += c[C_AREA_VENT_2] * area_at(u, C_TABLE, c)
+        if u > null_command_1(c):
+            vent += c[C_AREA_VENT_2] * relative_area(u, C_TABLE, c)
         else:
-            fill += c[C_AREA_FILL_2] * area_at(u, C_TABLE + nodes, c)
-    elif u > shut_2(c):
-        fill += c[C_AREA_FILL_2] * area_at(u, C_TABLE + 2 * nodes, c)
+            fill += c[C_AREA_FILL_2] * relative_area(u, C_TABLE + nodes, c)
+    elif u > null_command_2(c):
+        fill += c[C_AREA_FILL_2] * relative_area(u, C_TABLE + 2 * nodes, c)
     else:
-        vent += c[C_AREA_VENT_2] * area_at(u, C_TABLE + 3 * nodes, c)
-    return fill * per_area(True, p, volume, s, c) - vent * per_area(False, p, volume, s, c)
+        vent += c[C_AREA_VENT_2] * relative_area(u, C_TABLE + 3 * nodes, c)
+    return fill * pressure_rate_per_area(True, p, volume, s, c) - vent * pressure_rate_per_area(False, p, volume, s, c)
 
 
-def leaked_1(p1, p2, c):
+def leak_flow_1(p1, p2, c):
     """Return the flow in kg/s that leaks out of chamber 1: to ambient, and to chamber 2."""
-    out = c[C_LEAK_1] * orifice_flow(p1, c[C_AMBIENT], c[C_CRITICAL], c[C_K_GAS], c[C_K_GAS])
-    return out + c[C_LEAK_12] * orifice_flow(p1, p2, c[C_CRITICAL], c[C_K_GAS], c[C_K_GAS])
+    out = c[C_LEAK_1] * orifice_flow(p1, c[C_AMBIENT], c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
+    return out + c[C_LEAK_12] * orifice_flow(p1, p2, c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
 
 
-def leaked_2(p1, p2, c):
+def leak_flow_2(p1, p2, c):
     """Return the same of chamber 2."""
-    out = c[C_LEAK_2] * orifice_flow(p2, c[C_AMBIENT], c[C_CRITICAL], c[C_K_GAS], c[C_K_GAS])
-    return out - c[C_LEAK_12] * orifice_flow(p1, p2, c[C_CRITICAL], c[C_K_GAS], c[C_K_GAS])
+    out = c[C_LEAK_2] * orifice_flow(p2, c[C_AMBIENT], c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
+    return out - c[C_LEAK_12] * orifice_flow(p1, p2, c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
 
 
-def space_1(x, c):
+def chamber_volume_1(x, c):
     """Return the volume of chamber 1 in m^3 with the piston at x in m."""
-    return c[C_DEAD_1] + c[C_AREA_1] * x
+    return c[C_DEAD_VOLUME_1] + c[C_AREA_1] * x
 
 
-def space_2(x, c):
+def chamber_volume_2(x, c):
     """Return that of chamber 2."""
-    return c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - x)
+    return c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - x)
 
 
-def spring_1(x, c):
+def gas_stiffness_1(x, c):
     """Return what chamber 1 adds to the stiffness of the enclosed gas, in m: times gamma and its pressure, N/m."""
-    return c[C_AREA_1] * c[C_AREA_1] / space_1(x, c)
+    return c[C_AREA_1] * c[C_AREA_1] / chamber_volume_1(x, c)
 
 
-def spring_2(x, c):
+def gas_stiffness_2(x, c):
     """Return that of chamber 2."""
-    return c[C_AREA_2] * c[C_AREA_2] / space_2(x, c)
+    return c[C_AREA_2] * c[C_AREA_2] / chamber_volume_2(x, c)
 
 
 def drift_1(x, v, p1, p2, c):
     """Return dp1/dt in Pa/s by motion and leaks, the valve aside."""
-    volume = space_1(x, c)
-    return -(c[C_GAMMA_R_T] * leaked_1(p1, p2, c) + c[C_GAMMA] * p1 * c[C_AREA_1] * v) / volume
+    volume = chamber_volume_1(x, c)
+    return -(c[C_GAMMA_R_T] * leak_flow_1(p1, p2, c) + c[C_GAMMA] * p1 * c[C_AREA_1] * v) / volume
 
 
 def drift_2(x, v, p1, p2, c):
     """Return dp2/dt in Pa/s likewise."""
-    volume = space_2(x, c)
-    return (c[C_GAMMA] * p2 * c[C_AREA_2] * v - c[C_GAMMA_R_T] * leaked_2(p1, p2, c)) / volume
+    volume = chamber_volume_2(x, c)
+    return (c[C_GAMMA] * p2 * c[C_AREA_2] * v - c[C_GAMMA_R_T] * leak_flow_2(p1, p2, c)) / volume
 
 
-def commanded(u, last, play: int, spool: int, low, high, s, c):
+def compensate_valve_dynamics(u, last, play: int, spool: int, low, high, s, c):
     """Return the command in V, within low and high, that opens a valve as u (V) asks: spool and play undone.
 
     What would move the play by little keeps the ``last`` command: noise must not carry it to and fro.
     """
-    way = s[spool] + c[C_HURRY] * (u - s[spool]) / c[C_SPOOL]
-    if math.fabs(way - s[play]) < c[C_PLAY_LEAST]:
+    way = s[spool] + c[C_SPOOL_LEAD] * (u - s[spool]) / c[C_SPOOL_SHARE]
+    if math.fabs(way - s[play]) < c[C_PLAY_DEADBAND]:
         return last
     if way > s[play]:
         return clamp(way + c[C_PLAY], low, high)

@@ -18,56 +18,76 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.controller.layout import NODES, OUTSIDE, PLACES, SWITCHES
+from pneucli.controller.layout import COMPONENT_SWITCHES, OPEN_CHAMBER_VOLUME, STROKE_NODES, TABLE_NODES
 from pneucli.controller.parameters import Controller
 from pneucli.design import effect_compensation
-from pneucli.design.air_spring import wished
-from pneucli.design.bandwidths import Corners, corners_of, gains, spool_values, standstill, timing_of
+from pneucli.design.air_spring import level_settings
+from pneucli.design.bandwidths import (
+    Bandwidths,
+    choose_bandwidths,
+    controller_gains,
+    loop_timing,
+    stiction_parameters,
+    valve_compensation,
+)
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.physics.gas import flow_scale
 from pneucli.physics.vectorised import flow_functions
-from pneucli.simulate.model import Model, Valve
-from pneucli.simulate.valve_forms.area import CLOSED_AREA
+from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.valve_forms.area import MIN_AREA
 
 Array = NDArray[np.float64]
-Pull = Callable[[Array], Array]
+RestoringForce = Callable[[Array], Array]
 
-WORKING = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
-STOP = 6.0  # time constants of the pressure loop that the shaped reference takes at least from full speed to rest
-SLACK = 0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
+WORKING_PRESSURES = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
+STOPPING_TIME_CONSTANTS = (
+    6.0  # time constants of the pressure loop that the shaped reference takes at least from full speed to rest
+)
+PRESSURE_MARGIN = (
+    0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
+)
 
 
-def design_cascade(model: Model, wanted: Requirements, sealed: float | None = None) -> Controller:
+def design_cascade(model: Model, requirements: Requirements, sealed_pressure: float | None = None) -> Controller:
     """Return the controller for an identified model.
 
-    ``sealed``: pressure in Pa that chamber 2 has when the piston stands in the middle (None: the geometric mean of
+    ``sealed_pressure``: pressure in Pa that chamber 2 has when the piston stands in the middle (None: the geometric mean of
     ambient and supply pressure). Raises InputError where the model has no cylinder, mass, supply pressure or valve.
     """
     _require(model)
-    tables = [inverse_table(model, valve, way) for valve in (model.valve, model.second) for way in (1.0, -1.0)]
-    axis = axis_values(model, wanted, [area for _, area in tables], sealed)
-    corners, timing = corners_of(model, wanted, axis), timing_of(model, wanted)
-    axis |= wished(wanted, axis)
-    limits = reference_limits(corners, axis, wanted, partial(effect_compensation.pull, model))
-    values = axis | gains(corners, axis, wanted, timing) | spool_values(model, wanted, timing) | limits
-    values |= standstill(
-        corners, values, wanted, effect_compensation.bristle_stiffness(model), effect_compensation.dwell(model)
+    tables = [inverse_table(model, valve, way) for valve in (model.valve, model.chamber_2_valve) for way in (1.0, -1.0)]
+    axis = axis_parameters(model, requirements, [area for _, area in tables], sealed_pressure)
+    corners, timing = choose_bandwidths(model, requirements, axis), loop_timing(model, requirements)
+    axis |= level_settings(requirements, axis)
+    limits = reference_limits(corners, axis, requirements, partial(effect_compensation.restoring_force, model))
+    values = (
+        axis
+        | controller_gains(corners, axis, requirements, timing)
+        | valve_compensation(model, requirements, timing)
+        | limits
+    )
+    values |= stiction_parameters(
+        corners,
+        values,
+        requirements,
+        effect_compensation.bristle_stiffness(model),
+        effect_compensation.dwell_strengthening(model),
     )
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
-    return Controller(values, fill, vent, fill_2, vent_2, along=along_stroke(model, limits["C_V_MAX"]))
+    return Controller(values, fill, vent, fill_2, vent_2, along=stroke_tables(model, limits["C_V_MAX"]))
 
 
-def along_stroke(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
+def stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
     """Return the tables of ``layout.ALONG``; what brakes by speed is taken at ``speed`` (m/s)."""
-    x = effect_compensation.places(model)
+    x = effect_compensation.stroke_grid(model)
     both = (1.0, -1.0)
-    tables = [effect_compensation.dry_factors(model, x, way) for way in both]
+    tables = [effect_compensation.dry_friction_factors(model, x, way) for way in both]
     tables += [effect_compensation.added_damping(model, x, way * speed) for way in both]
-    return tuple(tuple(map(float, table)) for table in [*tables, -effect_compensation.pull(model, x)])
+    return tuple(tuple(map(float, table)) for table in [*tables, -effect_compensation.restoring_force(model, x)])
 
 
-NEEDED = {
+REQUIRED_RIG_VALUES = {
     "cylinder.piston_area_1": '"8.04 cm^2"',
     "cylinder.stroke": '"200 mm"',
     "cylinder.dead_volume_1": '"30 cm^3"',
@@ -78,7 +98,7 @@ NEEDED = {
 
 
 def _require(model: Model) -> None:
-    for key, example in NEEDED.items():
+    for key, example in REQUIRED_RIG_VALUES.items():
         table, _, name = f"rig.{key}".rpartition(".")
         if getattr(model.rig, name) is None and f"rig.{name}" not in model.values:
             mend = f"add {name} = {example} below [{table}], with your rig's own number"
@@ -89,145 +109,165 @@ def _require(model: Model) -> None:
         )
 
 
-def inverse_table(model: Model, valve: Valve, direction: float) -> tuple[tuple[float, ...], float]:
+def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tuple[float, ...], float]:
     """Return commands in V at areas (i / (n - 1))^2 of the largest one, and that area in m^2.
 
     The largest area is that of the largest command tested: what lies beyond is not known, hence not reachable.
     """
-    top, stem = max(direction * c for c in valve.commands if direction * c > 0), effect_compensation.spool(model)
-    u = np.linspace(0.0, top, 40 * NODES)
+    top, stem = (
+        max(direction * c for c in valve.commands if direction * c > 0),
+        effect_compensation.identify_spool(model),
+    )
+    u = np.linspace(0.0, top, 40 * TABLE_NODES)
     area = np.maximum.accumulate(valve(np.interp(direction * u, stem.commands, stem.openings)))
-    open_ = int(np.argmax(area > CLOSED_AREA))
-    wanted = area[-1] * np.linspace(0.0, 1.0, NODES) ** 2
-    null = model.base()["valve.null"]
+    open_ = int(np.argmax(area > MIN_AREA))
+    wanted = area[-1] * np.linspace(0.0, 1.0, TABLE_NODES) ** 2
+    null = model.base_values()["valve.null"]
     return tuple(null + direction * np.interp(wanted, area[open_:], u[open_:])), float(area[-1])
 
 
-def axis_values(model: Model, wanted: Requirements, areas: Sequence[float], sealed: float | None) -> dict[str, float]:
+def axis_parameters(
+    model: Model, requirements: Requirements, areas: Sequence[float], sealed_pressure: float | None
+) -> dict[str, float]:
     """Return what the controller knows of the axis: the model's nominal values by the layout's names.
 
     ``areas``: the largest in m^2 of filling and venting chamber 1, and chamber 2.
     """
-    driven, is_open = wanted.chamber_2 == "valve", wanted.chamber_2 == "open"
-    mirrored = driven and model.rig.arrangement.second == "mirrored"
+    driven, is_open = requirements.chamber_2 == "valve", requirements.chamber_2 == "open"
+    mirrored = driven and model.rig.arrangement.chamber_2 == "mirrored"
     fill, vent, fill_2, vent_2 = areas
-    base, (dead_1, dead_2) = model.base(), effect_compensation.dead_volumes(model)
+    base, (dead_1, dead_2) = model.base_values(), effect_compensation.dead_volumes(model)
     rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
     ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
     exponent = base["rig.polytropic_exponent"]
     return {
-        "C_PERIOD": wanted.period,
+        "C_PERIOD": requirements.period,
         "C_U_MAX": max(abs(c) for c in model.valve.commands),
         "C_TWO_VALVES": float(driven and not mirrored),
         "C_MIRRORED": float(mirrored),
-        **dict.fromkeys(SWITCHES, 1.0),
-        "C_PRESSURE": 0.0,
+        **dict.fromkeys(COMPONENT_SWITCHES, 1.0),
+        "C_PRESSURE_MODE": 0.0,
         "C_MASS": effect_compensation.moving_mass(model),
         "C_AREA_1": base["rig.piston_area_1"],
         "C_AREA_2": base["rig.piston_area_2"],
         "C_STROKE": base["rig.stroke"],
-        "C_DEAD_1": dead_1,
-        "C_DEAD_2": OUTSIDE if is_open else dead_2,
+        "C_DEAD_VOLUME_1": dead_1,
+        "C_DEAD_VOLUME_2": OPEN_CHAMBER_VOLUME if is_open else dead_2,
         "C_AMBIENT": ambient,
         "C_SUPPLY": supply,
         "C_GAMMA": exponent,
         "C_GAMMA_R_T": exponent * rt,
         "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
-        "C_CRITICAL": effect_compensation.critical_ratio(model),
-        **friction_values(model),
-        **sensor_values(model),
-        **leak_values(model),
-        "C_P_LOW": (1.0 + SLACK) * ambient,
-        "C_P_HIGH": (1.0 - SLACK) * supply,
+        "C_CRITICAL_RATIO": effect_compensation.critical_ratio(model),
+        **friction_parameters(model),
+        **sensor_parameters(model),
+        **leak_parameters(model),
+        "C_P_LOW": (1.0 + PRESSURE_MARGIN) * ambient,
+        "C_P_HIGH": (1.0 - PRESSURE_MARGIN) * supply,
         "C_AIR_STIFFNESS": 0.0,
-        "C_P_MEAN": ambient if is_open else sealed or math.sqrt(ambient * supply),
+        "C_P_MEAN": ambient if is_open else sealed_pressure or math.sqrt(ambient * supply),
         "C_AREA_FILL": fill,
         "C_AREA_VENT": vent,
         "C_AREA_FILL_2": fill_2,
         "C_AREA_VENT_2": vent_2,
-        "C_PLACES": float(PLACES),
-        "C_NODES": float(NODES),
+        "C_STROKE_NODES": float(STROKE_NODES),
+        "C_TABLE_NODES": float(TABLE_NODES),
     }
 
 
-def friction_values(model: Model) -> dict[str, float]:
+def friction_parameters(model: Model) -> dict[str, float]:
     """Return what does not change along the stroke of friction."""
-    (static, fallen), coulomb = effect_compensation.breakaway(model), model.base()["friction.coulomb"]
-    first, second = effect_compensation.dry_over_pressure(model)
+    (static, fallen), coulomb = effect_compensation.breakaway_friction(model), model.base_values()["friction.coulomb"]
+    first, second = effect_compensation.dry_friction_per_pressure(model)
     return {
         "C_COULOMB": coulomb,
         "C_STATIC": max(static, coulomb),
         "C_STRIBECK": fallen,
-        "C_VISCOUS": effect_compensation.viscous(model, 1.0),
-        "C_VISCOUS_BACK": effect_compensation.viscous(model, -1.0),
-        "C_SLOWING": effect_compensation.slowing(model),
+        "C_VISCOUS": effect_compensation.viscous_friction(model, 1.0),
+        "C_VISCOUS_BACK": effect_compensation.viscous_friction(model, -1.0),
+        "C_DECELERATION_RATIO": effect_compensation.deceleration_friction_ratio(model),
         "C_DRY_P1": first,
         "C_DRY_P2": second,
     }
 
 
-def sensor_values(model: Model) -> dict[str, float]:
+def sensor_parameters(model: Model) -> dict[str, float]:
     """Return how the pressures are read."""
-    first, second = (effect_compensation.sensor(model, chamber) for chamber in (1, 2))
-    return {"C_SCALE_1": first.scale, "C_ZERO_1": first.zero, "C_SCALE_2": second.scale, "C_ZERO_2": second.zero}
+    first, second = (effect_compensation.sensor_line(model, chamber) for chamber in (1, 2))
+    return {
+        "C_SCALE_1": first.scale,
+        "C_OFFSET_1": first.offset,
+        "C_SCALE_2": second.scale,
+        "C_OFFSET_2": second.offset,
+    }
 
 
-def leak_values(model: Model) -> dict[str, float]:
+def leak_parameters(model: Model) -> dict[str, float]:
     """Return what leaks."""
-    found = effect_compensation.leaks(model)
+    found = effect_compensation.leak_areas(model)
     names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
     return dict(zip(names, (found.chamber_1, found.chamber_2, found.between, found.valve), strict=True))
 
 
 def reference_limits(
-    corners: Corners, axis: Mapping[str, float], wanted: Requirements, pulls: Pull = np.zeros_like
+    bandwidths: Bandwidths,
+    axis: Mapping[str, float],
+    requirements: Requirements,
+    restoring_force: RestoringForce = np.zeros_like,
 ) -> dict[str, float]:
     """Return the largest speed and acceleration of the shaped reference, and the time over which it closes in."""
-    speed, rate = reachable(axis, pulls)
+    speed, rate = reachable_speed_and_gradient(axis, restoring_force)
     force_rate = axis["C_AREA_1"] * rate
-    highest = wanted.max_speed or 0.7 * speed
-    rule = min(force_rate / (2.0 * corners.position * axis["C_MASS"]), highest * corners.pressure / STOP)
+    highest = requirements.max_speed or 0.7 * speed
+    rule = min(
+        force_rate / (2.0 * bandwidths.position * axis["C_MASS"]),
+        highest * bandwidths.pressure / STOPPING_TIME_CONSTANTS,
+    )
     return {
         "C_V_MAX": highest,
-        "C_A_MAX": wanted.max_acceleration or rule,
-        "C_SHAPE": max(4.0 * wanted.period, 1.0 / corners.pressure),
-        "C_LEAD": 1.0 / corners.pressure,
+        "C_A_MAX": requirements.max_acceleration or rule,
+        "C_SHAPING_TIME": max(4.0 * requirements.period, 1.0 / bandwidths.pressure),
+        "C_FRICTION_LEAD": 1.0 / bandwidths.pressure,
         "C_LEVEL_RATE": 0.2 * rate,
-        "C_FLOW_STEP": 0.05 * rate,
+        "C_FLOW_STEP_MAX": 0.05 * rate,
     }
 
 
-def reachable(axis: Mapping[str, float], pulls: Pull = np.zeros_like) -> tuple[float, float]:
+def reachable_speed_and_gradient(
+    axis: Mapping[str, float], restoring_force: RestoringForce = np.zeros_like
+) -> tuple[float, float]:
     """Return speed (m/s) and pressure gradient (Pa/s) that both valve directions reach.
 
-    All over the middle 60 % of the stroke, as far as the pressures that balance the air spring, and what ``pulls`` the
+    All over the middle 60 % of the stroke, as far as the pressures that balance the air spring, and what ``restoring_force`` the
     piston at x (m) toward x = 0 (N), lie well within range.
     """
     area_1, area_2, stroke, gamma = axis["C_AREA_1"], axis["C_AREA_2"], axis["C_STROKE"], axis["C_GAMMA"]
     x = np.linspace(0.2, 0.8, 25) * stroke
-    volume_1, volume_2 = axis["C_DEAD_1"] + area_1 * x, axis["C_DEAD_2"] + area_2 * (stroke - x)
-    p2 = spring_pressure(axis, x)
-    balance = (area_2 * p2 + (area_1 - area_2) * axis["C_AMBIENT"] + pulls(x)) / area_1
-    p1 = np.clip(balance, WORKING[0] * axis["C_AMBIENT"], WORKING[1] * axis["C_SUPPLY"])
+    volume_1, volume_2 = axis["C_DEAD_VOLUME_1"] + area_1 * x, axis["C_DEAD_VOLUME_2"] + area_2 * (stroke - x)
+    p2 = chamber_2_pressure(axis, x)
+    balance = (area_2 * p2 + (area_1 - area_2) * axis["C_AMBIENT"] + restoring_force(x)) / area_1
+    p1 = np.clip(balance, WORKING_PRESSURES[0] * axis["C_AMBIENT"], WORKING_PRESSURES[1] * axis["C_SUPPLY"])
     low, high = axis["C_AMBIENT"] / p1, p1 / axis["C_SUPPLY"]
     scale = axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_1
-    fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow_functions(high, axis["C_CRITICAL"])
-    vent = axis["C_AREA_VENT"] * scale * p1 * flow_functions(low, axis["C_CRITICAL"])
+    fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow_functions(high, axis["C_CRITICAL_RATIO"])
+    vent = axis["C_AREA_VENT"] * scale * p1 * flow_functions(low, axis["C_CRITICAL_RATIO"])
     if axis["C_MIRRORED"] > 0.5:  # the other chamber gives way at the same time
         share = axis["C_AREA_2"] / area_1 * axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_2
         ratio_2 = p2 / axis["C_SUPPLY"], axis["C_AMBIENT"] / p2
-        fill = fill + share * axis["C_AREA_VENT_2"] * p2 * flow_functions(ratio_2[1], axis["C_CRITICAL"])
-        vent = vent + share * axis["C_AREA_FILL_2"] * axis["C_SUPPLY"] * flow_functions(ratio_2[0], axis["C_CRITICAL"])
+        fill = fill + share * axis["C_AREA_VENT_2"] * p2 * flow_functions(ratio_2[1], axis["C_CRITICAL_RATIO"])
+        vent = vent + share * axis["C_AREA_FILL_2"] * axis["C_SUPPLY"] * flow_functions(
+            ratio_2[0], axis["C_CRITICAL_RATIO"]
+        )
     rate = np.minimum(fill, vent)
     per_speed = gamma * (p1 * area_1 / volume_1 + p2 * area_2**2 / (area_1 * volume_2))
     within = p1 == balance if np.any(p1 == balance) else np.ones(x.size, dtype=bool)
     return float(np.min((rate / per_speed)[within])), float(np.min(rate[within]))
 
 
-def spring_pressure(axis: Mapping[str, float], x: Array) -> Array:
+def chamber_2_pressure(axis: Mapping[str, float], x: Array) -> Array:
     """Return the pressure in Pa of chamber 2 at x: closed in the middle (isentropic), or held by its own valve."""
     if axis["C_TWO_VALVES"] > 0.5 or axis["C_MIRRORED"] > 0.5:
         return np.full_like(x, axis["C_P_MEAN"])
-    half = axis["C_DEAD_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
-    volume = axis["C_DEAD_2"] + axis["C_AREA_2"] * (axis["C_STROKE"] - x)
+    half = axis["C_DEAD_VOLUME_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
+    volume = axis["C_DEAD_VOLUME_2"] + axis["C_AREA_2"] * (axis["C_STROKE"] - x)
     return np.asarray(axis["C_P_MEAN"] * (half / volume) ** axis["C_GAMMA"])

@@ -13,26 +13,26 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.design.cascade_design import WORKING, spring_pressure
+from pneucli.design.cascade_design import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.design.pdc import Pdc, design_pdc
 from pneucli.errors import InputError
 from pneucli.physics.gas import PSI_MAX
-from pneucli.physics.vectorised import stribeck
+from pneucli.physics.vectorised import stribeck_friction
 from pneucli.tp import TPModel, sample, transform
 from pneucli.tp.weights import WeightType
 
 Array = NDArray[np.float64]
 
-GRID = (201, 41)  # speeds, positions
-STEP = 2e-4  # s, of the simulation that checks a design
-TYPES: tuple[WeightType, ...] = get_args(WeightType)
+GRID_SHAPE = (201, 41)  # speeds, positions
+SIMULATION_STEP = 2e-4  # s, of the simulation that checks a design
+WEIGHT_TYPES: tuple[WeightType, ...] = get_args(WeightType)
 
 
 @dataclass(frozen=True)
-class Study:
+class WeightStudy:
     """One weight type: its PDC (None: ``failure`` says why), and what a simulation of it showed.
 
-    ``peak``: largest |q| over its bound, ``decayed``: largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function.
+    ``peak_input_ratio``: largest |q| over its bound, ``lyapunov_ratio``: largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function.
     ``model``: the TP model whose vertices the gains belong to.
     """
 
@@ -40,8 +40,8 @@ class Study:
     vertices: int
     pdc: Pdc | None
     failure: str = ""
-    peak: float = np.nan
-    decayed: float = np.nan
+    peak_input_ratio: float = np.nan
+    lyapunov_ratio: float = np.nan
     model: TPModel | None = None
 
 
@@ -52,11 +52,11 @@ def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float
     """
     out = np.zeros((*np.shape(v), 3, 4))
     speed = np.hypot(v, speed_floor)
-    dry = stribeck(speed, c["C_COULOMB"], 0.0, c["C_STATIC"], c["C_STRIBECK"])
-    p2 = spring_pressure(c, x)
+    dry = stribeck_friction(speed, c["C_COULOMB"], 0.0, c["C_STATIC"], c["C_STRIBECK"])
+    p2 = chamber_2_pressure(c, x)
     p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
-    volume_1 = c["C_DEAD_1"] + c["C_AREA_1"] * x
-    volume_2 = c["C_DEAD_2"] + c["C_AREA_2"] * (c["C_STROKE"] - x)
+    volume_1 = c["C_DEAD_VOLUME_1"] + c["C_AREA_1"] * x
+    volume_2 = c["C_DEAD_VOLUME_2"] + c["C_AREA_2"] * (c["C_STROKE"] - x)
     out[..., 0, 1] = 1.0
     out[..., 1, 1] = -(dry / speed + c["C_VISCOUS"]) / c["C_MASS"]
     out[..., 1, 2] = 1.0 / c["C_MASS"]
@@ -67,38 +67,40 @@ def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float
 
 def axis_model(c: Mapping[str, float], speed_floor: float, weight_type: WeightType) -> TPModel:
     """Return the TP model over speeds up to the reference's limit and the middle 60 % of the stroke."""
-    speeds = np.linspace(-c["C_V_MAX"], c["C_V_MAX"], GRID[0])
-    positions = np.linspace(0.2, 0.8, GRID[1]) * c["C_STROKE"]
+    speeds = np.linspace(-c["C_V_MAX"], c["C_V_MAX"], GRID_SHAPE[0])
+    positions = np.linspace(0.2, 0.8, GRID_SHAPE[1]) * c["C_STROKE"]
     samples = sample(lambda v, x: axis_matrices(c, v, x, speed_floor), (speeds, positions))
     return transform(samples, (speeds, positions), weight_type, tolerance=1e-6)
 
 
 def compare_weight_types(
-    c: Mapping[str, float], speed_floor: float, types: tuple[WeightType, ...] = TYPES
-) -> list[Study]:
+    c: Mapping[str, float], speed_floor: float, types: tuple[WeightType, ...] = WEIGHT_TYPES
+) -> list[WeightStudy]:
     """Return the largest decay rate that each weight type allows for one start and one bound of the flow.
 
     From 15 % of the stroke off at rest, with half the flow that the slower direction gives at mean pressure.
     """
     x0 = np.array([0.15 * c["C_STROKE"], 0.0, 0.0])
-    force = 0.5 * c["C_AREA_1"] * (WORKING[1] * c["C_SUPPLY"] - WORKING[0] * c["C_AMBIENT"])
+    force = 0.5 * c["C_AREA_1"] * (WORKING_PRESSURES[1] * c["C_SUPPLY"] - WORKING_PRESSURES[0] * c["C_AMBIENT"])
     scale = np.array([x0[0], c["C_V_MAX"], force])
     most = min(c["C_AREA_FILL"] * c["C_SUPPLY"], c["C_AREA_VENT"] * c["C_P_MEAN"]) * c["C_K_GAS"] * PSI_MAX
-    return [_study(c, speed_floor, kind, x0, scale, 0.5 * most) for kind in types]
+    return [_weight_study(c, speed_floor, kind, x0, scale, 0.5 * most) for kind in types]
 
 
-def _study(c: Mapping[str, float], floor: float, kind: WeightType, x0: Array, scale: Array, most: float) -> Study:
+def _weight_study(
+    c: Mapping[str, float], floor: float, kind: WeightType, x0: Array, scale: Array, most: float
+) -> WeightStudy:
     try:
         model = axis_model(c, floor, kind)
         systems = model.systems
         pdc = design_pdc(systems[:, :, :3], systems[:, :, 3:], x0, scale, most)
     except InputError as error:
-        return Study(kind, 0, None, str(error))
-    peak, decayed = verify(c, floor, model, pdc, x0)
-    return Study(kind, len(systems), pdc, "", peak / most, decayed, model)
+        return WeightStudy(kind, 0, None, str(error))
+    peak, decayed = simulate_pdc(c, floor, model, pdc, x0)
+    return WeightStudy(kind, len(systems), pdc, "", peak / most, decayed, model)
 
 
-def verify(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc, x0: Array) -> tuple[float, float]:
+def simulate_pdc(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc, x0: Array) -> tuple[float, float]:
     """Simulate the nonlinear axis (RK4) under the PDC about the middle; return the peak of |q| in kg/s and the decay.
 
     The decay is the largest ``V(t) exp(2 rate t) / V(0)``: at most 1 where the rate that the LMIs promise is kept.
@@ -114,12 +116,12 @@ def verify(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc, x0: A
         return matrix[:, :3] @ s + matrix[:, 3] * q, q
 
     start = float(x0 @ pdc.P @ x0)
-    for k in range(int(min(3.0 / pdc.rate, 2.0) / STEP)):
+    for k in range(int(min(3.0 / pdc.rate, 2.0) / SIMULATION_STEP)):
         k1, q = rates(state)
-        k2, _ = rates(state + 0.5 * STEP * k1)
-        k3, _ = rates(state + 0.5 * STEP * k2)
-        k4, _ = rates(state + STEP * k3)
+        k2, _ = rates(state + 0.5 * SIMULATION_STEP * k1)
+        k3, _ = rates(state + 0.5 * SIMULATION_STEP * k2)
+        k4, _ = rates(state + SIMULATION_STEP * k3)
         peak = max(peak, abs(q))
-        decayed = max(decayed, float(state @ pdc.P @ state) * np.exp(2 * pdc.rate * k * STEP) / start)
-        state = state + STEP / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
+        decayed = max(decayed, float(state @ pdc.P @ state) * np.exp(2 * pdc.rate * k * SIMULATION_STEP) / start)
+        state = state + SIMULATION_STEP / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
     return peak, decayed

@@ -21,8 +21,8 @@ from pneucli.errors import InputError
 
 Array = NDArray[np.float64]
 
-MARGIN = 1e-6  # of the normalised LMIs, below which an inequality counts as an equality
-ACCURACY = 5e-3  # of the decay rate
+LMI_MARGIN = 1e-6  # of the normalised LMIs, below which an inequality counts as an equality
+RATE_TOLERANCE = 5e-3  # of the decay rate
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Pdc:
     """Gains F (R, m, n), Lyapunov matrix P (n, n) in the plant's units, decay rate (1/s), and the solver's status.
 
     ``worst_pole``: largest real part (1/s) over all vertices and pairs of them, ``worst_lmi``: largest eigenvalue of
-    the decay inequality, normalised (negative where it holds); ``loops`` (R, n): the poles (1/s) of every vertex loop.
+    the decay inequality, normalised (negative where it holds); ``vertex_poles`` (R, n): the poles (1/s) of every vertex loop.
     All are found by eigenvalues after the solver.
     """
 
@@ -41,7 +41,7 @@ class Pdc:
     worst_pole: float
     worst_lmi: float
 
-    loops: NDArray[np.complex128]
+    vertex_poles: NDArray[np.complex128]
 
     @property
     def verified(self) -> bool:
@@ -64,7 +64,7 @@ def design_pdc(A: Array, B: Array, x0: Array, scale: Array, u_max: float) -> Pdc
         raise InputError("the LMIs", "no gains keep the input within its bound", "", "a wider bound or a smaller x0")
     while (more := problem.solve(high)) is not None:
         low, high, best = high, 2.0 * high, more
-    while high - low > ACCURACY * high and high > MARGIN:
+    while high - low > RATE_TOLERANCE * high and high > LMI_MARGIN:
         middle = 0.5 * (low + high)
         found = problem.solve(middle)
         low, high, best = (middle, high, found) if found is not None else (low, middle, best)
@@ -87,13 +87,13 @@ class _Problem:
         self._M = M = [cp.Variable((m, n)) for _ in range(count)]
         self._rate = cp.Parameter(nonneg=True)
         one = np.eye(n)
-        rules: list[Any] = [X >> MARGIN * one, cp.bmat([[np.ones((1, 1)), x0[None, :]], [x0[:, None], X]]) >> 0]
+        rules: list[Any] = [X >> LMI_MARGIN * one, cp.bmat([[np.ones((1, 1)), x0[None, :]], [x0[:, None], X]]) >> 0]
         for r in range(count):
-            rules.append(_decay(A, B, X, M, r, r) + 2 * self._rate * X << -MARGIN * one)
+            rules.append(_decay(A, B, X, M, r, r) + 2 * self._rate * X << -LMI_MARGIN * one)
             rules.append(cp.bmat([[X, M[r].T], [M[r], np.eye(m)]]) >> 0)
             for q in range(r + 1, count):
                 both = 0.5 * (_decay(A, B, X, M, r, q) + _decay(A, B, X, M, q, r))
-                rules.append(both + 2 * self._rate * X << -MARGIN * one)
+                rules.append(both + 2 * self._rate * X << -LMI_MARGIN * one)
         self._problem = cp.Problem(cp.Minimize(cp.trace(X)), rules)
 
     def solve(self, rate: float) -> tuple[Array, Array] | None:

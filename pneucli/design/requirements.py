@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
-from pneucli.controller.laws import law_named
+from pneucli.controller.laws import find_law
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.units import parse_quantity
 
@@ -32,7 +32,7 @@ UNITS = {
     "delay": "s",
     "switching_gain": "1",
 }
-PERIODS = (1e-5, 1.0)  # s, of a controller
+PERIOD_RANGE = (1e-5, 1.0)  # s, of a controller
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,15 @@ class Requirements:
     air_stiffness: float | None = None
 
 
-def requirements_from(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
+def read_requirements(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
     """Return the requirements of a ``[design]`` table over ``known`` ones (what the recordings tell).
 
     Raises InputError for a key or value that it cannot read; ``where`` names file and table.
     """
     values: dict[str, Any] = dict(known)
     for key, value in table.items():
-        if key in READERS:
-            values[key] = READERS[key](value, f"{where}.{key}")
+        if key in VALUE_READERS:
+            values[key] = VALUE_READERS[key](value, f"{where}.{key}")
             continue
         if key not in UNITS:
             raise InputError(
@@ -110,8 +110,8 @@ def _positive(value: Any, key: str, where: str) -> float:
         raise InputError(f"{where}.{key}", f"{number:g}", "above 0")
     if key == "sector_ratio" and number <= 1.0:
         raise InputError(f"{where}.{key}", f"{number:g}", "above 1: the slope of one line over the other's")
-    if key == "period" and not PERIODS[0] <= round(number, 9) <= PERIODS[1]:
-        raise InputError(f"{where}.{key}", f"{number:g} s", f"from {PERIODS[0]:g} s to {PERIODS[1]:g} s")
+    if key == "period" and not PERIOD_RANGE[0] <= round(number, 9) <= PERIOD_RANGE[1]:
+        raise InputError(f"{where}.{key}", f"{number:g} s", f"from {PERIOD_RANGE[0]:g} s to {PERIOD_RANGE[1]:g} s")
     return number
 
 
@@ -138,10 +138,10 @@ def _is_weight(value: Any) -> bool:
 
 
 def _law(value: Any, where: str) -> str:
-    return law_named(value, where).name
+    return find_law(value, where).name
 
 
-READERS: dict[str, Callable[[Any, str], Any]] = {
+VALUE_READERS: dict[str, Callable[[Any, str], Any]] = {
     "chamber_2": _one_of("closed", "open", "valve"),
     "surface": _one_of("poles", "lq"),
     "equivalent_control": _one_of(True, False),

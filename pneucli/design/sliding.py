@@ -19,11 +19,11 @@ from pneucli.errors import InputError
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-9
+ROUNDING_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class System:
+class LinearSystem:
     """A linear system: states by name, A (n, n), B (n, m), E (n, k) with the disturbances' names, in SI."""
 
     states: tuple[str, ...]
@@ -46,63 +46,67 @@ class RegularForm:
 
 
 @dataclass(frozen=True)
-class Surface:
+class SlidingSurface:
     """``s = S x`` with S (m, n), and the poles (1/s) with which the system slides on it."""
 
     S: Array
     poles: NDArray[np.complex128]
 
 
-def axis_systems(c: Mapping[str, float], x: float, p1: float, p2: float) -> dict[str, System]:
+def axis_systems(c: Mapping[str, float], x: float, p1: float, p2: float) -> dict[str, LinearSystem]:
     """Return the axis at rest at x, p1, p2, linear (2.47-2.52): ``whole``, ``mechanical`` and ``pneumatic``.
 
     ``c`` holds a controller's values. Input of the whole and of the pneumatic system is the pressure gradient that the
     valve makes (Pa/s), of the mechanical one the force (N). Disturbances: friction and load (N), other flows (Pa/s).
     """
     m, area_1, area_2, gamma = c["C_MASS"], c["C_AREA_1"], c["C_AREA_2"], c["C_GAMMA"]
-    volume_1 = c["C_DEAD_1"] + area_1 * x
-    volume_2 = c["C_DEAD_2"] + area_2 * (c["C_STROKE"] - x)
+    volume_1 = c["C_DEAD_VOLUME_1"] + area_1 * x
+    volume_2 = c["C_DEAD_VOLUME_2"] + area_2 * (c["C_STROKE"] - x)
     a32, a42 = gamma * p1 * area_1 / volume_1, gamma * p2 * area_2 / volume_2
     a22 = c["C_VISCOUS"] / m
     whole = np.array(
         [[0, 1, 0, 0], [0, -a22, area_1 / m, -area_2 / m], [0, -a32, 0, 0], [0, a42, 0, 0]], dtype=np.float64
     )
     return {
-        "whole": System(
+        "whole": LinearSystem(
             ("x", "v", "p1", "p2"),
             whole,
             np.array([[0.0], [0.0], [1.0], [0.0]]),
             np.array([[0.0, 0.0], [1.0 / m, 0.0], [0.0, 1.0], [0.0, 0.0]]),
             ("friction and load", "other flows"),
         ),
-        "mechanical": System(
+        "mechanical": LinearSystem(
             ("x", "v"),
             whole[:2, :2],
             np.array([[0.0], [1.0 / m]]),
             np.array([[0.0], [1.0 / m]]),
             ("friction and load",),
         ),
-        "pneumatic": System(
+        "pneumatic": LinearSystem(
             ("p1",), np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), ("other flows and the motion",)
         ),
     }
 
 
-def unmatched(system: System) -> dict[str, list[str]]:
+def unmatched_disturbances(system: LinearSystem) -> dict[str, list[str]]:
     """Return the disturbances that break the matching condition, each with the states in which it acts beside B."""
     projector = np.eye(len(system.states)) - system.B @ np.linalg.pinv(system.B)
     found = {}
     for name, column in zip(system.disturbances, system.E.T, strict=True):
         rest = np.abs(projector @ column)
-        where = [state for state, r in zip(system.states, rest, strict=True) if r > ROUNDING * np.linalg.norm(column)]
+        where = [
+            state
+            for state, r in zip(system.states, rest, strict=True)
+            if r > ROUNDING_TOLERANCE * np.linalg.norm(column)
+        ]
         if where:
             found[name] = where
     return found
 
 
-def require_matching(system: System, where: str) -> None:
+def require_matching(system: LinearSystem, where: str) -> None:
     """Raise InputError where a disturbance is not matched, saying which, where it acts, and the way out."""
-    broken = unmatched(system)
+    broken = unmatched_disturbances(system)
     if broken:
         words = "; ".join(
             f"{name} acts on {' and '.join(states)}, where no input does" for name, states in broken.items()
@@ -122,12 +126,12 @@ def regular_form(A: Array, B: Array) -> RegularForm:
     T = np.vstack([q[:, m:].T, q[:, :m].T])
     form = T @ A @ T.T
     B_new = T @ B
-    assert np.allclose(B_new[: n - m], 0.0, atol=ROUNDING * np.abs(B).max())
+    assert np.allclose(B_new[: n - m], 0.0, atol=ROUNDING_TOLERANCE * np.abs(B).max())
     k = n - m
     return RegularForm(T, form[:k, :k], form[:k, k:], form[k:, :k], form[k:, k:], B_new[k:])
 
 
-def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> Surface:
+def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSurface:
     """Return the surface on which the system slides with the given n - m poles (1/s).
 
     Raises InputError where their number is wrong or the pair (A11, A12) cannot be placed.
@@ -142,7 +146,7 @@ def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> Surface:
     return _surface(form, gain)
 
 
-def surface_by_lq(A: Array, B: Array, Q: Array) -> Surface:
+def surface_by_lq(A: Array, B: Array, Q: Array) -> SlidingSurface:
     """Return the surface that minimises the integral of ``x' Q x`` while sliding (Utkin and Young); Q > 0, (n, n)."""
     form = regular_form(A, B)
     k = len(form.A11)
@@ -156,6 +160,6 @@ def surface_by_lq(A: Array, B: Array, Q: Array) -> Surface:
     return _surface(form, inverse @ (form.A12.T @ P + W[k:, :k]))
 
 
-def _surface(form: RegularForm, gain: Array) -> Surface:
+def _surface(form: RegularForm, gain: Array) -> SlidingSurface:
     S = np.hstack([gain, np.eye(len(form.B2))]) @ form.T
-    return Surface(S, np.linalg.eigvals(form.A11 - form.A12 @ gain).astype(np.complex128))
+    return SlidingSurface(S, np.linalg.eigvals(form.A11 - form.A12 @ gain).astype(np.complex128))

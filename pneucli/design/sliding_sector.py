@@ -22,11 +22,13 @@ from pneucli.errors import InputError
 
 Array = NDArray[np.float64]
 
-STEEPEST = 0.2  # lambda T: from its start to a line, a sampled controller overshoots by less than that share
+MAX_SLOPE_PER_SAMPLE = (
+    0.2  # lambda T: from its start to a line, a sampled controller overshoots by less than that share
+)
 
 
 @dataclass(frozen=True)
-class Sector:
+class SlidingSector:
     """Lines of slope ``lambda_1 < lambda_2`` (1/s) from vertices ``a_1 < a_2`` (1/s), for a mass (kg) and a period (s).
 
     ``speed_floor``: the speed (m/s) below which a22 counts as constant, so that a22(0) = a_2.
@@ -53,14 +55,14 @@ class Sector:
     @property
     def warning(self) -> str:
         """What is wrong with it for a sampled controller; empty where nothing is."""
-        if self.steepness <= STEEPEST:
+        if self.steepness <= MAX_SLOPE_PER_SAMPLE:
             return ""
         return (
-            f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {STEEPEST}; a22(0) = "
+            f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {MAX_SLOPE_PER_SAMPLE}; a22(0) = "
             f"{self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): the resolved one is taken"
         )
 
-    def equivalent(self, v: ArrayLike, x2: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
+    def equivalent_force(self, v: ArrayLike, x2: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
         """Return the equivalent force in N (6.16), mean of both lines, and a moving reference's acceleration.
 
         For a constant one, x2 = v and both lines give the same force.
@@ -69,26 +71,32 @@ class Sector:
         mean = 0.5 * (self.a_1 + self.a_2)
         return np.asarray(self.mass * (mean * v - self.middle * x2 + np.asarray(acceleration)))
 
-    def switching(self, x1: ArrayLike, x2: ArrayLike, reach: float = 0.0) -> Array:
+    def switching_term(self, x1: ArrayLike, x2: ArrayLike, boundary_layer: float = 0.0) -> Array:
         """Return the switching term, -1 to 1: minus the sign outside the sector, continuous across it (5.13).
 
-        Toward the origin the sector narrows to nothing; within ``reach`` (m) the term fades instead, see :meth:`reach`.
+        Toward the origin the sector narrows to nothing; within ``boundary_layer`` (m) the term fades instead, see :meth:`boundary_layer`.
         """
         s1 = np.asarray(x2) + self.lambda_1 * np.asarray(x1)
         s2 = np.asarray(x2) + self.lambda_2 * np.asarray(x1)
-        least = max((self.lambda_1 + self.lambda_2) * reach, np.finfo(float).tiny)
+        least = max((self.lambda_1 + self.lambda_2) * boundary_layer, np.finfo(float).tiny)
         return np.asarray(-(s1 + s2) / np.maximum(np.abs(s1) + np.abs(s2), least))
 
-    def reach(self, most: float) -> float:
-        """Return the error in m below which a force of ``most`` N crosses the whole sector within one sample."""
-        return most * self.period / (self.mass * self.lambda_1)
+    def boundary_layer(self, max_force: float) -> float:
+        """Return the error in m below which a force of ``max_force`` N crosses the whole sector within one sample."""
+        return max_force * self.period / (self.mass * self.lambda_1)
 
-    def force(self, x1: ArrayLike, x2: ArrayLike, v: ArrayLike, most: float, acceleration: ArrayLike = 0.0) -> Array:
-        """Return equivalent and switching force in N; ``most`` is M of (5.13)."""
-        return self.equivalent(v, x2, acceleration) + most * self.switching(x1, x2, self.reach(most))
+    def force(
+        self, x1: ArrayLike, x2: ArrayLike, v: ArrayLike, max_force: float, acceleration: ArrayLike = 0.0
+    ) -> Array:
+        """Return equivalent and switching force in N; ``max_force`` is M of (5.13)."""
+        return self.equivalent_force(v, x2, acceleration) + max_force * self.switching_term(
+            x1, x2, self.boundary_layer(max_force)
+        )
 
 
-def sector_from_vertices(vertices: ArrayLike, mass: float, period: float, static: float, width: float = 2.0) -> Sector:
+def sector_from_vertices(
+    vertices: ArrayLike, mass: float, period: float, static: float, width: float = 2.0
+) -> SlidingSector:
     """Return the sector of a TP friction model; ``vertices`` of a22 in 1/s, ``static``: breakaway force in N.
 
     Raises InputError where the vertices do not differ or the width is not above 1.
@@ -100,17 +108,17 @@ def sector_from_vertices(vertices: ArrayLike, mass: float, period: float, static
     if high - low <= 1e-9 * max(abs(high), 1.0):
         raise InputError("the friction model", "its vertices are equal: a22 does not depend on speed", "dry friction")
     lambda_1 = (high - low) / (width - 1.0)
-    return Sector(low, high, lambda_1, width * lambda_1, mass, period, speed_floor(high, mass, static, low))
+    return SlidingSector(low, high, lambda_1, width * lambda_1, mass, period, speed_floor(high, mass, static, low))
 
 
-def resolved(sector: Sector, static: float, steepest: float) -> Sector:
-    """Return the sector with a22(0) resolved only as far as the slope ``steepest`` (1/s) allows, or the same one."""
-    if sector.lambda_2 <= steepest:
+def limit_slope(sector: SlidingSector, static: float, max_slope: float) -> SlidingSector:
+    """Return the sector with a22(0) resolved only as far as the slope ``max_slope`` (1/s) allows, or the same one."""
+    if sector.lambda_2 <= max_slope:
         return sector
     width = sector.lambda_2 / sector.lambda_1
-    high = sector.a_1 + steepest * (1.0 - 1.0 / width)
+    high = sector.a_1 + max_slope * (1.0 - 1.0 / width)
     floor = speed_floor(high, sector.mass, static, sector.a_1)
-    return Sector(sector.a_1, high, steepest / width, steepest, sector.mass, sector.period, floor)
+    return SlidingSector(sector.a_1, high, max_slope / width, max_slope, sector.mass, sector.period, floor)
 
 
 def speed_floor(a_0: float, mass: float, static: float, a_1: float) -> float:

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.data import State
+from pneucli.diagnose.data import FittedModel
 from pneucli.diagnose.evidence import RESAMPLES, SEED
 
-NAMED = 0.5  # an effect that is less sure is not named: it is more likely absent
+MIN_NAMED_PROBABILITY = 0.5  # an effect that is less sure is not named: it is more likely absent
 
 
 class Evidence(NamedTuple):
@@ -44,28 +44,28 @@ class Evidence(NamedTuple):
     @property
     def features(self) -> tuple[float, ...]:
         """The terms of the law: each within the range that exams have shown."""
-        most = 1.0 if self.complete or self.imposed else LARGE
-        significance, size = _decades(self.significance, 1.0, 300.0), _decades(self.size, 0.03, most)
+        most = 1.0 if self.complete or self.imposed else MAX_RELATIVE_SIZE
+        significance, size = _clipped_log10(self.significance, 1.0, 300.0), _clipped_log10(self.size, 0.03, most)
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
             return 1.0, significance, size, math.log(share / (1.0 - share))
         kept = 1.0 - (self.share or 0.0)
-        return 1.0, significance, size, _decades(self.left, 0.01, 1.0), _decades(kept, 0.01, 1.0)
+        return 1.0, significance, size, _clipped_log10(self.left, 0.01, 1.0), _clipped_log10(kept, 0.01, 1.0)
 
 
-def _decades(value: float, low: float, high: float) -> float:
+def _clipped_log10(value: float, low: float, high: float) -> float:
     return math.log10(min(max(value, low), high))
 
 
 # times the usual size, the mean of typical ones, which reach about so far: beyond no effect is likelier. Small unknown
 # things are not taken for one as large, unless the motion is imposed: what resembles grows against each other there
-LARGE = 2.0
+MAX_RELATIVE_SIZE = 2.0
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/diagnosis.md)
-COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-3.27, 2.06, 5.45, -1.47, -1.26)  # beside something unknown
+WEIGHTS_WHITE_RESIDUAL = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
+WEIGHTS_DISCREPANCY = (-3.27, 2.06, 5.45, -1.47, -1.26)  # beside something unknown
 # how much less than others an effect resembles what small unknown things do beside it, in the law's unit; where the
 # motion is imposed all are alike, and so is an effect that no exam has hidden
-UNLIKE = {
+EFFECT_INTERCEPTS = {
     "acceleration-bias": 0.7, "chamber-leak": 4.4, "constant-force": -3.1, "critical-ratio": 2.5, "dead-volume": 0.8,
     "dwell-breakaway": 3.3, "end-cushion": 3.5, "extra-mass": 0.4, "friction-asymmetry": -1.6,
     "friction-hysteresis": -3.8, "heat-transfer": 1.6, "laminar-leak": 3.2, "line-delay": -2.9, "opening-leak": 1.0,
@@ -74,35 +74,35 @@ UNLIKE = {
     "valve-deadband": 0.4, "valve-hysteresis": -3.6, "valve-lag": -4.2, "valve-leak": 3.8,
 }  # fmt: skip
 # the frequency with which an effect that was refused for this reason, and not weighed, was there on exams
-REFUSED: dict[Reason, float] = {
+PRESENCE_RATE_BY_REASON: dict[Reason, float] = {
     "raises-error": 0.06, "immaterial": 0.04, "at-bound": 0.03, "explained-by-unknown": 0.02, "needless": 0.02,
 }  # fmt: skip
-OTHERWISE = 0.003  # of all other reasons together
+PRESENCE_RATE_OTHER = 0.003  # of all other reasons together
 
 
 def probability(evidence: Evidence) -> float:
     """Return the probability that an effect with this evidence, or one that the data cannot tell from it, is there."""
-    weights = COMPLETE if evidence.complete else BESIDE
+    weights = WEIGHTS_WHITE_RESIDUAL if evidence.complete else WEIGHTS_DISCREPANCY
     exponent = sum(w * x for w, x in zip(weights, evidence.features, strict=True))
     if not (evidence.complete or evidence.imposed):
-        exponent += unlike(evidence.effects)
+        exponent += mean_effect_intercept(evidence.effects)
     return 1.0 / (1.0 + math.exp(-exponent))
 
 
-def unlike(effects: Sequence[str]) -> float:
+def mean_effect_intercept(effects: Sequence[str]) -> float:
     """Return how much less than others some effects resemble what small unknown things do, in the law's unit.
 
     What all of them explain as well resembles the unknown as each of them does: their mean. The least would be chance.
     """
-    return sum(UNLIKE.get(effect, 0.0) for effect in effects) / max(len(effects), 1)
+    return sum(EFFECT_INTERCEPTS.get(effect, 0.0) for effect in effects) / max(len(effects), 1)
 
 
-def refused(reason: Reason) -> float:
+def presence_rate(reason: Reason) -> float:
     """Return the probability that an effect is there which is not named for a reason."""
-    return REFUSED.get(reason, OTHERWISE)
+    return PRESENCE_RATE_BY_REASON.get(reason, PRESENCE_RATE_OTHER)
 
 
-def shares(states: Sequence[State]) -> list[float]:
+def likelihood_shares(states: Sequence[FittedModel]) -> list[float]:
     """Return the likelihood of each of some states over that of all, in the mean of their blocks drawn anew."""
     costs = np.array([state.costs for state in states])
     rng = np.random.default_rng(SEED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from pneucli.diagnose.data import Trial
+from pneucli.diagnose.data import Candidate
 from pneucli.physics.declaration import Effect
 
 Reason = Literal[
@@ -28,11 +28,11 @@ Reason = Literal[
 
 @dataclass(frozen=True)
 class Decision:
-    """One effect and its reason; ``trial`` is None where it was not fitted."""
+    """One effect and its reason; ``candidate`` is None where it was not fitted."""
 
     effect: Effect
     reason: Reason
-    trial: Trial | None = None
+    candidate: Candidate | None = None
 
     @property
     def supported(self) -> bool:
@@ -40,6 +40,6 @@ class Decision:
         return self.reason == "supported"
 
 
-def passed(decisions: list[Decision]) -> list[Trial]:
+def supported_candidates(decisions: list[Decision]) -> list[Candidate]:
     """Return the trials that are supported."""
-    return [d.trial for d in decisions if d.supported and d.trial is not None]
+    return [d.candidate for d in decisions if d.supported and d.candidate is not None]

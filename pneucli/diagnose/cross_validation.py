@@ -12,50 +12,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.parameters import absent_value, value_of
-from pneucli.identify.estimation.problem import Problem
-from pneucli.identify.residuals import View
+from pneucli.identify.estimation.parameters import absent_value, parameter_value
+from pneucli.identify.estimation.problem import LeastSquaresProblem
+from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
 
-def turns_of(views: Sequence[View]) -> tuple[int, ...]:
+def folds_of(views: Sequence[ResidualModel]) -> tuple[int, ...]:
     """Return the turn in which each view is held out: one a recording, none where there is but one."""
     names = [view.experiment.recording.name for view in views]
     each = {name: i for i, name in enumerate(dict.fromkeys(names))}
     return tuple(each[name] for name in names) if len(each) > 1 else ()
 
 
-def models_by_turn(found: Fit, views: Sequence[View], turns: Sequence[int]) -> list[Model]:
+def leave_one_out_models(found: Fit, views: Sequence[ResidualModel], folds: Sequence[int]) -> list[Model]:
     """Return for each view the model as it is fitted without the view's turn."""
-    problem = Problem(found.model, views, found.free, found.errors)
+    problem = LeastSquaresProblem(found.model, views, found.free, found.initial_state_sensitivities)
     sizes = [view.experiment.time.size * len(view.channels) for view in views]
-    rows = np.repeat(np.asarray(turns), sizes)
-    models = {turn: problem.model_at(without(found, problem, rows == turn)) for turn in set(turns)}
-    return [models[turn] for turn in turns]
+    rows = np.repeat(np.asarray(folds), sizes)
+    models = {turn: problem.model_at(parameters_without(found, problem, rows == turn)) for turn in set(folds)}
+    return [models[turn] for turn in folds]
 
 
-def without(found: Fit, problem: Problem, out: NDArray[np.bool_]) -> Array:
+def parameters_without(found: Fit, problem: LeastSquaresProblem, out: NDArray[np.bool_]) -> Array:
     """Return the fit's coordinates (k,) without the residuals that are ``out`` (N,).
 
     What the others do not tell stays where it is, but an effect of which they tell nothing is absent: its own size,
     one way or the other, counts as one more reading.
     """
-    z = np.array([f.inward(value_of(found.model, f.name)) for f in found.free])
+    z = np.array([f.to_coordinate(parameter_value(found.model, f.name)) for f in found.free])
     if not z.size:
         return z
     jacobian, known = found.jacobian[~out], problem.prior_jacobian(z)
-    sizes = _sizes(found, z)
+    sizes = _distances_from_null(found, z)
     own = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes != 0.0)
-    gradient = jacobian.T @ found.residual[~out] + known.T @ problem.prior(z) + own
+    gradient = jacobian.T @ found.residual[~out] + known.T @ problem.prior_residuals(z) + own
     curvature = jacobian.T @ jacobian + known.T @ known + np.diag(own**2)
     step = np.linalg.pinv(curvature, hermitian=True) @ gradient
     return np.clip(z - step, *problem.bounds())
 
 
-def _sizes(found: Fit, z: Array) -> Array:
+def _distances_from_null(found: Fit, z: Array) -> Array:
     """Return by how much each parameter of an effect is off the value at which it is absent (k,), 0 without one."""
     declared = {f"{e.name}.{p.name}": p for e in found.model.effects for p in e.parameters}
     absent = [absent_value(declared[f.name], found.model, f.upper) if f.name in declared else None for f in found.free]
-    return np.array([0.0 if n is None else c - f.inward(n) for n, f, c in zip(absent, found.free, z, strict=True)])
+    return np.array(
+        [0.0 if n is None else c - f.to_coordinate(n) for n, f, c in zip(absent, found.free, z, strict=True)]
+    )

@@ -9,17 +9,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import Bench, State
-from pneucli.identify.estimation.model_fit import Signature
+from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.identify.estimation.model_fit import ScoreTest
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.physics.declaration import Effect, Parameter
-from pneucli.units import after_number
+from pneucli.units import unit_suffix
 
-SEEN = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the whole catalogue
+MDE_SIGMA = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the whole catalogue
 
 
 @dataclass(frozen=True)
-class Detectable:
+class MinimumDetectableEffect:
     """The size of one effect's leading parameter from which it would have shown, in the parameter's unit.
 
     ``size`` is inf where no plausible size would have shown; ``typical`` tells whether a typical one would. ``where``
@@ -36,8 +36,8 @@ class Detectable:
     @property
     def would_show(self) -> str:
         """A sentence for a person."""
-        title, unit = self.effect.title, after_number(self.parameter.unit)
-        told = [f"{p.title or p.name} {value:.2g}{after_number(p.unit)}" for p, value in self.where.items()]
+        title, unit = self.effect.title, unit_suffix(self.parameter.unit)
+        told = [f"{p.title or p.name} {value:.2g}{unit_suffix(p.unit)}" for p, value in self.where.items()]
         name = "; ".join([self.parameter.title or self.parameter.name, *told])
         if not self.plausible:
             return f"{title}: these recordings cannot tell; no plausible size of it would have shown"
@@ -49,34 +49,34 @@ class Detectable:
         return f"{title}: from a difference of {self.size:.2g}{unit} ({name}) on it would have shown"
 
 
-def detectable(bench: Bench, state: State) -> list[Detectable]:
+def minimum_detectable_effects(bench: DiagnosisData, state: FittedModel) -> list[MinimumDetectableEffect]:
     """Return, for every effect that the model lacks, the size that would have been seen."""
-    lacking = bench.lacking(state)
-    ranked = {e.name: found for e, found in bench.screened(state, lacking)}
-    return [_size(effect, ranked.get(effect.name, []), state) for effect in lacking]
+    lacking = bench.absent_effects(state)
+    ranked = {e.name: found for e, found in bench.signatures_of(state, lacking)}
+    return [_minimum_detectable_effect(effect, ranked.get(effect.name, []), state) for effect in lacking]
 
 
-def cannot_show(bench: Bench, sizes: Sequence[Detectable]) -> list[Decision]:
+def undetectable_effects(bench: DiagnosisData, sizes: Sequence[MinimumDetectableEffect]) -> list[Decision]:
     """Return the effects that no recording feels, and those of which no plausible size would have shown."""
-    unfelt = [e for e in bench.effects.values() if not bench.can_show(e)]
+    unfelt = [e for e in bench.effects.values() if not bench.is_observable(e)]
     return [Decision(e, "cannot-show") for e in [*(d.effect for d in sizes if not d.plausible), *unfelt]]
 
 
-def _size(effect: Effect, found: list[Signature], state: State) -> Detectable:
+def _minimum_detectable_effect(effect: Effect, found: list[ScoreTest], state: FittedModel) -> MinimumDetectableEffect:
     """The typical value nearest to none, moved in proportion to what its signature would show."""
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
-    seen = [s for s in found if np.isfinite(s.error) and s.error > 0.0]
+    seen = [s for s in found if np.isfinite(s.step_error) and s.step_error > 0.0]
     if not seen:
-        return Detectable(effect, leading, np.inf, plausible=False, typical=False)
-    best = min(seen, key=lambda s: s.error)
+        return MinimumDetectableEffect(effect, leading, np.inf, plausible=False, typical=False)
+    best = min(seen, key=lambda s: s.step_error)
     null = null_value(leading, state.model)
     where = {
         p: best.values[f"{effect.name}.{p.name}"] for p in effect.parameters if p.null is None and p is not leading
     }
-    size = SEEN * best.error
+    size = MDE_SIGMA * best.step_error
     if null is None:
         once = size < 1.0
-        return Detectable(effect, leading, best.values[name], plausible=once, typical=once, where=where)
+        return MinimumDetectableEffect(effect, leading, best.values[name], plausible=once, typical=once, where=where)
     away = size * abs(best.values[name] - null)
-    return Detectable(effect, leading, away, plausible=size < 3.0, typical=size < 1.0, where=where)
+    return MinimumDetectableEffect(effect, leading, away, plausible=size < 3.0, typical=size < 1.0, where=where)

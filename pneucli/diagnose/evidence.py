@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
-from pneucli.identify.estimation.blocks import scores
+from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.least_squares import inverse
-from pneucli.identify.estimation.parameters import null_value, value_of
+from pneucli.identify.estimation.least_squares import pseudo_inverse
+from pneucli.identify.estimation.parameters import null_value, parameter_value
 from pneucli.physics.declaration import Effect, Parameter
-from pneucli.physics.scales import Facts
+from pneucli.physics.scales import RigQuantities
 
 Array = NDArray[np.float64]
 
@@ -35,24 +35,24 @@ def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
 
 
 @dataclass(frozen=True)
-class Gain:
+class ScoreGain:
     """The fall of a cost over all blocks, its one-sided 95 % lower bound, and the chance that there is none.
 
-    ``number`` tells in how many blocks it shows, counted as :func:`effective_number` does.
+    ``effective_blocks`` tells in how many blocks it shows, counted as :func:`effective_degrees_of_freedom` does.
     """
 
     total: float
-    low: float
+    lower_95: float
     p_value: float
-    number: float
+    effective_blocks: float
 
     @property
-    def certain(self) -> bool:
+    def significant(self) -> bool:
         """Whether the lower bound excludes zero."""
-        return self.low > 0.0
+        return self.lower_95 > 0.0
 
 
-def gain(before: Array, after: Array) -> Gain:
+def score_gain(before: Array, after: Array) -> ScoreGain:
     """Return how far the cost falls from ``before`` to ``after``, both by block; the interval by block bootstrap.
 
     The chance is that of a paired t test over the blocks, with as many degrees of freedom as blocks that matter
@@ -61,16 +61,16 @@ def gain(before: Array, after: Array) -> Gain:
     fall = before - after
     total = float(fall.sum())
     if fall.size < 2 or not np.any(fall):
-        return Gain(total, min(total, 0.0), 1.0, 0.0)
+        return ScoreGain(total, min(total, 0.0), 1.0, 0.0)
     rng = np.random.default_rng(SEED)
     drawn = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
-    freedom = effective_number(fall - fall.mean())
+    freedom = effective_degrees_of_freedom(fall - fall.mean())
     p_value = float(student.sf(total / max(spread, TINY), freedom))
-    return Gain(total, float(np.quantile(drawn, 0.05)), p_value, freedom)
+    return ScoreGain(total, float(np.quantile(drawn, 0.05)), p_value, freedom)
 
 
-def effective_number(parts: Array) -> float:
+def effective_degrees_of_freedom(parts: Array) -> float:
     """Return how many equal normal parts vary as much as these do: rare large ones count as few."""
     squares = parts**2
     fourth = float((squares**2).sum())
@@ -78,20 +78,20 @@ def effective_number(parts: Array) -> float:
 
 
 @dataclass(frozen=True)
-class Distance:
+class WaldDistance:
     """How far an effect's parameters are from their nulls, and what the noise of blocks makes of that by chance.
 
-    ``squared`` is the distance d^T C^-1 d with the covariance C of blocks, ``number`` of how many parameters,
-    ``freedom`` of how many blocks; ``bounded``: all nulls are bounds that can be left to one side only.
+    ``squared`` is the distance d^T C^-1 d with the covariance C of blocks, ``parameter_count`` of how many parameters,
+    ``degrees_of_freedom`` of how many blocks; ``one_sided``: all nulls are bounds that can be left to one side only.
     """
 
     squared: float
-    number: int
-    freedom: float
-    bounded: bool
+    parameter_count: int
+    degrees_of_freedom: float
+    one_sided: bool
 
 
-def distance(found: Fit, effect: Effect) -> Distance | None:
+def wald_distance(found: Fit, effect: Effect) -> WaldDistance | None:
     """Return the distance of the effect's fitted values from their nulls; None where it has no null.
 
     Where the null is infinite the reciprocal counts. Parameters without a null are held at their values: where the
@@ -105,7 +105,7 @@ def distance(found: Fit, effect: Effect) -> Distance | None:
         name = f"{effect.name}.{p.name}"
         if name not in names:
             continue
-        row, value, null = np.zeros(len(names)), value_of(found.model, name), null_value(p, found.model)
+        row, value, null = np.zeros(len(names)), parameter_value(found.model, name), null_value(p, found.model)
         row[names.index(name)] = 1.0 if null is not None else -1.0 / value**2
         if isinstance(p.null, str) and p.null in names:
             row[names.index(p.null)] = -1.0
@@ -114,25 +114,25 @@ def distance(found: Fit, effect: Effect) -> Distance | None:
         bounded &= null is None or p.lower == null
     if not rows:
         return None
-    contrast = np.array(rows) * [f.slope(value_of(found.model, f.name)) for f in free]
+    contrast = np.array(rows) * [f.derivative(parameter_value(found.model, f.name)) for f in free]
     jacobian = found.jacobian[:, [f.name not in held for f in found.free]]
-    influence = jacobian @ (inverse(jacobian.T @ jacobian) @ contrast.T)
-    scored = scores(influence, found.residual, found.blocks)
+    influence = jacobian @ (pseudo_inverse(jacobian.T @ jacobian) @ contrast.T)
+    scored = group_scores(influence, found.residual, found.blocks)
     from_null = np.array(away)
-    tested = inverse(scored.T @ scored) @ from_null
-    return Distance(float(from_null @ tested), len(away), effective_number(scored @ tested), bounded)
+    tested = pseudo_inverse(scored.T @ scored) @ from_null
+    return WaldDistance(float(from_null @ tested), len(away), effective_degrees_of_freedom(scored @ tested), bounded)
 
 
-def wald(found: Fit, effect: Effect) -> float:
+def wald_p_value(found: Fit, effect: Effect) -> float:
     """Return the chance of the effect's fitted values where its nulls are true; NaN where it has no null.
 
     A Wald test, halved where the null is a bound that can be left to one side only.
     """
-    away = distance(found, effect)
+    away = wald_distance(found, effect)
     if away is None:
         return float("nan")
-    chance = float(fisher.sf(away.squared / away.number, away.number, away.freedom))
-    return chance / (2.0 if away.bounded and away.number == 1 else 1.0)
+    chance = float(fisher.sf(away.squared / away.parameter_count, away.parameter_count, away.degrees_of_freedom))
+    return chance / (2.0 if away.one_sided and away.parameter_count == 1 else 1.0)
 
 
 def significance(found: Fit, effect: Effect) -> float:
@@ -140,7 +140,7 @@ def significance(found: Fit, effect: Effect) -> float:
 
     Of an effect that no value makes absent it is its first parameter over its own.
     """
-    away = distance(found, effect)
+    away = wald_distance(found, effect)
     if away is not None:
         return math.sqrt(max(away.squared, 0.0))
     first = next((e for e in found.estimates if e.name == f"{effect.name}.{effect.parameters[0].name}"), None)
@@ -153,33 +153,37 @@ def disagreement(found: Fit, effect: Effect, recordings: NDArray[np.int64]) -> f
     ``recordings`` (N,) numbers the recording of each residual; each counts by what it knows of the effect, the other
     parameters adjusting. Near 0 one law holds for all; near 1 what the recordings show is not this effect.
     """
-    size = _away(found, effect, without_null=1.0)
+    size = _offsets_from_null(found, effect, without_null=1.0)
     rest = found.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in found.free]]
     change = found.jacobian @ size
-    change -= rest @ (inverse(rest.T @ rest) @ (rest.T @ change))
+    change -= rest @ (pseudo_inverse(rest.T @ rest) @ (rest.T @ change))
     known = np.bincount(recordings, change**2)
     wanted = np.bincount(recordings, change * found.residual)[known > 0.0] / known[known > 0.0]
     return float(np.sqrt(np.average(wanted**2, weights=known[known > 0.0]))) if wanted.size else 0.0
 
 
-def from_null(found: Fit, effect: Effect) -> Array | None:
+def offset_from_null(found: Fit, effect: Effect) -> Array | None:
     """Return how far the fit's coordinates (k,) are from where an effect is absent; None where no value makes it so."""
-    away = _away(found, effect, without_null=0.0)
+    away = _offsets_from_null(found, effect, without_null=0.0)
     return away if np.any(away) and np.all(np.isfinite(away)) else None
 
 
-def _away(found: Fit, effect: Effect, *, without_null: float) -> Array:
+def _offsets_from_null(found: Fit, effect: Effect, *, without_null: float) -> Array:
     """Return how far the fit's coordinates (k,) of an effect are from their nulls, those of all others being 0."""
     away = np.zeros(len(found.free))
     for j, f in enumerate(found.free):
         for p in effect.parameters:
             if f.name == f"{effect.name}.{p.name}":
                 null = null_value(p, found.model)
-                away[j] = without_null if null is None else f.inward(value_of(found.model, f.name)) - f.inward(null)
+                away[j] = (
+                    without_null
+                    if null is None
+                    else f.to_coordinate(parameter_value(found.model, f.name)) - f.to_coordinate(null)
+                )
     return away
 
 
-def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
+def holm_adjusted(p_values: Sequence[float], hypotheses: int) -> list[float]:
     """Return p values adjusted for a family of ``hypotheses``, of which these are the smallest (S. Holm, 1979)."""
     order = np.argsort(p_values, kind="stable")
     adjusted = np.empty(len(p_values))
@@ -187,7 +191,7 @@ def holm(p_values: Sequence[float], hypotheses: int) -> list[float]:
     return [float(p) for p in np.minimum(adjusted, 1.0)]
 
 
-def magnitude(found: Fit, effect: Effect, facts: Facts) -> float:
+def relative_effect_size(found: Fit, effect: Effect, facts: RigQuantities) -> float:
     """Return the distance of an effect from where it is absent over that of usual values, on the rig of these facts.
 
     Usual is the geometric mean of the typical values' distances: sizes of rigs differ by factors. Of several parameters
@@ -195,18 +199,18 @@ def magnitude(found: Fit, effect: Effect, facts: Facts) -> float:
     """
     fitted = {e.name for e in found.estimates}
     mine = [p for p in effect.parameters if p.null is not None and f"{effect.name}.{p.name}" in fitted]
-    return max((_over_usual(found, effect, p, facts) for p in mine), default=1.0)
+    return max((_relative_parameter_size(found, effect, p, facts) for p in mine), default=1.0)
 
 
-def _over_usual(found: Fit, effect: Effect, parameter: Parameter, facts: Facts) -> float:
+def _relative_parameter_size(found: Fit, effect: Effect, parameter: Parameter, facts: RigQuantities) -> float:
     """Return the same by one parameter; where its null is infinite the reciprocal is what grows from nothing."""
-    null, typical = null_value(parameter, found.model), parameter.on(facts).typical
-    value = value_of(found.model, f"{effect.name}.{parameter.name}")
+    null, typical = null_value(parameter, found.model), parameter.range_on(facts).typical
+    value = parameter_value(found.model, f"{effect.name}.{parameter.name}")
     if null is None:
-        return _middle(typical) / max(abs(value), TINY) if typical else 1.0
+        return _geometric_mean(typical) / max(abs(value), TINY) if typical else 1.0
     distances = [abs(one - null) for one in typical if one != null]
-    return abs(value - null) / _middle(distances) if distances else 1.0
+    return abs(value - null) / _geometric_mean(distances) if distances else 1.0
 
 
-def _middle(values: Sequence[float]) -> float:
+def _geometric_mean(values: Sequence[float]) -> float:
     return math.exp(math.fsum(map(math.log, values)) / len(values))

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.exam.conditions import USUAL, WIDE, Conditions, drawn, parse
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, OUTSIDE, Hidden
-from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.recording_programme import Programme
+from pneucli.exam.conditions import USUAL, WIDE, Conditions, draw_conditions, parse
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED, HiddenEffect
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
+from pneucli.exam.recording_programme import RecordingProgramme
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig_scaling import Similar
-from pneucli.exam.rig_variants import arranged
+from pneucli.exam.rig_scaling import RigScaling
+from pneucli.exam.rig_variants import draw_variant
 
-SEALED = ".sealed"
-EXAM = "exam.json"  # there: what was asked for, and where the seed came from
+SEALED_FOLDER = ".sealed"
+EXAM_FILE = "exam.json"  # there: what was asked for, and where the seed came from
 
 
 def write_exam(
@@ -45,7 +45,7 @@ def write_exam(
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
     asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
-    seal(directory, EXAM, asked | dict(about or {"seed_from": "given"}))
+    seal(directory, EXAM_FILE, asked | dict(about or {"seed_from": "given"}))
     plan = [planned for one in each for planned in _plan(cases, nulls, one, seed)]
     names = [f"case-{k:03d}" for k in range(1, len(plan) + 1)]
     for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
@@ -59,7 +59,7 @@ def write_exam(
 
 def seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:
     """Write what nobody may read before the grading."""
-    sealed = directory / SEALED / name
+    sealed = directory / SEALED_FOLDER / name
     sealed.parent.mkdir(parents=True, exist_ok=True)
     sealed.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
@@ -80,10 +80,10 @@ def generate_case(
     """
     case = prepare_case(folder.name, kind, hidden, outside, size, seed, conditions)
     laboratory = case.laboratory
-    at_ends = laboratory.record(folder / "raw", case.takes, case.rng)
-    (folder / "pipeline.toml").write_text(laboratory.pipeline(case.takes, "raw"), encoding="utf-8")
+    at_ends = laboratory.record(folder / "raw", case.plans, case.rng)
+    (folder / "pipeline.toml").write_text(laboratory.pipeline(case.plans, "raw"), encoding="utf-8")
     truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
-    return truth | {"mess": case.mess, "share_at_ends": at_ends}
+    return truth | {"mess": case.small_effects, "share_at_ends": at_ends}
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ class Case:
     """A rig in its laboratory, what is to be recorded there, and the small effects that act besides."""
 
     laboratory: Laboratory
-    takes: list[Take]
-    mess: dict[str, float]
+    plans: list[RecordingPlan]
+    small_effects: dict[str, float]
     rng: np.random.Generator
 
 
@@ -103,40 +103,45 @@ def prepare_case(
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
     # what came with the conditions is drawn apart, so that the rest of a rig does not depend on them
     rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    base, known, baseline = _known(kind, hidden, conditions, rng, apart)
+    base, known, baseline = _stated_rig(kind, hidden, conditions, rng, apart)
     par = known
     for effect in effects:
-        par = effect.set(par, size, rng)
-    mess = _mess(kind, outside, conditions, apart) if conditions.messy else {}
+        par = effect.apply(par, size, rng)
+    mess = _small_effects(kind, outside, conditions, apart) if conditions.messy else {}
     for small, share in mess.items():
-        par = BY_NAME[small].set(par, share, apart)
-    similar = Similar.of(base, conditions.bore, conditions.supply, conditions.command)
+        par = BY_NAME[small].apply(par, share, apart)
+    similar = RigScaling.for_target(base, conditions.bore, conditions.supply, conditions.command)
     laboratory = Laboratory(
         name,
-        similar.rig(par),
+        similar.scale_rig(par),
         _sensors(conditions, similar, rng),
-        vessel=None if kind == "friction" or _is_linear(base, kind) else _vessel(similar, rng),
+        vessel_volume=None if kind == "friction" or _is_linear(base, kind) else _vessel(similar, rng),
         has_cylinder=kind != "valve",
         supply_recorded=("supply-droop" not in hidden and rng.random() > 0.15) or conditions.tank,
         linear_valve=_is_linear(base, kind),
         effects=baseline,
-        null=conditions.null_stated,
-        stroke_stated=_stated(similar.rig(known).stroke, apart) if conditions.ends else None,
-        absent=conditions.absent,
+        stated_null=conditions.null_stated,
+        stated_stroke=_stated_stroke(similar.scale_rig(known).stroke, apart) if conditions.ends else None,
+        absent_signals=conditions.absent,
     )
-    return Case(laboratory, Programme(laboratory, similar.rig(known), similar, conditions, rng).takes(kind), mess, rng)
+    return Case(
+        laboratory,
+        RecordingProgramme(laboratory, similar.scale_rig(known), similar, conditions, rng).plans(kind),
+        mess,
+        rng,
+    )
 
 
-def _known(
+def _stated_rig(
     kind: str, hidden: Sequence[str], conditions: Conditions, rng: np.random.Generator, apart: np.random.Generator
 ) -> tuple[Parameters, Parameters, tuple[str, ...]]:
     """The usual rig, what the conditions and known effects make of it, and the names of these effects."""
     linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
     friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
-    base = _rig(kind, linear, rng)
-    known, loads = arranged(base, kind, conditions, apart)
+    base = _draw_rig(kind, linear, rng)
+    known, loads = draw_variant(base, kind, conditions, apart)
     for name in friction:
-        known = BY_NAME[name].set(known, 1.0, rng)
+        known = BY_NAME[name].apply(known, 1.0, rng)
     return base, known, (*friction, *loads)
 
 
@@ -145,44 +150,44 @@ def _is_linear(base: Parameters, kind: str) -> bool:
     return kind == "axis" and base.overlap == 0.0
 
 
-def _sensors(conditions: Conditions, similar: Similar, rng: np.random.Generator) -> Sensors:
-    usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _hum(rng))
+def _sensors(conditions: Conditions, similar: RigScaling, rng: np.random.Generator) -> Sensors:
+    usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _mains_hum(rng))
     if conditions.imposed:
         usual = replace(usual, force=float(rng.uniform(0.1, 0.4)))
     sensors = replace(usual, bits=conditions.bits, drift=conditions.drift, outliers=conditions.outliers)
-    return replace(similar.sensors(sensors), rate=conditions.rate)
+    return replace(similar.scale_sensors(sensors), rate=conditions.rate)
 
 
-def _hum(rng: np.random.Generator) -> float:
+def _mains_hum(rng: np.random.Generator) -> float:
     return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
 
 
-def _vessel(similar: Similar, rng: np.random.Generator) -> float:
+def _vessel(similar: RigScaling, rng: np.random.Generator) -> float:
     """Volume in m^3 of the vessel on the valve's bench."""
     return rng.uniform(120e-6, 250e-6) * similar.length * similar.area
 
 
-def _mess(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
+def _small_effects(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
     """Three or four effects from outside the catalogue, or as many as there are, and their sizes over the usual."""
-    taken = set(BY_NAME[outside].scaled) if outside else set()
+    taken = set(BY_NAME[outside].null_values) if outside else set()
     mess: dict[str, float] = {}
     wanted = int(rng.integers(3, 5))
-    for i in rng.permutation(len(OUTSIDE)):
-        effect = OUTSIDE[i]
-        fits = kind in effect.kinds and conditions.allows_besides(effect.name) and not taken & set(effect.scaled)
+    for i in rng.permutation(len(UNCATALOGUED)):
+        effect = UNCATALOGUED[i]
+        fits = kind in effect.kinds and conditions.allows_small(effect.name) and not taken & set(effect.null_values)
         if fits and len(mess) < wanted:
             mess[effect.name] = float(rng.uniform(*conditions.mess))
-            taken |= set(effect.scaled)
+            taken |= set(effect.null_values)
     return mess
 
 
-def _stated(stroke: float, rng: np.random.Generator) -> float | None:
+def _stated_stroke(stroke: float, rng: np.random.Generator) -> float | None:
     """What is stated of a stroke (m): in half of the cases a few thousandths too much or too little."""
     return stroke * (1.0 + rng.uniform(-5e-3, 5e-3)) if rng.random() < 0.5 else None
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedCase:
     """One case to be written."""
 
     kind: str
@@ -192,9 +197,9 @@ class Planned:
     conditions: Conditions
 
 
-def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[Planned]:
+def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[PlannedCase]:
     rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    singles, strangers = (_endless(effects, conditions, rng) for effects in (CATALOGUE, OUTSIDE))
+    singles, strangers = (_effect_names(effects, conditions, rng) for effects in (CATALOGUE, UNCATALOGUED))
     for k in range(cases + nulls):
         hidden: tuple[str, ...] = ()
         outside = ""
@@ -207,11 +212,11 @@ def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator
         names = [*hidden, *([outside] if outside else [])]
         of_case = conditions
         while WIDE in of_case.names and (of_case is conditions or not _kinds(names, of_case)):
-            of_case = drawn(apart, names)
-        yield Planned(str(rng.choice(_kinds(names, of_case))), hidden, outside, int(rng.integers(2**31)), of_case)
+            of_case = draw_conditions(apart, names)
+        yield PlannedCase(str(rng.choice(_kinds(names, of_case))), hidden, outside, int(rng.integers(2**31)), of_case)
 
 
-def _endless(effects: Sequence[Hidden], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
+def _effect_names(effects: Sequence[HiddenEffect], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
     while True:
         order = [effects[i].name for i in rng.permutation(len(effects))]
         yield from (name for name in order if conditions.allows(name) and _kinds([name], conditions))
@@ -227,7 +232,7 @@ def _kinds(names: Sequence[str], conditions: Conditions) -> list[str]:
     return [kind for kind in conditions.kinds if all(kind in BY_NAME[name].kinds for name in names)]
 
 
-def _effect(name: str, kind: str) -> Hidden:
+def _effect(name: str, kind: str) -> HiddenEffect:
     if name not in BY_NAME:
         raise InputError("exam", f'no effect "{name}"', "an effect that the rig can hide", did_you_mean(name, BY_NAME))
     if kind not in BY_NAME[name].kinds:
@@ -235,7 +240,7 @@ def _effect(name: str, kind: str) -> Hidden:
     return BY_NAME[name]
 
 
-def _rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
+def _draw_rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
     area = rng.uniform(5.5e-4, 12e-4)
     return Parameters(
         supply=rng.uniform(6.1e5, 8.0e5),
@@ -252,7 +257,7 @@ def _rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
     )
 
 
-def _second(par: Parameters) -> dict[str, float]:
+def _second_valve(par: Parameters) -> dict[str, float]:
     return {
         "effective_area_2_at_10V": par.effective_area_2,
         "overlap_2_V": par.overlap_2,
@@ -260,14 +265,16 @@ def _second(par: Parameters) -> dict[str, float]:
     }
 
 
-def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, conditions: Conditions) -> dict[str, object]:
+def _truth(
+    laboratory: Laboratory, hidden: Sequence[HiddenEffect], outside: str, conditions: Conditions
+) -> dict[str, object]:
     par = laboratory.parameters
     return {
-        "hidden": {effect.name: effect.truth(par) for effect in hidden},
+        "hidden": {effect.name: effect.true_parameters(par) for effect in hidden},
         "outside_the_catalogue": outside or None,
         "baseline": list(laboratory.effects),
         "part": BY_NAME[outside].part if outside else None,
-        "over": BY_NAME[outside].over if outside else None,
+        "over": BY_NAME[outside].variable if outside else None,
         "conditions": list(conditions.names) or [USUAL],
         "verdict": "unexplained" if outside else "missing-effect" if hidden else "adequate",
         "unexplained_is_right": bool(outside) or conditions.allows_unexplained,
@@ -280,7 +287,7 @@ def _truth(laboratory: Laboratory, hidden: Sequence[Hidden], outside: str, condi
             "null_V": par.command_null,
             "fully_open_V": par.command_range,
             "critical_ratio": par.critical_ratio,
-            **({} if par.arrangement == ONE_CHAMBER else _second(par)),
+            **({} if par.arrangement == ONE_CHAMBER else _second_valve(par)),
         },
         "sensor_noise_pressure_Pa": laboratory.sensors.pressure,
     }

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 Kind = Literal["valve", "friction", "axis"]
 KINDS: tuple[Kind, ...] = ("valve", "friction", "axis")
-MOTION: tuple[Kind, ...] = ("friction", "axis")
-VALVES: tuple[Kind, ...] = ("valve", "axis")
+RIGS_WITH_PISTON: tuple[Kind, ...] = ("friction", "axis")
+RIGS_WITH_VALVE: tuple[Kind, ...] = ("valve", "axis")
 USUAL, WIDE = "usual", "wide"
 
 # of each line of what "wide" draws from, one is taken, most often the first
-DRAWN = (
+WIDE_CHOICES = (
     ("usual", "bore-6mm", "bore-12mm", "bore-50mm", "bore-100mm", "bore-200mm"),
     ("usual", "supply-3bar", "supply-5bar", "supply-12bar", "supply-50bar"),
     ("usual", "rate-200Hz", "rate-500Hz", "rate-2000Hz", "rate-5000Hz", "rate-10000Hz"),
@@ -39,12 +39,12 @@ DRAWN = (
 )
 
 # there is no overlap to look for where the valve is mapped, and no map where it switches
-MAPPED = frozenset({"valve-deadband"})
-SWITCHED = MAPPED | {"valve-lag", "valve-hysteresis", "spool sticks and jumps"}
+EXCLUDED_WITH_VALVE_MAP = frozenset({"valve-deadband"})
+EXCLUDED_WITH_SWITCHING = EXCLUDED_WITH_VALVE_MAP | {"valve-lag", "valve-hysteresis", "spool sticks and jumps"}
 # a spring's rest takes up any other constant force
-LOADED = frozenset({"constant-force", "spring-force"})
+EXCLUDED_WITH_LOAD = frozenset({"constant-force", "spring-force"})
 # slow strokes at held pressures show nothing of these
-UNSEEN_IMPOSED = frozenset(
+EXCLUDED_WITH_IMPOSED_MOTION = frozenset(
     {
         *("presliding", "dwell-breakaway", "friction-hysteresis", "extra-mass", "end-cushion", "acceleration-bias"),
         *("pressure-lag", "time-skew", "quadratic drag", "curved characteristic of the sensor of x"),
@@ -52,14 +52,14 @@ UNSEEN_IMPOSED = frozenset(
     }
 )
 # what acts besides on any rig, and resembles no effect of the catalogue
-UNEVEN = frozenset(
+DRIFTING_AND_PERIODIC_EFFECTS = frozenset(
     {
         *("dry friction falls over the first seconds", "viscous friction falls while warming up"),
         *("force periodic over position", "supply ripple that its sensor misses"),
         "valve gain drifts over each recording",
     }
 )
-PIPED = frozenset({"supply-droop", "line-delay", "critical-ratio"})
+EXCLUDED_WITH_TANK = frozenset({"supply-droop", "line-delay", "critical-ratio"})
 
 
 @dataclass(frozen=True)
@@ -104,111 +104,132 @@ class Conditions:
         """Whether the effect may be hidden under these conditions."""
         return effect not in self.excluded
 
-    def allows_besides(self, effect: str) -> bool:
+    def allows_small(self, effect: str) -> bool:
         """Whether the effect, of those outside the catalogue, may act besides."""
         return self.allows(effect) and (not self.mess_of or effect in self.mess_of)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One kind of condition: its form (``#`` stands for a number from ``low`` to ``high``) and what it changes."""
+    """One kind of condition: its form (``#`` stands for a number from ``minimum`` to ``maximum``) and what it changes."""
 
-    form: str
-    about: str
+    pattern: str
+    description: str
     change: Callable[[float], dict[str, Any]]
-    low: float = 0.0
-    high: float = 0.0
+    minimum: float = 0.0
+    maximum: float = 0.0
     kinds: tuple[Kind, ...] = KINDS
     excluded: frozenset[str] = frozenset()
 
-    def read(self, name: str) -> dict[str, Any] | None:
+    def match(self, name: str) -> dict[str, Any] | None:
         """What ``name`` changes; None where it is no name of this form. Raises InputError beyond the limits."""
-        found = re.fullmatch(re.escape(self.form).replace(r"\#", r"(\d+(?:\.\d+)?)"), name)
+        found = re.fullmatch(re.escape(self.pattern).replace(r"\#", r"(\d+(?:\.\d+)?)"), name)
         if found is None:
             return None
         value = float(found[1]) if found.groups() else 0.0
-        if not self.low <= value <= self.high:
-            raise InputError("--condition", name, f"{self.form} with # from {self.low:g} to {self.high:g}")
+        if not self.minimum <= value <= self.maximum:
+            raise InputError("--condition", name, f"{self.pattern} with # from {self.minimum:g} to {self.maximum:g}")
         return self.change(value)
 
 
-def _always(**change: Any) -> Callable[[float], dict[str, Any]]:
+def _constant_change(**change: Any) -> Callable[[float], dict[str, Any]]:
     return lambda _: change
 
 
 CONDITIONS = (
-    Condition(USUAL, "nothing but the usual", _always()),
+    Condition(USUAL, "nothing but the usual", _constant_change()),
     Condition("bore-#mm", "a piston of this diameter", lambda mm: {"bore": mm * 1e-3}, 6, 200),
     Condition("supply-#bar", "a supply of this pressure, absolute", lambda bar: {"supply": bar * 1e5}, 3, 50),
     Condition("rate-#Hz", "logged at this rate; the loop keeps its 1 kHz", lambda hz: {"rate": hz}, 100, 10_000),
-    Condition("ends", "at rest against the ends for up to 80 % of the time", _always(ends=True), kinds=MOTION),
-    Condition("5/3", "one 5/3 valve for both chambers, at rest at 0 V", _always(valve="5/3"), excluded=MAPPED),
+    Condition(
+        "ends",
+        "at rest against the ends for up to 80 % of the time",
+        _constant_change(ends=True),
+        kinds=RIGS_WITH_PISTON,
+    ),
+    Condition(
+        "5/3",
+        "one 5/3 valve for both chambers, at rest at 0 V",
+        _constant_change(valve="5/3"),
+        excluded=EXCLUDED_WITH_VALVE_MAP,
+    ),
     Condition(
         "5/3-5V",
         "the same at rest at 5 V",
-        _always(valve="5/3", null=5.0, null_stated="5 V", command=5.0),
-        excluded=MAPPED,
+        _constant_change(valve="5/3", null=5.0, null_stated="5 V", command=5.0),
+        excluded=EXCLUDED_WITH_VALVE_MAP,
     ),
     Condition(
         "5/3-null",
         "the same at rest near 5 V, where it is not known",
-        _always(valve="5/3", null=5.0, null_stated="identify", command=5.0),
-        excluded=MAPPED,
+        _constant_change(valve="5/3", null=5.0, null_stated="identify", command=5.0),
+        excluded=EXCLUDED_WITH_VALVE_MAP,
     ),
-    Condition("two-valves", "a valve of its own for each chamber", _always(valve="two"), excluded=MAPPED),
+    Condition(
+        "two-valves",
+        "a valve of its own for each chamber",
+        _constant_change(valve="two"),
+        excluded=EXCLUDED_WITH_VALVE_MAP,
+    ),
     Condition(
         "switching",
         "valves that are open or shut",
-        _always(switching=True, command=24.0),
-        kinds=VALVES,
-        excluded=SWITCHED,
+        _constant_change(switching=True, command=24.0),
+        kinds=RIGS_WITH_VALVE,
+        excluded=EXCLUDED_WITH_SWITCHING,
     ),
     Condition(
-        "return-spring", "a preloaded spring to x = 0", _always(load="spring"), kinds=MOTION, excluded=LOADED | MAPPED
+        "return-spring",
+        "a preloaded spring to x = 0",
+        _constant_change(load="spring"),
+        kinds=RIGS_WITH_PISTON,
+        excluded=EXCLUDED_WITH_LOAD | EXCLUDED_WITH_VALVE_MAP,
     ),
     Condition(
         "hanging-load",
         "a weight that the piston carries",
-        _always(load="weight"),
-        kinds=MOTION,
-        excluded=LOADED | MAPPED,
+        _constant_change(load="weight"),
+        kinds=RIGS_WITH_PISTON,
+        excluded=EXCLUDED_WITH_LOAD | EXCLUDED_WITH_VALVE_MAP,
     ),
-    Condition("differential", "a thick rod", _always(differential=True), kinds=MOTION),
+    Condition("differential", "a thick rod", _constant_change(differential=True), kinds=RIGS_WITH_PISTON),
     Condition(
         "tank",
         "a vessel filled through a hose from a finite tank",
-        _always(tank=True),
+        _constant_change(tank=True),
         kinds=("valve",),
-        excluded=PIPED,
+        excluded=EXCLUDED_WITH_TANK,
     ),
     Condition(
         "imposed",
         "a machine drives the piston slowly at held pressures, and its force is measured",
-        _always(imposed=True, rate=100.0),
+        _constant_change(imposed=True, rate=100.0),
         kinds=("friction",),
-        excluded=UNSEEN_IMPOSED,
+        excluded=EXCLUDED_WITH_IMPOSED_MOTION,
     ),
-    Condition("messy", "several small unknown effects in every case", _always(messy=True)),
+    Condition("messy", "several small unknown effects in every case", _constant_change(messy=True)),
     Condition(
-        "rough", "several unknown effects of nearly full size in every case", _always(messy=True, mess=(0.3, 1.0))
+        "rough",
+        "several unknown effects of nearly full size in every case",
+        _constant_change(messy=True, mess=(0.3, 1.0)),
     ),
     Condition(
         "uneven",
         "friction that warms up, a force over the stroke, a supply that ripples, a gain that drifts, all small",
-        _always(messy=True, mess_of=UNEVEN),
+        _constant_change(messy=True, mess_of=DRIFTING_AND_PERIODIC_EFFECTS),
     ),
     Condition("bits-#", "converters of so many bits", lambda bits: {"bits": int(bits)}, 8, 16),
     Condition(
         "no-acceleration",
         "not measured",
-        _always(absent=frozenset({"a"})),
-        kinds=MOTION,
+        _constant_change(absent=frozenset({"a"})),
+        kinds=RIGS_WITH_PISTON,
         excluded=frozenset({"acceleration-bias"}),
     ),
-    Condition("no-p2", "not measured", _always(absent=frozenset({"p2"})), kinds=("axis",)),
-    Condition("drift", "zeros of sensors wander", _always(drift=4.0)),
-    Condition("outliers", "one sample in 2000 is wrong", _always(outliers=5e-4)),
-    Condition(WIDE, "any of these, drawn anew for each case", _always()),
+    Condition("no-p2", "not measured", _constant_change(absent=frozenset({"p2"})), kinds=("axis",)),
+    Condition("drift", "zeros of sensors wander", _constant_change(drift=4.0)),
+    Condition("outliers", "one sample in 2000 is wrong", _constant_change(outliers=5e-4)),
+    Condition(WIDE, "any of these, drawn anew for each case", _constant_change()),
 )
 
 
@@ -228,10 +249,10 @@ def parse(text: str) -> Conditions:
     return replace(Conditions(names, kinds=kinds, excluded=excluded), **changes)
 
 
-def drawn(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
+def draw_conditions(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
     """Conditions of many kinds at once, under which these effects may be hidden."""
     while True:
-        names = [str(rng.choice(line)) if rng.random() < 0.6 else USUAL for line in DRAWN]
+        names = [str(rng.choice(line)) if rng.random() < 0.6 else USUAL for line in WIDE_CHOICES]
         try:
             conditions = parse("+".join(dict.fromkeys([WIDE, *(name for name in names if name != USUAL)])))
         except InputError:  # they exclude each other
@@ -240,18 +261,19 @@ def drawn(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
             return conditions
 
 
-def listed() -> str:
+def describe_conditions() -> str:
     """All forms in one sentence, for the help."""
     return "; ".join(
-        f"{c.form} ({c.about}" + (f", {c.low:g} to {c.high:g}" if c.high else "") + ")" for c in CONDITIONS
+        f"{c.pattern} ({c.description}" + (f", {c.minimum:g} to {c.maximum:g}" if c.maximum else "") + ")"
+        for c in CONDITIONS
     )
 
 
 def _find(name: str) -> tuple[Condition, dict[str, Any]]:
     for condition in CONDITIONS:
-        change = condition.read(name)
+        change = condition.match(name)
         if change is not None:
             return condition, change
-    forms = [condition.form for condition in CONDITIONS]
+    forms = [condition.pattern for condition in CONDITIONS]
     wanted = f"one of {', '.join(forms)}, where # is a number, or several joined by +"
     raise InputError("--condition", f'"{name}"', wanted, did_you_mean(re.sub(r"\d+(\.\d+)?", "#", name), forms))

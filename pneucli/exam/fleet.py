@@ -16,22 +16,22 @@ from pathlib import Path
 
 import numpy as np
 
-from pneucli.exam.cases import SEALED, prepare_case
+from pneucli.exam.cases import SEALED_FOLDER, prepare_case
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.hidden_effects import BY_NAME, MOTION
-from pneucli.exam.laboratory import Take
+from pneucli.exam.hidden_effects import BY_NAME, RIGS_WITH_PISTON
+from pneucli.exam.laboratory import RecordingPlan
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.simulation import Manoeuvre
+from pneucli.exam.rig.simulation import Excitation
 
 Rows = list[dict[str, str]]
 
-FIRST = date(2026, 1, 1)
-SAMPLES = {"stickslip": 3000, "driven": 2500}  # ms of a take
-WORN = ("friction.coulomb", "friction.viscous")
-GROWN = (1.15, 1.5)  # times, of friction that wears
-CHANGES = (*WORN, *(e.name for e in BY_NAME.values() if e.kinds == MOTION and not e.part))
-TABLE, TEMPLATE, FLEET, TRUTH = "rigs.csv", "template.toml", "fleet.toml", "fleet.json"
-KEYS = {
+FIRST_DATE = date(2026, 1, 1)
+RECORDING_SAMPLES = {"stickslip": 3000, "driven": 2500}  # ms of a take
+WEAR_PARAMETERS = ("friction.coulomb", "friction.viscous")
+WEAR_FACTORS = (1.15, 1.5)  # times, of friction that wears
+CHANGES = (*WEAR_PARAMETERS, *(e.name for e in BY_NAME.values() if e.kinds == RIGS_WITH_PISTON and not e.part))
+TABLE_FILE, TEMPLATE_FILE, FLEET_FILE, TRUTH_FILE = "rigs.csv", "template.toml", "fleet.toml", "fleet.json"
+STATED_KEYS = {
     "rig.supply_pressure": ("supply", 1e-5, "bar"),
     "rig.cylinder.piston_area_1": ("piston_area_1", 1e4, "cm^2"),
     "rig.cylinder.piston_area_2": ("piston_area_2", 1e4, "cm^2"),
@@ -42,7 +42,7 @@ KEYS = {
 
 
 @dataclass(frozen=True)
-class Axis:
+class FleetRig:
     """One rig: its number in the fleet, what changes in it at the last date, how much, and what it does not repeat.
 
     ``drift``: by which part of itself friction differs from date to date, one standard deviation.
@@ -60,7 +60,7 @@ class Axis:
         return f"rig-{self.number:05d}"
 
 
-Each = Callable[[Callable[[Axis], Rows], Iterable[Axis]], Iterable[Rows]]
+MapFunction = Callable[[Callable[[FleetRig], Rows], Iterable[FleetRig]], Iterable[Rows]]
 
 
 def write_fleet(
@@ -70,48 +70,48 @@ def write_fleet(
     changed: float = 0.05,
     size: float = 1.0,
     seed: int = 1,
-    at_once: int = 1,
+    changes_per_rig: int = 1,
     drift: float = 0.0,
-    each: Each = map,
+    map_function: MapFunction = map,
 ) -> dict[str, list[str]]:
     """Write table, template, fleet file and raw files; return what changed by rig, which is sealed as well.
 
     A share ``changed`` of the rigs, at least one where it is above 0, has a change of ``size`` times the usual, or as
-    many of them as are ``at_once``; the friction of all differs by ``drift`` of itself from date to date.
-    ``each`` is what applies the recording to every rig: ``map``, or that of a pool of processes.
+    many of them as are ``changes_per_rig``; the friction of all differs by ``drift`` of itself from date to date.
+    ``map_function`` is what applies the recording to every rig: ``map``, or that of a pool of processes.
     """
     rng = np.random.default_rng(seed)
     number = max(round(changed * rigs), 1) if changed > 0 else 0
-    chosen = {int(k): _drawn(rng, at_once) for k in rng.permutation(rigs)[:number]}
-    axes = [Axis(k, chosen.get(k, ()), size, int(rng.integers(2**31)), drift) for k in range(rigs)]
-    rows = [row for rig in each(partial(_record, directory, dates), axes) for row in rig]
-    with (directory / TABLE).open("w", newline="", encoding="utf-8") as file:
+    chosen = {int(k): _draw_changes(rng, changes_per_rig) for k in rng.permutation(rigs)[:number]}
+    axes = [FleetRig(k, chosen.get(k, ()), size, int(rng.integers(2**31)), drift) for k in range(rigs)]
+    rows = [row for rig in map_function(partial(_record, directory, dates), axes) for row in rig]
+    with (directory / TABLE_FILE).open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    (directory / TEMPLATE).write_text(_template(axes[0]), encoding="utf-8")
-    fleet = f'[fleet]\nname = "{directory.name}"\ntemplate = "{TEMPLATE}"\ntable = "{TABLE}"\n'
-    (directory / FLEET).write_text(fleet, encoding="utf-8")
+    (directory / TEMPLATE_FILE).write_text(_template(axes[0]), encoding="utf-8")
+    fleet = f'[fleet]\nname = "{directory.name}"\ntemplate = "{TEMPLATE_FILE}"\ntable = "{TABLE_FILE}"\n'
+    (directory / FLEET_FILE).write_text(fleet, encoding="utf-8")
     truth = {axis.name: list(axis.changes) for axis in axes if axis.changes}
-    sealed = directory / SEALED / TRUTH
+    sealed = directory / SEALED_FOLDER / TRUTH_FILE
     sealed.parent.mkdir(parents=True, exist_ok=True)
     sealed.write_text(json.dumps(truth, indent=1), encoding="utf-8")
     return truth
 
 
-def _drawn(rng: np.random.Generator, at_once: int) -> tuple[str, ...]:
+def _draw_changes(rng: np.random.Generator, at_once: int) -> tuple[str, ...]:
     return tuple(map(str, np.atleast_1d(rng.choice(CHANGES, at_once if at_once > 1 else None, replace=False))))
 
 
-def _record(directory: Path, dates: int, axis: Axis) -> Rows:
+def _record(directory: Path, dates: int, axis: FleetRig) -> Rows:
     case = prepare_case(axis.name, "friction", [], "", 1.0, axis.seed, Conditions())
-    takes = [_short(take) for take in case.takes[:4]]
+    takes = [_shortened(take) for take in case.plans[:4]]
     rows = []
     for k in range(dates):
         is_last = k == dates - 1 and k > 0
-        parameters = changed_by(axis, case.laboratory.parameters) if is_last else case.laboratory.parameters
-        parameters = _on_a_day(axis, parameters, k)
-        day = (FIRST + timedelta(days=k)).isoformat()
+        parameters = apply_changes(axis, case.laboratory.parameters) if is_last else case.laboratory.parameters
+        parameters = _with_daily_scatter(axis, parameters, k)
+        day = (FIRST_DATE + timedelta(days=k)).isoformat()
         folder = Path("raw") / axis.name / day
         laboratory = replace(case.laboratory, parameters=parameters)
         laboratory.record(directory / folder, takes, np.random.default_rng([axis.seed, 2, k]))
@@ -119,43 +119,43 @@ def _record(directory: Path, dates: int, axis: Axis) -> Rows:
     return rows
 
 
-def _short(take: Take) -> Take:
-    samples, manoeuvre = SAMPLES[take.name.split("_")[0]], take.manoeuvre
-    assert isinstance(manoeuvre, Manoeuvre)
-    return replace(take, manoeuvre=replace(manoeuvre, command=manoeuvre.command[:samples]))
+def _shortened(take: RecordingPlan) -> RecordingPlan:
+    samples, manoeuvre = RECORDING_SAMPLES[take.name.split("_")[0]], take.excitation
+    assert isinstance(manoeuvre, Excitation)
+    return replace(take, excitation=replace(manoeuvre, command=manoeuvre.command[:samples]))
 
 
-def changed_by(axis: Axis, par: Parameters) -> Parameters:
+def apply_changes(axis: FleetRig, par: Parameters) -> Parameters:
     """Return the rig with its changes."""
     rng = np.random.default_rng([axis.seed, 3])
     for change in axis.changes:
-        if change in WORN:
+        if change in WEAR_PARAMETERS:
             field = change.partition(".")[2]
-            par = par._replace(**{field: getattr(par, field) * (1.0 + axis.size * (rng.uniform(*GROWN) - 1.0))})
+            par = par._replace(**{field: getattr(par, field) * (1.0 + axis.size * (rng.uniform(*WEAR_FACTORS) - 1.0))})
         else:
-            par = BY_NAME[change].set(par, axis.size, rng)
+            par = BY_NAME[change].apply(par, axis.size, rng)
     return par
 
 
-def _on_a_day(axis: Axis, par: Parameters, day: int) -> Parameters:
+def _with_daily_scatter(axis: FleetRig, par: Parameters, day: int) -> Parameters:
     """Return the rig as it is on a day: lubrication, temperature and rest are never quite the same."""
     rng = np.random.default_rng([axis.seed, 4, day])
-    factors = {name.partition(".")[2]: float(np.exp(axis.drift * rng.standard_normal())) for name in WORN}
+    factors = {name.partition(".")[2]: float(np.exp(axis.drift * rng.standard_normal())) for name in WEAR_PARAMETERS}
     return par._replace(**{field: getattr(par, field) * factor for field, factor in factors.items()})
 
 
-def _row(axis: Axis, par: Parameters, day: str, folder: Path, takes: Sequence[Take]) -> dict[str, str]:
-    known = {key: f"{getattr(par, f) * factor:.4f} {unit}" for key, (f, factor, unit) in KEYS.items()}
+def _row(axis: FleetRig, par: Parameters, day: str, folder: Path, takes: Sequence[RecordingPlan]) -> dict[str, str]:
+    known = {key: f"{getattr(par, f) * factor:.4f} {unit}" for key, (f, factor, unit) in STATED_KEYS.items()}
     files = {f"recordings.{take.name}.file": f"{folder.as_posix()}/{take.name}.csv" for take in takes}
     return {"rig": axis.name, "date": day, **known, **files}
 
 
-def _template(axis: Axis) -> str:
+def _template(axis: FleetRig) -> str:
     case = prepare_case("template", "friction", [], "", 1.0, axis.seed, Conditions())
-    return case.laboratory.pipeline(_used(case.takes[:4]), "raw")
+    return case.laboratory.pipeline(_with_uses(case.plans[:4]), "raw")
 
 
-def _used(takes: Sequence[Take]) -> list[Take]:
+def _with_uses(takes: Sequence[RecordingPlan]) -> list[RecordingPlan]:
     """Return the takes with uses: of each experiment the last is held out."""
     uses: Mapping[str, str] = {"stickslip_2": "test", "driven_2": "test"}
     return [replace(take, use="test" if uses.get(take.name) else "train") for take in takes]

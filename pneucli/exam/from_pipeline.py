@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.exam import like
-from pneucli.exam.cases import EXAM, SEALED
+from pneucli.exam.cases import EXAM_FILE, SEALED_FOLDER
 from pneucli.exam.grading import graded_cases
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.io.artifacts import atomic_path
-from pneucli.pipeline.context import Context, Progress, silent
+from pneucli.pipeline.context import Context, Progress, no_progress
 from pneucli.pipeline.manifest import program_digest
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.stages.pipeline_data import Study, load_model
-from pneucli.stages.pipeline_file import load
+from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.pipeline_file import load_pipeline_file
 
-ARRANGED = {"one-chamber": ONE_CHAMBER, "5/3": FIVE_THREE, "two": TWO_VALVES}
-PAGE, ANSWER = "like.md", "like.json"
+VALVE_ARRANGEMENTS = {"one-chamber": ONE_CHAMBER, "5/3": FIVE_THREE, "two": TWO_VALVES}
+RESULT_PAGE, RESULT_FILE = "like.md", "like.json"
 Array = NDArray[np.float64]
 
 
@@ -38,18 +38,18 @@ def write(
     repeats: int = 3,
     nulls: int = 20,
     seed: int = 1,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """Write an exam of a bench like that of ``pipeline``, which is identified first; return the answer.
 
     Raises InputError where the pipeline is at fault, or its rig is of a kind that the exam's cannot be.
     """
-    opened = open_pipeline(pipeline, load)
-    done = opened.bring_up(["identify"], None, progress)
+    opened = open_pipeline(pipeline, load_pipeline_file)
+    done = opened.update(["identify"], None, progress)
     answers = {name: dict(one.answer) for name, one in done.items()}
-    config = load(pipeline)
-    study = Study(Context(pipeline, config, opened.artifacts, opened.artifacts, answers=answers))
-    bench = bench_of(study, load_model(opened.artifacts / "identify", study.rig, study.effects))
+    config = load_pipeline_file(pipeline)
+    study = PipelineData(Context(pipeline, config, opened.artifacts, opened.artifacts, answers=answers))
+    bench = exam_rig(study, load_model(opened.artifacts / "identify", study.rig, study.effects))
     about = {
         "like": opened.name,
         "seed_from": "given",
@@ -61,7 +61,7 @@ def write(
             "sizes": list(sizes), "cases": names}  # fmt: skip
 
 
-def bench_of(study: Study, model: Model) -> like.Bench:
+def exam_rig(study: PipelineData, model: Model) -> like.UserRig:
     """Return the bench as the exam has it. Raises InputError for valves and recordings that it does not have."""
     where = str(study.context.path)
     if study.rig.valve_kind != "proportional":
@@ -71,24 +71,24 @@ def bench_of(study: Study, model: Model) -> like.Bench:
             f"{where}, recording {unfit[0]}", "no motion that a position loop can follow", "x, not imposed"
         )
     recordings = study.recordings
-    return like.Bench(
+    return like.UserRig(
         _parameters(study, model),
         _sensors(recordings),
-        tuple(_recorded(r, study.rig) for r in recordings),
-        vessel=study.rig.vessel_volume if any(r.kind.vessel for r in recordings) else None,
+        tuple(_exam_recording(r, study.rig) for r in recordings),
+        vessel_volume=study.rig.vessel_volume if any(r.kind.vessel for r in recordings) else None,
         has_cylinder=any(r.kind.cylinder for r in recordings),
         supply_recorded=any("p_supply" in r for r in recordings),
         linear_valve=study.valve == "linear",
         effects=(),
-        null=f"{study.rig.valve_null:g} V" if study.rig.valve_null else None,
-        absent=frozenset({"a"} if not any("a" in r for r in recordings) else ()),
+        stated_null=f"{study.rig.valve_null:g} V" if study.rig.valve_null else None,
+        absent_signals=frozenset({"a"} if not any("a" in r for r in recordings) else ()),
     )
 
 
-def _parameters(study: Study, model: Model) -> Parameters:
-    rig, base = study.rig, model.base()
+def _parameters(study: PipelineData, model: Model) -> Parameters:
+    rig, base = study.rig, model.base_values()
     usual = Parameters()
-    first, second = rig.areas
+    first, second = rig.piston_areas
     known = {
         "temperature": rig.gas_temperature,
         "ambient": rig.ambient_pressure,
@@ -103,12 +103,16 @@ def _parameters(study: Study, model: Model) -> Parameters:
         "viscous": model.values.get("friction.viscous"),
     }
     stated = {name: float(value) for name, value in known.items() if value}
-    beside = {f"{name}_2": v for name, v in _valve(model.valve_2 or model.valve).items() if name != "command_range"}
-    arranged = {"arrangement": ARRANGED[rig.valve_arrangement], "command_null": rig.valve_null}
-    return usual._replace(**stated, **_valve(model.valve), **beside, **arranged)
+    beside = {
+        f"{name}_2": v
+        for name, v in _power_law_of_area(model.valve_2 or model.valve).items()
+        if name != "command_range"
+    }
+    arranged = {"arrangement": VALVE_ARRANGEMENTS[rig.valve_arrangement], "command_null": rig.valve_null}
+    return usual._replace(**stated, **_power_law_of_area(model.valve), **beside, **arranged)
 
 
-def _valve(valve: Any) -> dict[str, float]:
+def _power_law_of_area(valve: Any) -> dict[str, float]:
     """Return the power law of the valve's area over its command that is nearest to the identified areas."""
     commands = np.abs(np.array(valve.commands, dtype=np.float64))
     if not commands.size:
@@ -144,39 +148,42 @@ def _sensors(recordings: Sequence[Recording]) -> Sensors:
     )
 
 
-def _recorded(r: Recording, rig: Rig) -> like.Recorded:
-    signal = rig.sense(r.chamber) * (r["u"] - rig.valve_null) if r.kind.vessel else r["x"]
+def _exam_recording(r: Recording, rig: Rig) -> like.UserRecording:
+    signal = rig.command_sign(r.chamber) * (r["u"] - rig.valve_null) if r.kind.vessel else r["x"]
     pressures = [float(r[name][0]) if name in r else rig.ambient_pressure for name in ("p1", "p2")]
-    return like.Recorded(
+    return like.UserRecording(
         r.name.replace("/", "_"),
         "valve" if r.kind.vessel else "axis" if r.kind.axis else "friction",
         r.use,
         r.time,
-        np.asarray(_filled(signal)),
+        np.asarray(_interpolate_gaps(signal)),
         (pressures[0], pressures[1]),
         r.chamber_2 == "open",
         r.chamber,
     )
 
 
-def _filled(signal: Array) -> Array:
+def _interpolate_gaps(signal: Array) -> Array:
     seen = np.isfinite(signal)
     return np.interp(np.arange(signal.size), np.flatnonzero(seen), signal[seen])
 
 
-def read_page(answers: Path) -> str:
-    """Return the page that :func:`tell` wrote."""
-    return (answers / PAGE).read_text(encoding="utf-8").rstrip()
+def read_result_page(answers: Path) -> str:
+    """Return the page that :func:`write_result` wrote."""
+    return (answers / RESULT_PAGE).read_text(encoding="utf-8").rstrip()
 
 
-def tell(directory: Path, answers: Path) -> dict[str, Any] | None:
+def write_result(directory: Path, answers: Path) -> dict[str, Any] | None:
     """Write ``like.md`` and ``like.json`` beside the grades of an exam that is like a bench; None for another exam."""
-    sealed = directory / SEALED / EXAM
+    sealed = directory / SEALED_FOLDER / EXAM_FILE
     asked: Mapping[str, Any] = json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else {}
     if "like" not in asked:
         return None
-    found = like.told(graded_cases(directory, answers)) | {"like": asked["like"]}
-    for name, text in ((PAGE, like.page(found, asked["sizes"])), (ANSWER, json.dumps(found, indent=1) + "\n")):
+    found = like.summarize(graded_cases(directory, answers)) | {"like": asked["like"]}
+    for name, text in (
+        (RESULT_PAGE, like.to_markdown(found, asked["sizes"])),
+        (RESULT_FILE, json.dumps(found, indent=1) + "\n"),
+    ):
         with atomic_path(answers / name) as path:
             path.write_text(text, encoding="utf-8")
     return found

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from pneucli.exam import reliability
-from pneucli.exam.graded_case import Graded
+from pneucli.exam.graded_case import GradedCase
 
-SHORT = {
+SHORT_TITLES = {
     "verdict right": "verdict",
     "true effects in the answer": "in the answer",
     "exactly the true effects": "exactly",
@@ -22,7 +22,7 @@ SHORT = {
 
 def to_markdown(result: dict[str, Any]) -> str:
     """The grades, those of each condition, the failures by cause and the confusion matrix as Markdown tables."""
-    lines = [f"{result['cases']} cases, {len(result['unanswered'])} without an answer", "", *_origin(result)]
+    lines = [f"{result['cases']} cases, {len(result['unanswered'])} without an answer", "", *_seed_origin(result)]
     lines += ["| what | right | of | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
     for what, share in result["shares"].items():
         if share["of"]:
@@ -32,7 +32,7 @@ def to_markdown(result: dict[str, Any]) -> str:
             )
     lines += [
         *_sizes(result),
-        *reliability.table(result["calibration"]),
+        *reliability.reliability_table(result["calibration"]),
         *_conditions(result["conditions"]),
         *_failures(result),
     ]
@@ -41,7 +41,7 @@ def to_markdown(result: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
+def measure_rows(result: dict[str, Any]) -> list[dict[str, Any]]:
     """One row for each condition (``all``: the whole exam) and measure: its value, counts, interval and unit."""
     table = []
     for group in [{"condition": "all", **result}, *result["conditions"]]:
@@ -62,18 +62,18 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
     return table
 
 
-def case_rows(graded: Sequence[Graded]) -> list[dict[str, Any]]:
+def case_rows(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
     """One row for each case."""
     return [
         {
             "case": g.case,
             "conditions": "+".join(g.truth.get("conditions", g.conditions)),
-            "hidden": g.kind_of_truth,
+            "hidden": g.truth_label,
             "verdict": g.verdict,
             "named": " + ".join(sorted(g.missing)),
-            "failure": g.failure or "",
+            "failure": g.failure_cause or "",
             "largest_set": float(max(g.set_sizes, default=0)),
-            "error_after": g.error_after,
+            "error_after": g.final_error,
             "seconds": g.seconds,
         }
         for g in graded
@@ -95,7 +95,7 @@ def _row(
     return about | {"right": right, "of": of, "ci_low": ci_low, "ci_high": ci_high}
 
 
-def _origin(result: dict[str, Any]) -> list[str]:
+def _seed_origin(result: dict[str, Any]) -> list[str]:
     """Where the seed came from: whether anybody could have seen the cases before the program was as it is."""
     about = result["exam"]
     if about is None:
@@ -128,10 +128,10 @@ def _sizes(result: dict[str, Any]) -> list[str]:
 
 def _conditions(groups: Sequence[dict[str, Any]]) -> list[str]:
     """A row for each condition; shares as right/of."""
-    head = ["condition", "cases", *SHORT.values(), "set", "error", "seconds"]
+    head = ["condition", "cases", *SHORT_TITLES.values(), "set", "error", "seconds"]
     lines = ["", "| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
     for group in groups:
-        shares = [group["shares"][what] for what in SHORT]
+        shares = [group["shares"][what] for what in SHORT_TITLES]
         cells = [group["condition"], str(group["cases"])]
         cells += [f"{share['right']}/{share['of']}" if share["of"] else "" for share in shares]
         cells += [f"{group['set_size']['median']:.0f}" if group["set_size"] else ""]

@@ -7,14 +7,14 @@ from typing import Any
 
 from pneucli.exam.conditions import USUAL, WIDE
 
-TOLERANCE = 0.15
-SURE = 0.9
-SUBSYSTEMS = {"force": ("mechanics",), "flow": ("gas",), "sensor": ("gas", "mechanics", "the whole")}
-MESS = "several small ones"  # what truths of other rigs say of small unknown effects
+PARAMETER_TOLERANCE = 0.15
+HIGH_CONFIDENCE = 0.9
+SUBSYSTEMS_OF_PART = {"force": ("mechanics",), "flow": ("gas",), "sensor": ("gas", "mechanics", "the whole")}
+SMALL_EFFECTS_LABEL = "several small ones"  # what truths of other rigs say of small unknown effects
 
 
 @dataclass(frozen=True)
-class Graded:
+class GradedCase:
     """One case: what was hidden, and what was answered (the object of ``diagnose --json``)."""
 
     case: str
@@ -38,25 +38,25 @@ class Graded:
         return str(self.answer["verdict"])
 
     @property
-    def stranger(self) -> str:
+    def uncatalogued_effect(self) -> str:
         """The large effect that no catalogue names; "" where there is none."""
         outside = self.truth["outside_the_catalogue"] or ""
-        return "" if outside == MESS else outside
+        return "" if outside == SMALL_EFFECTS_LABEL else outside
 
     @property
-    def is_messy(self) -> bool:
+    def has_small_effects(self) -> bool:
         """Whether small unknown effects act besides."""
-        return bool(self.truth.get("mess")) or self.truth["outside_the_catalogue"] == MESS
+        return bool(self.truth.get("mess")) or self.truth["outside_the_catalogue"] == SMALL_EFFECTS_LABEL
 
     @property
     def is_null(self) -> bool:
         """Whether nothing is to be named, and nothing large to be flagged."""
-        return not self.hidden and not self.stranger
+        return not self.hidden and not self.uncatalogued_effect
 
     @property
     def conditions(self) -> list[str]:
         """The groups to which the case belongs: its conditions together, and each of them alone."""
-        names = list(self.truth.get("conditions", ["messy" if self.is_messy else USUAL]))
+        names = list(self.truth.get("conditions", ["messy" if self.has_small_effects else USUAL]))
         together = WIDE if WIDE in names else "+".join(names)
         return list(dict.fromkeys([together, *names]))
 
@@ -66,7 +66,7 @@ class Graded:
         return {c["effect"]: c for c in self.answer.get("candidates", []) if c["effect"] in self.missing}
 
     @property
-    def covered(self) -> set[str]:
+    def answer_set(self) -> set[str]:
         """All effects in the answer: named, or stated not to be told apart from a named one."""
         return self.missing.union(*(c.get("indistinguishable_from", []) for c in self.candidates.values()))
 
@@ -76,48 +76,48 @@ class Graded:
         return [1 + len(c.get("indistinguishable_from", [])) for c in self.candidates.values()]
 
     @property
-    def verdict_is_right(self) -> bool:
+    def verdict_is_correct(self) -> bool:
         """Whether the verdict is the true one; ``unexplained`` is, too, where something unknown acts besides."""
-        allowed = self.truth.get("unexplained_is_right", self.is_messy)
+        allowed = self.truth.get("unexplained_is_right", self.has_small_effects)
         if self.is_null or self.hidden:
             expected = "missing-effect" if self.hidden else "adequate"
             return self.verdict == expected or (self.verdict == "unexplained" and allowed)
-        return self.verdict == "unexplained" and self.is_placed
+        return self.verdict == "unexplained" and self.is_located
 
     @property
-    def is_placed(self) -> bool:
+    def is_located(self) -> bool:
         """Whether what is said of the unknown names its subsystem and the signal of which it is a function."""
         about = self.answer.get("unexplained") or {}
         if not self.truth.get("part"):
             return True  # a truth that does not say where it is
         told = {about.get("variable"), *(d["over"] for d in self.answer.get("discrepancy", []))}
-        return any(str(about.get("subsystem")).startswith(s) for s in SUBSYSTEMS[self.truth["part"]]) and (
+        return any(str(about.get("subsystem")).startswith(s) for s in SUBSYSTEMS_OF_PART[self.truth["part"]]) and (
             self.truth["over"] in told
         )
 
     @property
-    def is_clean(self) -> bool:
+    def is_correct_null(self) -> bool:
         """Of a null: whether nothing was named and nothing flagged that is not there."""
-        return self.verdict_is_right and not self.missing
+        return self.verdict_is_correct and not self.missing
 
     @property
-    def kind_of_truth(self) -> str:
+    def truth_label(self) -> str:
         """The row of the confusion matrix."""
-        return self.stranger or " + ".join(sorted(self.hidden)) or "none"
+        return self.uncatalogued_effect or " + ".join(sorted(self.hidden)) or "none"
 
     @property
-    def said(self) -> str:
+    def answer_label(self) -> str:
         """The column of the confusion matrix."""
         names = " + ".join(sorted(self.missing))
         return f"{names} (unexplained)" if names and self.verdict == "unexplained" else names or self.verdict
 
     @property
-    def parameters_right(self) -> list[bool]:
+    def parameters_within_tolerance(self) -> list[bool]:
         """For every parameter of a true effect that was named: whether it is within 15 % of the truth."""
-        return [abs(found["value"] - true) <= TOLERANCE * abs(true) for found, true in self._parameters()]
+        return [abs(found["value"] - true) <= PARAMETER_TOLERANCE * abs(true) for found, true in self._parameters()]
 
     @property
-    def parameters_covered(self) -> list[bool]:
+    def intervals_cover_truth(self) -> list[bool]:
         """Of these, where an interval was given: whether it holds the truth."""
         pairs = [(found["ci95"], true) for found, true in self._parameters() if found.get("ci95")]
         return [low <= true <= high for (low, high), true in pairs if None not in (low, high)]
@@ -131,12 +131,12 @@ class Graded:
         ]
 
     @property
-    def sure_ones(self) -> list[bool]:
+    def confident_namings(self) -> list[bool]:
         """Of each effect that was named with a confidence of 0.9 or more: whether it, or a twin, is true."""
-        return [bool(self.hidden & said) for said in self._sure]
+        return [bool(self.hidden & said) for said in self._confident_sets]
 
     @property
-    def stated(self) -> list[tuple[float, bool]]:
+    def stated_probabilities(self) -> list[tuple[float, bool]]:
         """The probability of each effect that was fitted, a set of twins once, and whether it or a twin is there."""
         alike = {other for c in self.candidates.values() for other in c.get("indistinguishable_from", [])}
         found = []
@@ -148,18 +148,18 @@ class Graded:
         return found
 
     @property
-    def surely_found(self) -> list[bool]:
+    def confident_detections(self) -> list[bool]:
         """For each true effect: whether it, or a twin, was named with a confidence of 0.9 or more."""
-        return [any(effect in said for said in self._sure) for effect in sorted(self.hidden)]
+        return [any(effect in said for said in self._confident_sets) for effect in sorted(self.hidden)]
 
     @property
-    def _sure(self) -> list[set[str]]:
+    def _confident_sets(self) -> list[set[str]]:
         """Each effect that was named with a confidence of 0.9 or more, with what it is not told from."""
-        sure = [c for c in self.candidates.values() if (c.get("confidence") or 0.0) >= SURE]
+        sure = [c for c in self.candidates.values() if (c.get("confidence") or 0.0) >= HIGH_CONFIDENCE]
         return [{c["effect"], *c.get("indistinguishable_from", [])} for c in sure]
 
     @property
-    def error_after(self) -> float | None:
+    def final_error(self) -> float | None:
         """Error of the last rung of the ladder, in units of the noise floor."""
         if not self.answer.get("ladder"):
             return None
@@ -168,7 +168,7 @@ class Graded:
         return None if error is None else float(error)
 
     @property
-    def failure(self) -> str | None:
+    def failure_cause(self) -> str | None:
         """Why the answer is not right, in few words; None where it is."""
         if self.verdict == "no answer":
             return "no answer"
@@ -176,34 +176,34 @@ class Graded:
             return f"failed: {str(self.answer.get('error', '')).partition(':')[0]}"
         if self.is_null:
             return self._false_alarm()
-        return self._missed() if self.hidden else self._overlooked()
+        return self._missed() if self.hidden else self._missed_uncatalogued()
 
     def _false_alarm(self) -> str | None:
         if self.missing:
             return "healthy: an effect named"
-        return None if self.verdict_is_right else f"healthy: {self.verdict}"
+        return None if self.verdict_is_correct else f"healthy: {self.verdict}"
 
-    def _overlooked(self) -> str | None:
+    def _missed_uncatalogued(self) -> str | None:
         if self.missing:
             return "unknown: named as another" if self.verdict != "unexplained" else "unknown: another named beside"
-        return None if self.verdict_is_right else f"unknown: {self.verdict}"
+        return None if self.verdict_is_correct else f"unknown: {self.verdict}"
 
     def _missed(self) -> str | None:
         if not self.missing:
             return f"missed: {self.verdict}{self._reasons()}"
-        if not self.hidden & self.covered:
+        if not self.hidden & self.answer_set:
             return f"missed: another named{self._reasons()}"
-        if not self.hidden <= self.covered:
+        if not self.hidden <= self.answer_set:
             return f"missed: one of two{self._reasons()}"
         if not self.hidden <= self.missing:
             return "its twin named"
         if self.hidden < self.missing:
             return "another named beside"
-        return None if self.verdict_is_right else f"named, but {self.verdict}"
+        return None if self.verdict_is_correct else f"named, but {self.verdict}"
 
     def _reasons(self) -> str:
         """What the answer says of the true effects that it does not name."""
         everything = {c["effect"]: c for c in self.answer.get("candidates", [])}
-        lost = sorted(self.hidden - self.covered)
+        lost = sorted(self.hidden - self.answer_set)
         said = {str(everything[e]["reason"]) for e in lost if everything.get(e, {}).get("reason")}
         return f" ({', '.join(sorted(said))})" if said else ""

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.stats import binomtest
 
 from pneucli.errors import InputError
-from pneucli.exam.cases import EXAM, SEALED
-from pneucli.exam.graded_case import Graded
-from pneucli.exam.reliability import calibration
+from pneucli.exam.cases import EXAM_FILE, SEALED_FOLDER
+from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.reliability import reliability
 
-SECONDS = "seconds.json"
+SECONDS_FILE = "seconds.json"
 
 
 def grade(directory: Path, answers: Path) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def grade(directory: Path, answers: Path) -> dict[str, Any]:
     answer cannot be read.
     """
     graded = graded_cases(directory, answers)
-    sealed = directory / SEALED / EXAM
+    sealed = directory / SEALED_FOLDER / EXAM_FILE
     return {
         "exam": json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else None,
         "answered_by": sorted({str(g.answer["program"]) for g in graded if "program" in g.answer}),
@@ -35,7 +35,7 @@ def grade(directory: Path, answers: Path) -> dict[str, Any]:
     }
 
 
-def report(graded: Sequence[Graded]) -> dict[str, Any]:
+def report(graded: Sequence[GradedCase]) -> dict[str, Any]:
     """Count all cases, those of each condition, and what was answered to what."""
     groups = {name: [g for g in graded if name in g.conditions] for each in graded for name in each.conditions}
     return {
@@ -46,54 +46,60 @@ def report(graded: Sequence[Graded]) -> dict[str, Any]:
     }
 
 
-def graded_cases(directory: Path, answers: Path) -> list[Graded]:
+def graded_cases(directory: Path, answers: Path) -> list[GradedCase]:
     """All cases with their answers. Raises InputError as ``grade`` does."""
-    seconds = answers / SECONDS
+    seconds = answers / SECONDS_FILE
     taken: dict[str, float] = json.loads(seconds.read_text(encoding="utf-8")) if seconds.exists() else {}
     return [
-        Graded(case, truth, _answer(answers / f"{case}.json"), taken.get(case))
+        GradedCase(case, truth, _answer(answers / f"{case}.json"), taken.get(case))
         for case, truth in _truths(directory).items()
     ]
 
 
-def _counts(graded: Sequence[Graded]) -> dict[str, Any]:
+def _counts(graded: Sequence[GradedCase]) -> dict[str, Any]:
     known = [g for g in graded if g.hidden]
     nulls = [g for g in graded if g.is_null]
-    strangers = [g for g in graded if g.stranger]
-    right = [right for g in known for right in g.parameters_right]
-    held = [held for g in known for held in g.parameters_covered]
-    sure = [true for g in graded for true in g.sure_ones]
-    surely = [found for g in known for found in g.surely_found]
+    strangers = [g for g in graded if g.uncatalogued_effect]
+    right = [right for g in known for right in g.parameters_within_tolerance]
+    held = [held for g in known for held in g.intervals_cover_truth]
+    sure = [true for g in graded for true in g.confident_namings]
+    surely = [found for g in known for found in g.confident_detections]
     return {
         "cases": len(graded),
         "unanswered": [g.case for g in graded if g.verdict == "no answer"],
         "shares": {
-            "verdict right": _share(graded, lambda g: g.verdict_is_right),
-            "true effects in the answer": _share(known, lambda g: g.hidden <= g.covered),
-            "exactly the true effects": _share(known, lambda g: g.hidden == g.missing),
-            "nulls named nothing": _share(nulls, lambda g: g.is_clean),
-            "clean nulls named nothing": _share([g for g in nulls if not g.is_messy], lambda g: g.is_clean),
-            "messy nulls named nothing": _share([g for g in nulls if g.is_messy], lambda g: g.is_clean),
-            "unknown flagged": _share(strangers, lambda g: g.verdict == "unexplained"),
-            "unknown wrongly named": _share(strangers, lambda g: bool(g.missing)),
-            "inconclusive": _share(graded, lambda g: g.verdict == "inconclusive"),
+            "verdict right": _share_correct(graded, lambda g: g.verdict_is_correct),
+            "true effects in the answer": _share_correct(known, lambda g: g.hidden <= g.answer_set),
+            "exactly the true effects": _share_correct(known, lambda g: g.hidden == g.missing),
+            "nulls named nothing": _share_correct(nulls, lambda g: g.is_correct_null),
+            "clean nulls named nothing": _share_correct(
+                [g for g in nulls if not g.has_small_effects], lambda g: g.is_correct_null
+            ),
+            "messy nulls named nothing": _share_correct(
+                [g for g in nulls if g.has_small_effects], lambda g: g.is_correct_null
+            ),
+            "unknown flagged": _share_correct(strangers, lambda g: g.verdict == "unexplained"),
+            "unknown wrongly named": _share_correct(strangers, lambda g: bool(g.missing)),
+            "inconclusive": _share_correct(graded, lambda g: g.verdict == "inconclusive"),
             "parameters within 15 %": _proportion(sum(right), len(right)),
             "intervals that hold the truth": _proportion(sum(held), len(held)),
             "named with 0.9 or more, and true": _proportion(sum(sure), len(sure)),
             "true effects named with 0.9 or more": _proportion(sum(surely), len(surely)),
-            "unknown flagged in its subsystem, over its signal": _share(strangers, lambda g: g.verdict_is_right),
+            "unknown flagged in its subsystem, over its signal": _share_correct(
+                strangers, lambda g: g.verdict_is_correct
+            ),
         },
-        "calibration": calibration(graded),
+        "calibration": reliability(graded),
         "set_size": _summary([size for g in known for size in g.set_sizes]),
-        "error_after": _summary([g.error_after for g in known if g.hidden == g.missing]),
-        "seconds": _seconds(graded),
-        "failures": dict(sorted(Counter(g.failure for g in graded if g.failure).items())),
+        "error_after": _summary([g.final_error for g in known if g.hidden == g.missing]),
+        "seconds": _run_times(graded),
+        "failures": dict(sorted(Counter(g.failure_cause for g in graded if g.failure_cause).items())),
     }
 
 
 def _truths(directory: Path) -> dict[str, dict[str, Any]]:
-    sealed = sorted((directory / SEALED).glob("*.json"))
-    files = {path.stem: path for path in sealed if path.name != EXAM}
+    sealed = sorted((directory / SEALED_FOLDER).glob("*.json"))
+    files = {path.stem: path for path in sealed if path.name != EXAM_FILE}
     files = files or {path.parent.name: path for path in sorted(directory.glob("*/truth.json"))}
     if not files:
         raise InputError(
@@ -119,7 +125,7 @@ def _summary(values: Sequence[float | None]) -> dict[str, float] | None:
     return {"median": float(np.median(there)), "largest": float(max(there))} if there else None
 
 
-def _seconds(graded: Sequence[Graded]) -> dict[str, Any] | None:
+def _run_times(graded: Sequence[GradedCase]) -> dict[str, Any] | None:
     """The median and the slowest of the processor seconds; None where nobody noted them."""
     noted = {g.case: g.seconds for g in graded if g.seconds is not None}
     if not noted:
@@ -128,7 +134,7 @@ def _seconds(graded: Sequence[Graded]) -> dict[str, Any] | None:
     return {"median": float(np.median(list(noted.values()))), "slowest": noted[slowest], "case": slowest}
 
 
-def _share(cases: Sequence[Graded], is_right: Callable[[Graded], bool]) -> dict[str, Any]:
+def _share_correct(cases: Sequence[GradedCase], is_right: Callable[[GradedCase], bool]) -> dict[str, Any]:
     return _proportion(sum(is_right(case) for case in cases), len(cases))
 
 
@@ -139,6 +145,6 @@ def _proportion(right: int, of: int) -> dict[str, Any]:
     return {"right": right, "of": of, "share": right / of, "ci95": [float(interval.low), float(interval.high)]}
 
 
-def _confusion(graded: Sequence[Graded]) -> list[dict[str, Any]]:
-    counts = Counter((g.kind_of_truth, g.said) for g in graded)
+def _confusion(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
+    counts = Counter((g.truth_label, g.answer_label) for g in graded)
     return [{"hidden": hidden, "answered": said, "cases": n} for (hidden, said), n in sorted(counts.items())]

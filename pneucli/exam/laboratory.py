@@ -10,11 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from pneucli.exam.rig.imposed_motion import Machine, driven
+from pneucli.exam.rig.imposed_motion import MotionMachine, simulate_imposed_motion
 from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.rig.simulation import Manoeuvre, run
+from pneucli.exam.rig.simulation import Excitation, simulate_rig
 
 Experiment = Literal["valve", "friction", "axis"]
 
@@ -23,55 +23,55 @@ SIGNALS: dict[Experiment, tuple[str, ...]] = {
     "friction": ("p1", "p2", "x", "a"),
     "axis": ("u", "u2", "p_supply", "p1", "p2", "x", "a"),
 }
-IMPOSED = ("p1", "x", "force")
+IMPOSED_MOTION_SIGNALS = ("p1", "x", "force")
 
 
 @dataclass(frozen=True)
-class Take:
+class RecordingPlan:
     """One recording to be made: its name, where it is used, and what is done to which rig."""
 
     name: str
     experiment: Experiment
     use: Literal["train", "test"]
-    manoeuvre: Manoeuvre | Machine
+    excitation: Excitation | MotionMachine
     chamber: Literal[1, 2] = 1  # on the bench: whose valve, or whose port, is tested
 
     @property
     def is_imposed(self) -> bool:
         """Whether a machine imposes the motion."""
-        return isinstance(self.manoeuvre, Machine)
+        return isinstance(self.excitation, MotionMachine)
 
 
 @dataclass(frozen=True)
 class Laboratory:
     """One rig, its sensors, and what its pipeline file says (volumes in m^3).
 
-    ``vessel`` is the fixed chamber of the valve's bench, ``has_cylinder`` whether there is a cylinder; without
+    ``vessel_volume`` is the fixed chamber of the valve's bench, ``has_cylinder`` whether there is a cylinder; without
     ``supply_recorded`` the files have no p_supply; ``effects`` are those that the pipeline already knows of.
-    ``null`` is what it says of the valve's null, ``stroke_stated`` (m) of the stroke, where that is not exact;
-    signals in ``absent`` are not recorded.
+    ``stated_null`` is what it says of the valve's null, ``stated_stroke`` (m) of the stroke, where that is not exact;
+    signals in ``absent_signals`` are not recorded.
     """
 
     name: str
     parameters: Parameters
     sensors: Sensors
-    vessel: float | None = None
+    vessel_volume: float | None = None
     has_cylinder: bool = True
     supply_recorded: bool = True
     linear_valve: bool = False
     effects: tuple[str, ...] = ()
-    null: str | None = None
-    stroke_stated: float | None = None
-    absent: frozenset[str] = frozenset()
+    stated_null: str | None = None
+    stated_stroke: float | None = None
+    absent_signals: frozenset[str] = frozenset()
 
     @property
-    def bench(self) -> Parameters:
+    def valve_test_rig(self) -> Parameters:
         """The valve of chamber 1 on the vessel."""
-        return self.bench_of(1)
+        return self.valve_test_rig_of(1)
 
-    def bench_of(self, chamber: Literal[1, 2]) -> Parameters:
+    def valve_test_rig_of(self, chamber: Literal[1, 2]) -> Parameters:
         """The same valve, supply and sensors on the vessel; a leak of the cylinder stays with the cylinder."""
-        par = self.parameters._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=self.vessel or 0.0)
+        par = self.parameters._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=self.vessel_volume or 0.0)
         par = par._replace(dead_volume_added=0.0, piston_leak_area=0.0, load_mass=0.0, arrangement=ONE_CHAMBER)
         if chamber == 2:
             edges = {"effective_area": par.effective_area_2, "overlap": par.overlap_2, "exponent": par.exponent_2}
@@ -80,21 +80,21 @@ class Laboratory:
         tight = par._replace(leak_area=0.0, laminar_conductance=0.0, relief_growth=0.0)
         return tight if self.has_cylinder else par
 
-    def signals(self, take: Take) -> tuple[str, ...]:
+    def signals(self, take: RecordingPlan) -> tuple[str, ...]:
         """The signals that a take records."""
-        absent = set(self.absent) if self.supply_recorded else {"p_supply", *self.absent}
+        absent = set(self.absent_signals) if self.supply_recorded else {"p_supply", *self.absent_signals}
         if self.parameters.arrangement != TWO_VALVES:
             absent.add("u2")
-        recorded = IMPOSED if take.is_imposed else SIGNALS[take.experiment]
+        recorded = IMPOSED_MOTION_SIGNALS if take.is_imposed else SIGNALS[take.experiment]
         return tuple(signal for signal in recorded if signal not in absent)
 
-    def record(self, folder: Path, takes: Sequence[Take], rng: np.random.Generator) -> dict[str, float]:
+    def record(self, folder: Path, plans: Sequence[RecordingPlan], rng: np.random.Generator) -> dict[str, float]:
         """Simulate every take and write ``folder/NAME.csv``; returns the share of its time at an end of the stroke."""
         at_ends = {}
-        for take in takes:
-            par = self.bench_of(take.chamber) if take.experiment == "valve" else self.parameters
-            made = driven if isinstance(take.manoeuvre, Machine) else run
-            truth = made(par, take.manoeuvre, self.sensors.fine_rate)  # type: ignore[arg-type]
+        for take in plans:
+            par = self.valve_test_rig_of(take.chamber) if take.experiment == "valve" else self.parameters
+            made = simulate_imposed_motion if isinstance(take.excitation, MotionMachine) else simulate_rig
+            truth = made(par, take.excitation, self.sensors.sensor_rate)  # type: ignore[arg-type]
             seen = measure(par, self.sensors, truth, rng)
             names = self.signals(take)
             write_csv(folder / f"{take.name}.csv", self.name, seen, names, self.sensors.position_step)
@@ -102,21 +102,21 @@ class Laboratory:
                 at_ends[take.name] = float(np.mean((truth["x"] <= 0.0) | (truth["x"] >= par.stroke)))
         return at_ends
 
-    def pipeline(self, takes: Sequence[Take], folder: str, checks: str = "") -> str:
+    def pipeline(self, plans: Sequence[RecordingPlan], folder: str, checks: str = "") -> str:
         """Return the pipeline file's text; ``folder`` is where its recordings lie, relative to it."""
         parts = [
             "# measurements of one rig; what each column is, and what is known of the rig",
             f'[pipeline]\nname = "{self.name}"\n',
             self._rig(),
-            self._columns(takes),
-            *(self._recording(take, folder) for take in takes),
-            self._model(takes),
+            self._columns(plans),
+            *(self._recording(take, folder) for take in plans),
+            self._model(plans),
         ]
         return "\n".join(parts) + checks
 
     def _rig(self) -> str:
         par = self.parameters
-        stroke = self.stroke_stated or par.stroke
+        stroke = self.stated_stroke or par.stroke
         # beside another stroke, the volume that was measured at the other end
         dead_volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - stroke)
         text = f'[rig]\ngas_temperature = "{par.temperature} K"\n'
@@ -131,8 +131,8 @@ class Laboratory:
                 f'dead_volume_2 = "{_number(dead_volume_2 * 1e6, 3)} cm^3"\n'
                 f'moving_mass = "{_number(par.mass, 4)} kg"\n'
             )
-        if self.vessel is not None:
-            text += f'\n[rig.vessel]\nvolume = "{_number(self.vessel * 1e6, 3)} cm^3"\n'
+        if self.vessel_volume is not None:
+            text += f'\n[rig.vessel]\nvolume = "{_number(self.vessel_volume * 1e6, 3)} cm^3"\n'
         return text + self._valve()
 
     def _valve(self) -> str:
@@ -140,7 +140,7 @@ class Laboratory:
         par = self.parameters
         lines = {
             "arrangement": {FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement),
-            "null": self.null,
+            "null": self.stated_null,
             "kind": "switching" if par.switching else None,
         }
         if par.switching and par.arrangement == ONE_CHAMBER:
@@ -148,37 +148,37 @@ class Laboratory:
         said = [f'{key} = "{value}"' for key, value in lines.items() if value]
         return "\n".join(["\n[rig.valve]", *said]) + "\n" if said else ""
 
-    def _columns(self, takes: Sequence[Take]) -> str:
+    def _columns(self, takes: Sequence[RecordingPlan]) -> str:
         recorded = {signal for take in takes for signal in self.signals(take)}
         units = {"u": "V", "u2": "V", "x": "mm", "a": "m/s^2", "force": "N"}
         lines = ["[signals]", 'time = { column = "t [ms]", unit = "ms" }']
-        for name, (column, _, _) in LAYOUT.items():
+        for name, (column, _, _) in CSV_COLUMNS.items():
             if name in recorded:
                 unit = f'unit = "{units[name]}"' if name in units else 'unit = "bar", reference = "gauge"'
                 lines.append(f'{name} = {{ column = "{column}", {unit} }}')
         return "\n".join(lines) + "\n"
 
-    def _recording(self, take: Take, folder: str) -> str:
+    def _recording(self, take: RecordingPlan, folder: str) -> str:
         text = f'[[recordings]]\nname = "{take.name}"\nfile = "{folder}/{take.name}.csv"\n'
         text += f'experiment = "{take.experiment}"\nuse = "{take.use}"\n'
         if take.experiment != "valve":
             if take.is_imposed:
                 return text + 'imposed = "motion"\nchamber_2 = "open"\n'
             follows = self.parameters.arrangement != ONE_CHAMBER
-            state = "open" if _is_open(take.manoeuvre) else "valve" if follows else "closed"
+            state = "open" if _chamber_2_is_open(take.excitation) else "valve" if follows else "closed"
             return text + f'chamber_2 = "{state}"\n'
         names = ", ".join(f'"{signal}"' for signal in ("time", *self.signals(take)))
         return text + ("chamber = 2\n" if take.chamber == 2 else "") + f"take = [{names}]\n"
 
-    def _model(self, takes: Sequence[Take]) -> str:
+    def _model(self, takes: Sequence[RecordingPlan]) -> str:
         horizon = "5 s" if all(take.experiment == "valve" for take in takes) else "0.5 s"
         effects = ", ".join(f'"{effect}"' for effect in self.effects)
         valve = 'valve = "linear"\n' if self.linear_valve else ""
         return f'[model]\neffects = [{effects}]\n{valve}\n[compare]\nhorizon = "{horizon}"\n'
 
 
-def _is_open(manoeuvre: Manoeuvre | Machine) -> bool:
-    return isinstance(manoeuvre, Machine) or manoeuvre.chamber_2_open
+def _chamber_2_is_open(manoeuvre: Excitation | MotionMachine) -> bool:
+    return isinstance(manoeuvre, MotionMachine) or manoeuvre.chamber_2_open
 
 
 def _number(value: float, decimals: int) -> str:
@@ -187,7 +187,7 @@ def _number(value: float, decimals: int) -> str:
 
 
 # column, factor from SI, decimals
-LAYOUT = {
+CSV_COLUMNS = {
     "u": ("U_valve [V]", 1.0, 4),
     "u2": ("U_valve_2 [V]", 1.0, 4),
     "p_supply": ("P_supply [bar]", 1e-5, 5),
@@ -199,15 +199,15 @@ LAYOUT = {
 }
 
 
-def write_csv(path: Path, rig: str, seen: dict[str, Array], signals: tuple[str, ...], position_step: float) -> None:
+def write_csv(path: Path, rig: str, measured: dict[str, Array], signals: tuple[str, ...], position_step: float) -> None:
     """Write the chosen signals (SI) below a header of one line and two comments; positions to ``position_step`` (m)."""
-    columns = [[repr(value) for value in np.round(seen["time"] * 1e3, 6).tolist()]]
+    columns = [[repr(value) for value in np.round(measured["time"] * 1e3, 6).tolist()]]
     for name in signals:
-        _, factor, decimals = LAYOUT[name]
+        _, factor, decimals = CSV_COLUMNS[name]
         if name == "x":
             decimals = max(decimals, math.ceil(-math.log10(position_step * factor)))
-        columns.append([repr(value) for value in (np.round(seen[name] * factor, decimals) + 0.0).tolist()])
-    header = ",".join(["t [ms]", *(LAYOUT[name][0] for name in signals)])
+        columns.append([repr(value) for value in (np.round(measured[name] * factor, decimals) + 0.0).tolist()])
+    header = ",".join(["t [ms]", *(CSV_COLUMNS[name][0] for name in signals)])
     lines = [f"# rig {rig}", f"# run {path.stem}", header, *map(",".join, zip(*columns, strict=True))]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

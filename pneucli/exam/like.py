@@ -16,28 +16,28 @@ import numpy as np
 from scipy.stats import binomtest
 
 from pneucli.errors import InputError
-from pneucli.exam.cases import EXAM, seal
+from pneucli.exam.cases import EXAM_FILE, seal
 from pneucli.exam.conditions import Kind
-from pneucli.exam.graded_case import Graded
-from pneucli.exam.hidden_effects import CATALOGUE, Hidden
-from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.hidden_effects import CATALOGUE, HiddenEffect
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig.simulation import LOOP, Manoeuvre
-from pneucli.exam.rig_scaling import DIMENSIONS, Similar
+from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
+from pneucli.exam.rig_scaling import DIMENSIONS, RigScaling
 
 SIZES = (0.03, 0.1, 0.3, 1.0)
-GAIN = 150.0  # V/m, of the position loop of the usual rig
-RELATIVE = {"static": "coulomb", "extra_mass": "mass"}  # fields that are drawn as a multiple of another
-USUAL = Parameters()
-NAMED = 0.9  # share of cases from which on a size counts as named
+POSITION_LOOP_GAIN = 150.0  # V/m, of the position loop of the usual rig
+RELATIVE_FIELDS = {"static": "coulomb", "extra_mass": "mass"}  # fields that are drawn as a multiple of another
+USUAL_RIG = Parameters()
+MIN_NAMED_SHARE = 0.9  # share of cases from which on a size counts as named
 SCHEMA = "pneucli/exam-like/1"
 
 
 @dataclass(frozen=True)
-class Recorded:
+class UserRecording:
     """One recording of the user's: what it was, its time (s) and its opening (V, + fills) or position (m)."""
 
     name: str
@@ -51,19 +51,19 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Bench:
+class UserRig:
     """The user's rig as the exam's, its sensors, its recordings, and what its pipeline file says of it."""
 
     parameters: Parameters
     sensors: Sensors
-    recordings: tuple[Recorded, ...]
-    vessel: float | None = None
+    recordings: tuple[UserRecording, ...]
+    vessel_volume: float | None = None
     has_cylinder: bool = True
     supply_recorded: bool = True
     linear_valve: bool = False
-    null: str | None = None
+    stated_null: str | None = None
     effects: tuple[str, ...] = ()
-    absent: frozenset[str] = frozenset()
+    absent_signals: frozenset[str] = frozenset()
 
     @property
     def kinds(self) -> list[Kind]:
@@ -71,18 +71,18 @@ class Bench:
         return list(dict.fromkeys(r.experiment for r in self.recordings))
 
     @property
-    def similar(self) -> Similar:
+    def scaling(self) -> RigScaling:
         """The ratios of this rig to the usual one, which size what is hidden."""
         par = self.parameters
-        pressure = (par.supply - par.ambient) / (USUAL.supply - USUAL.ambient)
-        area = par.piston_area_1 / USUAL.piston_area_1
-        command = par.command_range / USUAL.command_range
-        return Similar(par.stroke / USUAL.stroke, area, pressure, par.supply / USUAL.supply, command)
+        pressure = (par.supply - par.ambient) / (USUAL_RIG.supply - USUAL_RIG.ambient)
+        area = par.piston_area_1 / USUAL_RIG.piston_area_1
+        command = par.command_range / USUAL_RIG.command_range
+        return RigScaling(par.stroke / USUAL_RIG.stroke, area, pressure, par.supply / USUAL_RIG.supply, command)
 
 
 def write_like(
     directory: Path,
-    bench: Bench,
+    rig: UserRig,
     sizes: Sequence[float] = SIZES,
     repeats: int = 3,
     nulls: int = 20,
@@ -95,38 +95,38 @@ def write_like(
     """
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
-    shown = [e for e in CATALOGUE if set(e.kinds) & set(bench.kinds) and e.name not in bench.effects]
-    plan: list[tuple[Hidden | None, float]] = [(e, size) for e in shown for size in sizes for _ in range(repeats)]
+    shown = [e for e in CATALOGUE if set(e.kinds) & set(rig.kinds) and e.name not in rig.effects]
+    plan: list[tuple[HiddenEffect | None, float]] = [(e, size) for e in shown for size in sizes for _ in range(repeats)]
     plan += [(None, 0.0)] * nulls
     asked = {"sizes": list(sizes), "repeats": repeats, "nulls": nulls, "seed": seed}
-    seal(directory, EXAM, asked | dict(about or {}))
+    seal(directory, EXAM_FILE, asked | dict(about or {}))
     names = [f"case-{k:04d}" for k in range(1, len(plan) + 1)]
     for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
         effect, size = plan[which]
-        seal(directory, f"{name}.json", _case(directory / name, bench, effect, size, [seed, int(which)]))
+        seal(directory, f"{name}.json", _case(directory / name, rig, effect, size, [seed, int(which)]))
     return names
 
 
-def _case(folder: Path, bench: Bench, effect: Hidden | None, size: float, seed: list[int]) -> dict[str, Any]:
+def _case(folder: Path, bench: UserRig, effect: HiddenEffect | None, size: float, seed: list[int]) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
-    par = bench.parameters if effect is None else hidden_in(bench, effect, size, rng)
+    par = bench.parameters if effect is None else with_hidden_effect(bench, effect, size, rng)
     laboratory = Laboratory(
         folder.name,
         par,
         bench.sensors,
-        vessel=bench.vessel,
+        vessel_volume=bench.vessel_volume,
         has_cylinder=bench.has_cylinder,
         supply_recorded=bench.supply_recorded and (effect is None or effect.name != "supply-droop"),
         linear_valve=bench.linear_valve,
         effects=bench.effects,
-        null=bench.null,
-        absent=bench.absent,
+        stated_null=bench.stated_null,
+        absent_signals=bench.absent_signals,
     )
-    takes = [Take(r.name, r.experiment, r.use, manoeuvre_of(bench, r), r.chamber) for r in bench.recordings]
+    takes = [RecordingPlan(r.name, r.experiment, r.use, excitation_for(bench, r), r.chamber) for r in bench.recordings]
     laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
     return {
-        "hidden": {} if effect is None else {effect.name: effect.truth(par)},
+        "hidden": {} if effect is None else {effect.name: effect.true_parameters(par)},
         "outside_the_catalogue": None,
         "baseline": list(bench.effects),
         "part": None,
@@ -138,37 +138,39 @@ def _case(folder: Path, bench: Bench, effect: Hidden | None, size: float, seed: 
     }
 
 
-def hidden_in(bench: Bench, effect: Hidden, size: float, rng: np.random.Generator) -> Parameters:
+def with_hidden_effect(rig: UserRig, effect: HiddenEffect, size: float, rng: np.random.Generator) -> Parameters:
     """Return the user's rig with an effect of ``size`` times the usual, as large for it as for the usual rig."""
-    drawn, mine = effect.set(USUAL, size, rng), bench.similar.rig(USUAL)
-    similar = bench.similar.rig(drawn)
+    drawn, mine = effect.apply(USUAL_RIG, size, rng), rig.scaling.scale_rig(USUAL_RIG)
+    similar = rig.scaling.scale_rig(drawn)
     values = {}
     for field in Parameters._fields:
-        if getattr(drawn, field) == getattr(USUAL, field):
+        if getattr(drawn, field) == getattr(USUAL_RIG, field):
             continue
-        base = RELATIVE.get(field)
+        base = RELATIVE_FIELDS.get(field)
         if base:
-            values[field] = getattr(drawn, field) / getattr(USUAL, base) * getattr(bench.parameters, base)
+            values[field] = getattr(drawn, field) / getattr(USUAL_RIG, base) * getattr(rig.parameters, base)
         elif field in DIMENSIONS and getattr(mine, field):
-            values[field] = getattr(bench.parameters, field) + getattr(similar, field) - getattr(mine, field)
+            values[field] = getattr(rig.parameters, field) + getattr(similar, field) - getattr(mine, field)
         else:
             values[field] = getattr(similar, field)
-    return bench.parameters._replace(**values)
+    return rig.parameters._replace(**values)
 
 
-def manoeuvre_of(bench: Bench, one: Recorded) -> Manoeuvre:
+def excitation_for(rig: UserRig, recording: UserRecording) -> Excitation:
     """Return what is done to the rig so that it does about what was recorded."""
-    time = np.arange(one.time[0], one.time[-1], LOOP)
-    signal = np.interp(time, one.time, one.signal)
-    if one.experiment == "valve":
-        return Manoeuvre(signal, pressure_1=one.pressures[0], pressure_2=one.pressures[1])
-    par, similar = bench.parameters, bench.similar
-    loop = closed_loop(par, signal, GAIN * similar.command / similar.length, one.pressures[0] - par.ambient)
-    pressure_2 = par.ambient if one.chamber_2_open else one.pressures[1]
-    return replace(loop, chamber_2_open=one.chamber_2_open, pressure_2=pressure_2)
+    time = np.arange(recording.time[0], recording.time[-1], LOOP_PERIOD)
+    signal = np.interp(time, recording.time, recording.signal)
+    if recording.experiment == "valve":
+        return Excitation(signal, pressure_1=recording.pressures[0], pressure_2=recording.pressures[1])
+    par, similar = rig.parameters, rig.scaling
+    loop = closed_loop(
+        par, signal, POSITION_LOOP_GAIN * similar.command / similar.length, recording.pressures[0] - par.ambient
+    )
+    pressure_2 = par.ambient if recording.chamber_2_open else recording.pressures[1]
+    return replace(loop, chamber_2_open=recording.chamber_2_open, pressure_2=pressure_2)
 
 
-def told(graded: Sequence[Graded]) -> dict[str, Any]:
+def summarize(graded: Sequence[GradedCase]) -> dict[str, Any]:
     """Return by effect and size how often it was named (or in the answer's set), the least size, and false alarms."""
     effects = sorted({name for g in graded for name in g.hidden})
     rows = [{"effect": name, "sizes": list(_by_size(graded, name))} for name in effects]
@@ -176,28 +178,28 @@ def told(graded: Sequence[Graded]) -> dict[str, Any]:
     alarms = sum(bool(g.missing) for g in nulls)
     return {
         "schema": SCHEMA,
-        "effects": [row | {"named_from": _least(row["sizes"])} for row in rows],
+        "effects": [row | {"named_from": _smallest_named_size(row["sizes"])} for row in rows],
         "nulls": len(nulls),
         "false_alarms": alarms,
         "false_alarms_ci95": _interval(alarms, len(nulls)),
     }
 
 
-def _by_size(graded: Sequence[Graded], name: str) -> Iterator[dict[str, Any]]:
+def _by_size(graded: Sequence[GradedCase], name: str) -> Iterator[dict[str, Any]]:
     mine = [g for g in graded if g.hidden == {name}]
     for size in sorted({float(g.truth["size"]) for g in mine}):
         cases = [g for g in mine if float(g.truth["size"]) == size]
-        named = sum(name in g.covered for g in cases)
+        named = sum(name in g.answer_set for g in cases)
         others = sorted({other for g in cases for other in g.missing - {name}})
         yield {"size": size, "cases": len(cases), "named": named, "share": named / len(cases),
                "ci95": _interval(named, len(cases)), "named_instead": others}  # fmt: skip
 
 
-def _least(sizes: Any) -> float | None:
+def _smallest_named_size(sizes: Any) -> float | None:
     """Return the least size from which on an effect is named in 90 %, None where it never is."""
     found = None
     for one in reversed(list(sizes)):
-        if one["share"] < NAMED:
+        if one["share"] < MIN_NAMED_SHARE:
             break
         found = one["size"]
     return found
@@ -210,7 +212,7 @@ def _interval(right: int, of: int) -> list[float] | None:
     return [float(interval.low), float(interval.high)]
 
 
-def page(found: Mapping[str, Any], sizes: Sequence[float]) -> str:
+def to_markdown(found: Mapping[str, Any], sizes: Sequence[float]) -> str:
     """Return the result as a page of Markdown: sizes from which effects are named, what is named instead, alarms."""
     head = "| effect | named from | " + " | ".join(f"× {s:g}" for s in sizes) + " | named instead |"
     lines = [

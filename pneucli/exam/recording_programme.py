@@ -8,48 +8,48 @@ from typing import Literal
 import numpy as np
 
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.laboratory import Laboratory, Take
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import (
+    back_and_forth_reference,
     closed_loop,
     single_acting,
     stick_slip,
-    to_and_fro,
+    two_sine_reference,
     valve_pulses,
-    valve_stairs,
+    valve_staircase,
     valve_step,
-    wandering,
 )
-from pneucli.exam.rig.imposed_motion import Machine
+from pneucli.exam.rig.imposed_motion import MotionMachine
 from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import ONE_CHAMBER, TWO_VALVES, Parameters
-from pneucli.exam.rig.simulation import LOOP, Manoeuvre
-from pneucli.exam.rig_scaling import Similar
+from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
+from pneucli.exam.rig_scaling import RigScaling
 
-STEPS = ((0.6, 1.2, 2.5, 4.0, 6.0, 8.0, 10.0), (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0))
-STAIRS = ((0.5, 1.6), (0.7, 1.2))
+STEP_COMMANDS = ((0.6, 1.2, 2.5, 4.0, 6.0, 8.0, 10.0), (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0))
+STAIRCASE_COMMANDS = ((0.5, 1.6), (0.7, 1.2))
 
 
-class Programme:
-    """The takes of one rig; ``known`` is the rig without what is hidden: its loads are balanced at the start."""
+class RecordingProgramme:
+    """The takes of one rig; ``stated_rig`` is the rig without what is hidden: its loads are balanced at the start."""
 
     def __init__(
         self,
         laboratory: Laboratory,
         known: Parameters,
-        similar: Similar,
+        similar: RigScaling,
         conditions: Conditions,
         rng: np.random.Generator,
     ) -> None:
-        self.laboratory, self.known, self.similar = laboratory, known, similar
+        self.laboratory, self.stated_rig, self.scaling = laboratory, known, similar
         self.conditions, self.rng = conditions, rng
 
-    def takes(self, kind: str) -> list[Take]:
+    def plans(self, kind: str) -> list[RecordingPlan]:
         """All recordings of a rig of that kind; of each experiment the last, or a step, is to be tested with."""
-        takes: list[Take] = []
-        if self.laboratory.vessel is not None:
-            takes += self._bench(1, tested=kind == "valve")
-            if self.known.arrangement != ONE_CHAMBER:
-                takes += self._bench(2, tested=False)
+        takes: list[RecordingPlan] = []
+        if self.laboratory.vessel_volume is not None:
+            takes += self._valve_tests(1, tested=kind == "valve")
+            if self.stated_rig.arrangement != ONE_CHAMBER:
+                takes += self._valve_tests(2, tested=False)
         if self.conditions.imposed:
             return _numbered("strokes", "friction", self._strokes())
         if kind == "friction":
@@ -59,36 +59,38 @@ class Programme:
             takes += _numbered("axis", "axis", [self._driven(8000) for _ in range(4)])
         return takes
 
-    def _bench(self, chamber: Literal[1, 2], tested: bool) -> list[Take]:
-        bench = self.laboratory.bench_of(chamber)
+    def _valve_tests(self, chamber: Literal[1, 2], tested: bool) -> list[RecordingPlan]:
+        bench = self.laboratory.valve_test_rig_of(chamber)
         before = "" if chamber == 1 else "chamber_2_"
         if self.conditions.switching:
             moves = [valve_step(bench, bench.command_range), *(valve_pulses(bench, self.rng) for _ in range(3))]
             return _numbered(f"{before}pulses", "valve", moves, chamber)
-        levels = STEPS[int(self.rng.integers(len(STEPS)))]
+        levels = STEP_COMMANDS[int(self.rng.integers(len(STEP_COMMANDS)))]
         steps = [
-            Take(
-                f"{before}step_+{v * self.similar.command}V",
+            RecordingPlan(
+                f"{before}step_+{v * self.scaling.command}V",
                 "valve",
                 "test" if tested and v == levels[3] else "train",
-                valve_step(bench, v * self.similar.command),
+                valve_step(bench, v * self.scaling.command),
                 chamber,
             )
             for v in levels
         ]
-        stairs = [valve_stairs(bench, *(self.similar.command * v for v in pair)) for pair in STAIRS]
+        stairs = [valve_staircase(bench, *(self.scaling.command * v for v in pair)) for pair in STAIRCASE_COMMANDS]
         return steps + _numbered(f"{before}stairs", "valve", stairs, chamber)
 
-    def _stick_slip(self) -> list[Take]:
-        par, position = self.laboratory.parameters, 0.15 * self.known.stroke
+    def _stick_slip(self) -> list[RecordingPlan]:
+        par, position = self.laboratory.parameters, 0.15 * self.stated_rig.stroke
         rates = (self.rng.uniform(5e3, 8e3), self.rng.uniform(9e3, 14e3))
-        moves = [stick_slip(par, rate * self.similar.pressure, position, load=self._load(position)) for rate in rates]
+        moves = [
+            stick_slip(par, rate * self.scaling.pressure, position, load=self._known_load(position)) for rate in rates
+        ]
         return _numbered("stickslip", "friction", moves)
 
-    def _strokes(self) -> list[Machine]:
+    def _strokes(self) -> list[MotionMachine]:
         """Strokes at four pressures, the last of them between the others; over the place where friction has one."""
         par = self.laboratory.parameters
-        stroke, gauge = self.known.stroke, self.known.supply - self.known.ambient
+        stroke, gauge = self.stated_rig.stroke, self.stated_rig.supply - self.stated_rig.ambient
         start = float(self.rng.uniform(0.1, 0.4)) * stroke
         way, speed = float(self.rng.uniform(0.15, 0.25)) * stroke, float(self.rng.uniform(0.03, 0.06)) * stroke
         if par.position_gain > 0.0:
@@ -96,56 +98,58 @@ class Programme:
         levels = np.array([0.15, 0.45, 1.0, 0.7]) * self.rng.uniform(0.85, 1.0)
         swing = float(self.rng.uniform(0.002, 0.01))
         return [
-            Machine((start, start + way), (speed, 2.5 * speed), 10, self.known.ambient + level * gauge, swing)
+            MotionMachine(
+                (start, start + way), (speed, 2.5 * speed), 10, self.stated_rig.ambient + level * gauge, swing
+            )
             for level in levels
         ]
 
-    def _driven(self, samples: int) -> Manoeuvre:
+    def _driven(self, samples: int) -> Excitation:
         par, rng = self.laboratory.parameters, self.rng
         reference = self._reference(samples)
-        gain = rng.uniform(100.0, 200.0) * self.similar.command / self.similar.length
-        gauge = rng.uniform(1.3e5, 2.2e5) * self.similar.pressure * (1.4 if self.conditions.ends else 1.0)
+        gain = rng.uniform(100.0, 200.0) * self.scaling.command / self.scaling.length
+        gauge = rng.uniform(1.3e5, 2.2e5) * self.scaling.pressure * (1.4 if self.conditions.ends else 1.0)
         if self.conditions.differential:
             gauge *= par.piston_area_2 / par.piston_area_1  # the smaller side has the higher pressure
-        load = self._load(float(reference[0]))
+        load = self._known_load(float(reference[0]))
         if par.arrangement == ONE_CHAMBER:
             if self.conditions.load == "spring":
                 return single_acting(par, reference, gain, load)
             return closed_loop(par, reference, gain, gauge, load)
-        second = self._bias(samples) if par.arrangement == TWO_VALVES else None
+        second = self._mean_pressure_swing(samples) if par.arrangement == TWO_VALVES else None
         return closed_loop(par, reference, 0.5 * gain, 1.8 * gauge, load, second)
 
     def _reference(self, samples: int) -> Array:
         if not self.conditions.ends:
-            return wandering(self.rng, samples, self.known.stroke)
-        stroke, share = self.known.stroke, self.rng.uniform(0.5, 0.75)
+            return two_sine_reference(self.rng, samples, self.stated_rig.stroke)
+        stroke, share = self.stated_rig.stroke, self.rng.uniform(0.5, 0.75)
         # the air that is shut in keeps the piston from the other end
-        is_shut_in = self.known.arrangement == ONE_CHAMBER and self.conditions.load != "spring"
+        is_shut_in = self.stated_rig.arrangement == ONE_CHAMBER and self.conditions.load != "spring"
         beyond = self.rng.uniform(0.05, 0.2, 2)
-        return to_and_fro(
+        return back_and_forth_reference(
             self.rng, samples, share, (-beyond[0] * stroke, (0.5 if is_shut_in else 1.0 + beyond[1]) * stroke)
         )
 
-    def _bias(self, samples: int) -> Array:
+    def _mean_pressure_swing(self, samples: int) -> Array:
         """What the second valve does beside the opposite of the first: a slow swing of the mean pressure, in V."""
-        swing = self.rng.uniform(0.03, 0.08) * self.known.command_range
-        phase = 2 * np.pi * (LOOP * np.arange(samples) / self.rng.uniform(1.0, 3.0) + self.rng.random())
+        swing = self.rng.uniform(0.03, 0.08) * self.stated_rig.command_range
+        phase = 2 * np.pi * (LOOP_PERIOD * np.arange(samples) / self.rng.uniform(1.0, 3.0) + self.rng.random())
         return np.asarray(swing * np.sin(phase))
 
-    def _load(self, position: float) -> float:
+    def _known_load(self, position: float) -> float:
         """Force in N toward x = 0 that the laboratory knows of."""
-        known = self.known
+        known = self.stated_rig
         return known.constant_force + known.spring_stiffness * (position - known.spring_rest)
 
 
 def _numbered(
     name: str,
     experiment: Literal["valve", "friction", "axis"],
-    moves: Sequence[Manoeuvre | Machine],
+    moves: Sequence[Excitation | MotionMachine],
     chamber: Literal[1, 2] = 1,
-) -> list[Take]:
+) -> list[RecordingPlan]:
     last = len(moves)
     return [
-        Take(f"{name}_{i}", experiment, "test" if i == last else "train", move, chamber)
+        RecordingPlan(f"{name}_{i}", experiment, "test" if i == last else "train", move, chamber)
         for i, move in enumerate(moves, 1)
     ]

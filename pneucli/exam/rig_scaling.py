@@ -19,7 +19,7 @@ VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same ti
 FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
 MASS = DAMPING = STIFFNESS  # times are kept
 PER_LENGTH, OPENING_PER_PRESSURE = (-1, 0, 0, 0, 0), (1, 1, -1, 0, 0)
-PER_PRESSURE, HEAT, FLOW_PER_PRESSURE, PER_FLOW = (
+PER_PRESSURE, HEAT_CONDUCTANCE, FLOW_PER_PRESSURE, PER_FLOW = (
     (0, 0, -1, 0, 0),
     (1, 1, 0, 1, 0),
     (1, 1, -1, 1, 0),
@@ -36,7 +36,7 @@ DIMENSIONS = {
     "coulomb": FORCE,
     "viscous": DAMPING,
     "effective_area": OPENING,
-    "heat_conductance": HEAT,
+    "heat_conductance": HEAT_CONDUCTANCE,
     "leak_area": OPENING,
     "laminar_conductance": FLOW_PER_PRESSURE,
     "relief_growth": OPENING_PER_PRESSURE,
@@ -86,7 +86,7 @@ DIMENSIONS = {
 
 
 @dataclass(frozen=True)
-class Similar:
+class RigScaling:
     """The ratios (1) of a rig's lengths, piston areas, gauge pressures, absolute supply and commands to the usual's."""
 
     length: float = 1.0
@@ -96,7 +96,7 @@ class Similar:
     command: float = 1.0
 
     @classmethod
-    def of(cls, par: Parameters, bore: float | None, supply: float | None, command: float = 10.0) -> Similar:
+    def for_target(cls, par: Parameters, bore: float | None, supply: float | None, command: float = 10.0) -> RigScaling:
         """Return what makes ``par`` a rig of that bore (m) and supply (Pa, absolute), whose valve is fully open at
         ``command`` (V from its null); None keeps either.
 
@@ -108,7 +108,7 @@ class Similar:
         pressure = (wanted - par.ambient) / (par.supply - par.ambient)
         return cls(length, area, pressure, wanted / par.supply, command / par.command_range)
 
-    def rig(self, par: Parameters) -> Parameters:
+    def scale_rig(self, par: Parameters) -> Parameters:
         """Return the similar rig."""
         ratios = (self.length, self.area, self.pressure, self.supply, self.command)
         factors = {
@@ -118,7 +118,7 @@ class Similar:
         changed = {field: getattr(par, field) * factor for field, factor in factors.items()}
         return par._replace(supply=par.supply * self.supply, **changed)
 
-    def sensors(self, sensors: Sensors) -> Sensors:
+    def scale_sensors(self, sensors: Sensors) -> Sensors:
         """Return sensors whose noise is the same share of what they measure; encoders have decimal steps."""
         return replace(
             sensors,

@@ -7,14 +7,14 @@ import numpy as np
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 
-CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
+ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
 
 
-def arranged(
+def draw_variant(
     par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
 ) -> tuple[Parameters, tuple[str, ...]]:
     """Return the usual rig with these valves, loads and ends, and the effects that its pipeline file knows by this."""
-    par = _ends(_valves(par, conditions, rng), rng)
+    par = _with_end_stops(_with_valves(par, conditions, rng), rng)
     force = (par.supply - par.ambient) * par.piston_area_1
     if conditions.differential:
         par = par._replace(piston_area_2=par.piston_area_1 * rng.uniform(0.4, 0.7))
@@ -34,7 +34,7 @@ def arranged(
     return par, ()
 
 
-def _valves(par: Parameters, conditions: Conditions, rng: np.random.Generator) -> Parameters:
+def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generator) -> Parameters:
     par = par._replace(switching=float(conditions.switching), command_null=conditions.null)
     if conditions.null_stated == "identify":
         par = par._replace(command_null=conditions.null + rng.uniform(-0.15, 0.15))
@@ -43,14 +43,14 @@ def _valves(par: Parameters, conditions: Conditions, rng: np.random.Generator) -
     # the edges of one spool differ a little, two valves as two of a series do
     spread = 0.12 if conditions.valve == "5/3" else 0.25
     return par._replace(
-        arrangement=CODES[conditions.valve],
+        arrangement=ARRANGEMENT_CODES[conditions.valve],
         effective_area_2=par.effective_area * rng.uniform(1 - spread, 1 + spread),
         overlap_2=par.overlap * rng.uniform(1 - spread, 1 + spread),
         exponent_2=max(1.0, par.exponent + spread * rng.uniform(-0.4, 0.4)),
     )
 
 
-def _ends(par: Parameters, rng: np.random.Generator) -> Parameters:
+def _with_end_stops(par: Parameters, rng: np.random.Generator) -> Parameters:
     """Ends that the full supply presses in by 0.2 to 1 thousandth of the stroke, half of them so that it bounces."""
     pressed = par.stroke * rng.uniform(2e-4, 1e-3)
     stiffness = (par.supply - par.ambient) * par.piston_area_1 / pressed

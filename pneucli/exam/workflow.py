@@ -15,15 +15,15 @@ import pyarrow as pa
 from pneucli.errors import InputError
 from pneucli.exam.cases import write_exam
 from pneucli.exam.conditions import USUAL
-from pneucli.exam.grade_tables import case_rows, rows, to_markdown
-from pneucli.exam.grading import SECONDS, graded_cases
+from pneucli.exam.grade_tables import case_rows, measure_rows, to_markdown
+from pneucli.exam.grading import SECONDS_FILE, graded_cases
 from pneucli.exam.grading import grade as grade_answers
-from pneucli.executors import engine_from, stream
+from pneucli.executors import engine_from, run_jobs
 from pneucli.io.artifacts import Provenance, TableWriter, atomic_path, schema_of
-from pneucli.pipeline.context import Progress, silent
-from pneucli.pipeline.manifest import identity, program_digest
+from pneucli.pipeline.context import Progress, no_progress
+from pneucli.pipeline.manifest import program_digest, program_versions
 from pneucli.pipeline.runner import open_pipeline
-from pneucli.stages.pipeline_file import load
+from pneucli.stages.pipeline_file import load_pipeline_file
 
 __all__ = ["answer", "grade", "to_markdown", "write"]
 
@@ -32,7 +32,7 @@ ANSWERS = "answers"
 GRADES, SUMMARY = "grades.json", "grades.md"
 GRADES_TABLE, CASES_TABLE = "grades.parquet", "cases.parquet"
 FAILED = "failed"
-UNITS = {
+COLUMN_UNITS = {
     "value": "see column unit",
     "right": "1",
     "of": "1",
@@ -60,7 +60,7 @@ def write(
     """
     program = program_digest()
     about = {"seed_from": "program" if seed is None else "given", "program": program}
-    seed = seed_of(program) if seed is None else seed
+    seed = seed_from_program(program) if seed is None else seed
     names = write_exam(directory, cases, nulls, size, seed, conditions, about)
     return {
         "schema": "pneucli/exam-written/1",
@@ -73,12 +73,12 @@ def write(
     }
 
 
-def seed_of(program: str) -> int:
+def seed_from_program(program: str) -> int:
     """The seed that follows from a program's version and hash."""
     return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
 
 
-def answer(directory: Path, progress: Progress = silent, executor: str | None = None) -> dict[str, Any]:
+def answer(directory: Path, progress: Progress = no_progress, executor: str | None = None) -> dict[str, Any]:
     """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet; note the seconds of each.
 
     A case that fails gets the verdict ``failed`` and the error for an answer; delete that file to try it again.
@@ -94,19 +94,19 @@ def answer(directory: Path, progress: Progress = silent, executor: str | None = 
         _answer_all(lacking, executor, progress)
     given = {case: _read(answers / f"{case}.json") for case in cases}
     noted = {case: content["seconds"] for case, content in given.items() if "seconds" in content}
-    _write(answers / SECONDS, _read(answers / SECONDS) | noted)
+    _write(answers / SECONDS_FILE, _read(answers / SECONDS_FILE) | noted)
     return {
         "schema": "pneucli/exam-answered/1",
         "answered": [case for case, content in given.items() if content.get("verdict") != FAILED],
         "failed": {case: content["error"] for case, content in given.items() if content.get("verdict") == FAILED},
-        "seconds": _read(answers / SECONDS),
+        "seconds": _read(answers / SECONDS_FILE),
     }
 
 
 def _answer_all(lacking: deque[Job], executor: str | None, progress: Progress) -> None:
     total = len(lacking)
-    with engine_from(executor, identity, preload=__name__) as engine:
-        for done, outcome in enumerate(stream(engine, answer_case, lacking), 1):
+    with engine_from(executor, program_versions, preload=__name__) as engine:
+        for done, outcome in enumerate(run_jobs(engine, answer_case, lacking), 1):
             if isinstance(outcome.error, ChildProcessError):
                 _, answers, case = outcome.job
                 _write(Path(answers) / f"{case}.json", _failed(outcome.error))
@@ -120,7 +120,7 @@ def answer_case(job: Job) -> str:
     pipeline, answers, case = job
     begun = time.process_time()
     try:
-        done = open_pipeline(Path(pipeline), load).bring_up(["diagnose"])
+        done = open_pipeline(Path(pipeline), load_pipeline_file).update(["diagnose"])
         content = dict(done["diagnose"].answer)
     except Exception as error:  # one case must not stop the others
         content = _failed(error)
@@ -145,16 +145,16 @@ def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
     with atomic_path(answers / SUMMARY) as path:
         path.write_text(to_markdown(result), encoding="utf-8")
     made_of = Provenance(parameters={"exam": result["exam"], "answered_by": result["answered_by"]})
-    _table(answers / GRADES_TABLE, rows(result), "pneucli/exam-grades/1", made_of)
-    _table(answers / CASES_TABLE, case_rows(graded_cases(directory, answers)), "pneucli/exam-cases/1", made_of)
+    _write_rows(answers / GRADES_TABLE, measure_rows(result), "pneucli/exam-grades/1", made_of)
+    _write_rows(answers / CASES_TABLE, case_rows(graded_cases(directory, answers)), "pneucli/exam-cases/1", made_of)
     return result
 
 
-def _table(path: Path, lines: Sequence[Mapping[str, Any]], schema: str, provenance: Provenance) -> None:
-    """Write rows of texts and, in the columns of ``UNITS``, numbers that may be absent."""
+def _write_rows(path: Path, lines: Sequence[Mapping[str, Any]], schema: str, provenance: Provenance) -> None:
+    """Write rows of texts and, in the columns of ``COLUMN_UNITS``, numbers that may be absent."""
     names = list(lines[0])
-    types = {name: pa.float64() if name in UNITS else pa.string() for name in names}
-    with TableWriter(path, schema_of(types, units=UNITS, schema=schema, provenance=provenance)) as writer:
+    types = {name: pa.float64() if name in COLUMN_UNITS else pa.string() for name in names}
+    with TableWriter(path, schema_of(types, units=COLUMN_UNITS, schema=schema, provenance=provenance)) as writer:
         writer.write({name: [line[name] for line in lines] for name in names})
 
 

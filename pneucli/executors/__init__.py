@@ -5,21 +5,21 @@ Everything that is many (rigs of a fleet, cases of an exam, runs of a Monte Carl
 
 from __future__ import annotations
 
-from pneucli.executors.dask_cluster import Cluster, Identity, require_cluster
-from pneucli.executors.engine import DIED, Engine, Processes, Threads, engine_from, workers
-from pneucli.executors.job_stream import WORKER_DIED, Outcome, stream
+from pneucli.executors.dask_cluster import DaskCluster, Identity, require_cluster
+from pneucli.executors.engine import WORKER_DEATH_ERRORS, Engine, ProcessEngine, ThreadEngine, engine_from, thread_count
+from pneucli.executors.job_stream import WORKER_DIED, Outcome, run_jobs
 
 __all__ = [
-    "DIED",
+    "WORKER_DEATH_ERRORS",
     "WORKER_DIED",
-    "Cluster",
+    "DaskCluster",
     "Engine",
     "Identity",
     "Outcome",
-    "Processes",
-    "Threads",
+    "ProcessEngine",
+    "ThreadEngine",
     "engine_from",
     "require_cluster",
-    "stream",
-    "workers",
+    "run_jobs",
+    "thread_count",
 ]

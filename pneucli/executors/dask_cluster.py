@@ -14,17 +14,17 @@ from threading import Thread
 from typing import Any
 from urllib.parse import urlsplit
 
-from pneucli.document import read
+from pneucli.document import read_toml
 from pneucli.errors import InputError
 
-PATIENCE = 5.0  # s, until a cluster has answered
-STARTING = 600.0  # s, until the first worker of a queue has started
-LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
-KEYS = ("class", "workers", "minimum", "maximum", "options")
+ANSWER_TIMEOUT = 5.0  # s, until a cluster has answered
+START_TIMEOUT = 600.0  # s, until the first worker of a queue has started
+DASK_LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
+CLUSTER_KEYS = ("class", "workers", "minimum", "maximum", "options")
 Identity = Callable[[], Mapping[str, str]]
 
 
-class Cluster:
+class DaskCluster:
     """Workers of a Dask cluster; what a worker that died had to do is done by another."""
 
     def __init__(self, client: Any, name: str, identity: Identity | None) -> None:
@@ -43,15 +43,15 @@ class Cluster:
         future: Future[Any] = self._executor.submit(work, *arguments)
         return future
 
-    def died(self, error: BaseException) -> bool:
+    def is_worker_death(self, error: BaseException) -> bool:
         """Whether several workers died of it (``KilledWorker``), or its result was lost with one."""
         return type(error).__name__ in {"KilledWorker", "ComputeError"} or isinstance(error, CancelledError)
 
-    def renew(self) -> None:
+    def replace_workers(self) -> None:
         """Nothing: nannies start workers again; those that are new must run the same program."""
         self.check_versions()
 
-    def check(self) -> None:
+    def require_alive(self) -> None:
         """Raise InputError where the scheduler is gone."""
         if self._client.status != "running":
             found = f"the cluster at {self._name} went away"
@@ -69,11 +69,11 @@ class Cluster:
             answers = self._client.run(self._identity, workers=sorted(there), on_error="return")
         except (OSError, TimeoutError):  # gone meanwhile
             return
-        refuse_others(self._identity(), answers, self._name)
+        require_same_identity(self._identity(), answers, self._name)
         self._seen |= there
 
 
-def refuse_others(own: Mapping[str, str], answers: Mapping[str, Any], name: str) -> None:
+def require_same_identity(own: Mapping[str, str], answers: Mapping[str, Any], name: str) -> None:
     """Raise InputError with each difference between this client's identity and the workers' ``answers``."""
     faults = []
     for worker, theirs in sorted(answers.items()):
@@ -94,46 +94,46 @@ def refuse_others(own: Mapping[str, str], answers: Mapping[str, Any], name: str)
 
 
 @contextmanager
-def connected(address: str, identity: Identity | None = None) -> Iterator[Cluster]:
+def connect_cluster(address: str, identity: Identity | None = None) -> Iterator[DaskCluster]:
     """Yield the cluster at ``dask://host:port``.
 
     Raises InputError for another address, where nobody answers, where there are no workers, or one differs.
     """
     require_cluster(address)
-    with _hushed(), _client(address) as client:
+    with _silenced_loggers(), _client(address) as client:
         if not client.scheduler_info()["workers"]:
             mend = "start one: dask worker HOST:PORT"
             raise InputError("--executor", f"the cluster at {address} has no workers", "at least one", mend)
-        yield Cluster(client, address, identity)
+        yield DaskCluster(client, address, identity)
 
 
 @contextmanager
-def from_file(path: Path, identity: Identity | None = None) -> Iterator[Cluster]:
+def start_cluster(path: Path, identity: Identity | None = None) -> Iterator[DaskCluster]:
     """Start the cluster that a TOML file describes, yield it, and end it.
 
     ``class`` is a dotted name such as ``dask_jobqueue.SLURMCluster``, ``options`` its arguments; so many ``workers``
     are asked for, or from ``minimum`` to ``maximum`` as there is work. Raises InputError where that cannot be done.
     """
-    _, tables = read(path)
+    _, tables = read_toml(path)
     table = tables.get("cluster", {})
-    if unknown := set(table) - set(KEYS):
-        raise InputError(f"{path}, key cluster.{min(unknown)}", "unknown key", f"one of {', '.join(KEYS)}")
+    if unknown := set(table) - set(CLUSTER_KEYS):
+        raise InputError(f"{path}, key cluster.{min(unknown)}", "unknown key", f"one of {', '.join(CLUSTER_KEYS)}")
     make = _class(str(table.get("class", "")), f"{path}, key cluster.class")
     client_of = _distributed().Client
     try:
         cluster = make(**table.get("options", {}))
     except Exception as error:  # whatever a queueing system may say
         raise InputError(f"{path}, key cluster.options", f"{type(error).__name__}: {error}") from error
-    with _hushed(), cluster, client_of(cluster) as client:
-        _grow(cluster, table)
+    with _silenced_loggers(), cluster, client_of(cluster) as client:
+        _scale(cluster, table)
         _wait(client, path)
-        yield Cluster(client, str(path), identity)
+        yield DaskCluster(client, str(path), identity)
 
 
 @contextmanager
-def _hushed() -> Iterator[None]:
+def _silenced_loggers() -> Iterator[None]:
     """Let Dask's loggers say nothing meanwhile: what is lost and done again is no news, what matters is raised."""
-    loggers = [logging.getLogger(name) for name in LOGGERS]
+    loggers = [logging.getLogger(name) for name in DASK_LOGGERS]
     before = [one.level for one in loggers]
     for one in loggers:
         one.setLevel(logging.CRITICAL + 1)
@@ -144,7 +144,7 @@ def _hushed() -> Iterator[None]:
             one.setLevel(level)
 
 
-def _grow(cluster: Any, table: Mapping[str, Any]) -> None:
+def _scale(cluster: Any, table: Mapping[str, Any]) -> None:
     if "maximum" in table:
         cluster.adapt(minimum=int(table.get("minimum", 0)), maximum=int(table["maximum"]))
     elif "workers" in table:
@@ -153,9 +153,9 @@ def _grow(cluster: Any, table: Mapping[str, Any]) -> None:
 
 def _wait(client: Any, path: Path) -> None:
     try:
-        client.wait_for_workers(1, timeout=STARTING)
+        client.wait_for_workers(1, timeout=START_TIMEOUT)
     except TimeoutError as error:
-        raise InputError(str(path), f"no worker started within {STARTING:g} s", "at least one") from error
+        raise InputError(str(path), f"no worker started within {START_TIMEOUT:g} s", "at least one") from error
 
 
 def _class(name: str, where: str) -> Callable[..., Any]:
@@ -183,11 +183,11 @@ def _client(address: str) -> Any:
 
     def connect() -> None:
         with suppress(Exception):  # what answers may be anything
-            clients.put(client_of(address.replace("dask://", "tcp://", 1), timeout=PATIENCE))
+            clients.put(client_of(address.replace("dask://", "tcp://", 1), timeout=ANSWER_TIMEOUT))
 
     Thread(target=connect, daemon=True).start()
     try:
-        return clients.get(timeout=PATIENCE)
+        return clients.get(timeout=ANSWER_TIMEOUT)
     except Empty as error:
         raise _no_answer(address) from error
 
@@ -201,7 +201,7 @@ def require_cluster(address: str) -> None:
         return
     host, port = _host_and_port(address)
     try:
-        socket.create_connection((host, port), timeout=PATIENCE).close()
+        socket.create_connection((host, port), timeout=ANSWER_TIMEOUT).close()
     except OSError as error:
         raise _no_answer(address) from error
 
@@ -219,4 +219,6 @@ def _host_and_port(address: str) -> tuple[str, int]:
 
 def _no_answer(address: str) -> InputError:
     mend = "start it (dask scheduler), check the address, or leave --executor out"
-    return InputError("--executor", f"no cluster answers at {address} within {PATIENCE:g} s", "a Dask scheduler", mend)
+    return InputError(
+        "--executor", f"no cluster answers at {address} within {ANSWER_TIMEOUT:g} s", "a Dask scheduler", mend
+    )

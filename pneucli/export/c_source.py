@@ -7,16 +7,22 @@ from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.export.c_translator import DOUBLE, FLOAT, Real, c_functions
-from pneucli.export.controller_program import constants, controller_hash, filled, functions_of, states_of
+from pneucli.export.controller_program import (
+    controller_functions,
+    controller_hash,
+    fill_template,
+    physical_constants,
+    state_names,
+)
 
-NAME = "pneucli_controller"
-REPLAY = "pneucli_replay.c"
+BASE_NAME = "pneucli_controller"
+REPLAY_FILE = "pneucli_replay.c"
 PRECISIONS = {"float64": DOUBLE, "float32": FLOAT}
 
 
 def header(controller: Controller, pipeline: str, precision: str = "float64") -> str:
     """Return ``pneucli_controller.h``."""
-    return filled(
+    return fill_template(
         "controller.h",
         VERSION=__version__,
         PIPELINE=_comment(pipeline),
@@ -32,25 +38,25 @@ def header(controller: Controller, pipeline: str, precision: str = "float64") ->
 def source(controller: Controller, pipeline: str, precision: str = "float64") -> str:
     """Return ``pneucli_controller.c``; every equation in it is translated from the law's own sample."""
     law, real = LAWS[controller.law], PRECISIONS[precision]
-    defined = [f"#define {name} {real.number(value)}" for name, value in constants().items()]
-    return filled(
+    defined = [f"#define {name} {real.number(value)}" for name, value in physical_constants().items()]
+    return fill_template(
         "controller.c",
         VERSION=__version__,
         PIPELINE=_comment(pipeline),
-        STATE=", ".join(states_of(controller.law)),
+        STATE=", ".join(state_names(controller.law)),
         STATES=str(layout.L_STATES),
         PARAMETERS=", ".join(layout.PARAMETERS),
         OWN="".join(f"enum {{ {name} = {law.constants[name]} }};\n" for name in law.parameters),
         STEP=law.step.__name__,
         REAL=real.type,
         NUMBERS="\n".join(_numbers(controller, real)),
-        FUNCTIONS="\n".join([*defined, "", c_functions(functions_of(controller.law), real)]),
+        FUNCTIONS="\n".join([*defined, "", c_functions(controller_functions(controller.law), real)]),
     )
 
 
 def replay_program(precision: str = "float64") -> str:
     """Return ``pneucli_replay.c``, which runs a replay file through the controller and says how far it is off."""
-    return filled("replay.c", REAL=PRECISIONS[precision].type)
+    return fill_template("replay.c", REAL=PRECISIONS[precision].type)
 
 
 def _numbers(controller: Controller, real: Real) -> list[str]:

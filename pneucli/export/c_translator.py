@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from pneucli.export.type_inference import COMMON, Kinds, tree_of
+from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, syntax_tree
 
-LIBRARY = ("fabs", "sqrt", "isfinite")
+MATH_FUNCTIONS = ("fabs", "sqrt", "isfinite")
 BUILT_IN = {"min": "smaller", "max": "larger", "int": "(int)"}
 OPERATORS: dict[type[ast.AST], str] = {
-    **COMMON,
+    **COMMON_OPERATORS,
     ast.Eq: "==",
     ast.NotEq: "!=",
     ast.And: "&&",
@@ -55,8 +55,8 @@ def c_functions(functions: Iterable[Callable[..., Any]], real: Real = DOUBLE) ->
 
 def c_function(function: Callable[..., Any], real: Real = DOUBLE) -> str:
     """Return one function as C99. Raises ``ValueError`` for Python that has no counterpart here."""
-    tree = tree_of(function)
-    kinds, writer = Kinds(tree), _Writer(real)
+    tree = syntax_tree(function)
+    kinds, writer = InferredTypes(tree), _CWriter(real)
     arrays = {"s": f"{real.type} *s", "c": f"const {real.type} *c"}
     given = ", ".join(
         arrays.get(name) or f"{'int' if name in kinds.whole else real.type} {name}" for name in kinds.arguments
@@ -70,7 +70,7 @@ def c_function(function: Callable[..., Any], real: Real = DOUBLE) -> str:
 
 
 @dataclass(frozen=True)
-class _Writer:
+class _CWriter:
     """Writes statements and expressions."""
 
     real: Real
@@ -132,7 +132,7 @@ class _Writer:
 
     def callee(self, node: ast.expr) -> str:
         match node:
-            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in LIBRARY:
+            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in MATH_FUNCTIONS:
                 return self.real.function(name)
             case ast.Name(id=name):
                 return BUILT_IN.get(name, name)

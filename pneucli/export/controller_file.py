@@ -9,17 +9,17 @@ from typing import Any
 
 from pneucli import __version__
 from pneucli.controller import layout
-from pneucli.controller.laws import LAWS, law_named
+from pneucli.controller.laws import LAWS, find_law
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError
-from pneucli.export.controller_program import controller_hash, program_hash, states_of
+from pneucli.export.controller_program import controller_hash, program_hash, state_names
 
-NAME = "pneucli_controller.json"
+FILE_NAME = "pneucli_controller.json"
 SCHEMA = "pneucli/controller/1"
 
 
 @dataclass(frozen=True)
-class Exported:
+class ExportedController:
     """A controller as it was exported: its numbers, its precision (``float64``, ``float32``), and the hash of both."""
 
     controller: Controller
@@ -27,7 +27,7 @@ class Exported:
     hash: str
 
 
-def document(controller: Controller, pipeline: str, precision: str) -> str:
+def to_json(controller: Controller, pipeline: str, precision: str) -> str:
     """Return the text of the file: hash, parameters with their units, tables, and the names of the states."""
     about = {
         "schema": SCHEMA,
@@ -39,36 +39,38 @@ def document(controller: Controller, pipeline: str, precision: str) -> str:
         "title": LAWS[controller.law].title,
         "precision": precision,
         "period_s": controller.period,
-        "states": states_of(controller.law),
+        "states": state_names(controller.law),
         "units": {name: layout.UNITS.get(name, "1") for name in controller.values},
         "parameters": asdict(controller),
     }
     return json.dumps(about, indent=1) + "\n"
 
 
-def load(path: Path, where: str) -> Exported:
+def load_controller(path: Path, where: str) -> ExportedController:
     """Return the controller that was exported beside or as ``path``: any file of the folder names it.
 
     Raises InputError, which ``where`` begins, where there is none, it was changed, or its program is not this one's.
     """
-    path = path if path.suffix == ".json" else path.parent / NAME
+    path = path if path.suffix == ".json" else path.parent / FILE_NAME
     try:
         plain = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        wanted = f"a file that pneucli export wrote, {NAME} beside it"
+        wanted = f"a file that pneucli export wrote, {FILE_NAME} beside it"
         raise InputError(where, f"{path}: cannot be read ({type(error).__name__})", wanted) from error
     if not isinstance(plain, dict) or plain.get("schema") != SCHEMA:
         raise InputError(where, f"{path} is no exported controller", f"one of schema {SCHEMA}", 'or write "unknown"')
     try:
-        law = law_named(plain["law"], where).name
-        found = Exported(Controller.from_json(json.dumps(plain["parameters"])), plain["precision"], plain["hash"])
+        law = find_law(plain["law"], where).name
+        found = ExportedController(
+            Controller.from_json(json.dumps(plain["parameters"])), plain["precision"], plain["hash"]
+        )
     except (KeyError, TypeError) as error:
         raise InputError(where, f"{path} lacks {error}", f"one of schema {SCHEMA}", "export it again") from error
     _require_same(plain, found, law, f"{where}: {path}")
     return found
 
 
-def _require_same(plain: dict[str, Any], found: Exported, law: str, where: str) -> None:
+def _require_same(plain: dict[str, Any], found: ExportedController, law: str, where: str) -> None:
     mend = 'export it again, load it onto the machine, and record anew; or write controller = "unknown"'
     if plain.get("program_hash") != program_hash(law):
         raise InputError(where, f"written by another program (pneucli {plain.get('program')})", "this one's", mend)

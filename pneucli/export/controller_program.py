@@ -12,41 +12,49 @@ from typing import Any
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
-from pneucli.controller.operation import asked, enable, finish, pause, reset, set_supply, shut
+from pneucli.controller.operation import (
+    active_reference,
+    close_valves,
+    enable,
+    finish_commands,
+    pause,
+    reset,
+    set_supply,
+)
 from pneucli.controller.parameters import Controller
 from pneucli.controller.pressure_level import set_level
-from pneucli.export.type_inference import tree_of
+from pneucli.export.type_inference import syntax_tree
 from pneucli.physics import gas
 
-OPERATION: tuple[Callable[..., Any], ...] = (
+OPERATION_FUNCTIONS: tuple[Callable[..., Any], ...] = (
     set_supply,
     set_level,
     enable,
     pause,
     reset,
-    asked,
-    finish,
-    shut,
+    active_reference,
+    finish_commands,
+    close_valves,
 )  # what is called around a law
 
 
-def functions_of(law: str) -> list[FunctionType]:
+def controller_functions(law: str) -> list[FunctionType]:
     """Return the functions that a law and its operation need, each after those that it calls."""
-    roots: list[Callable[..., Any]] = [LAWS[law].step, *OPERATION]
+    roots: list[Callable[..., Any]] = [LAWS[law].step, *OPERATION_FUNCTIONS]
     return list({f.__name__: f for root in roots for f in callees_first(root)}.values())
 
 
-def constants() -> dict[str, float]:
+def physical_constants() -> dict[str, float]:
     """Return the physical constants by name."""
     return {name: value for name, value in vars(gas).items() if isinstance(value, float)}
 
 
-def states_of(law: str) -> list[str]:
+def state_names(law: str) -> list[str]:
     """Return the names of all states, in the order in which they stand."""
     return [*layout.STATE, *LAWS[law].states]
 
 
-def filled(name: str, **values: str) -> str:
+def fill_template(name: str, **values: str) -> str:
     """Return a template with what stands between @ and @ filled in."""
     text = files("pneucli.export").joinpath("templates", name).read_text(encoding="utf-8")
     for key, value in values.items():
@@ -54,8 +62,8 @@ def filled(name: str, **values: str) -> str:
     return text
 
 
-def _executed(function: FunctionType) -> str:
-    tree = tree_of(function)
+def _executable_text(function: FunctionType) -> str:
+    tree = syntax_tree(function)
     tree.body = tree.body[1:] if ast.get_docstring(tree) else tree.body
     return ast.unparse(tree)
 
@@ -65,8 +73,8 @@ def program_hash(law: str) -> str:
 
     What is said about it, in comments and docstrings, does not count.
     """
-    text = "\n".join(_executed(f) for f in functions_of(law))
-    return hashlib.sha256(f"{text}\n{states_of(law)}\n{constants()}".encode()).hexdigest()
+    text = "\n".join(_executable_text(f) for f in controller_functions(law))
+    return hashlib.sha256(f"{text}\n{state_names(law)}\n{physical_constants()}".encode()).hexdigest()
 
 
 def controller_hash(controller: Controller, precision: str) -> str:

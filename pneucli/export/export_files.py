@@ -12,20 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import savemat
 
-from pneucli.closed_loop.scenarios import start_at
-from pneucli.closed_loop.simulation import Bench, Run, Scenario, run
+from pneucli.closed_loop.scenarios import equilibrium_at
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
 from pneucli.export import c_source, controller_file, structured_text
-from pneucli.export.single_precision import in_single
+from pneucli.export.single_precision import run_in_single_precision
 from pneucli.io.artifacts import atomic_path
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
-Table = Mapping[str, NDArray[Any] | list[str]]
-REPLAY, REPLAY_ST = "pneucli_replay.csv", "pneucli_replay_st.csv"
-COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty", "level")
-REPLAY_S = 60.0
+Columns = Mapping[str, NDArray[Any] | list[str]]
+REPLAY_FILE, REPLAY_ST_FILE = "pneucli_replay.csv", "pneucli_replay_st.csv"
+REPLAY_COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty", "level")
+REPLAY_DURATION = 60.0
 
 
 def replay_scenario(controller: Controller) -> Scenario:
@@ -35,7 +35,7 @@ def replay_scenario(controller: Controller) -> Scenario:
     and a start from there.
     """
     v = controller.values
-    time = np.arange(0.0, REPLAY_S, controller.period)
+    time = np.arange(0.0, REPLAY_DURATION, controller.period)
     centre, amplitude = 0.5 * v["C_STROKE"], 0.15 * v["C_STROKE"]
     steps = amplitude * np.sign(np.sin(2 * np.pi * time / 7.0)) * (time > 1.0)
     sine = amplitude * np.sin(2 * np.pi * 0.5 * time)
@@ -46,61 +46,73 @@ def replay_scenario(controller: Controller) -> Scenario:
     lost = (("p1", 9.0, 9.05), ("x", 16.0, 16.02), ("p2", 25.0, 30.0), ("x", 58.0, 58.3))
     supply = v["C_SUPPLY"] - 0.15 * (v["C_SUPPLY"] - v["C_AMBIENT"]) * ((time > 12.0) & (time < 20.0))
     duty = np.zeros(time.size)
-    duty[(time > 28.3) & (time < 29.2)] = layout.DUTIES.index("hold")
-    duty[(time > 45.0) & (time < 46.0)] = layout.DUTIES.index("off")
-    duty[np.argmax(time >= 34.0)] = layout.DUTIES.index("reset")
+    duty[(time > 28.3) & (time < 29.2)] = layout.OPERATING_MODES.index("hold")
+    duty[(time > 45.0) & (time < 46.0)] = layout.OPERATING_MODES.index("off")
+    duty[np.argmax(time >= 34.0)] = layout.OPERATING_MODES.index("reset")
     level = np.where((time > 22.0) & (time < 27.0), 0.7 * v["C_P_MEAN"] + 0.3 * v["C_P_HIGH"], 0.0)
-    start = start_at(v, centre)
+    start = equilibrium_at(v, centre)
     return Scenario(
-        "replay", centre + offset, force, np.asarray(supply, dtype=np.float64), start, lost, duty=duty, level=level
+        "replay",
+        centre + offset,
+        force,
+        np.asarray(supply, dtype=np.float64),
+        start,
+        lost,
+        operating_mode=duty,
+        level=level,
     )
 
 
-def test_vectors(result: Run) -> dict[str, Array]:
+def replay_vectors(result: Run) -> dict[str, Array]:
     """Return what the controller read and answered, by the columns of the replay file, each of shape ``(n,)``."""
     readings = (layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2)
-    places = (*readings, layout.L_U1, layout.L_U2, layout.L_SUPPLY, layout.L_DUTY, layout.L_LEVEL)
-    logged = dict(zip(COLUMNS[1:], result.log[:, places].T, strict=True))
+    places = (*readings, layout.L_U1, layout.L_U2, layout.L_SUPPLY, layout.L_MODE, layout.L_LEVEL)
+    logged = dict(zip(REPLAY_COLUMNS[1:], result.log[:, places].T, strict=True))
     return {"x_ref": result.scenario.reference, **logged}
 
 
-def replayed(controller: Controller, model: Model, bench: Bench) -> Run:
+def run_replay(controller: Controller, model: Model, bench: ClosedLoopSetup) -> Run:
     """Return the minute of the replay, in which the supply is measured."""
-    return run(model, controller, replay_scenario(controller), replace(bench, supply=True))
+    return simulate(model, controller, replay_scenario(controller), replace(bench, supply=True))
 
 
 def write_c(
-    folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str, precision: str = "float64"
+    folder: Path,
+    controller: Controller,
+    model: Model,
+    bench: ClosedLoopSetup,
+    pipeline: str,
+    precision: str = "float64",
 ) -> dict[str, float]:
     """Write header, source, test vectors and the program that replays them.
 
     The vectors hold what this precision commands. Return by how much samples differ from those in double
     precision; nothing where that is what it has.
     """
-    _write(folder / f"{c_source.NAME}.h", c_source.header(controller, pipeline, precision))
-    _write(folder / f"{c_source.NAME}.c", c_source.source(controller, pipeline, precision))
-    _write(folder / c_source.REPLAY, c_source.replay_program(precision))
-    vectors, found = test_vectors(replayed(controller, model, bench)), {}
+    _write(folder / f"{c_source.BASE_NAME}.h", c_source.header(controller, pipeline, precision))
+    _write(folder / f"{c_source.BASE_NAME}.c", c_source.source(controller, pipeline, precision))
+    _write(folder / c_source.REPLAY_FILE, c_source.replay_program(precision))
+    vectors, found = replay_vectors(run_replay(controller, model, bench)), {}
     if precision == "float32":
-        single = in_single(controller, vectors)
+        single = run_in_single_precision(controller, vectors)
         found = single.difference()
         vectors |= {"u1": single.commands[:, 0], "u2": single.commands[:, 1]}
-    write_csv(folder / REPLAY, vectors)
+    write_csv(folder / REPLAY_FILE, vectors)
     return found
 
 
-def write_st(folder: Path, controller: Controller, model: Model, bench: Bench, pipeline: str) -> None:
+def write_st(folder: Path, controller: Controller, model: Model, bench: ClosedLoopSetup, pipeline: str) -> None:
     """Write the structured text and its test vectors."""
-    _write(folder / structured_text.NAME, structured_text.source(controller, pipeline))
-    write_csv(folder / REPLAY_ST, test_vectors(replayed(controller, model, bench)))
+    _write(folder / structured_text.FILE_NAME, structured_text.source(controller, pipeline))
+    write_csv(folder / REPLAY_ST_FILE, replay_vectors(run_replay(controller, model, bench)))
 
 
 def write_replay(folder: Path, controller: Controller, pipeline: str, precision: str) -> None:
     """Write the controller as the file that a log of it names."""
-    _write(folder / controller_file.NAME, controller_file.document(controller, pipeline, precision))
+    _write(folder / controller_file.FILE_NAME, controller_file.to_json(controller, pipeline, precision))
 
 
-def write_csv(path: Path, table: Table) -> None:
+def write_csv(path: Path, table: Columns) -> None:
     """Write columns with a header line; numbers so that they are read back to the last bit."""
     text = io.StringIO()
     text.write(",".join(table) + "\n")
@@ -109,7 +121,7 @@ def write_csv(path: Path, table: Table) -> None:
     _write(path, text.getvalue())
 
 
-def write_mat(path: Path, controller: Controller, tables: Mapping[str, Table]) -> None:
+def write_mat(path: Path, controller: Controller, tables: Mapping[str, Columns]) -> None:
     """Write a MATLAB file (v5): the controller's numbers and inverse tables, and each table as a struct of columns."""
     numbers = {name.removeprefix("C_").lower(): value for name, value in controller.values.items()}
     content: dict[str, Any] = {

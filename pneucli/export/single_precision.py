@@ -19,19 +19,19 @@ from pneucli.controller import codegen, layout, operation
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
-from pneucli.export.controller_program import functions_of
+from pneucli.export.controller_program import controller_functions
 
 Array = NDArray[np.float64]
-MATH = SimpleNamespace(
+SINGLE_PRECISION_MATH = SimpleNamespace(
     sqrt=lambda value: np.float32(math.sqrt(value)), fabs=lambda value: np.float32(abs(value)), isfinite=math.isfinite
 )
 
 
-EVERY = 10  # samples, of those at which the difference is taken
+COMPARISON_INTERVAL = 10  # samples, of those at which the difference is taken
 
 
 @dataclass(frozen=True)
-class Single:
+class SinglePrecisionRun:
     """The commands in V in single precision, shape (n, 2), and by how much single samples differ from double ones.
 
     Each of these samples starts from the same state: left to itself a replay drifts, as no axis answers. ``rms_v`` is
@@ -48,9 +48,9 @@ class Single:
         return {"rms_v": self.rms_v, "p99_v": self.p99_v, "largest_v": self.largest_v}
 
 
-def in_single(controller: Controller, vectors: Mapping[str, Array]) -> Single:
+def run_in_single_precision(controller: Controller, vectors: Mapping[str, Array]) -> SinglePrecisionRun:
     """Return what the controller answers to the readings of a replay file, by its columns, each of shape (n,)."""
-    single, which = _bound(controller.law)["operate"], list(LAWS).index(controller.law)
+    single, which = _single_precision_functions(controller.law)["operate"], list(LAWS).index(controller.law)
     double: Callable[..., None] = codegen.operate
     numbers, state = controller.vector(), np.zeros(layout.L_STATES)
     numbers_32, state_32 = numbers.astype(np.float32), state.astype(np.float32)
@@ -59,7 +59,7 @@ def in_single(controller: Controller, vectors: Mapping[str, Array]) -> Single:
     with np.errstate(all="ignore"):
         for k, row in enumerate(zip(*columns, strict=True)):
             row_32 = tuple(map(np.float32, row))
-            before = state.astype(np.float32) if k % EVERY == 0 else None
+            before = state.astype(np.float32) if k % COMPARISON_INTERVAL == 0 else None
             double(which, *row, state, numbers)
             single(which, *row_32, state_32, numbers_32)
             out[k] = state_32[layout.S_U1], state_32[layout.S_U2]
@@ -68,18 +68,18 @@ def in_single(controller: Controller, vectors: Mapping[str, Array]) -> Single:
                 off.append([before[i] - state[i] for i in (layout.S_U1, layout.S_U2)])
     far = np.abs(off).max(axis=1)
     p99 = float(np.percentile(far, 99.0))
-    return Single(out, float(np.sqrt(np.mean(far[far <= p99] ** 2))), p99, float(far.max()))
+    return SinglePrecisionRun(out, float(np.sqrt(np.mean(far[far <= p99] ** 2))), p99, float(far.max()))
 
 
-def rows_in_single(controller: Controller, signals: Mapping[str, Array], began: str) -> Array:
+def replay_in_single_precision(controller: Controller, signals: Mapping[str, Array], start: str) -> Array:
     """Return :func:`pneucli.closed_loop.simulation.replay_rows` in single precision; commands and estimates alone."""
-    world, numbers = _bound(controller.law), controller.vector().astype(np.float32)
+    world, numbers = _single_precision_functions(controller.law), controller.vector().astype(np.float32)
     state, n = np.zeros(layout.L_STATES, dtype=np.float32), signals["x_ref"].size
     rows, missing = np.zeros((n, layout.L_ROW)), np.full(n, np.nan)
     read = [signals.get(name, missing).astype(np.float32) for name in ("x_ref", "x", "p1", "p2")]
     supply, duty = np.nan_to_num(signals.get("p_supply", np.zeros(n))).astype(np.float32), np.zeros(n, dtype=np.float32)
-    if began == "before":
-        duty[0] = layout.DUTIES.index("reset")
+    if start == "before":
+        duty[0] = layout.OPERATING_MODES.index("reset")
         for place, name in ((layout.S_U1, "u"), (layout.S_U2, "u2")):
             state[place] = np.nan_to_num(signals[name][0]) if name in signals else 0.0
     zeros = np.zeros(n)
@@ -88,17 +88,21 @@ def rows_in_single(controller: Controller, signals: Mapping[str, Array], began: 
     kept[layout.L_FLOW1] = layout.S_FLOW1
     with np.errstate(all="ignore"):
         for k, readings in enumerate(zip(*read, strict=True)):
-            if began == "before" and k > 0:
+            if start == "before" and k > 0:
                 world["follow"](*logged[k - 1], state, numbers)
             world["operate"](0, *readings, supply[k], duty[k], np.float32(0.0), state, numbers)
             rows[k, list(kept)] = state[list(kept.values())]
     return rows
 
 
-def _bound(law: str) -> dict[str, Any]:
+def _single_precision_functions(law: str) -> dict[str, Any]:
     """Return the law's functions by name, bound to each other and to the mathematics of single precision."""
-    world: dict[str, Any] = {"__builtins__": __builtins__, "math": MATH, **_constants(law)}
-    for function in [*functions_of(law), *callees_first(codegen.operate), *callees_first(operation.follow)]:
+    world: dict[str, Any] = {"__builtins__": __builtins__, "math": SINGLE_PRECISION_MATH, **_constants(law)}
+    for function in [
+        *controller_functions(law),
+        *callees_first(codegen.operate),
+        *callees_first(operation.track_commands),
+    ]:
         world[function.__name__] = FunctionType(function.__code__, world, function.__name__, function.__defaults__)
     step = world[LAWS[law].step.__name__]
     world["any_law"] = lambda _which, *arguments: step(*arguments)
@@ -107,5 +111,5 @@ def _bound(law: str) -> dict[str, Any]:
 
 def _constants(law: str) -> dict[str, Any]:
     """Return the places and the physical constants that the functions name."""
-    found = {n: v for f in functions_of(law) for n, v in f.__globals__.items() if isinstance(v, int | float)}
+    found = {n: v for f in controller_functions(law) for n, v in f.__globals__.items() if isinstance(v, int | float)}
     return {n: np.float32(v) if isinstance(v, float) else v for n, v in found.items()}

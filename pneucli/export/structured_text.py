@@ -15,13 +15,19 @@ from pneucli import __version__
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
-from pneucli.export.controller_program import constants, controller_hash, filled, functions_of, states_of
-from pneucli.export.type_inference import COMMON, Kinds, tree_of
+from pneucli.export.controller_program import (
+    controller_functions,
+    controller_hash,
+    fill_template,
+    physical_constants,
+    state_names,
+)
+from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, syntax_tree
 
 TYPES = {"whole": "DINT", "truth": "BOOL", "real": "LREAL", "nothing": "BOOL"}
 BUILT_IN = {"min": "MIN", "max": "MAX", "int": "TRUNC", "fabs": "ABS", "sqrt": "SQRT"}
 OPERATORS: dict[type[ast.AST], str] = {
-    **COMMON,
+    **COMMON_OPERATORS,
     ast.Eq: "=",
     ast.NotEq: "<>",
     ast.And: "AND",
@@ -30,20 +36,20 @@ OPERATORS: dict[type[ast.AST], str] = {
 INDENT = "    "
 PREFIX = "pneucli_"  # of functions; locals and arguments begin with v_: none can be a word of the language
 ARRAYS = {"s": "PNEUCLI_STATE", "c": "PNEUCLI_NUMBERS"}
-FINITE = 1e30  # beyond it a reading is none; what is no number compares as false
+MAX_FINITE = 1e30  # beyond it a reading is none; what is no number compares as false
 
 
-NAME = "pneucli_controller.st"
+FILE_NAME = "pneucli_controller.st"
 
 
 def source(controller: Controller, pipeline: str) -> str:
     """Return ``pneucli_controller.st``: types, functions, and the function block ``PNEUCLI_CONTROLLER``."""
     law = LAWS[controller.law]
-    places: dict[str, float] = {name: i for i, name in enumerate(states_of(controller.law))}
-    places |= {name: i for i, name in enumerate(layout.PARAMETERS)} | law.constants | constants()
+    places: dict[str, float] = {name: i for i, name in enumerate(state_names(controller.law))}
+    places |= {name: i for i, name in enumerate(layout.PARAMETERS)} | law.constants | physical_constants()
     vector = [number(value) for value in controller.vector()]
     rows = [", ".join(vector[i : i + 6]) for i in range(0, len(vector), 6)]
-    return filled(
+    return fill_template(
         "controller.st",
         VERSION=__version__,
         PIPELINE=pipeline.replace("*)", "* )"),
@@ -52,26 +58,26 @@ def source(controller: Controller, pipeline: str) -> str:
         HASH=controller_hash(controller, "float64"),
         LAST_STATE=str(layout.L_STATES - 1),
         LAST_NUMBER=str(len(vector) - 1),
-        FUNCTIONS=st_functions(functions_of(controller.law), places | {"L_STATES": layout.L_STATES}),
+        FUNCTIONS=st_functions(controller_functions(controller.law), places | {"L_STATES": layout.L_STATES}),
         NUMBERS=",\n".join(f"        {row}" for row in rows),
-        OFF=str(layout.S_OFF),
+        OFF=str(layout.S_DISABLED),
         U1=str(layout.S_U1),
         U2=str(layout.S_U2),
         STEP=law.step.__name__,
     )
 
 
-def st_functions(functions: Iterable[Callable[..., Any]], places: Mapping[str, float]) -> str:
+def st_functions(functions: Iterable[Callable[..., Any]], constants: Mapping[str, float]) -> str:
     """Return the functions as structured text, in the order given (callees first).
 
-    ``places``: the constants that they name: whole places in the arrays, and physical ones.
+    ``constants``: the constants that they name: whole places in the arrays, and physical ones.
     """
     every = list(functions)
-    trees = [tree_of(function) for function in every]
-    truths = frozenset(t.name for t in trees if Kinds(t).returns == "truth")
-    nothing = frozenset(t.name for t in trees if Kinds(t, truths).returns == "nothing")
+    trees = [syntax_tree(function) for function in every]
+    truths = frozenset(t.name for t in trees if InferredTypes(t).returns == "truth")
+    nothing = frozenset(t.name for t in trees if InferredTypes(t, truths).returns == "nothing")
     takes = {t.name: _argument_kinds(t, truths) for t in trees}
-    return "\n\n".join(_Writer(tree, truths, nothing, takes, places).function() for tree in trees)
+    return "\n\n".join(_Writer(tree, truths, nothing, takes, constants).function() for tree in trees)
 
 
 def number(value: float) -> str:
@@ -82,7 +88,7 @@ def number(value: float) -> str:
 
 
 def _argument_kinds(tree: ast.FunctionDef, truths: frozenset[str]) -> list[str]:
-    kinds = Kinds(tree, truths)
+    kinds = InferredTypes(tree, truths)
     return [kinds.of(ast.Name(id=name)) for name in kinds.arguments]
 
 
@@ -97,7 +103,7 @@ class _Writer:
         takes: Mapping[str, list[str]],
         places: Mapping[str, float],
     ) -> None:
-        self._tree, self._kinds = tree, Kinds(tree, truths)
+        self._tree, self._kinds = tree, InferredTypes(tree, truths)
         self._nothing, self._takes, self._places = nothing, takes, places
         self._chosen: list[str] = []  # kinds of the conditions within expressions so far
 
@@ -216,7 +222,7 @@ class _Writer:
     def _call(self, function: ast.expr, arguments: list[ast.expr], before: list[str]) -> str:
         match function:
             case ast.Attribute(value=ast.Name(id="math"), attr="isfinite"):
-                return f"(ABS({self._expression(arguments[0], before)}) <= {number(FINITE)})"
+                return f"(ABS({self._expression(arguments[0], before)}) <= {number(MAX_FINITE)})"
             case ast.Attribute(value=ast.Name(id="math"), attr=name) | ast.Name(id=name) if name in BUILT_IN:
                 whole = name == "int" or all(self._kinds.of(a) == "whole" for a in arguments)
                 given = (self._as(a, "whole" if whole else "real", before) for a in arguments)

@@ -8,10 +8,10 @@ import textwrap
 from collections.abc import Callable
 from typing import Any, Literal
 
-Kind = Literal["whole", "truth", "real", "nothing"]
-WHOLE_FUNCTIONS = ("int",)
-COUNTS = ("C_", "S_", "L_")  # places in the arrays begin so
-COMMON: dict[type[ast.AST], str] = {  # operators that C and structured text write the same
+NumberType = Literal["whole", "truth", "real", "nothing"]
+INTEGER_FUNCTIONS = ("int",)
+INDEX_PREFIXES = ("C_", "S_", "L_")  # places in the arrays begin so
+COMMON_OPERATORS: dict[type[ast.AST], str] = {  # operators that C and structured text write the same
     ast.Add: "+",
     ast.Sub: "-",
     ast.Mult: "*",
@@ -23,14 +23,14 @@ COMMON: dict[type[ast.AST], str] = {  # operators that C and structured text wri
 }
 
 
-def tree_of(function: Callable[..., Any]) -> ast.FunctionDef:
+def syntax_tree(function: Callable[..., Any]) -> ast.FunctionDef:
     """Return the syntax tree of a function."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(tree, ast.FunctionDef)
     return tree
 
 
-class Kinds:
+class InferredTypes:
     """The kinds of a function's arguments and locals, of what it returns, and of any expression in it.
 
     ``truths`` names the functions that return true or false.
@@ -66,13 +66,13 @@ class Kinds:
                 case ast.Assign(targets=[ast.Name(id=name)], value=value) if self.of(value) == "truth":
                     self.truth.append(name)
 
-    def _returned(self, tree: ast.FunctionDef) -> Kind:
+    def _returned(self, tree: ast.FunctionDef) -> NumberType:
         values = [n.value for n in ast.walk(tree) if isinstance(n, ast.Return) and n.value is not None]
         if not values:
             return "nothing"
         return "truth" if all(self.of(value) == "truth" for value in values) else "real"
 
-    def of(self, node: ast.expr) -> Kind:  # noqa: PLR0911 - one case a kind of expression
+    def of(self, node: ast.expr) -> NumberType:  # noqa: PLR0911 - one case a kind of expression
         """Return the kind of an expression."""
         match node:
             case ast.Constant(value=bool()) | ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
@@ -82,7 +82,7 @@ class Kinds:
             case ast.Name(id=name):
                 if name in self.truth:
                     return "truth"
-                return "whole" if name in self.whole or name.startswith(COUNTS) else "real"
+                return "whole" if name in self.whole or name.startswith(INDEX_PREFIXES) else "real"
             case ast.BinOp(left=left, right=right, op=op) if not isinstance(op, ast.Div):
                 return "whole" if self.of(left) == self.of(right) == "whole" else "real"
             case ast.UnaryOp(operand=operand):
@@ -92,7 +92,7 @@ class Kinds:
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 if name in self._truths:
                     return "truth"
-                whole = name in WHOLE_FUNCTIONS or (
+                whole = name in INTEGER_FUNCTIONS or (
                     name in ("min", "max") and all(self.of(a) == "whole" for a in arguments)
                 )
                 return "whole" if whole else "real"

@@ -12,7 +12,7 @@ import pyarrow as pa
 from pneucli.fleet.trends import Trend
 from pneucli.io.artifacts import Provenance, TableWriter, schema_of
 
-PART = "part-0.parquet"
+PART_FILE = "part-0.parquet"
 RESULTS, PARAMETERS, CHANGES, TRENDS = "results", "parameters", "changes", "trends.parquet"
 _TEXT, _NUMBER, _LIST = pa.string(), pa.float64(), pa.list_(pa.string())
 COLUMNS: Mapping[str, Mapping[str, Any]] = {
@@ -49,7 +49,7 @@ def write_datasets(out: Path, results: Sequence[Mapping[str, Any]], provenance: 
         for result in results:
             by_date[str(result["date"])] += [dict(record) for record in _records(name, result)]
         for date, records in by_date.items():
-            _write(out / name / f"date={quote(date)}" / PART, name, records, provenance)
+            _write(out / name / f"date={quote(date)}" / PART_FILE, name, records, provenance)
         _remove_others(out / name, {f"date={quote(date)}" for date in by_date})
 
 
@@ -58,13 +58,13 @@ def _records(name: str, result: Mapping[str, Any]) -> Iterable[Mapping[str, Any]
         return [{**result, "changed": [c["name"] for c in result["changes"]]}]
     if name == PARAMETERS:
         return [
-            {"rig": result["rig"], "name": n, "value": p["value"], "unit": p["unit"]} | _ends(p)
+            {"rig": result["rig"], "name": n, "value": p["value"], "unit": p["unit"]} | _interval(p)
             for n, p in result["parameters"].items()
         ]
-    return [{**c, **_ends(c), "rig": result["rig"], "since": result["since"]} for c in result["changes"]]
+    return [{**c, **_interval(c), "rig": result["rig"], "since": result["since"]} for c in result["changes"]]
 
 
-def _ends(one: Mapping[str, Any]) -> dict[str, Any]:
+def _interval(one: Mapping[str, Any]) -> dict[str, Any]:
     low, high = one.get("ci95") or (None, None)
     return {"ci_low": low, "ci_high": high}
 
@@ -78,7 +78,7 @@ def _write(path: Path, name: str, records: Sequence[Mapping[str, Any]], provenan
 
 def _remove_others(folder: Path, kept: set[str]) -> None:
     """Remove the parts of dates that are no more; nothing but what this program wrote."""
-    for old in folder.glob(f"date=*/{PART}"):
+    for old in folder.glob(f"date=*/{PART_FILE}"):
         if old.parent.name not in kept:
             old.unlink()
             if not any(old.parent.iterdir()):
@@ -97,7 +97,7 @@ def write_trends(path: Path, trends: Sequence[Trend], provenance: Provenance) ->
     }
     types["level"] = pa.int32()
     rows = [
-        (t.rig, t.name, date, value, error, t.unit, sum(i >= b for b in t.breaks))
+        (t.rig, t.name, date, value, error, t.unit, sum(i >= b for b in t.change_points))
         for t in trends
         for i, (date, value, error) in enumerate(zip(t.dates, t.values, t.errors, strict=True))
     ]

@@ -19,7 +19,7 @@ from pneucli.report.report_data import Check
 PAGE, JUNIT, METRICS, ANSWER = "report.html", "junit.xml", "metrics.txt", "fleet.json"
 
 
-def write(
+def write_outputs(
     out: Path,
     config: FleetConfig,
     answer: Mapping[str, Any],
@@ -29,7 +29,7 @@ def write(
     """Write all of it into the folder ``out``, each file at once."""
     texts = {
         PAGE: to_html(answer, results, trends),
-        JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, checked(config, answer))]),
+        JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, evaluate_checks(config, answer))]),
         METRICS: to_openmetrics(answer, results),
         ANSWER: json.dumps(answer, indent=1, allow_nan=False) + "\n",
     }
@@ -38,7 +38,7 @@ def write(
             path.write_text(text, encoding="utf-8")
 
 
-def checked(config: FleetConfig, answer: Mapping[str, Any]) -> list[CheckResult]:
+def evaluate_checks(config: FleetConfig, answer: Mapping[str, Any]) -> list[CheckResult]:
     """Hold the answer against ``[checks]`` of the fleet file, whose paths begin with ``fleet``.
 
     Raises InputError where a path leads nowhere.

@@ -15,12 +15,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pneucli.fleet.trends import Trend
-from pneucli.messages.fleet import repeating
+from pneucli.messages.fleet import repeatability_sentence
 
 _ASSETS = files("pneucli.fleet") / "assets"
-ROOM = 2_000_000  # bytes of trends: those of rigs that stand first, as far as they fit
-POINTS = 40  # of one trend at most: of more dates the last ones
-LONGEST = 240  # characters of a failure
+MAX_TREND_BYTES = 2_000_000  # bytes of trends: those of rigs that stand first, as far as they fit
+MAX_TREND_POINTS = 40  # of one trend at most: of more dates the last ones
+MAX_FAILURE_CHARACTERS = 240  # characters of a failure
 
 
 def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> str:
@@ -29,10 +29,10 @@ def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], tre
         loader=PackageLoader("pneucli.fleet", "assets"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     script = _asset("fleet.js")
-    data = json.dumps(data_of(answer, results, trends), separators=(",", ":"), allow_nan=False)
+    data = json.dumps(page_data(answer, results, trends), separators=(",", ":"), allow_nan=False)
     return environment.get_template("fleet.html.j2").render(
         answer=answer,
-        repeating=repeating(answer),
+        repeating=repeatability_sentence(answer),
         style=_asset("fleet.css"),
         script=script,
         policy=_policy(script),
@@ -50,7 +50,9 @@ def _policy(script: str) -> str:
     return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
 
 
-def data_of(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> dict[str, Any]:
+def page_data(
+    answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]
+) -> dict[str, Any]:
     """Return the page's data: a list a rig, the most changed first, texts that repeat by their number."""
     by_rig: dict[str, list[Mapping[str, Any]]] = {}
     for one in sorted(results, key=lambda r: str(r["date"])):
@@ -59,14 +61,16 @@ def data_of(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], tre
     mine: dict[str, list[Trend]] = {}
     for trend in trends:
         mine.setdefault(trend.rig, []).append(trend)
-    ranked = sorted(by_rig, key=lambda rig: (-_evidence(by_rig[rig]), not _broken(mine.get(rig, [])), rig))
+    ranked = sorted(
+        by_rig, key=lambda rig: (-_log_evidence(by_rig[rig]), not _has_change_point(mine.get(rig, [])), rig)
+    )
     rows = [_rig(rig, by_rig[rig], words, mine.get(rig, [])) for rig in ranked]
-    panels = _trends(ranked, mine, words)  # their words are among all words
+    panels = _trend_panels(ranked, mine, words)  # their words are among all words
     return {"rigs": rows, "words": list(words), "trends": panels, "failures": answer["failures"],
-            "missing": answer["missing"], "changes": _counted(results)}  # fmt: skip
+            "missing": answer["missing"], "changes": _rigs_by_change(results)}  # fmt: skip
 
 
-def _counted(results: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+def _rigs_by_change(results: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     counts: dict[str, set[str]] = {}
     for result in results:
         for one in result["changes"]:
@@ -74,14 +78,14 @@ def _counted(results: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     return {name: len(rigs) for name, rigs in sorted(counts.items(), key=lambda c: -len(c[1]))}
 
 
-def _evidence(results: Sequence[Mapping[str, Any]]) -> float:
+def _log_evidence(results: Sequence[Mapping[str, Any]]) -> float:
     """Return how sure it is that a rig changed: the logarithm of the least chance of a false alarm."""
     chances = [max(float(r["p_value"] or 0.0), 1e-99) for r in results if r["changes"]]
     return -math.log10(min(chances)) if chances else 0.0
 
 
-def _broken(trends: Sequence[Trend]) -> bool:
-    return any(t.breaks for t in trends)
+def _has_change_point(trends: Sequence[Trend]) -> bool:
+    return any(t.change_points for t in trends)
 
 
 def _rig(rig: str, results: Sequence[Mapping[str, Any]], words: dict[str, int], trends: Sequence[Trend]) -> list[Any]:
@@ -92,43 +96,45 @@ def _rig(rig: str, results: Sequence[Mapping[str, Any]], words: dict[str, int], 
     report = (changed or last)["report"]
     return [
         rig,
-        _word(last["date"], words),
+        _text_number(last["date"], words),
         len(results),
-        _word(last["verdict"] or "failed", words),
-        [_word(name, words) for name in last["missing"]],
+        _text_number(last["verdict"] or "failed", words),
+        [_text_number(name, words) for name in last["missing"]],
         [] if changed is None else [_change(one, words) for one in changed["changes"]],
-        round(_evidence(results), 1),
+        round(_log_evidence(results), 1),
         None if last["error_test"] is None else float(f"{last['error_test']:.3g}"),
-        None if failure is None else [_word(failure["cause"], words), str(failure["failure"])[:LONGEST]],
+        None
+        if failure is None
+        else [_text_number(failure["cause"], words), str(failure["failure"])[:MAX_FAILURE_CHARACTERS]],
         None if report is None else quote(report),
-        [_word(t.name, words) for t in trends if t.breaks],
+        [_text_number(t.name, words) for t in trends if t.change_points],
     ]
 
 
 def _change(one: Mapping[str, Any], words: dict[str, int]) -> list[Any]:
     numbers = [None if one[key] is None else float(f"{one[key]:.4g}") for key in ("before", "after")]
-    return [_word(one["name"], words), *numbers, _word(one["unit"], words)]
+    return [_text_number(one["name"], words), *numbers, _text_number(one["unit"], words)]
 
 
-def _word(text: str, words: dict[str, int]) -> int:
+def _text_number(text: str, words: dict[str, int]) -> int:
     return words.setdefault(str(text), len(words))
 
 
-def _trends(ranked: Sequence[str], mine: Mapping[str, Sequence[Trend]], words: dict[str, int]) -> list[Any]:
+def _trend_panels(ranked: Sequence[str], mine: Mapping[str, Sequence[Trend]], words: dict[str, int]) -> list[Any]:
     """Return the trends of the rigs that stand first, as many as there is room for."""
     out: list[Any] = []
-    room = ROOM
+    room = MAX_TREND_BYTES
     for number, rig in enumerate(ranked):
         for t in mine.get(rig, ()):
-            first = max(len(t.values) - POINTS, 0)
+            first = max(len(t.values) - MAX_TREND_POINTS, 0)
             values = [float(f"{v:.4g}") for v in t.values[first:]]
             errors = [float(f"{e:.2g}") for e in t.errors[first:]]
-            breaks = [b - first for b in t.breaks if b >= first]
+            breaks = [b - first for b in t.change_points if b >= first]
             names = [
-                _word(t.name, words),
-                _word(t.unit, words),
-                _word(t.dates[first], words),
-                _word(t.dates[-1], words),
+                _text_number(t.name, words),
+                _text_number(t.unit, words),
+                _text_number(t.dates[first], words),
+                _text_number(t.dates[-1], words),
             ]
             one = [number, *names, values, errors, breaks]
             room -= len(json.dumps(one, separators=(",", ":")))

@@ -14,25 +14,25 @@ from typing import Any
 
 import tomlkit
 
-from pneucli.changes.repeatability import Prior, Repeat
-from pneucli.errors import InputError, surroundings
-from pneucli.fleet.row_pipelines import files_of, folder_name
-from pneucli.fleet.table import Row
+from pneucli.changes.repeatability import RepeatDifferences, VariancePrior
+from pneucli.errors import InputError, environment_error
+from pneucli.fleet.row_pipelines import folder_name, raw_file_names
+from pneucli.fleet.table import FleetRow
 from pneucli.io import remote_files
 from pneucli.io.artifacts import sha256_of
 from pneucli.io.result_store import Store, store_at
 from pneucli.pipeline.graph import STAGES
-from pneucli.pipeline.manifest import FILE as MANIFEST
-from pneucli.pipeline.manifest import digest, identity, program_digest
+from pneucli.pipeline.manifest import MANIFEST_FILE as MANIFEST
+from pneucli.pipeline.manifest import digest, program_digest, program_versions
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 from pneucli.stages import changes, diagnose, ingest
 from pneucli.stages.pipeline_data import MODEL_FILE
-from pneucli.stages.pipeline_file import load
+from pneucli.stages.pipeline_file import load_pipeline_file
 
 SCHEMA = "pneucli/fleet-row/1"
 RESULT, PIPELINE, REFERENCE, REPORT = "row.json", "pipeline.toml", "reference", "report.html"
 ROWS = "rows"
-EMPTY: Mapping[str, Any] = {
+EMPTY_RESULT: Mapping[str, Any] = {
     "verdict": None,
     "missing": [],
     "error_train": None,
@@ -45,31 +45,31 @@ EMPTY: Mapping[str, Any] = {
     "cause": None,
 }
 # what a fleet asks of a rig's own report: no controllers
-LOADED = (ingest, diagnose)  # with this module, so that a worker that is forked from it has them
-STAGES_OF_ROW = STAGES | {"report": replace(STAGES["report"], optional=("diagnose",))}
+PRELOADED_STAGES = (ingest, diagnose)  # with this module, so that a worker that is forked from it has them
+ROW_STAGES = STAGES | {"report": replace(STAGES["report"], optional=("diagnose",))}
 
 
 @dataclass(frozen=True)
 class Job:
     """One row to be done into ``out``, a folder or a URL; ``text`` is its pipeline.
 
-    ``since`` is the date it is held against, ``reference_key`` tells which result of that date, ``program`` and
-    ``plugins`` (SHA-256 by path) what the client has. Where ``keeps`` is set, later dates are held against this one.
-    A ``healthy`` date is stated to be so: nothing is named there. ``repeats`` are what such dates said of the first
+    ``reference_date`` is the date it is held against, ``reference_key`` tells which result of that date, ``program`` and
+    ``plugins`` (SHA-256 by path) what the client has. Where ``store_reference`` is set, later dates are held against this one.
+    A ``stated_healthy`` date is stated to be so: nothing is named there. ``repeats`` are what such dates said of the first
     one, ``prior`` what those of all rigs say together.
     """
 
     out: str
-    row: Row
+    row: FleetRow
     text: str
-    since: str | None = None
+    reference_date: str | None = None
     reference_key: str = ""
     alarm_rate: float = 1e-3
     reports: str = "changed"
-    keeps: bool = False
-    healthy: bool = False
-    repeats: tuple[Repeat, ...] = ()
-    prior: Mapping[str, Prior] | None = None
+    store_reference: bool = False
+    stated_healthy: bool = False
+    repeats: tuple[RepeatDifferences, ...] = ()
+    prior: Mapping[str, VariancePrior] | None = None
     program: Mapping[str, str] = field(default_factory=dict)
     plugins: Mapping[str, str] = field(default_factory=dict)
 
@@ -81,39 +81,45 @@ class Job:
     @property
     def folder(self) -> str:
         """The row's own folder in the store."""
-        return folder_of(self.row)
+        return row_folder(self.row)
 
     @property
-    def asked(self) -> list[Any]:
+    def dependencies(self) -> list[Any]:
         """All that the result depends on, but the files."""
-        settings: list[Any] = [self.since, self.reference_key, self.alarm_rate, self.reports, self.keeps]
-        settings += [self.healthy, self.repeats, self.prior]
+        settings: list[Any] = [
+            self.reference_date,
+            self.reference_key,
+            self.alarm_rate,
+            self.reports,
+            self.store_reference,
+        ]
+        settings += [self.stated_healthy, self.repeats, self.prior]
         return [program_digest(), self.text, dict(self.plugins), settings]
 
 
-class OtherProgram(Exception):  # noqa: N818 - it says what the worker is
+class ProgramMismatchError(Exception):
     """Raised by a worker that does not run the client's program or plug-ins."""
 
 
-def folder_of(row: Row) -> str:
+def row_folder(row: FleetRow) -> str:
     """Return the folder of a row, below that of the fleet."""
     return f"{ROWS}/{folder_name(row.rig)}/{folder_name(row.date)}"
 
 
-def read_result(store: Store, row: Row) -> dict[str, Any] | None:
+def read_result(store: Store, row: FleetRow) -> dict[str, Any] | None:
     """Return what is known of a row; None where it was never done, or by another version."""
-    return result_of(store.read(f"{folder_of(row)}/{RESULT}"))
+    return parse_result(store.read(f"{row_folder(row)}/{RESULT}"))
 
 
-def read_results(store: Store, rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, Any]]:
+def read_results(store: Store, rows: Sequence[FleetRow]) -> dict[tuple[str, str], dict[str, Any]]:
     """Return what is known of several rows, by rig and date."""
-    names = {row.key: f"{folder_of(row)}/{RESULT}" for row in rows if not row.fault}
+    names = {row.key: f"{row_folder(row)}/{RESULT}" for row in rows if not row.fault}
     content = store.read_all(names.values())
-    found = {key: result_of(content[name]) for key, name in names.items()}
+    found = {key: parse_result(content[name]) for key, name in names.items()}
     return {key: result for key, result in found.items() if result is not None}
 
 
-def result_of(content: bytes | None) -> dict[str, Any] | None:
+def parse_result(content: bytes | None) -> dict[str, Any] | None:
     """Return the result that a row's file holds; None where it holds none that this version wrote."""
     try:
         result: dict[str, Any] = json.loads(content or b"")
@@ -122,31 +128,31 @@ def result_of(content: bytes | None) -> dict[str, Any] | None:
     return result if result.get("schema") == SCHEMA else None
 
 
-def write_result(store: Store, row: Row, result: Mapping[str, Any]) -> None:
+def write_result(store: Store, row: FleetRow, result: Mapping[str, Any]) -> None:
     """Write what became of a row, atomically."""
-    store.write(f"{folder_of(row)}/{RESULT}", json.dumps(result, allow_nan=False))
+    store.write(f"{row_folder(row)}/{RESULT}", json.dumps(result, allow_nan=False))
 
 
-def stamp_of(job: Job) -> str:
+def input_stamp(job: Job) -> str:
     """Return a digest of all that a row's result depends on, its files by size and time: nothing is read.
 
     Raises InputError where a remote file does not answer.
     """
-    stamps = {name: _stamp(name) for name in files_of(tomllib.loads(job.text))}
-    return digest([job.asked, stamps])
+    stamps = {name: _stamp(name) for name in raw_file_names(tomllib.loads(job.text))}
+    return digest([job.dependencies, stamps])
 
 
 def _stamp(name: str) -> str:
     if remote_files.is_remote(name):
-        return remote_files.stamp(name)
+        return remote_files.content_stamp(name)
     try:
         status = Path(name).stat()
     except OSError:  # a glob, a variable, or no such file
-        return _found(name)
+        return _glob_stamp(name)
     return f"{status.st_size} {status.st_mtime_ns}"
 
 
-def _found(name: str) -> str:
+def _glob_stamp(name: str) -> str:
     path = Path(name)
     try:
         return " ".join(f"{p} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in sorted(path.parent.glob(path.name)))
@@ -154,18 +160,18 @@ def _found(name: str) -> str:
         return ""
 
 
-def work(job: Job) -> dict[str, Any]:
+def process_row(job: Job) -> dict[str, Any]:
     """Do one row, write its result into its folder and return it; what goes wrong with the row is its failure.
 
     Raises OtherProgram where this worker runs something else than the client.
     """
-    refuse_other(job)
+    require_same_program(job)
     begun, used = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory(prefix="pneucli-fleet-") as scratch:
         try:
-            result = _done(job, Path(scratch))
+            result = _process(job, Path(scratch))
         except Exception as error:  # one row must not stop the others
-            result = failed(job.row, error) | {"stamp": _stamp_or_none(job)}
+            result = failure_result(job.row, error) | {"stamp": _stamp_or_none(job)}
     if result.get("same"):
         return result
     result["seconds"] = round(time.perf_counter() - begun, 3)
@@ -178,14 +184,14 @@ def work(job: Job) -> dict[str, Any]:
 
 def _stamp_or_none(job: Job) -> str | None:
     try:
-        return stamp_of(job)
+        return input_stamp(job)
     except InputError:
         return None
 
 
-def refuse_other(job: Job) -> None:
+def require_same_program(job: Job) -> None:
     """Raise OtherProgram where program or plug-ins here are not those of the client."""
-    here = identity()
+    here = program_versions()
     differ = [
         f"{what} is {here.get(what)}, not {there}" for what, there in job.program.items() if here.get(what) != there
     ]
@@ -193,59 +199,69 @@ def refuse_other(job: Job) -> None:
         mine = sha256_of(path) if Path(path).is_file() else "not there"
         differ += [f"the plug-in {path} is {mine[:12]}, not {sha[:12]}"] if mine != sha else []
     if differ:
-        raise OtherProgram("; ".join(differ))
+        raise ProgramMismatchError("; ".join(differ))
 
 
-def failed(row: Row, error: BaseException) -> dict[str, Any]:
+def failure_result(row: FleetRow, error: BaseException) -> dict[str, Any]:
     """Return the result of a row that failed. What may have been chance, or the surroundings, is tried again."""
-    refusal = surroundings(error) if isinstance(error, OSError | MemoryError) else None
+    refusal = environment_error(error) if isinstance(error, OSError | MemoryError) else None
     told = refusal or error
     text = str(told) if isinstance(told, InputError) else f"fault of the program: {type(error).__name__}: {error}"
     said = told.found if isinstance(told, InputError) else type(error).__name__
     again = not isinstance(error, InputError)
-    return _head(row) | {**EMPTY, "failure": text, "cause": cause_of(said), "again": again, "bad": True}
+    return _result_header(row) | {
+        **EMPTY_RESULT,
+        "failure": text,
+        "cause": failure_cause(said),
+        "again": again,
+        "bad": True,
+    }
 
 
-def cause_of(text: str) -> str:
+def failure_cause(text: str) -> str:
     """Return what is common to like failures: a message without its names, paths and numbers."""
     text = re.sub(r"\"[^\"]*\"|'[^']*'", '"…"', text.splitlines()[0] if text else "unknown")
     text = re.sub(r"\S*/\S+", "…", text)
     return re.sub(r"[-+]?\d[\d.,e+-]*", "#", text)[:120]
 
 
-def _head(row: Row) -> dict[str, Any]:
+def _result_header(row: FleetRow) -> dict[str, Any]:
     return {"schema": SCHEMA, "rig": row.rig, "date": row.date, "line": row.line, "since": None}
 
 
-def _done(job: Job, scratch: Path) -> dict[str, Any]:
+def _process(job: Job, scratch: Path) -> dict[str, Any]:
     if job.row.fault:
         raise InputError(f"line {job.row.line} of the table", job.row.fault)
-    stamp, (text, hashes) = stamp_of(job), _here(job, scratch)
-    key = digest([job.asked, hashes])
+    stamp, (text, hashes) = input_stamp(job), _fetch_inputs(job, scratch)
+    key = digest([job.dependencies, hashes])
     former = read_result(job.store, job.row)
     if former is not None and former.get("key") == key and not former.get("again"):
         write_result(job.store, job.row, former | {"stamp": stamp})  # its files were touched, not changed
         return former | {"stamp": stamp, "same": True}
     file = scratch / PIPELINE
     file.write_text(text, encoding="utf-8")
-    pipeline = open_pipeline(file, load, scratch / "artifacts", STAGES_OF_ROW)
-    answer = dict(pipeline.bring_up(["diagnose"], {"diagnose": _options(job, scratch)})["diagnose"].answer)
-    if job.healthy:
+    pipeline = open_pipeline(file, load_pipeline_file, scratch / "artifacts", ROW_STAGES)
+    answer = dict(pipeline.update(["diagnose"], {"diagnose": _options(job, scratch)})["diagnose"].answer)
+    if job.stated_healthy:
         answer["changes"] = []
-    _keep(job, pipeline)
-    result = _head(job.row) | _told(answer) | {"since": job.since, "program": program_digest(), "failure": None}
-    result |= {"report": _report(job, pipeline, answer), "cause": None, "again": False}
+    _store_row_files(job, pipeline)
+    result = (
+        _result_header(job.row)
+        | _result_from_diagnosis(answer)
+        | {"since": job.reference_date, "program": program_digest(), "failure": None}
+    )
+    result |= {"report": _write_report(job, pipeline, answer), "cause": None, "again": False}
     return result | {"bad": answer["verdict"] == "inconclusive", "stamp": stamp, "key": key}
 
 
 def _options(job: Job, scratch: Path) -> dict[str, Any]:
-    if job.since is None:
+    if job.reference_date is None:
         return {}
-    old = job.store.fetched(f"{folder_of(replace(job.row, date=job.since))}/{REFERENCE}", scratch)
-    return changes.option(old, job.alarm_rate, job.repeats, job.prior)
+    old = job.store.local_copy(f"{row_folder(replace(job.row, date=job.reference_date))}/{REFERENCE}", scratch)
+    return changes.baseline_options(old, job.alarm_rate, job.repeats, job.prior)
 
 
-def _here(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
+def _fetch_inputs(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
     """Return the pipeline with its remote files fetched, and the SHA-256 of each file by the name that it has there."""
     document = tomlkit.parse(job.text)
     hashes: dict[str, str] = {}
@@ -262,14 +278,14 @@ def _here(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
     return tomlkit.dumps(document), hashes
 
 
-def _keep(job: Job, pipeline: Pipeline) -> None:
+def _store_row_files(job: Job, pipeline: Pipeline) -> None:
     """Keep the row's pipeline file, and what later dates are held against."""
     job.store.write(f"{job.folder}/{PIPELINE}", job.text)
-    for name in (changes.FILE, MODEL_FILE, MANIFEST) if job.keeps else ():
-        job.store.put(f"{job.folder}/{REFERENCE}/{name}", pipeline.artifacts / "diagnose" / name)
+    for name in (changes.REFERENCE_FILE, MODEL_FILE, MANIFEST) if job.store_reference else ():
+        job.store.copy_file(f"{job.folder}/{REFERENCE}/{name}", pipeline.artifacts / "diagnose" / name)
 
 
-def _told(answer: Mapping[str, Any]) -> dict[str, Any]:
+def _result_from_diagnosis(answer: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a fleet keeps of a diagnosis."""
     last = next((s for s in reversed(answer["ladder"]) if s["add"] in answer["missing"]), answer["ladder"][0])
     named = {c["effect"]: c for c in answer["candidates"] if c["effect"] in answer["missing"]}
@@ -289,10 +305,10 @@ def _told(answer: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _report(job: Job, pipeline: Pipeline, answer: Mapping[str, Any]) -> str | None:
+def _write_report(job: Job, pipeline: Pipeline, answer: Mapping[str, Any]) -> str | None:
     """Make the rig's own report where one is asked for; return its path below the fleet's folder."""
     if job.reports == "none" or (job.reports == "changed" and not answer.get("changes")):
         return None
-    pipeline.bring_up(["report"])
-    job.store.put(f"{job.folder}/{REPORT}", pipeline.artifacts / "report" / REPORT)
+    pipeline.update(["report"])
+    job.store.copy_file(f"{job.folder}/{REPORT}", pipeline.artifacts / "report" / REPORT)
     return f"{job.folder}/{REPORT}"

@@ -12,19 +12,19 @@ from urllib.parse import quote
 import tomlkit
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.fleet.table import Row
+from pneucli.fleet.table import FleetRow
 from pneucli.io.remote_files import is_remote
 
 RECORDINGS = "recordings"
-SAFE = " +,=@()"  # in a folder's name, beside letters, digits and _.-~
+SAFE_CHARACTERS = " +,=@()"  # in a folder's name, beside letters, digits and _.-~
 
 
 def folder_name(text: str) -> str:
     """Return a name as a folder may have it; two names never become one."""
-    return quote(text, safe=SAFE)
+    return quote(text, safe=SAFE_CHARACTERS)
 
 
-def pipeline_of(template: str, row: Row, folders: tuple[Path, Path]) -> str:
+def row_pipeline(template: str, row: FleetRow, folders: tuple[Path, Path]) -> str:
     """Return the template's text with the row's values in it, and every path absolute.
 
     ``folders`` are those of template and table: paths of either are relative to them. Raises InputError for a key whose
@@ -32,7 +32,7 @@ def pipeline_of(template: str, row: Row, folders: tuple[Path, Path]) -> str:
     """
     document = tomlkit.parse(template)
     for table in document.get(RECORDINGS, []):
-        _absolute(table, folders[0])
+        _make_paths_absolute(table, folders[0])
     if plugins := document.get("model", {}).get("plugins"):
         document["model"]["plugins"] = [_path(str(p), folders[0]) for p in plugins]
     for key, value in row.values.items():
@@ -42,7 +42,7 @@ def pipeline_of(template: str, row: Row, folders: tuple[Path, Path]) -> str:
     return tomlkit.dumps(document)
 
 
-def _absolute(table: Any, folder: Path) -> None:
+def _make_paths_absolute(table: Any, folder: Path) -> None:
     for one in (table, *table.get("more", [])):
         if isinstance(one.get("file"), str):
             one["file"] = _path(one["file"], folder)
@@ -64,7 +64,7 @@ def _set(document: Any, key: str, value: Any) -> None:
     table[words[-1]] = value
 
 
-def require_columns(template: Mapping[str, Any], columns: Iterable[str], known: Any, where: str) -> None:
+def require_columns(template: Mapping[str, Any], columns: Iterable[str], keys_at: Any, where: str) -> None:
     """Raise InputError for columns that name no key of a pipeline file, or a recording that the template lacks.
 
     ``known(location)`` returns the keys that the table at ``location`` may have.
@@ -76,11 +76,11 @@ def require_columns(template: Mapping[str, Any], columns: Iterable[str], known: 
             mend = did_you_mean(words[1] if len(words) > 1 else "", names)
             raise InputError(f"{where}, column {column}", "no such recording in the template", "by its name", mend)
         location = (words[0], *words[2:]) if words[0] == RECORDINGS else tuple(words)
-        for wrong, keys in _unknown(location, known):
+        for wrong, keys in _unknown_keys(location, keys_at):
             raise InputError(f"{where}, column {column}", f'no key "{wrong}"', "", did_you_mean(wrong, keys))
 
 
-def _unknown(location: tuple[str, ...], known: Any) -> Iterator[tuple[str, list[str]]]:
+def _unknown_keys(location: tuple[str, ...], known: Any) -> Iterator[tuple[str, list[str]]]:
     for depth, word in enumerate(location):
         keys = known(location[:depth])
         if keys and word not in keys:
@@ -88,7 +88,7 @@ def _unknown(location: tuple[str, ...], known: Any) -> Iterator[tuple[str, list[
             return
 
 
-def files_of(document: Mapping[str, Any]) -> list[str]:
+def raw_file_names(document: Mapping[str, Any]) -> list[str]:
     """Return the raw files that a pipeline's tables name, as they are named."""
     tables = [one for table in document.get(RECORDINGS, []) for one in (table, *table.get("more", []))]
     return [str(one["file"]) for one in tables if isinstance(one.get("file"), str)]

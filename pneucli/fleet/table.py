@@ -15,12 +15,12 @@ import pyarrow.parquet as pq
 from pneucli.errors import InputError, did_you_mean, printable
 
 RIG, DATE = "rig", "date"
-TEXTS = ("file", "name", "use", "experiment")  # keys whose values stay texts, numbers as they may look
-LONGEST = 100  # characters of a rig's name
+TEXT_KEYS = ("file", "name", "use", "experiment")  # keys whose values stay texts, numbers as they may look
+MAX_RIG_NAME_LENGTH = 100  # characters of a rig's name
 
 
 @dataclass(frozen=True)
-class Row:
+class FleetRow:
     """One rig at one date: its line of the table, ``values`` by dotted key; ``fault`` says why it cannot be done."""
 
     line: int
@@ -35,7 +35,7 @@ class Row:
         return self.rig, self.date
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path) -> list[FleetRow]:
     """Return all rows of a table (CSV or Parquet), in its order; what is wrong with one row stands in its ``fault``.
 
     Raises InputError where the table as a whole cannot be read or has no column ``rig`` or ``date``.
@@ -46,7 +46,7 @@ def read_rows(path: Path) -> list[Row]:
             raise InputError(str(path), f"no column {name}", f"{RIG}, {DATE}, and keys", did_you_mean(name, columns))
     if twice := [name for name in columns if columns.count(name) > 1]:
         raise InputError(str(path), f"two columns are called {twice[0]}", "each key once", "take one of them out")
-    return _without_doubles([_row(line, record) for line, record in records])
+    return _mark_duplicates([_row(line, record) for line, record in records])
 
 
 def _csv(path: Path) -> tuple[list[str], list[tuple[int, dict[str, Any]]]]:
@@ -78,22 +78,22 @@ def _parquet(path: Path) -> tuple[list[str], list[tuple[int, dict[str, Any]]]]:
     return table.column_names, list(enumerate(table.to_pylist(), 1))
 
 
-def _row(line: int, record: Mapping[str, Any]) -> Row:
+def _row(line: int, record: Mapping[str, Any]) -> FleetRow:
     rig, when = str(record[RIG] or "").strip(), record[DATE]
     values = {k: _value(k, v) for k, v in record.items() if k not in (RIG, DATE) and v is not None and v != ""}
     try:
-        day = _day(when)
+        day = _iso_date(when)
     except ValueError:
-        return Row(
+        return FleetRow(
             line, rig or f"line {line}", "unknown", values, f'"{when}" is no date; wanted one such as 2026-11-22'
         )
-    if not rig or printable(rig) != rig or len(rig) > LONGEST or rig.startswith("."):
-        fault = f'"{printable(rig)[:LONGEST]}" cannot be the name of a rig'
-        return Row(line, f"line {line}", day, values, fault)
-    return Row(line, rig, day, values)
+    if not rig or printable(rig) != rig or len(rig) > MAX_RIG_NAME_LENGTH or rig.startswith("."):
+        fault = f'"{printable(rig)[:MAX_RIG_NAME_LENGTH]}" cannot be the name of a rig'
+        return FleetRow(line, f"line {line}", day, values, fault)
+    return FleetRow(line, rig, day, values)
 
 
-def _day(value: Any) -> str:
+def _iso_date(value: Any) -> str:
     """Return a date, or a date with a time of day, as ISO 8601 has it."""
     if isinstance(value, datetime):
         return value.isoformat(timespec="seconds") if value.time() != datetime.min.time() else value.date().isoformat()
@@ -101,13 +101,15 @@ def _day(value: Any) -> str:
         return value.isoformat()
     text = str(value).strip()
     return (
-        date.fromisoformat(text).isoformat() if len(text) <= len("2026-01-01") else _day(datetime.fromisoformat(text))
+        date.fromisoformat(text).isoformat()
+        if len(text) <= len("2026-01-01")
+        else _iso_date(datetime.fromisoformat(text))
     )
 
 
 def _value(key: str, value: Any) -> Any:
     """Return a cell as the pipeline file would have it: a number where it is one, else the text."""
-    if not isinstance(value, str) or key.rpartition(".")[2] in TEXTS:
+    if not isinstance(value, str) or key.rpartition(".")[2] in TEXT_KEYS:
         return value
     text = value.strip()
     try:
@@ -116,7 +118,7 @@ def _value(key: str, value: Any) -> Any:
         return {"true": True, "false": False}.get(text, text)
 
 
-def _without_doubles(rows: Sequence[Row]) -> list[Row]:
+def _mark_duplicates(rows: Sequence[FleetRow]) -> list[FleetRow]:
     """Return the rows, those that repeat rig and date of an earlier one with that for a fault."""
     first: dict[tuple[str, str], int] = {}
     out = []

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FEWEST = 3  # dates, below which there is no trend
-PENALTY = 3.0  # times the logarithm of the number of dates, for each level more (a level and the place of its change)
+MIN_DATES = 3  # dates, below which there is no trend
+CHANGE_POINT_PENALTY = (
+    3.0  # times the logarithm of the number of dates, for each level more (a level and the place of its change)
+)
 
 
 @dataclass(frozen=True)
@@ -24,10 +26,10 @@ class Trend:
     dates: tuple[str, ...]
     values: tuple[float, ...]
     errors: tuple[float, ...]
-    breaks: tuple[int, ...] = ()
+    change_points: tuple[int, ...] = ()
 
 
-def breaks_of(values: Array, errors: Array) -> tuple[int, ...]:
+def find_change_points(values: Array, errors: Array) -> tuple[int, ...]:
     """Return where the level of values (n,) with these standard errors (n,) changes: the index of each new first one.
 
     Of all ways to cut them into stretches of one level each the one with the least weighted sum of squares and a
@@ -35,11 +37,11 @@ def breaks_of(values: Array, errors: Array) -> tuple[int, ...]:
     neighbours shows them, where that is more.
     """
     n = values.size
-    if n < FEWEST:
+    if n < MIN_DATES:
         return ()
-    weight = 1.0 / np.maximum(errors, scatter(values)) ** 2
+    weight = 1.0 / np.maximum(errors, robust_scatter(values)) ** 2
     sums = [np.concatenate([[0.0], np.cumsum(weight * values**k)]) for k in (0, 1, 2)]
-    penalty = PENALTY * np.log(n)
+    penalty = CHANGE_POINT_PENALTY * np.log(n)
     best, last = np.full(n + 1, np.inf), np.zeros(n + 1, dtype=int)
     best[0] = -penalty
     for end in range(1, n + 1):
@@ -53,23 +55,23 @@ def breaks_of(values: Array, errors: Array) -> tuple[int, ...]:
     return tuple(reversed(found))
 
 
-def scatter(values: Array) -> float:
+def robust_scatter(values: Array) -> float:
     """Return the standard deviation of values about a level that may step: from the median of their steps."""
     steps = np.abs(np.diff(values))
     tiny = 1e-12 * float(np.max(np.abs(values), initial=1e-300))
-    return max(float(np.median(steps)) / (0.6745 * np.sqrt(2.0)), tiny) if steps.size >= FEWEST else tiny
+    return max(float(np.median(steps)) / (0.6745 * np.sqrt(2.0)), tiny) if steps.size >= MIN_DATES else tiny
 
 
-def trends_of(records: Sequence[tuple[str, str, str, str, float, float]]) -> list[Trend]:
+def parameter_trends(records: Sequence[tuple[str, str, str, str, float, float]]) -> list[Trend]:
     """Return the trends of (rig, date, name, unit, value, error), by rig and name, dates in order."""
     groups: dict[tuple[str, str, str], list[tuple[str, float, float]]] = {}
     for rig, date, name, unit, value, error in records:
         if np.isfinite(value):
             groups.setdefault((rig, name, unit), []).append((date, value, error if np.isfinite(error) else 0.0))
-    return [_trend(key, sorted(points)) for key, points in groups.items() if len(points) >= FEWEST]
+    return [_trend(key, sorted(points)) for key, points in groups.items() if len(points) >= MIN_DATES]
 
 
 def _trend(key: tuple[str, str, str], points: Sequence[tuple[str, float, float]]) -> Trend:
     dates, values, errors = zip(*points, strict=True)
     rig, name, unit = key
-    return Trend(rig, name, unit, dates, values, errors, breaks_of(np.array(values), np.array(errors)))
+    return Trend(rig, name, unit, dates, values, errors, find_change_points(np.array(values), np.array(errors)))

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneucli.init.survey import Column, Guess, Survey
-from pneucli.init.units import unit_by_values
-from pneucli.init.unnamed_columns import nameless
+from pneucli.init.units import guess_unit
+from pneucli.init.unnamed_columns import guess_unnamed_columns
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
@@ -32,14 +32,14 @@ _NOUNS: dict[str, str] = {
     "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch-",
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata",
 }
-_TOLD = "cmd command- control-"
+_COMMANDED = "cmd command- control-"
 _ANGLES = "angle winkel- -winkel theta phi q"
 _SUPPLY = "s ps supply- source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimentation"
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
 _FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend"
 _SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract"
-_MADE = "filt- smooth- mean avg average glatt- est- calc- model- sim- raw adc"  # made of another column
+_DERIVED = "filt- smooth- mean avg average glatt- est- calc- model- sim- raw adc"  # made of another column
 _ABSOLUTE, _GAUGE = "abs absolut absolute", "gauge rel relativ relative uberdruck"
 
 _KINDS = {
@@ -58,7 +58,7 @@ _KINDS = {
     "kg/s": "flow",
     "m^3/s": "flow",
 }
-MANY, FEW = 100, 3  # samples of one that was surely read, values of one that was not
+MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _ANGLE = re.compile("m?rad|deg|°")
 _PLAIN = str.maketrans("äöüéèó", "aoueeo")
 _MARKED = re.compile(r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^(.+?),\s*(\S+)$")
@@ -74,7 +74,7 @@ class _Name:
     unit: str
 
     def has(self, vocabulary: str) -> bool:
-        return any(_fits(word, self.words) for word in vocabulary.split())
+        return any(_matches(word, self.words) for word in vocabulary.split())
 
     @property
     def nouns(self) -> list[str]:
@@ -83,7 +83,7 @@ class _Name:
     @property
     def kind(self) -> str:
         """The quantity, by unit and noun; empty where they contradict each other, or say nothing."""
-        nouns, by_unit = self.nouns, quantity(self.unit)
+        nouns, by_unit = self.nouns, quantity_kind(self.unit)
         if not self.unit:
             return next(iter(nouns), "")
         if by_unit in nouns or not nouns:
@@ -91,27 +91,29 @@ class _Name:
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
 
-def guess(alike: Sequence[Survey]) -> list[Guess]:
+def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     """Return a guess for every column of files that are alike, in their order.
 
     The columns are those of the first file; what only numbers tell, those of all files tell.
     """
-    found = alike[0]
+    found = surveys[0]
     names = [_name(column, found.is_text) for column in found.columns]
     clock = _clock(found.columns, names)
     if not any(name.words for name in names):
-        return nameless(alike, clock)
+        return guess_unnamed_columns(surveys, clock)
     taken = {clock: "time"} if clock is not None else {}
-    offers = [(score, -n, signal) for n, one in enumerate(names) if n not in taken for signal, score in _offers(one)]
+    offers = [
+        (score, -n, signal) for n, one in enumerate(names) if n not in taken for signal, score in _signal_scores(one)
+    ]
     for _, n, signal in sorted(offers, reverse=True):
         if -n not in taken and signal not in taken.values():
             taken[-n] = signal
     taken = {n: given for n, given in taken.items() if given in ("u", "u2") or not _is_switched(found.columns[n])}
-    _fill_first_chamber(taken)
-    return [_read(alike, n, taken.get(n, ""), names[n]) for n in range(len(names))]
+    _assign_single_pressure(taken)
+    return [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
 
 
-def quantity(unit: str) -> str:
+def quantity_kind(unit: str) -> str:
     """Return the kind of quantity that a unit measures; empty where there is none that a rig records."""
     if _ANGLE.fullmatch(unit):
         return "position"
@@ -122,47 +124,52 @@ def quantity(unit: str) -> str:
     )
 
 
-def _read(alike: Sequence[Survey], n: int, signal: str, name: _Name) -> Guess:
+def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: _Name) -> Guess:
     column = alike[0].columns[n]
     reference = "absolute" if name.has(_ABSOLUTE) else "gauge" if name.has(_GAUGE) else ""
     if not signal:
         return Guess(column, "", name.unit)
-    if signal in ("u", "u2") and name.unit and quantity(name.unit) != "command":
+    if signal in ("u", "u2") and name.unit and quantity_kind(name.unit) != "command":
         return Guess(column, signal, "V", False, "", f"{name.unit} taken for volts, one for one")
     if name.unit:
         return Guess(column, signal, name.unit, True, reference if name.kind == "pressure" else "")
-    known = column.known if signal == "time" else np.concatenate([one.columns[n].known for one in alike])
-    unit, note = unit_by_values(signal, known, angle=name.has(_ANGLES))
+    known = (
+        column.finite_values if signal == "time" else np.concatenate([one.columns[n].finite_values for one in alike])
+    )
+    unit, note = guess_unit(signal, known, angle=name.has(_ANGLES))
     return Guess(column, signal, unit, False, reference if name.kind == "pressure" else "", note)
 
 
 def _clock(columns: Sequence[Column], names: Sequence[_Name]) -> int | None:
     """Return the column that is the clock: one that rises, and is called so, or comes first and is called nothing."""
-    rising = [n for n, column in enumerate(columns) if column.where is None and _rises(column)]
-    called = [n for n in rising if names[n].has(_NOUNS["time"]) or quantity(names[n].unit) == "time"]
+    rising = [n for n, column in enumerate(columns) if column.where is None and _is_increasing(column)]
+    called = [n for n in rising if names[n].has(_NOUNS["time"]) or quantity_kind(names[n].unit) == "time"]
     labview = [n for n in rising if names[n].words == ("x", "value")]
     nameless = [n for n in rising if not names[n].words]
     return next(iter([*called, *labview, *nameless]), None)
 
 
-def _rises(column: Column) -> bool:
-    steps = np.diff(column.known)
+def _is_increasing(column: Column) -> bool:
+    steps = np.diff(column.finite_values)
     return bool(steps.size) and float(np.mean(steps > 0)) > 0.5 and float(np.mean(steps >= 0)) > 0.98
 
 
 def _is_switched(column: Column) -> bool:
     """Return whether a column changes between a few values, as something that is set and no sensor."""
-    return column.known.size > MANY and 1 < np.unique(column.known).size <= FEW
+    return (
+        column.finite_values.size > MIN_SWITCHED_SAMPLES
+        and 1 < np.unique(column.finite_values).size <= MAX_SWITCHED_LEVELS
+    )
 
 
-def _offers(name: _Name) -> Iterator[tuple[str, float]]:
+def _signal_scores(name: _Name) -> Iterator[tuple[str, float]]:
     """Yield the signals that a name may mean, and how well it fits."""
     kind, nouns = name.kind, name.nouns
-    sure = 1.0 + bool(nouns) - 0.5 * name.has(_MADE)
-    is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_TOLD))
+    sure = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
+    is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)
     if kind == "pressure":
-        yield from ([("p_ref", sure + 1.0)] if is_reference else _pressures(name, sure))
+        yield from ([("p_ref", sure + 1.0)] if is_reference else _pressure_scores(name, sure))
     elif kind == "position":
         yield "x_ref" if is_reference else "x", sure
     elif kind == "command" and nouns:  # volts alone may be any sensor's
@@ -172,7 +179,7 @@ def _offers(name: _Name) -> Iterator[tuple[str, float]]:
         yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), sure
 
 
-def _pressures(name: _Name, sure: float) -> Iterator[tuple[str, float]]:
+def _pressure_scores(name: _Name, sure: float) -> Iterator[tuple[str, float]]:
     """Yield how well a pressure's name fits each place; one that says no place is a chamber's."""
     if name.has(_SUPPLY):
         yield "p_supply", sure + 1.0
@@ -186,7 +193,7 @@ def _pressures(name: _Name, sure: float) -> Iterator[tuple[str, float]]:
         yield "p2", sure
 
 
-def _fill_first_chamber(taken: dict[int, str]) -> None:
+def _assign_single_pressure(taken: dict[int, str]) -> None:
     """A pressure that stands alone is that of chamber 1, whatever it is called."""
     if "p1" not in taken.values():
         for n in [n for signal in ("p2", "p_supply") for n, given in taken.items() if given == signal][:1]:
@@ -222,7 +229,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
     return re.sub(r"^[^\[(]*/", "", name), "", True
 
 
-def _fits(word: str, words: Sequence[str]) -> bool:
+def _matches(word: str, words: Sequence[str]) -> bool:
     if word.startswith("-"):
         return any(one.endswith(word[1:]) for one in words)
     if word.endswith("-"):

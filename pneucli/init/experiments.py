@@ -7,67 +7,67 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneucli.init.columns import quantity
-from pneucli.init.file_groups import Array, Kind
+from pneucli.init.columns import quantity_kind
+from pneucli.init.file_groups import Array, FileGroup
 from pneucli.units import same_dimension
 
-BINS = 20  # of the piston's position
-CLOSED = 0.2  # share of its own deviation that the pressure of a closed chamber has beside its position
-SPAN = 500  # stretches of a recording over which its motion is told
-FALLS = 0.6  # of the steps between tenths of a recording, in which the pressure of a shut chamber falls
-FALL = 0.2  # of its range
-NOISY = 10.0  # steps between samples: white noise alone has a range of five
+POSITION_BINS = 20  # of the piston's position
+MAX_CLOSED_DEVIATION = 0.2  # share of its own deviation that the pressure of a closed chamber has beside its position
+MOTION_SEGMENTS = 500  # stretches of a recording over which its motion is told
+MIN_FALLING_SHARE = 0.6  # of the steps between tenths of a recording, in which the pressure of a shut chamber falls
+MIN_PRESSURE_FALL = 0.2  # of its range
+NOISE_RANGE_STEPS = 10.0  # steps between samples: white noise alone has a range of five
 
 Line = tuple[str, str, str]  # key, value as TOML, comment
 
 
 @dataclass(frozen=True)
-class Trial:
+class GuessedExperiment:
     """The experiment of a kind, and its other keys."""
 
     experiment: str
     keys: Sequence[Line]
 
-    def says(self, key: str) -> str:
+    def value_of(self, key: str) -> str:
         """Return what a key says, without quotes; empty where it is not there."""
         return next((value.strip('"') for name, value, _ in self.keys if name == key), "")
 
 
-def trial(kind: Kind) -> Trial:
+def guess_experiment(kind: FileGroup) -> GuessedExperiment:
     """Return what was tried in the recordings of a kind."""
     has = kind.signals.keys()
     if {"x", "u", "p1"} <= has:
-        return Trial("axis", [*_chamber_2(kind)])
+        return GuessedExperiment("axis", [*_chamber_2(kind)])
     if "x" in has:
-        return Trial("friction", [*_friction(kind)])
-    return Trial("valve", [*_command(kind)])
+        return GuessedExperiment("friction", [*_friction(kind)])
+    return GuessedExperiment("valve", [*_command(kind)])
 
 
-def _chamber_2(kind: Kind) -> Iterator[Line]:
-    if kind.more:
+def _chamber_2(kind: FileGroup) -> Iterator[Line]:
+    if kind.further_files:
         yield "chamber_2", '"closed"', 'CHECK or "open" (to ambient), or "valve"'
     elif "u2" in kind.signals:
         yield "chamber_2", '"valve"', "u2 is recorded"
     elif "p2" not in kind.signals:
         yield "chamber_2", '"closed"', 'CHECK no p2 is recorded; or "open" (to ambient), or "valve"'
-    elif np.ptp(kind.pooled("p2")) < 0.1 * np.ptp(kind.pooled("p1")):
+    elif np.ptp(kind.pooled_values("p2")) < 0.1 * np.ptp(kind.pooled_values("p1")):
         yield "chamber_2", '"open"', "p2 stays where it is"
-    elif _follows(kind.pooled("p2"), kind.pooled("x")):
+    elif _depends_on_position(kind.pooled_values("p2"), kind.pooled_values("x")):
         yield "chamber_2", '"closed"', "p2 follows the piston's position, as a closed chamber's does"
     else:
         yield "chamber_2", '"valve"', "p2 moves also where the piston does not, so a valve moves it"
 
 
-def _follows(values: Array, x: Array) -> bool:
+def _depends_on_position(values: Array, x: Array) -> bool:
     """Return whether ``values`` are a function of the position, but for a fifth of their deviation."""
     size = min(values.size, x.size)
     values, x = values[:size], x[:size]
-    place = np.digitize(x, np.linspace(x.min(), x.max(), BINS + 1)[1:-1])
-    means = np.bincount(place, values, BINS) / np.maximum(np.bincount(place, minlength=BINS), 1)
-    return bool(np.std(values - means[place]) < CLOSED * np.std(values))
+    place = np.digitize(x, np.linspace(x.min(), x.max(), POSITION_BINS + 1)[1:-1])
+    means = np.bincount(place, values, POSITION_BINS) / np.maximum(np.bincount(place, minlength=POSITION_BINS), 1)
+    return bool(np.std(values - means[place]) < MAX_CLOSED_DEVIATION * np.std(values))
 
 
-def _friction(kind: Kind) -> Iterator[Line]:
+def _friction(kind: FileGroup) -> Iterator[Line]:
     if "force" in kind.signals or "p1" not in kind.signals:
         yield (
             "imposed",
@@ -78,7 +78,7 @@ def _friction(kind: Kind) -> Iterator[Line]:
         yield "chamber_2", '"open"', "CHECK no p2 is recorded"
 
 
-def senses(kind: Kind) -> dict[str, str]:
+def sign_conventions(kind: FileGroup) -> dict[str, str]:
     """Return which of force and position count the other way than chamber 1, with the evidence.
 
     Chamber 1 pushes toward +x. A force that grows with its pressure holds against it, so it is positive toward -x; and
@@ -86,23 +86,25 @@ def senses(kind: Kind) -> dict[str, str]:
     """
     if not {"x", "p1", "force"} <= kind.signals.keys():
         return {}
-    pressures, forces, places = (kind.each(name) for name in ("p1", "force", "x"))
+    pressures, forces, places = (kind.values_per_file(name) for name in ("p1", "force", "x"))
     p, force = (np.array([np.median(values) for values in each]) for each in (pressures, forces))
     if p.size < 2 or not np.ptp(p) or not np.ptp(force):
         return {}
     against = np.corrcoef(p, force)[0, 1] > 0
-    drags = [drag for f, x in zip(forces, places, strict=True) if (drag := _drag(f, x)) is not None]
+    drags = [
+        drag for f, x in zip(forces, places, strict=True) if (drag := _force_difference_by_direction(f, x)) is not None
+    ]
     found = {"force": "CHECK it holds against p1, which pushes toward +x"} if against else {}
     if drags and (float(np.median(drags)) > 0) == against:
         found["x"] = "CHECK the force is larger where the piston moves against p1, so chamber 1 grows the other way"
     return found
 
 
-def _drag(force: Array, x: Array) -> float | None:
+def _force_difference_by_direction(force: Array, x: Array) -> float | None:
     """Return how much larger the force is where x grows than where it falls."""
-    if force.size != x.size or x.size < SPAN:
+    if force.size != x.size or x.size < MOTION_SEGMENTS:
         return None
-    reach = x.size // SPAN + 1
+    reach = x.size // MOTION_SEGMENTS + 1
     moved = x[reach:] - x[:-reach]
     between = force[reach // 2 :][: moved.size]
     fast = 0.5 * float(np.abs(moved).max())
@@ -110,7 +112,7 @@ def _drag(force: Array, x: Array) -> float | None:
     return float(np.median(out) - np.median(back)) if out.size and back.size else None
 
 
-def _command(kind: Kind) -> Iterator[Line]:
+def _command(kind: FileGroup) -> Iterator[Line]:
     if "u" in kind.signals:
         return
     if _only_falls(kind):
@@ -120,66 +122,70 @@ def _command(kind: Kind) -> Iterator[Line]:
         yield "u", '"? V"', "no command is recorded: the one that was held (above the valve's null it fills)"
 
 
-def _only_falls(kind: Kind) -> bool:
+def _only_falls(kind: FileGroup) -> bool:
     falls = []
-    for values in kind.each("p1"):
+    for values in kind.values_per_file("p1"):
         tenths = np.array([np.median(part) for part in np.array_split(values, min(10, values.size)) if part.size])
         falls += (np.diff(tenths) <= 0).tolist()
-    return float(np.mean(falls)) >= FALLS and all(values[-1] < values[0] for values in kind.each("p1"))
+    return float(np.mean(falls)) >= MIN_FALLING_SHARE and all(
+        values[-1] < values[0] for values in kind.values_per_file("p1")
+    )
 
 
-def rig(kinds: Sequence[Kind], trials: Sequence[Trial]) -> Iterator[tuple[str, list[Line]]]:
+def rig_tables(
+    groups: Sequence[FileGroup], experiments: Sequence[GuessedExperiment]
+) -> Iterator[tuple[str, list[Line]]]:
     """Yield the tables of the rig with what the recordings need; what is to be filled in has a ``?``.
 
     A key that starts with ``#`` may stay away.
     """
-    valve_tests = [k for k, t in zip(kinds, trials, strict=True) if t.experiment == "valve"]
-    axes = [k for k, t in zip(kinds, trials, strict=True) if t.experiment == "axis"]
-    shut = all(t.says("valve") == "shut" for t in trials if t.experiment == "valve")
-    yield "rig", [*_surroundings(kinds, [*axes, *([] if shut else valve_tests)])]
+    valve_tests = [k for k, t in zip(groups, experiments, strict=True) if t.experiment == "valve"]
+    axes = [k for k, t in zip(groups, experiments, strict=True) if t.experiment == "axis"]
+    shut = all(t.value_of("valve") == "shut" for t in experiments if t.experiment == "valve")
+    yield "rig", [*_environment_keys(groups, [*axes, *([] if shut else valve_tests)])]
     if valve_tests:
         unknown = "where it is not known, leaks and openings are told over the volume"
         yield (
             "rig.vessel",
             [("# volume" if shut else "volume", '"? l"', unknown if shut else "the vessel that is filled")],
         )
-    if lines := [*_valve(kinds, trials)]:
+    if lines := [*_valve_keys(groups, experiments)]:
         yield "rig.valve", lines
-    moved = [k for k in kinds if "x" in k.signals and {"p1", "p2"} & k.signals.keys()]
+    moved = [k for k in groups if "x" in k.signals and {"p1", "p2"} & k.signals.keys()]
     if moved:
-        yield "rig.cylinder", [*_cylinder(moved, bool(axes))]
+        yield "rig.cylinder", [*_cylinder_keys(moved, bool(axes))]
 
 
-def _surroundings(kinds: Sequence[Kind], driven: Sequence[Kind]) -> Iterator[Line]:
+def _environment_keys(kinds: Sequence[FileGroup], driven: Sequence[FileGroup]) -> Iterator[Line]:
     yield "ambient_pressure", '"1.013 bar"', "absolute"
     yield "gas_temperature", '"293.15 K"', ""
     if any("p_supply" not in kind.signals for kind in driven):
         yield "supply_pressure", '"? bar"', "absolute; p_supply is not recorded"
 
 
-def _valve(kinds: Sequence[Kind], trials: Sequence[Trial]) -> Iterator[Line]:
+def _valve_keys(kinds: Sequence[FileGroup], trials: Sequence[GuessedExperiment]) -> Iterator[Line]:
     driven = [kind for kind in kinds if {"u", "p1"} <= kind.signals.keys()]
-    if any(t.says("chamber_2") == "valve" for t in trials):
+    if any(t.value_of("chamber_2") == "valve" for t in trials):
         two = any("u2" in kind.signals for kind in kinds)
         why = "u2 is recorded" if two else "one command, and both chambers are driven"
         yield "arrangement", '"two"' if two else '"5/3"', why
-    u = np.concatenate([kind.pooled("u") for kind in driven] or [np.zeros(1)])
+    u = np.concatenate([kind.pooled_values("u") for kind in driven] or [np.zeros(1)])
     if np.unique(u).size == 2:
         yield "kind", '"switching"', "the command has two values"
-    elif u.min() >= 0 and any(_falls(values) for kind in driven for values in kind.each("p1")):
+    elif u.min() >= 0 and any(_falls(values) for kind in driven for values in kind.values_per_file("p1")):
         yield "null", '"identify"', f"p1 falls, although the command is never below {u.min():.3g}"
 
 
 def _falls(values: Array) -> bool:
     """Return whether a pressure falls by more than a fifth of its range, spikes and noise aside."""
     low, high = np.percentile(values, (1.0, 99.0))
-    if high - low < NOISY * float(np.median(np.abs(np.diff(values)))):
+    if high - low < NOISE_RANGE_STEPS * float(np.median(np.abs(np.diff(values)))):
         return False
     after = values[int(np.argmax(values >= high)) :]
-    return bool(np.percentile(after, 10.0) < high - FALL * (high - low))
+    return bool(np.percentile(after, 10.0) < high - MIN_PRESSURE_FALL * (high - low))
 
 
-def _cylinder(moved: Sequence[Kind], axes: bool) -> Iterator[Line]:
+def _cylinder_keys(moved: Sequence[FileGroup], axes: bool) -> Iterator[Line]:
     rotary = any(is_angle(kind.signals["x"].unit) for kind in moved)
     area, length, mass = ("cm^3/rad", "deg", "kg m^2") if rotary else ("cm^2", "mm", "kg")
     yield "piston_area_1", f'"? {area}"', "on which p1 acts" + (", or pi/4 x bore squared" if not rotary else "")
@@ -199,4 +205,4 @@ def _cylinder(moved: Sequence[Kind], axes: bool) -> Iterator[Line]:
 
 def is_angle(unit: str) -> bool:
     """Return whether a unit measures an angle."""
-    return quantity(unit) == "position" and not same_dimension(unit, "m")
+    return quantity_kind(unit) == "position" and not same_dimension(unit, "m")

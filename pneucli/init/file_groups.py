@@ -11,77 +11,79 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.init.columns import guess
+from pneucli.init.columns import guess_columns
 from pneucli.init.survey import Column, Guess, Survey
-from pneucli.init.units import in_si, reference_by_force, reference_of
+from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
 from pneucli.quantities import SIGNALS
 from pneucli.units import parse_unit
 
 Array = NDArray[np.float64]
-MOVES = 20.0  # times the usual step between samples, that the range of what moves is
+MIN_MOTION_STEPS = 20.0  # times the usual step between samples, that the range of what moves is
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 
 
 @dataclass(frozen=True)
-class Kind:
-    """Files that are read alike and are called alike: ``file`` is their path or glob, ``held`` those held out.
+class FileGroup:
+    """Files that are read alike and are called alike: ``file`` is their path or glob, ``held_out`` those held out.
 
-    ``guesses`` are by signal; ``idle`` the columns that are none; ``more`` are further files of the same recording.
+    ``guesses_by_signal`` are by signal; ``unused`` the columns that are none; ``further_files`` are further files of the same recording.
     """
 
     surveys: Sequence[Survey]
     file: str
-    held: Sequence[Survey]
-    guesses: Mapping[str, Guess]
-    idle: Sequence[Guess]
-    more: Sequence[Kind] = ()
+    held_out: Sequence[Survey]
+    guesses_by_signal: Mapping[str, Guess]
+    unused: Sequence[Guess]
+    further_files: Sequence[FileGroup] = ()
 
     @property
     def signals(self) -> dict[str, Guess]:
         """The signals of the recording, those of further files included."""
-        found = {name: one for kind in (*reversed(self.more), self) for name, one in kind.guesses.items()}
+        found = {
+            name: one for kind in (*reversed(self.further_files), self) for name, one in kind.guesses_by_signal.items()
+        }
         return {name: found[name] for name in SIGNALS if name in found}
 
-    def numbers(self, signal: str) -> list[Array]:
+    def raw_numbers(self, signal: str) -> list[Array]:
         """Return the numbers of a signal as they stand in the files, a file each."""
-        home = next(kind for kind in (self, *self.more) if signal in kind.guesses)
-        return [values_of(one, home.guesses[signal]) for one in home.surveys]
+        home = next(kind for kind in (self, *self.further_files) if signal in kind.guesses_by_signal)
+        return [column_values(one, home.guesses_by_signal[signal]) for one in home.surveys]
 
-    def pooled(self, signal: str) -> Array:
+    def pooled_values(self, signal: str) -> Array:
         """Return the values of a signal in SI, without references, of all files."""
-        return np.concatenate(self.each(signal))
+        return np.concatenate(self.values_per_file(signal))
 
-    def each(self, signal: str) -> list[Array]:
+    def values_per_file(self, signal: str) -> list[Array]:
         """Return the values of a signal in SI, without references, a file each."""
-        return [in_si(values, self.signals[signal].unit) for values in self.numbers(signal)]
+        return [to_si(values, self.signals[signal].unit) for values in self.raw_numbers(signal)]
 
 
-def values_of(found: Survey, one: Guess) -> Array:
+def column_values(found: Survey, one: Guess) -> Array:
     """Return the numbers of a guess in one of the files that it is made for; of others none."""
-    same = (c.known for c in found.columns if (c.key, c.where) == (one.column.key, one.column.where))
+    same = (c.finite_values for c in found.columns if (c.key, c.where) == (one.column.key, one.column.where))
     return next(same, np.zeros(0))
 
 
-def kinds(surveys: Sequence[Survey]) -> list[Kind]:
+def group_files(surveys: Sequence[Survey]) -> list[FileGroup]:
     """Return the kinds of files, in their order, each with one of them to hold out."""
-    found = [kind for alike in _alike(surveys) for kind in _kinds_of(alike)]
+    found = [kind for alike in _same_layout(surveys) for kind in _groups_of(alike)]
     return _hold_out(found)
 
 
-def _alike(surveys: Sequence[Survey]) -> list[list[Survey]]:
+def _same_layout(surveys: Sequence[Survey]) -> list[list[Survey]]:
     """Return files that are read alike: with the same signals in the same columns."""
     groups: dict[object, list[Survey]] = {}
     for one in surveys:
         layout = (one.is_text, one.raw.header, one.raw.skip_rows, one.raw.delimiter, one.raw.decimal)
-        taken = tuple((g.column.key, g.column.where, g.column.unit, g.signal) for g in guess([one]) if g.signal)
+        taken = tuple((g.column.key, g.column.where, g.column.unit, g.signal) for g in guess_columns([one]) if g.signal)
         nameless = all(isinstance(column.key, int) for column in one.columns)
         groups.setdefault((layout, len(one.columns) if nameless else taken), []).append(one)
     return list(groups.values())
 
 
-def _kinds_of(alike: list[Survey]) -> Iterator[Kind]:
+def _groups_of(alike: list[Survey]) -> Iterator[FileGroup]:
     alike, extra = _common(alike)
-    guesses = guess(alike)
+    guesses = guess_columns(alike)
     found = {one.signal: one for one in guesses}
     signals = {name: found[name] for name in SIGNALS if name in found}
     idle = [
@@ -92,11 +94,11 @@ def _kinds_of(alike: list[Survey]) -> Iterator[Kind]:
     for one in alike:
         groups.setdefault((one.path.parent, _NUMBER.sub("#", one.path.stem), one.path.suffix), []).append(one)
     for files in groups.values():
-        ordered = sorted(files, key=lambda one: natural(one.path))
+        ordered = sorted(files, key=lambda one: natural_sort_key(one.path))
         if file := _glob([one.path for one in ordered]):
-            yield Kind(ordered, file, (), signals, idle)
+            yield FileGroup(ordered, file, (), signals, idle)
         else:
-            yield from (Kind([one], one.path.as_posix(), (), signals, idle) for one in ordered)
+            yield from (FileGroup([one], one.path.as_posix(), (), signals, idle) for one in ordered)
 
 
 def _common(alike: list[Survey]) -> tuple[list[Survey], list[Column]]:
@@ -108,7 +110,7 @@ def _common(alike: list[Survey]) -> tuple[list[Survey], list[Column]]:
     return [replace(one, columns=[columns[key] for key in common]) for one, columns in same], list(extra.values())
 
 
-def natural(path: Path) -> list[tuple[float, str]]:
+def natural_sort_key(path: Path) -> list[tuple[float, str]]:
     """Return a key by which step_10 comes after step_9."""
     return [(float(n or 0), text) for text, n in re.findall(r"(\D*)(\d*)", path.name)]
 
@@ -125,32 +127,36 @@ def _glob(paths: Sequence[Path]) -> str:
     return pattern if {Path(hit) for hit in glob.glob(pattern)} == set(paths) else ""
 
 
-def _hold_out(found: Sequence[Kind]) -> list[Kind]:
+def _hold_out(found: Sequence[FileGroup]) -> list[FileGroup]:
     """Hold out the middle one of each kind that moves; of files that are alone in theirs, one of each experiment."""
-    alone: dict[object, list[Kind]] = {}
+    alone: dict[object, list[FileGroup]] = {}
     for kind in found:
         if len(kind.surveys) == 1:
-            alone.setdefault(tuple(sorted(kind.guesses)), []).append(kind)
-    chosen = [_middle([one for kind in group for one in kind.surveys if moves(kind, one)]) for group in alone.values()]
-    chosen += [_middle([one for one in kind.surveys if moves(kind, one)]) for kind in found if len(kind.surveys) > 1]
+            alone.setdefault(tuple(sorted(kind.guesses_by_signal)), []).append(kind)
+    chosen = [
+        _middle([one for kind in group for one in kind.surveys if is_moving(kind, one)]) for group in alone.values()
+    ]
+    chosen += [
+        _middle([one for one in kind.surveys if is_moving(kind, one)]) for kind in found if len(kind.surveys) > 1
+    ]
     held = {id(one) for one in chosen if one}
-    return [replace(k, held=[one for one in k.surveys if id(one) in held]) for k in found]
+    return [replace(k, held_out=[one for one in k.surveys if id(one) in held]) for k in found]
 
 
 def _middle(moving: Sequence[Survey]) -> Survey | None:
     return moving[len(moving) // 2] if len(moving) > 1 else None
 
 
-def moves(kind: Kind, one: Survey) -> bool:
+def is_moving(kind: FileGroup, one: Survey) -> bool:
     """Return whether what a recording is about moves in it: the piston, else the pressure."""
-    signal = next((name for name in ("x", "p1", "force") if name in kind.guesses), "")
-    values = values_of(one, kind.guesses[signal]) if signal else np.zeros(0)
+    signal = next((name for name in ("x", "p1", "force") if name in kind.guesses_by_signal), "")
+    values = column_values(one, kind.guesses_by_signal[signal]) if signal else np.zeros(0)
     steps = np.abs(np.diff(values))
-    few = values.size < 5 * MOVES
-    return bool(values.size) and float(np.ptp(values)) > (2.0 if few else MOVES) * float(np.median(steps))
+    few = values.size < 5 * MIN_MOTION_STEPS
+    return bool(values.size) and float(np.ptp(values)) > (2.0 if few else MIN_MOTION_STEPS) * float(np.median(steps))
 
 
-def references(found: Sequence[Kind]) -> dict[str, tuple[str, str]]:
+def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]]:
     """Return gauge or absolute and the evidence for it, for the unit of each pressure, by unit.
 
     Sensors in one unit count alike unless their names say otherwise; what one of them tells holds for all.
@@ -160,21 +166,21 @@ def references(found: Sequence[Kind]) -> dict[str, tuple[str, str]]:
         for signal, one in kind.signals.items():
             if not signal.startswith("p"):
                 continue
-            columns = kind.numbers(signal)
-            answer = reference_of(columns, one.unit, one.reference)
+            columns = kind.raw_numbers(signal)
+            answer = pressure_reference(columns, one.unit, one.reference)
             if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
-                answer = reference_by_force(columns, kind.numbers("force"), one.unit) or answer
+                answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer
             if one.unit not in told or told[one.unit][1].startswith("CHECK"):
                 told[one.unit] = answer
     return told
 
 
-def joined(surveys: Sequence[Survey]) -> Kind | None:
+def join_single_signal_files(surveys: Sequence[Survey]) -> FileGroup | None:
     """Return one kind for all files, if each holds a clock and one reading, no two of them the same signal.
 
     A reading is called what its column is called, or its file where all columns are called alike.
     """
-    pairs = [_pair(one) for one in surveys]
+    pairs = [_clock_and_reading(one) for one in surveys]
     if len(surveys) < 2 or None in pairs:
         return None
     found = [pair for pair in pairs if pair is not None]
@@ -183,27 +189,27 @@ def joined(surveys: Sequence[Survey]) -> Kind | None:
         stems = zip(surveys, readings, strict=True)
         readings = [replace(one, name=survey.path.stem) for survey, one in stems]
     clocks = [clock for clock, _ in found]
-    together = guess([Survey(surveys[0].raw, surveys[0].is_text, [clocks[0].column, *readings], {})])[1:]
+    together = guess_columns([Survey(surveys[0].raw, surveys[0].is_text, [clocks[0].column, *readings], {})])[1:]
     signals = [one.signal for one in together]
-    if "" in signals or len(set(signals)) < len(signals) or not _overlap(clocks):
+    if "" in signals or len(set(signals)) < len(signals) or not _overlap_in_time(clocks):
         return None
     kinds = [
-        Kind([survey], survey.path.as_posix(), (), {"time": clock, one.signal: replace(one, column=column)}, ())
+        FileGroup([survey], survey.path.as_posix(), (), {"time": clock, one.signal: replace(one, column=column)}, ())
         for survey, (clock, column), one in zip(surveys, found, together, strict=True)
     ]
-    kinds.sort(key=lambda kind: [*SIGNALS].index([*kind.guesses][1]))
-    return replace(kinds[0], more=kinds[1:])
+    kinds.sort(key=lambda kind: [*SIGNALS].index([*kind.guesses_by_signal][1]))
+    return replace(kinds[0], further_files=kinds[1:])
 
 
-def _pair(one: Survey) -> tuple[Guess, Column] | None:
+def _clock_and_reading(one: Survey) -> tuple[Guess, Column] | None:
     """Return the clock of a file and its only reading; None where it holds anything else."""
-    guesses = guess([one])
+    guesses = guess_columns([one])
     clock = [g for g in guesses if g.signal == "time"]
     rest = [g.column for g in guesses if g.signal != "time"]
     return (clock[0], rest[0]) if len(clock) == len(rest) == 1 and rest[0].where is None else None
 
 
-def _overlap(clocks: Sequence[Guess]) -> bool:
+def _overlap_in_time(clocks: Sequence[Guess]) -> bool:
     """Return whether all files have a time in common."""
-    times = [parse_unit(one.unit).factor * one.column.known for one in clocks]
+    times = [parse_unit(one.unit).factor * one.column.finite_values for one in clocks]
     return bool(max(float(np.min(t)) for t in times) < min(float(np.max(t)) for t in times))

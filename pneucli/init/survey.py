@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.formats import is_text, open_raw
-from pneucli.io.raw_file import Ask, Key, RawFile, Reader, Values
-from pneucli.io.signal_reader import unit_said
-from pneucli.io.text_sniffer import Sniffed, options_of, sniff
+from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
+from pneucli.io.signal_reader import unit_in_file
+from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff
 
 Array = NDArray[np.float64]
-MOST = 200_000  # rows that are looked at
-LABELS = 30  # of a long table, at most
+MAX_SURVEY_ROWS = 200_000  # rows that are looked at
+MAX_LABELS = 30  # of a long table, at most
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,15 @@ class Column:
     ``where`` is the label column and the label, of the channel of a long table. ``thousands`` is its own mark.
     """
 
-    key: Key
+    key: ColumnKey
     name: str
     unit: str
     values: Array = field(repr=False)
-    where: tuple[Key, str] | None = None
+    where: tuple[ColumnKey, str] | None = None
     thousands: str | None = None
 
     @property
-    def known(self) -> Array:
+    def finite_values(self) -> Array:
         """The values that are numbers."""
         return self.values[np.isfinite(self.values)]
 
@@ -61,28 +61,28 @@ class Survey:
 class Guess:
     """One column and the signal it is taken for, read in ``unit``; ``signal`` is empty where nothing fits.
 
-    ``said``: whether the file says the unit; ``reference``: gauge or absolute, where the name says it; ``note``: what
+    ``unit_stated``: whether the file says the unit; ``reference``: gauge or absolute, where the name says it; ``note``: what
     speaks for it.
     """
 
     column: Column
     signal: str
     unit: str = ""
-    said: bool = False
+    unit_stated: bool = False
     reference: str = ""
     note: str = ""
 
 
-def survey(raw: RawFile) -> Survey:
+def survey_file(raw: RawFile) -> Survey:
     """Read what there is; raises InputError where it cannot be read, or holds no numbers."""
     if not raw.path.exists():
         raise InputError(str(raw.path), "no such file", "a raw file", "check the path")
     if not is_text(raw.path):
-        return _whole(raw)
+        return _survey_binary(raw)
     found = sniff(raw)
-    stated = options_of(raw, found)
+    stated = apply_sniffed(raw, found)
     reader = DelimitedReader(stated)
-    columns = _of_text(reader, found)
+    columns = _text_columns(reader, found)
     if not columns:
         raise InputError(str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter")
     bare = replace(stated, delimiter=raw.delimiter)
@@ -98,54 +98,56 @@ def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:
         return False
 
 
-def _of_text(reader: DelimitedReader, found: Sniffed) -> list[Column]:
+def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> list[Column]:
     numbers = [n for n in range(len(reader.names)) if n not in reader.labels]
-    asks = [Ask(n, thousands=found.thousands.get(n)) for n in numbers]
-    labels = [Ask(n, text=True) for n in sorted(reader.labels)]
+    asks = [ColumnRequest(n, thousands=found.thousands.get(n)) for n in numbers]
+    labels = [ColumnRequest(n, text=True) for n in sorted(reader.labels)]
     read = _read(reader, [*asks, *labels])
     columns = []
     for ask, values in zip(asks, read, strict=False):
         name = found.names[ask.position] if ask.position < len(found.names) else ""
         often = reader.names.count(reader.names[ask.position]) > 1
-        key: Key = ask.position + 1 if not found.header or often or not name else name
-        unit = "s" if ask.position in reader.stamps else unit_said(reader, ask.position) or ""
+        key: ColumnKey = ask.position + 1 if not found.header or often or not name else name
+        unit = "s" if ask.position in reader.stamps else unit_in_file(reader, ask.position) or ""
         columns.append(Column(key, name, unit, values, thousands=ask.thousands))
-    long = _channels(reader, columns, dict(zip((ask.position for ask in labels), read[len(asks) :], strict=True)))
+    long = _long_table_channels(
+        reader, columns, dict(zip((ask.position for ask in labels), read[len(asks) :], strict=True))
+    )
     return long or columns
 
 
-def _read(reader: Reader, asks: Sequence[Ask]) -> list[Values]:
-    parts: list[list[Values]] = []
+def _read(reader: Reader, asks: Sequence[ColumnRequest]) -> list[ColumnValues]:
+    parts: list[list[ColumnValues]] = []
     for batch in reader.batches(asks):
         parts.append(batch)
-        if sum(one[0].size for one in parts) >= MOST:
+        if sum(one[0].size for one in parts) >= MAX_SURVEY_ROWS:
             break
     return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 
-def _channels(reader: Reader, columns: list[Column], labels: dict[int, Values]) -> list[Column]:
+def _long_table_channels(reader: Reader, columns: list[Column], labels: dict[int, ColumnValues]) -> list[Column]:
     """Return clock and channels of a long table (a label, a stamp, a value); nothing where it is none."""
     if len(columns) != 2 or not labels:
         return []
     position, texts = next(iter(labels.items()))
     names = dict.fromkeys(texts)
-    if not 1 < len(names) <= min(LABELS, texts.size // 2):
+    if not 1 < len(names) <= min(MAX_LABELS, texts.size // 2):
         return []
     clock, value = columns
     split = [Column(value.key, name, "", value.values[texts == name], (reader.names[position], name)) for name in names]
     return [Column(clock.key, clock.name, clock.unit, clock.values[texts == split[0].name]), *split]
 
 
-def _whole(raw: RawFile) -> Survey:
+def _survey_binary(raw: RawFile) -> Survey:
     """Survey a binary file, column by column: what has another length than most is passed over."""
     reader = open_raw(raw)
     columns = []
     for position, name in enumerate(reader.names):
         try:
-            (values,) = _read(reader, [Ask(position)])
+            (values,) = _read(reader, [ColumnRequest(position)])
         except InputError:
             continue  # of no numbers
-        columns.append(Column(name, name, unit_said(reader, position) or "", values))
+        columns.append(Column(name, name, unit_in_file(reader, position) or "", values))
     scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
     sizes = Counter(one.values.size for one in columns if one.values.size > 1)
     if not sizes:

@@ -9,32 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.init.survey import Guess, Survey
-from pneucli.init.units import unit_by_values
+from pneucli.init.units import guess_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
 Array = NDArray[np.float64]
-TELLING = 5.0  # steps of its resolution that a reading moves at least, to be compared
-NEAR = 0.06  # of the number in a file's name
-LOOSE = 0.01  # of its deviation, that one reading in two columns may be off a line
-MOST = 0.5  # of the files
-LINE = 0.99  # correlation of what grows with the pressure
-FEWEST = 3  # files that tell a line
+MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
+PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
+COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line
+MIN_COPY_SHARE = 0.5  # of the files
+MIN_FORCE_CORRELATION = 0.99  # correlation of what grows with the pressure
+MIN_LINE_POINTS = 3  # files that tell a line
 _IN_NAME = re.compile(r"(\d+(?:[.,]\d+)?)\s*([A-Za-z]+)")
 
 
-def nameless(alike: Sequence[Survey], clock: int | None) -> list[Guess]:
+def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[Guess]:
     """Return a guess for every column of files without names of columns; ``clock`` is the one that rises."""
-    columns = alike[0].columns
-    twins = _twins(alike)
+    columns = surveys[0].columns
+    twins = _copied_columns(surveys)
     own = [n for n in range(len(columns)) if n not in twins and n != clock]
-    medians = {n: np.array([np.median(one.columns[n].known) for one in alike]) for n in own}
-    found = {} if clock is None else {clock: ("time", *unit_by_values("time", columns[clock].known, angle=False))}
-    found |= _pressure(alike, medians)
-    found |= _position(alike, [n for n in own if n not in found])
+    medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
+    found = {} if clock is None else {clock: ("time", *guess_unit("time", columns[clock].finite_values, angle=False))}
+    found |= _pressure(surveys, medians)
+    found |= _position(surveys, [n for n in own if n not in found])
     found |= _force(medians, found)
     if len(own) == 1 and own[0] not in found:
-        unit, note = unit_by_values("p1", columns[own[0]].known, angle=False)
+        unit, note = guess_unit("p1", columns[own[0]].finite_values, angle=False)
         found = {**found, own[0]: ("p1", unit, f"the only reading; {note}")}
     guesses = []
     for n, column in enumerate(columns):
@@ -44,7 +44,7 @@ def nameless(alike: Sequence[Survey], clock: int | None) -> list[Guess]:
     return guesses
 
 
-def _twins(alike: Sequence[Survey]) -> dict[int, int]:
+def _copied_columns(alike: Sequence[Survey]) -> dict[int, int]:
     """Return columns that are another, later one in other numbers, such as a sensor's volts.
 
     In all files together, or in most of them: a zero may be taken anew for each.
@@ -56,27 +56,30 @@ def _twins(alike: Sequence[Survey]) -> dict[int, int]:
     return {
         n: later
         for n, later in reversed(pairs)
-        if _is_same(pooled[n], pooled[later])
-        or np.mean([_is_same(columns[n], columns[later]) for columns in each]) > MOST
+        if _is_linear_copy(pooled[n], pooled[later])
+        or np.mean([_is_linear_copy(columns[n], columns[later]) for columns in each]) > MIN_COPY_SHARE
     }
 
 
-def _is_same(first: Array, second: Array) -> bool:
+def _is_linear_copy(first: Array, second: Array) -> bool:
     """Return whether two columns lie on one line, as far as their resolution lets tell."""
     both = np.isfinite(first) & np.isfinite(second)
     first, second = first[both], second[both]
     if (
-        first.size < FEWEST
-        or not np.ptp(first) > TELLING * _step(first)
-        or not np.ptp(second) > TELLING * _step(second)
+        first.size < MIN_LINE_POINTS
+        or not np.ptp(first) > MIN_RANGE_STEPS * _resolution(first)
+        or not np.ptp(second) > MIN_RANGE_STEPS * _resolution(second)
     ):
         return False
     slope, offset = np.polyfit(first, second, 1)
     off = float(np.std(second - slope * first - offset))
-    return bool(off <= max(0.5 * (abs(slope) * _step(first) + _step(second)), LOOSE * float(np.std(second))))
+    return bool(
+        off
+        <= max(0.5 * (abs(slope) * _resolution(first) + _resolution(second)), COPY_TOLERANCE * float(np.std(second)))
+    )
 
 
-def _step(values: Array) -> float:
+def _resolution(values: Array) -> float:
     """Return the resolution of a column: the least difference between two of its values."""
     steps = np.diff(np.unique(values))
     return float(steps.min()) if steps.size else 0.0
@@ -92,7 +95,7 @@ def _pressure(alike: Sequence[Survey], medians: dict[int, Array]) -> dict[int, t
             continue
         wanted = np.array([one[unit] for one in said])
         for n, median in medians.items():
-            if len(set(wanted)) > 1 and np.all(np.abs(median - wanted) <= NEAR * wanted):
+            if len(set(wanted)) > 1 and np.all(np.abs(median - wanted) <= PRESSURE_NAME_TOLERANCE * wanted):
                 return {n: ("p1", unit, f"its medians are the numbers before {unit} in the files' names")}
     return {}
 
@@ -101,19 +104,19 @@ def _position(alike: Sequence[Survey], left: Sequence[int]) -> dict[int, tuple[s
     """Return the smoothest of the columns that are left: the one that travels least for its range."""
     if len(left) < 2:
         return {}
-    known = {n: alike[0].columns[n].known for n in left}
+    known = {n: alike[0].columns[n].finite_values for n in left}
     travel = {n: float(np.abs(np.diff(values)).sum() / max(np.ptp(values), 1e-30)) for n, values in known.items()}
     best = min(travel, key=lambda n: travel[n])
-    unit, note = unit_by_values("x", known[best], angle=False)
+    unit, note = guess_unit("x", known[best], angle=False)
     return {best: ("x", unit, f"CHECK the smoothest reading; {note}")}
 
 
 def _force(medians: dict[int, Array], found: dict[int, tuple[str, str, str]]) -> dict[int, tuple[str, str, str]]:
     """Return the column that grows in proportion with the pressure, as the force on a piston does."""
     pressure = next((medians[n] for n, (signal, _, _) in found.items() if signal == "p1"), None)
-    if pressure is None or pressure.size < FEWEST:
+    if pressure is None or pressure.size < MIN_LINE_POINTS:
         return {}
     left = [n for n in medians if n not in found and np.ptp(medians[n]) > 0]
-    grows = [n for n in left if np.corrcoef(medians[n], pressure)[0, 1] > LINE]
+    grows = [n for n in left if np.corrcoef(medians[n], pressure)[0, 1] > MIN_FORCE_CORRELATION]
     note = "CHECK it grows in proportion with the pressure, as the force on a piston does; no unit is said"
     return {grows[-1]: ("force", "N", note)} if grows else {}

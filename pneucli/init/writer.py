@@ -10,60 +10,65 @@ from pathlib import Path, PurePath
 import numpy as np
 import tomlkit
 
-from pneucli.init.experiments import Line, Trial, rig, senses
-from pneucli.init.file_groups import Kind
+from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
+from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey import Guess
 from pneucli.units import parse_unit
 
 References = Mapping[str, tuple[str, str]]
-_PERIODS = re.compile(r"(?i)^(ts|t_s|dt|tsample|sampletime|sample_time|period)$")
-_RATES = re.compile(r"(?i)^(fs|f_s|fsample|rate|samplerate|sample_rate|sampling_rate)$")
-FASTEST, ENOUGH = 0.02, 20  # s between samples that the usual horizon is made for; samples within another one
-_WAITS = re.compile(r'"[^"#]*\?[^"]*"')
+_PERIOD_NAMES = re.compile(r"(?i)^(ts|t_s|dt|tsample|sampletime|sample_time|period)$")
+_RATE_NAMES = re.compile(r"(?i)^(fs|f_s|fsample|rate|samplerate|sample_rate|sampling_rate)$")
+MAX_DEFAULT_PERIOD, MIN_HORIZON_SAMPLES = (
+    0.02,
+    20,
+)  # s between samples that the usual horizon is made for; samples within another one
+_PLACEHOLDER = re.compile(r'"[^"#]*\?[^"]*"')
 
 
-def text(directory: Path, kinds: Sequence[Kind], trials: Sequence[Trial], references: References) -> str:
+def pipeline_text(
+    directory: Path, groups: Sequence[FileGroup], experiments: Sequence[GuessedExperiment], references: References
+) -> str:
     """Return the pipeline file."""
-    shared = _shared(kinds, references)
+    shared = _shared(groups, references)
     lines = [
         "# Guessed from the raw files: look at every line; what says CHECK the data alone cannot tell.",
         "[pipeline]",
     ]
-    lines += [f"name = {quoted(directory.resolve().name)}"]
-    for table, keys in rig(kinds, trials):
+    lines += [f"name = {toml_string(directory.resolve().name)}"]
+    for table, keys in rig_tables(groups, experiments):
         lines += ["", f"[{table}]", *map(_line, keys)]
     lines += ["", "[signals]  # least, median and most of each, in its column's unit", *shared.values()]
-    lines += [*_idle(kinds)]
-    for kind, one in zip(kinds, trials, strict=True):
-        lines += ["", *_recording(directory, kind, one), *_own(kind, references, shared, "recordings.signals")]
-        for further in kind.more:
+    lines += [*_unused_columns(groups)]
+    for kind, one in zip(groups, experiments, strict=True):
+        lines += ["", *_recording(directory, kind, one), *_own_signals(kind, references, shared, "recordings.signals")]
+        for further in kind.further_files:
             lines += ["", "[[recordings.more]]  # of the same recording, its clock as it is; or offset"]
-            lines += [f"file = {quoted(relative(further.file, directory))}", *_layout(further)]
-            lines += _own(further, references, shared, "recordings.more.signals")
-    return "\n".join([*lines, "", "[model]", "effects = []", "", *_compare(kinds)])
+            lines += [f"file = {toml_string(relative_path(further.file, directory))}", *_layout(further)]
+            lines += _own_signals(further, references, shared, "recordings.more.signals")
+    return "\n".join([*lines, "", "[model]", "effects = []", "", *_compare(groups)])
 
 
-def waiting(text: str) -> list[tuple[int, str]]:
+def fields_to_fill_in(text: str) -> list[tuple[int, str]]:
     """Return line (from 1) and dotted key of all that waits for people to fill it in."""
     table, found = "", []
     for number, line in enumerate(text.splitlines(), 1):
         if header := re.match(r"\[+([\w.]+)\]+", line):
             table = header[1]
-        elif not line.startswith("#") and _WAITS.search(line.split("  #")[0]):
+        elif not line.startswith("#") and _PLACEHOLDER.search(line.split("  #")[0]):
             found.append((number, f"{table}.{line.split('=')[0].strip()}"))
     return found
 
 
-def quoted(text: str) -> str:
+def toml_string(text: str) -> str:
     """Return a text as TOML has it."""
     return tomlkit.item(text).as_string()
 
 
-def _shared(kinds: Sequence[Kind], references: References) -> dict[str, str]:
+def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str]:
     shared: dict[str, str] = {}
     for kind in kinds:
         for name, guess in kind.signals.items():
-            if name == "time" or not _called_alike(kind):
+            if name == "time" or not _columns_share_names(kind):
                 shared.setdefault(name, _signal(kind, guess, references))
     if "time" not in shared:
         shared = {"time": _clock(kinds), **shared}
@@ -74,30 +79,30 @@ def _shared(kinds: Sequence[Kind], references: References) -> dict[str, str]:
     return shared
 
 
-def _signal(kind: Kind, one: Guess, references: References) -> str:
+def _signal(kind: FileGroup, one: Guess, references: References) -> str:
     column = one.column
     parts = [
-        f"column = {column.key if isinstance(column.key, int) else quoted(column.key)}",
-        f"unit = {quoted(one.unit)}",
+        f"column = {column.key if isinstance(column.key, int) else toml_string(column.key)}",
+        f"unit = {toml_string(one.unit)}",
     ]
     if column.thousands:
-        parts.append(f"thousands = {quoted(column.thousands)}")
+        parts.append(f"thousands = {toml_string(column.thousands)}")
     if column.where:
         label, channel = column.where
-        parts.append(f"where = {{ column = {quoted(str(label))}, equals = {quoted(channel)} }}")
-    notes = [_seen(kind, one), one.note]
+        parts.append(f"where = {{ column = {toml_string(str(label))}, equals = {toml_string(channel)} }}")
+    notes = [_value_range(kind, one), one.note]
     if one.signal in ("p1", "p2", "p_supply", "p_ref"):
         reference, why = references[one.unit]
         parts += [f'reference = "{reference}"'] * (not parse_unit(one.unit).gauge and not parse_unit(one.unit).absolute)
         notes.append(why)
-    if one.signal in (flip := senses(kind)):
+    if one.signal in (flip := sign_conventions(kind)):
         parts.append("scale = -1.0")
         notes.append(flip[one.signal])
     return f"{one.signal} = {{ {', '.join(parts)} }}  # {'; '.join(filter(None, notes))}"
 
 
-def _seen(kind: Kind, one: Guess) -> str:
-    each = kind.numbers(one.signal)
+def _value_range(kind: FileGroup, one: Guess) -> str:
+    each = kind.raw_numbers(one.signal)
     if one.signal == "time":
         factor = parse_unit(one.unit).factor
         steps = float(np.median(np.concatenate([np.diff(values) for values in each]))) * factor
@@ -107,14 +112,16 @@ def _seen(kind: Kind, one: Guess) -> str:
     return f"{values.min():.4g}, {np.median(values):.4g}, {values.max():.4g}"
 
 
-def _compare(kinds: Sequence[Kind]) -> list[str]:
+def _compare(kinds: Sequence[FileGroup]) -> list[str]:
     """Return the horizon of slow recordings: a fifth of the longest, of samples enough."""
-    clocks = [values for kind in kinds if "time" in kind.signals for values in kind.each("time") if values.size > 1]
+    clocks = [
+        values for kind in kinds if "time" in kind.signals for values in kind.values_per_file("time") if values.size > 1
+    ]
     period = max((float(np.median(np.diff(values))) for values in clocks), default=0.0)
-    if period <= FASTEST:
+    if period <= MAX_DEFAULT_PERIOD:
         return []
     longest = max(float(np.ptp(values)) for values in clocks)
-    horizon = min(longest, max(longest / 5, ENOUGH * period))
+    horizon = min(longest, max(longest / 5, MIN_HORIZON_SAMPLES * period))
     tens = 10.0 ** np.floor(np.log10(horizon))
     horizon = float(np.ceil(horizon / tens) * tens)
     return [
@@ -124,62 +131,64 @@ def _compare(kinds: Sequence[Kind]) -> list[str]:
     ]
 
 
-def _bare(line: str) -> str:
+def _without_comment(line: str) -> str:
     return line.split("  #", maxsplit=1)[0]
 
 
-def _clock(kinds: Sequence[Kind]) -> str:
+def _clock(kinds: Sequence[FileGroup]) -> str:
     """Return the clock of files that have none: the number of the row over the sampling rate."""
     scalars = {name: value for kind in kinds for name, value in kind.surveys[0].scalars.items()}
     for name, value in scalars.items():
-        if _PERIODS.match(name) or _RATES.match(name):
-            text = f"row * {value:.9g}" if _PERIODS.match(name) else f"row / {value:.9g}"
+        if _PERIOD_NAMES.match(name) or _RATE_NAMES.match(name):
+            text = f"row * {value:.9g}" if _PERIOD_NAMES.match(name) else f"row / {value:.9g}"
             return f'time = {{ expression = "{text}" }}  # CHECK no column rises like a clock; {name} = {value:.9g}'
     return 'time = { expression = "row / ?" }  # no column rises like a clock: put in the samples per second'
 
 
-def _called_alike(kind: Kind) -> bool:
+def _columns_share_names(kind: FileGroup) -> bool:
     """Return whether several files of one recording call different signals alike: each then describes its own."""
     keys = [one.column.key for name, one in kind.signals.items() if name != "time"]
-    return bool(kind.more) and len(set(keys)) < len(keys)
+    return bool(kind.further_files) and len(set(keys)) < len(keys)
 
 
-def _own(kind: Kind, references: References, shared: Mapping[str, str], table: str) -> list[str]:
+def _own_signals(kind: FileGroup, references: References, shared: Mapping[str, str], table: str) -> list[str]:
     """Return the table of the signals that a file has in other columns, or writes in another way."""
-    own = {name: _signal(kind, guess, references) for name, guess in kind.guesses.items()}
-    differ = [line for name, line in own.items() if _bare(line) != _bare(shared.get(name, ""))]
+    own = {name: _signal(kind, guess, references) for name, guess in kind.guesses_by_signal.items()}
+    differ = [line for name, line in own.items() if _without_comment(line) != _without_comment(shared.get(name, ""))]
     return [f"[{table}]", *differ] if differ else []
 
 
-def _idle(kinds: Sequence[Kind]) -> Iterator[str]:
+def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
     """Yield comments with the columns that are not taken, and with single values."""
     told = set()
     for kind in kinds:
-        for one in kind.idle:
+        for one in kind.unused:
             if (key := (one.column.key, one.column.where)) in told:
                 continue
             told.add(key)
-            known = one.column.known
+            known = one.column.finite_values
             seen = f"{known.min():.4g} to {known.max():.4g} {one.unit}".strip() if known.size else "no numbers"
-            name = one.column.key if isinstance(one.column.key, int) else quoted(one.column.name)
+            name = one.column.key if isinstance(one.column.key, int) else toml_string(one.column.name)
             yield f"# not taken: column {name}, {seen}" + (f"; {one.note}" if one.note else "")
     scalars = {f"{n} = {v:.9g}": None for kind in kinds for n, v in kind.surveys[0].scalars.items()}
     if scalars:
         yield f"# single values: {', '.join(scalars)}"
 
 
-def _recording(directory: Path, kind: Kind, one: Trial) -> list[str]:
+def _recording(directory: Path, kind: FileGroup, one: GuessedExperiment) -> list[str]:
     many = len(kind.surveys) > 1
-    alone_held = not many and bool(kind.held)
+    alone_held = not many and bool(kind.held_out)
     lines = ["[[recordings]]" + f"  # {len(kind.surveys)} files" * many]
-    lines += [f"file = {quoted(relative(kind.file, directory))}", f'experiment = "{one.experiment}"']
+    lines += [f"file = {toml_string(relative_path(kind.file, directory))}", f'experiment = "{one.experiment}"']
     lines += [f'use = "{"test" if alone_held else "train"}"']
-    if many and kind.held:
-        lines.append(f"test = {quoted(kind.held[0].path.name)}  # of these files, the one that is never fitted to")
+    if many and kind.held_out:
+        lines.append(
+            f"test = {toml_string(kind.held_out[0].path.name)}  # of these files, the one that is never fitted to"
+        )
     return [*lines, *_layout(kind), *map(_line, one.keys)]
 
 
-def _layout(kind: Kind) -> list[str]:
+def _layout(kind: FileGroup) -> list[str]:
     """Return how the text has to be read, as far as reading does not find it by itself."""
     raw = kind.surveys[0].raw
     stated = {"header": raw.header, "skip_rows": raw.skip_rows, "delimiter": raw.delimiter, "decimal": raw.decimal}
@@ -192,7 +201,7 @@ def _line(line: Line) -> str:
     return f"{key} = {value}" + (f"  # {comment}" if comment else "")
 
 
-def relative(file: str, directory: Path) -> str:
+def relative_path(file: str, directory: Path) -> str:
     """Return a path or glob as seen from ``directory``, with slashes on every system; whole where there is no way."""
     try:
         found = os.path.relpath(file, directory.resolve())

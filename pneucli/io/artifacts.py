@@ -24,10 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pneucli import __version__
 from pneucli.errors import InputError
-from pneucli.quantities import SIGNALS, of_motion
+from pneucli.quantities import SIGNALS, axis_unit
 
 _PREFIX = "pneucli."
-_CHUNK = 1 << 20
+_ROW_GROUP_ROWS = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def schema_of(
 
 def _unit(name: str, kind: pa.DataType, units: Mapping[str, str]) -> str:
     if name in units or name in SIGNALS:
-        return of_motion(units[name] if name in units else SIGNALS[name].unit)
+        return axis_unit(units[name] if name in units else SIGNALS[name].unit)
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         raise ValueError(f"column {name} has no unit")
     return ""
@@ -114,7 +114,7 @@ class TableWriter:
         """Append a row group; a single text holds for all rows, and columns that are left out are null."""
         rows = max(len(values) for values in columns.values() if not isinstance(values, str))
         arrays = [_array(columns.get(f.name), f.type, rows) for f in self._schema]
-        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=_CHUNK)
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=_ROW_GROUP_ROWS)
 
     def add_inputs(self, provenance: Provenance) -> None:
         """State the inputs' hashes at the end, where they were found while writing."""
@@ -151,7 +151,7 @@ def write_table(
 
     ``schema`` is name and version, ``"pneucli/compare/residuals/1"``. Units as in :func:`schema_of`.
     """
-    columns = {n: [of_motion(str(one)) for one in values] if n == "unit" else values for n, values in columns.items()}  # type: ignore[union-attr]
+    columns = {n: [axis_unit(str(one)) for one in values] if n == "unit" else values for n, values in columns.items()}  # type: ignore[union-attr]
     arrays = {name: _column(values) for name, values in columns.items()}
     types = {name: array.type for name, array in arrays.items()}
     with TableWriter(path, schema_of(types, units=units or {}, schema=schema, provenance=provenance)) as writer:
@@ -175,11 +175,11 @@ def read_table(path: str | Path) -> dict[str, NDArray[Any] | list[str]]:
 def read_metadata(path: str | Path) -> dict[str, Any]:
     """Return schema, version, units, inputs and parameters of an artifact."""
     metadata = pq.read_metadata(path).metadata or {}
-    own = {name: metadata[key].decode() for name in _ABOUT if (key := (_PREFIX + name).encode()) in metadata}
+    own = {name: metadata[key].decode() for name in _METADATA_KEYS if (key := (_PREFIX + name).encode()) in metadata}
     return {name: text if name in ("schema", "version") else json.loads(text) for name, text in own.items()}
 
 
-_ABOUT = ("schema", "version", "units", "inputs", "parameters")
+_METADATA_KEYS = ("schema", "version", "units", "inputs", "parameters")
 
 
 def _read(path: Path) -> pa.Table:

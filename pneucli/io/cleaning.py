@@ -14,17 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.io.raw_file import Repair
-from pneucli.io.spikes import MARGIN, find_spikes
-from pneucli.io.stuck_channels import Runs
-from pneucli.io.timestamp_order import AHEAD, ISOLATED, LARGEST, Array, Order, Place, counted, left_out
+from pneucli.io.spikes import MARGIN_SAMPLES, find_spikes
+from pneucli.io.stuck_channels import StuckChannelDetector
+from pneucli.io.timestamp_order import (
+    LOOKAHEAD_ROWS,
+    MAX_BACKWARD_ROWS,
+    MAX_MAGNITUDE,
+    Array,
+    RowLocator,
+    TimestampCheck,
+    count_losses,
+    loss_repairs,
+)
 
 Batch = dict[str, Array]
 
 PRESSURES = ("p_supply", "p1", "p2")  # absolute: no gas has less than none
 COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they may jump and rest as they like
-GAP = 10.0  # sampling periods
-JITTER = 0.2  # of a sampling period
-SMALLEST = 1e-30  # no sensor tells less from zero, in any SI unit
+GAP_PERIODS = 10.0  # sampling periods
+MAX_JITTER = 0.2  # of a sampling period
+MIN_MAGNITUDE = 1e-30  # no sensor tells less from zero, in any SI unit
 
 
 class Cleaner:
@@ -37,38 +46,38 @@ class Cleaner:
 
     def __init__(
         self,
-        place: Place,
+        place: RowLocator,
         noise: Mapping[str, float] | None = None,
         stretch: tuple[float | None, float | None] = (None, None),
     ) -> None:
         self._noise, self._stretch = noise or {}, stretch
-        self._order = Order(place)
+        self._order = TimestampCheck(place)
         self._waiting: Batch = {}  # rows whose stamps are not judged yet
         self._held: Batch = {}
         self._context = 0  # leading rows of _held that have been handed out already
         self._counts: dict[tuple[str, str], int] = {}
         self._clock = _Clock()
-        self._runs: dict[str, Runs] = {}
+        self._runs: dict[str, StuckChannelDetector] = {}
         self._kept = 0
         self.losses: Counter[str] = Counter()
 
     def push(self, batch: Mapping[str, Array]) -> Batch:
         """Return settled rows; the last few wait for their neighbours."""
-        return self._advance(self._wanted(batch, wait=AHEAD), hold=MARGIN)
+        return self._advance(self._selected_rows(batch, wait=LOOKAHEAD_ROWS), hold=MARGIN_SAMPLES)
 
     def finish(self) -> Batch:
         """Return the rows that waited."""
         none = {name: values[:0] for name, values in self._waiting.items()}
-        return self._advance(self._wanted(none, wait=0), hold=0)
+        return self._advance(self._selected_rows(none, wait=0), hold=0)
 
-    def _wanted(self, batch: Mapping[str, Array], wait: int) -> Batch:
+    def _selected_rows(self, batch: Mapping[str, Array], wait: int) -> Batch:
         """Return the rows that the clock's law and the stretch leave, but for the last few."""
-        rows = {name: _join(self._waiting.get(name), values) for name, values in batch.items()}
+        rows = {name: _append(self._waiting.get(name), values) for name, values in batch.items()}
         time = rows["time"]
         judged = max(0, time.size - wait)
-        fates = self._order.fates(time, judged)
+        fates = self._order.classify_rows(time, judged)
         self._waiting = {name: values[judged:].copy() for name, values in rows.items()}
-        self.losses.update(counted(fates))
+        self.losses.update(count_losses(fates))
         start, end = self._stretch
         inside = np.ones(judged, dtype=np.bool_)
         if start is not None:
@@ -81,38 +90,38 @@ class Cleaner:
         return {name: values[:judged] if kept.all() else values[:judged][kept] for name, values in rows.items()}
 
     def _advance(self, batch: Mapping[str, Array], hold: int) -> Batch:
-        rows = {name: _join(self._held.get(name), values) for name, values in batch.items()}
+        rows = {name: _append(self._held.get(name), values) for name, values in batch.items()}
         start, end = self._context, max(self._context, len(rows["time"]) - hold)
-        rows = {name: self._mended(name, values, start, end) for name, values in rows.items()}
+        rows = {name: self._repaired(name, values, start, end) for name, values in rows.items()}
         done = {name: values[start:end] for name, values in rows.items()}
-        self._clock.see(done["time"])
+        self._clock.update(done["time"])
         self._kept += end - start
-        begin = max(0, end - MARGIN)
+        begin = max(0, end - MARGIN_SAMPLES)
         self._held = {name: values[begin:].copy() for name, values in rows.items()}
         self._context = end - begin
         return done
 
-    def _mended(self, name: str, values: Array, start: int, end: int) -> Array:
+    def _repaired(self, name: str, values: Array, start: int, end: int) -> Array:
         """Return one signal with its rows start..end mended; the same array where nothing is to mend."""
         size = np.abs(values)
         mine = size[start:end]
-        self._count(name, "tiny", int(np.count_nonzero((mine < SMALLEST) & (mine > 0))))
+        self._count(name, "tiny", int(np.count_nonzero((mine < MIN_MAGNITUDE) & (mine > 0))))
         if name == "time":
             return values
-        missing, infinite = np.flatnonzero(np.isnan(size)), np.flatnonzero(size > LARGEST)
-        finite = _without(values, infinite)
-        infinite = _within(infinite, start, end)
+        missing, infinite = np.flatnonzero(np.isnan(size)), np.flatnonzero(size > MAX_MAGNITUDE)
+        finite = _with_nan_at(values, infinite)
+        infinite = _indices_within(infinite, start, end)
         self._count(name, "infinite", infinite.size)
-        self._count(name, "nan", _within(missing, start, end).size)
-        values = _without(values, infinite)
+        self._count(name, "nan", _indices_within(missing, start, end).size)
+        values = _with_nan_at(values, infinite)
         if name in COMMANDS:
             return values
-        spikes = _within(find_spikes(finite, self._noise.get(name, 0.0)), start, end)
+        spikes = _indices_within(find_spikes(finite, self._noise.get(name, 0.0)), start, end)
         self._count(name, "spike", spikes.size)
-        values = _without(values, spikes)
+        values = _with_nan_at(values, spikes)
         if name in PRESSURES:
             self._count(name, "vacuum", int(np.count_nonzero(values[start:end] <= 0.0)))
-        self._runs.setdefault(name, Runs(name)).see(values[start:end])
+        self._runs.setdefault(name, StuckChannelDetector(name)).update(values[start:end])
         return values
 
     def _count(self, signal: str, kind: str, count: int) -> None:
@@ -133,7 +142,7 @@ class Cleaner:
         """Return all that was mended or noticed so far."""
         values = [Repair(*key, count, _MESSAGES[key[1]].format(count)) for key, count in self._counts.items()]
         noticed = [repair for runs in self._runs.values() for repair in runs.repairs()]
-        return [*left_out(self.losses), *values, *self._clock.repairs(), *noticed]
+        return [*loss_repairs(self.losses), *values, *self._clock.repairs(), *noticed]
 
 
 _MESSAGES = {
@@ -153,7 +162,7 @@ class _Clock:
         self._last = np.empty(0)
         self._gaps, self._missing, self._uneven, self._intervals = 0, 0.0, 0, 0
 
-    def see(self, time: Array) -> None:
+    def update(self, time: Array) -> None:
         """Take note of the next stamps."""
         steps = np.diff(np.concatenate([self._last, time]))
         self._last = time[-1:] if time.size else self._last
@@ -161,10 +170,10 @@ class _Clock:
             return
         if not np.isfinite(self.period):
             self.period = float(np.median(steps))
-        wide = steps[steps > GAP * self.period]
+        wide = steps[steps > GAP_PERIODS * self.period]
         self._gaps += wide.size
         self._missing += float(wide.sum())
-        self._uneven += int(np.sum(np.abs(steps - self.period) > JITTER * self.period)) - wide.size
+        self._uneven += int(np.sum(np.abs(steps - self.period) > MAX_JITTER * self.period)) - wide.size
         self._intervals += steps.size
 
     def repairs(self) -> list[Repair]:
@@ -173,22 +182,24 @@ class _Clock:
         if self._gaps:
             message = f"{self._gaps} gaps, {self._missing:.3g} s in all, were left as they are"
             found.append(Repair("time", "gap", self._gaps, message))
-        if self._uneven > max(ISOLATED, 0.01 * self._intervals):
+        if self._uneven > max(MAX_BACKWARD_ROWS, 0.01 * self._intervals):
             share = f"{100 * self._uneven / self._intervals:.0f} %"
-            message = f"the clock jitters: {share} of the intervals are {100 * JITTER:.0f} % off {self.period:.4g} s"
+            message = (
+                f"the clock jitters: {share} of the intervals are {100 * MAX_JITTER:.0f} % off {self.period:.4g} s"
+            )
             found.append(Repair("time", "jitter", self._uneven, message))
         return found
 
 
-def _join(held: Array | None, values: Array) -> Array:
+def _append(held: Array | None, values: Array) -> Array:
     return values if held is None or not held.size else np.concatenate([held, values])
 
 
-def _within(where: NDArray[np.intp], start: int, end: int) -> NDArray[np.intp]:
+def _indices_within(where: NDArray[np.intp], start: int, end: int) -> NDArray[np.intp]:
     return where[(where >= start) & (where < end)]
 
 
-def _without(values: Array, where: NDArray[np.intp]) -> Array:
+def _with_nan_at(values: Array, where: NDArray[np.intp]) -> Array:
     """Return ``values`` with NaN at ``where``; the same array where there is nothing to do."""
     if not where.size:
         return values

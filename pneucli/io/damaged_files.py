@@ -14,21 +14,23 @@ from pathlib import Path
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
 
-LEAST = 512 << 20  # bytes that any file may expand to
-RATIO = 100  # times its own size, that a larger one may: measured signals, having noise, shrink to a tenth at most
-_LOGGERS = ("asammdf", "nptdms")
-_PASSED = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ResourceWarning)
+MIN_EXPANSION_LIMIT = 512 << 20  # bytes that any file may expand to
+MAX_EXPANSION_RATIO = (
+    100  # times its own size, that a larger one may: measured signals, having noise, shrink to a tenth at most
+)
+_LIBRARY_LOGGERS = ("asammdf", "nptdms")
+_IGNORED_WARNINGS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ResourceWarning)
 
 
 @contextmanager
-def reading(path: Path, name: str, repairs: list[Repair]) -> Iterator[None]:
+def library_errors_as_input_errors(path: Path, name: str, repairs: list[Repair]) -> Iterator[None]:
     """Run a library's code on ``path``, a file of the format ``name``.
 
     Whatever it raises on a damaged file becomes an InputError; what it warns of or logs is noted in ``repairs``.
     """
     notes: list[str] = []
     try:
-        with warnings.catch_warnings(record=True) as caught, _logged(notes):
+        with warnings.catch_warnings(record=True) as caught, _capture_logs(notes):
             warnings.simplefilter("always")
             yield
     except InputError:
@@ -38,32 +40,32 @@ def reading(path: Path, name: str, repairs: list[Repair]) -> Iterator[None]:
             str(path), "does not fit into the memory", "", "take a stretch of it, or fewer signals"
         ) from None
     except Exception as error:  # these libraries raise all kinds of things on damaged files
-        found = f"cannot be read as {name}: {type(error).__name__}: {_line(str(error))}"
-        with _mute():  # half-made readers complain while they are collected
+        found = f"cannot be read as {name}: {type(error).__name__}: {_first_line(str(error))}"
+        with _mute_unraisable():  # half-made readers complain while they are collected
             traceback.clear_frames(error.__traceback__)
             del error
             gc.collect()  # what is left of them may hold itself
         raise InputError(str(path), found, f"a whole {name} file", "copy or export it again") from None
-    notes += [str(one.message) for one in caught if not issubclass(one.category, _PASSED)]
-    repairs += [Repair("", "reader", 1, f"while reading: {_line(note)}") for note in dict.fromkeys(notes)]
+    notes += [str(one.message) for one in caught if not issubclass(one.category, _IGNORED_WARNINGS)]
+    repairs += [Repair("", "reader", 1, f"while reading: {_first_line(note)}") for note in dict.fromkeys(notes)]
 
 
-def check_size(path: Path, size: int, *, of: str = "the wanted columns") -> None:
+def check_expanded_size(path: Path, size: int, *, of: str = "the wanted columns") -> None:
     """Raise InputError where ``path`` would expand to ``size`` bytes, out of all proportion to its own size."""
     own = path.stat().st_size
-    if size > max(LEAST, RATIO * own):
+    if size > max(MIN_EXPANSION_LIMIT, MAX_EXPANSION_RATIO * own):
         found = f"{of} expand to {size / 1e6:.0f} MB, from a file of {own / 1e6:.3g} MB"
-        wanted = f"at most {RATIO} times the file's size, or {LEAST >> 20} MB"
+        wanted = f"at most {MAX_EXPANSION_RATIO} times the file's size, or {MIN_EXPANSION_LIMIT >> 20} MB"
         raise InputError(str(path), found, wanted, "check what wrote the file; no measured signal shrinks so much")
 
 
-def _line(text: str) -> str:
+def _first_line(text: str) -> str:
     """Return the first line of what a library says, shortened."""
     line = next(iter(text.strip().splitlines()), "")
     return line if len(line) <= 200 else f"{line[:200]} ..."
 
 
-class _Notes(logging.Handler):
+class _NoteHandler(logging.Handler):
     def __init__(self, notes: list[str]) -> None:
         super().__init__(logging.WARNING)
         self._notes = notes
@@ -73,10 +75,14 @@ class _Notes(logging.Handler):
 
 
 @contextmanager
-def _logged(notes: list[str]) -> Iterator[None]:
+def _capture_logs(notes: list[str]) -> Iterator[None]:
     """Let the libraries' loggers write to ``notes`` instead of the screen."""
-    root, handler = logging.getLogger(), _Notes(notes)
-    own = [log for name, log in root.manager.loggerDict.items() if _is_reader(name) and isinstance(log, logging.Logger)]
+    root, handler = logging.getLogger(), _NoteHandler(notes)
+    own = [
+        log
+        for name, log in root.manager.loggerDict.items()
+        if _is_library_logger(name) and isinstance(log, logging.Logger)
+    ]
     before = [(log, log.handlers[:], log.propagate) for log in own]
     for log in own:
         log.handlers, log.propagate = [handler], False
@@ -87,12 +93,12 @@ def _logged(notes: list[str]) -> Iterator[None]:
             log.handlers, log.propagate = handlers, propagate
 
 
-def _is_reader(name: str) -> bool:
-    return name.split(".", maxsplit=1)[0] in _LOGGERS
+def _is_library_logger(name: str) -> bool:
+    return name.split(".", maxsplit=1)[0] in _LIBRARY_LOGGERS
 
 
 @contextmanager
-def _mute() -> Iterator[None]:
+def _mute_unraisable() -> Iterator[None]:
     before = sys.unraisablehook
     sys.unraisablehook = lambda _: None
     try:

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute
 from dateutil import parser
 
-from pneucli.io.raw_file import Values
+from pneucli.io.raw_file import ColumnValues
 
 pc: Any = pyarrow.compute  # whose types do not know what an array of text may be compared with
 
@@ -23,15 +23,15 @@ _PATTERN = (
 )
 _STAMP = re.compile(_PATTERN)
 _FIELDS = ("day", "hour", "minute", "second", "half")
-DAY = 86_400.0  # s
+SECONDS_PER_DAY = 86_400.0  # s
 
 
-def is_stamp(text: str) -> bool:
+def is_date_or_time(text: str) -> bool:
     """Return whether ``text`` is a time of day, with or without its date."""
     return ":" in text and bool(_STAMP.match(text))
 
 
-class Stamps:
+class CalendarClock:
     """Turns the texts of one column into seconds, batch by batch; ``start`` is the first stamp, if it has a date.
 
     Whether the day or the month comes first is told by which of them makes the shorter recording. A clock without dates
@@ -50,9 +50,9 @@ class Stamps:
         """The first stamp, if it has a date."""
         if not self._day or self._first is None:
             return None
-        return _date(self._day, self._day_first is not False) + timedelta(seconds=self._first)
+        return _parse_date(self._day, self._day_first is not False) + timedelta(seconds=self._first)
 
-    def seconds(self, texts: Any) -> Values:
+    def seconds(self, texts: Any) -> ColumnValues:
         """Return seconds since the first stamp, NaN where there is none.
 
         ``texts`` is an array of Arrow. Raises ValueError with the first text that is no stamp.
@@ -77,32 +77,32 @@ class Stamps:
         since = self._days(field["day"].dictionary_encode()) if self._day else self._over_midnight(clock, known)
         return np.asarray(clock - self._first + since)
 
-    def _days(self, days: Any) -> Values:
+    def _days(self, days: Any) -> ColumnValues:
         """Return seconds from the first stamp's midnight to that of each stamp."""
         texts = days.dictionary.to_pylist()
-        orders = {first: _since(self._day, texts, first) for first in (True, False)}
+        orders = {first: _seconds_since(self._day, texts, first) for first in (True, False)}
         if self._day_first is None and orders[True] != orders[False]:
             self._day_first = bool(np.nanmax(np.abs(orders[True])) < np.nanmax(np.abs(orders[False])))
         values = np.array([*orders[self._day_first is not False], np.nan])
         return np.asarray(values[pc.fill_null(days.indices, len(texts)).to_numpy(zero_copy_only=False)])
 
-    def _over_midnight(self, clock: Values, known: Values) -> Values:
+    def _over_midnight(self, clock: ColumnValues, known: ColumnValues) -> ColumnValues:
         plain = clock[known]
         steps = np.diff(plain, prepend=self._last if np.isfinite(self._last) else plain[0])
-        days = self._midnights + DAY * np.cumsum(steps < -DAY / 2)
+        days = self._midnights + SECONDS_PER_DAY * np.cumsum(steps < -SECONDS_PER_DAY / 2)
         self._last, self._midnights = float(plain[-1]), float(days[-1])
         since = np.full(clock.size, np.nan)
         since[known] = days
         return since
 
 
-def _number(texts: Any) -> Values:
+def _number(texts: Any) -> ColumnValues:
     plain = pc.replace_substring(texts, ",", ".")
     numbers = pc.if_else(pc.equal(plain, ""), pa.scalar(None, pa.string()), plain)
     return np.asarray(numbers.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-def _date(text: str, day_first: bool) -> datetime:
+def _parse_date(text: str, day_first: bool) -> datetime:
     year_first = re.match(r"\d{4}", text) is not None
     try:
         found: datetime = parser.parse(text, dayfirst=day_first and not year_first, yearfirst=year_first)
@@ -111,6 +111,6 @@ def _date(text: str, day_first: bool) -> datetime:
     return found
 
 
-def _since(first: str, texts: list[str | None], day_first: bool) -> list[float]:
-    zero = _date(first, day_first)
-    return [(_date(text, day_first) - zero).total_seconds() if text else np.nan for text in texts]
+def _seconds_since(first: str, texts: list[str | None], day_first: bool) -> list[float]:
+    zero = _parse_date(first, day_first)
+    return [(_parse_date(text, day_first) - zero).total_seconds() if text else np.nan for text in texts]

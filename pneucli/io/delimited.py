@@ -14,12 +14,12 @@ import pyarrow.compute as pc
 import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError
-from pneucli.io.date_parsing import Stamps
-from pneucli.io.raw_file import Ask, RawFile, Repair, Values
-from pneucli.io.text_layout import NULLS, Layout, PlainStream, layout
+from pneucli.io.date_parsing import CalendarClock
+from pneucli.io.raw_file import ColumnRequest, ColumnValues, RawFile, Repair
+from pneucli.io.text_layout import NULL_TEXTS, NormalizedTextStream, TextLayout, detect_layout
 
-BLOCK = 4 << 20
-TAIL = 1 << 16
+BLOCK_BYTES = 4 << 20
+TAIL_BYTES = 1 << 16
 
 
 class DelimitedReader:
@@ -27,15 +27,15 @@ class DelimitedReader:
 
     def __init__(self, raw: RawFile) -> None:
         self._raw = raw
-        self._look: Layout = layout(raw)
+        self._look: TextLayout = detect_layout(raw)
         self.names: Sequence[str] = self._look.names
         self.repairs: list[Repair] = []
         self.rows = 0
         self.losses: Counter[str] = Counter()
-        self.units = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULLS}
+        self.units = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
         if self._look.units:
             self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))
-        self._stamps = {number: Stamps() for number in self._look.stamps}
+        self._stamps = {number: CalendarClock() for number in self._look.stamps}
         self._bad: list[str] = []
 
     @property
@@ -53,46 +53,48 @@ class DelimitedReader:
         """When the clock reads 0, where it is a calendar's and has been read."""
         return next((stamps.start for stamps in self._stamps.values() if stamps.start), None)
 
-    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
+    def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; raises InputError with line and column where a row does not fit."""
         self._bad = []
         try:
-            with PlainStream(self._raw.path, self._look) as stream:
+            with NormalizedTextStream(self._raw.path, self._look) as stream:
                 for batch in self._open(stream, asks):
                     self.rows += batch.num_rows
                     yield [self._values(batch.column(f"c{ask.position}"), ask) for ask in asks]
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
-            raise self._explain(asks, str(error)) from error
+            raise self._first_fault(asks, str(error)) from error
         if self._bad:
-            self._forgive_last_line(asks)
-        elif not stream.ended:
-            self._doubt_last_line()
-        if stream.comments:
-            message = f"{stream.comments} comment lines (#) among the rows were passed over"
-            self.repairs.append(Repair("", "comment", stream.comments, message))
+            self._drop_truncated_last_line(asks)
+        elif not stream.ends_with_newline:
+            self._note_unterminated_last_line()
+        if stream.comment_lines:
+            message = f"{stream.comment_lines} comment lines (#) among the rows were passed over"
+            self.repairs.append(Repair("", "comment", stream.comment_lines, message))
 
-    def place(self, row: int) -> str:
+    def locate(self, row: int) -> str:
         """Return file and line of a data row."""
         number = next(islice((n for n, _ in self._rows()), row, None), 0)
         return f"{self._raw.path}, line {number}"
 
-    def _open(self, stream: PlainStream, asks: Sequence[Ask]) -> Any:
+    def _open(self, stream: NormalizedTextStream, asks: Sequence[ColumnRequest]) -> Any:
         types = {f"c{ask.position}": pa.string() if self._as_text(ask) else pa.float64() for ask in asks}
         delimiter = "\t" if self._look.delimiter == " " else self._look.delimiter
         return pcsv.open_csv(
             cast("Any", pa.PythonFile(stream, mode="r")),
-            read_options=pcsv.ReadOptions(block_size=BLOCK, column_names=[f"c{n}" for n in range(len(self.names))]),
+            read_options=pcsv.ReadOptions(
+                block_size=BLOCK_BYTES, column_names=[f"c{n}" for n in range(len(self.names))]
+            ),
             parse_options=pcsv.ParseOptions(delimiter=delimiter, invalid_row_handler=self._on_bad_row),
             convert_options=pcsv.ConvertOptions(
                 check_utf8=False,
                 column_types=types,
                 include_columns=list(types),
-                null_values=list(NULLS),
+                null_values=list(NULL_TEXTS),
                 decimal_point=self._look.decimal,
             ),
         )
 
-    def _as_text(self, ask: Ask) -> bool:
+    def _as_text(self, ask: ColumnRequest) -> bool:
         own = ask.decimal is not None and ask.decimal != self._look.decimal
         return ask.text or own or bool(ask.thousands or self._raw.thousands) or ask.position in self._stamps
 
@@ -100,7 +102,7 @@ class DelimitedReader:
         self._bad.append(row.text)
         return "skip" if len(self._bad) == 1 else "error"
 
-    def _values(self, column: Any, ask: Ask) -> Values:
+    def _values(self, column: Any, ask: ColumnRequest) -> ColumnValues:
         if ask.text:
             return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
         if ask.position in self._stamps:
@@ -109,7 +111,7 @@ class DelimitedReader:
             column = self._numbers(column, ask)
         return np.asarray(column.to_numpy(zero_copy_only=False))
 
-    def _seconds(self, column: Any, ask: Ask) -> Values:
+    def _seconds(self, column: Any, ask: ColumnRequest) -> ColumnValues:
         try:
             return self._stamps[ask.position].seconds(column)
         except ValueError as error:
@@ -118,9 +120,9 @@ class DelimitedReader:
             where = f'{where}, column "{self.names[ask.position]}"'
             raise InputError(where, f'"{bad}"', "a date or time of day as above it", "mend the line") from error
 
-    def _numbers(self, column: Any, ask: Ask) -> Any:
+    def _numbers(self, column: Any, ask: ColumnRequest) -> Any:
         plain = pc.utf8_trim_whitespace(column)
-        plain = pc.if_else(pc.is_in(plain, value_set=pa.array(list(NULLS))), pa.scalar(None, pa.string()), plain)
+        plain = pc.if_else(pc.is_in(plain, value_set=pa.array(list(NULL_TEXTS))), pa.scalar(None, pa.string()), plain)
         if thousands := ask.thousands or self._raw.thousands:
             plain = pc.replace_substring(plain, thousands, "")
         decimal = ask.decimal or self._look.decimal
@@ -137,23 +139,23 @@ class DelimitedReader:
 
     def _tail(self) -> list[str]:
         """Return the last rows, as far as they stand in the last bytes of the file."""
-        start = max(0, self._raw.path.stat().st_size - TAIL) & ~3  # whole characters
+        start = max(0, self._raw.path.stat().st_size - TAIL_BYTES) & ~3  # whole characters
         with self._raw.path.open("rb") as file:
             file.seek(start)
             text = file.read().decode(self._look.encoding, errors="replace")
         lines = text.rstrip().split(self._look.line_end)[0 if start else self._look.skip :]
         return [line.rstrip("\r") for line in lines[-50:] if line.strip() and not line.lstrip().startswith("#")]
 
-    def _forgive_last_line(self, asks: Sequence[Ask]) -> None:
+    def _drop_truncated_last_line(self, asks: Sequence[ColumnRequest]) -> None:
         """A logger that was cut off in its last line loses that line only; any other odd row is an error."""
         last = self._look.split(self._tail()[-1])
         if len(last) >= len(self.names) or last != self._fields(self._bad[0]):
-            raise self._explain(asks, "")
+            raise self._first_fault(asks, "")
         self.rows += 1
         self.losses["truncated"] += 1
         self.repairs.append(Repair("", "truncated", 1, "the last line is cut off and was left out"))
 
-    def _doubt_last_line(self) -> None:
+    def _note_unterminated_last_line(self) -> None:
         """Say that the last line has no end, and of its last number that it may be cut off, unless all are as long."""
         decimals = {len(line.rpartition(self._look.decimal)[2]) for line in self._tail()}
         kind, what = ("cut-number", "its last number") if len(decimals) > 1 else ("no-line-end", "what comes after it")
@@ -162,7 +164,7 @@ class DelimitedReader:
     def _fields(self, row: str) -> list[str]:
         return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))
 
-    def _explain(self, asks: Sequence[Ask], error: str) -> InputError:
+    def _first_fault(self, asks: Sequence[ColumnRequest], error: str) -> InputError:
         """Find the first row that does not fit."""
         for number, line in self._rows():
             fields = self._look.split(line)
@@ -179,9 +181,9 @@ class DelimitedReader:
                     return InputError(column, f'"{fields[ask.position]}"', "a number", mend)
         return InputError(str(self._raw.path), error, "rows of numbers", "mend the file")
 
-    def _readable(self, field: str, ask: Ask) -> bool:
+    def _readable(self, field: str, ask: ColumnRequest) -> bool:
         try:
-            if field not in NULLS and ask.position not in self._stamps:
+            if field not in NULL_TEXTS and ask.position not in self._stamps:
                 self._numbers(pa.array([field]), ask)
         except pa.ArrowInvalid:
             return False

@@ -10,20 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneucli.io.raw_file import Key, Values
+from pneucli.io.raw_file import ColumnKey, ColumnValues
 
 ROW = "row"  # the number of the row, from 0, where no column is called so
-FUNCTIONS: dict[str, Callable[[Values], Values]] = {
+FUNCTIONS: dict[str, Callable[[ColumnValues], ColumnValues]] = {
     **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "log": np.log}
 }
-_OPERATORS: dict[type[ast.AST], Callable[..., Values]] = {
+_OPERATORS: dict[type[ast.AST], Callable[..., ColumnValues]] = {
     **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.divide, ast.Pow: np.power},
     **{ast.USub: operator.neg, ast.UAdd: operator.pos},
 }
 _CONSTANTS = {"pi": np.pi}
 _QUOTED = re.compile(r"`([^`]*)`")
-LONGEST = 500  # characters
-DEEPEST = 50  # operations within one another
+MAX_LENGTH = 500  # characters
+MAX_DEPTH = 50  # operations within one another
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Expression:
     text: str
 
     @property
-    def columns(self) -> tuple[Key, ...]:
+    def columns(self) -> tuple[ColumnKey, ...]:
         """The columns that are read, by name or number; ``row`` may be among them."""
         return tuple(dict.fromkeys(self._names().values()))
 
@@ -44,7 +44,7 @@ class Expression:
         with np.errstate(all="ignore"):
             self._value(self._tree(), dict.fromkeys(self._names(), np.ones(1)), 0)
 
-    def values(self, columns: Mapping[Key, Values]) -> Values:
+    def values(self, columns: Mapping[ColumnKey, ColumnValues]) -> ColumnValues:
         """Return the value of every row, shape ``(n,)``; ``columns`` holds those of :attr:`columns`."""
         names = self._names()
         with np.errstate(all="ignore"):  # what becomes infinite is counted as such
@@ -52,27 +52,29 @@ class Expression:
         size = next(iter(columns.values())).size
         return np.asarray(np.broadcast_to(found, size), dtype=np.float64)
 
-    def _names(self) -> dict[str, Key]:
+    def _names(self) -> dict[str, ColumnKey]:
         """Return columns by the names that stand for them in the tree."""
         quoted = dict.fromkeys(_QUOTED.findall(self.text))
-        marks: dict[str, Key] = {_mark(n): int(q) if q.isdigit() else q for n, q in enumerate(quoted)}
+        marks: dict[str, ColumnKey] = {_placeholder(n): int(q) if q.isdigit() else q for n, q in enumerate(quoted)}
         bare = (node.id for node in ast.walk(self._tree()) if isinstance(node, ast.Name))
         return {name: marks.get(name, name) for name in bare if name not in FUNCTIONS and name not in _CONSTANTS}
 
     def _tree(self) -> ast.AST:
         quoted = list(dict.fromkeys(_QUOTED.findall(self.text)))
-        plain = _QUOTED.sub(lambda match: f" {_mark(quoted.index(match[1]))} ", self.text).strip()
+        plain = _QUOTED.sub(lambda match: f" {_placeholder(quoted.index(match[1]))} ", self.text).strip()
         wanted = "wanted arithmetic over columns, such as (`P1 [bar]` - `P2 [bar]`) / 2"
-        if "?" in plain or len(self.text) > LONGEST:
-            raise ValueError(f'"{self.text[:LONGEST]}" is to be filled in; {wanted}')
+        if "?" in plain or len(self.text) > MAX_LENGTH:
+            raise ValueError(f'"{self.text[:MAX_LENGTH]}" is to be filled in; {wanted}')
         try:
             return ast.parse(plain.replace("^", "**"), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise ValueError(f'"{self.text}" cannot be read; {wanted}') from error
 
-    def _value(self, node: ast.AST, names: Mapping[str, Values], depth: int) -> Values:
-        if depth > DEEPEST:
-            raise ValueError(f'"{self.text[:60]}..." goes too deep; wanted at most {DEEPEST} operations in one another')
+    def _value(self, node: ast.AST, names: Mapping[str, ColumnValues], depth: int) -> ColumnValues:
+        if depth > MAX_DEPTH:
+            raise ValueError(
+                f'"{self.text[:60]}..." goes too deep; wanted at most {MAX_DEPTH} operations in one another'
+            )
         inner = [self._value(child, names, depth + 1) for child in _operands(node)]
         if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
             return np.asarray(float(node.value))
@@ -99,5 +101,5 @@ def _operands(node: ast.AST) -> list[ast.AST]:
     return list(node.args) if isinstance(node, ast.Call) and not node.keywords else []
 
 
-def _mark(number: int) -> str:
+def _placeholder(number: int) -> str:
     return f"_column_{number}_"

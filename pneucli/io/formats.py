@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io import hdf5, mat, mdf, parquet, tdms
-from pneucli.io.damaged_files import reading
+from pneucli.io.damaged_files import library_errors_as_input_errors
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.raw_file import RawFile, Reader, Repair
 
@@ -18,7 +18,7 @@ def open_raw(raw: RawFile) -> Reader:
     Raises InputError where it is unreadable, cut off, no regular file, or needs an extra that is not installed.
     """
     if (found := _format(raw.path)) is not None:
-        return _opened(found[0], raw.path, found[1])
+        return _open_reader(found[0], raw.path, found[1])
     return DelimitedReader(raw)
 
 
@@ -36,14 +36,14 @@ def _format(path: Path) -> tuple[Callable[[Path], Reader], str] | None:
     for magic, (opener, name) in _FORMATS.items():
         if head.startswith(magic) or (name == hdf5.NAME and head[512 : 512 + len(magic)] == magic):
             return opener, name
-    if path.suffix.lower() in _BINARY and not head.strip():
+    if path.suffix.lower() in _BINARY_SUFFIXES and not head.strip():
         raise InputError(str(path), "the file is empty", "a recording", "record it again or leave it out")
     return None
 
 
-def _opened(opener: Callable[[Path], Reader], path: Path, name: str) -> Reader:
+def _open_reader(opener: Callable[[Path], Reader], path: Path, name: str) -> Reader:
     notes: list[Repair] = []
-    with reading(path, name, notes):
+    with library_errors_as_input_errors(path, name, notes):
         reader = opener(path)
     reader.repairs += notes
     if not reader.names:
@@ -58,4 +58,4 @@ _FORMATS: dict[bytes, tuple[Callable[[Path], Reader], str]] = {
     b"\x89HDF\r\n\x1a\n": (hdf5.open_hdf5, hdf5.NAME),
     b"MATLAB 5.0": (mat.open_mat, mat.NAME),
 }
-_BINARY = (".mat", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5", ".parquet")
+_BINARY_SUFFIXES = (".mat", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5", ".parquet")

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pneucli.io.column_reader import WholeReader, columns_of, library, split, vector
-from pneucli.io.damaged_files import check_size
-from pneucli.io.raw_file import Values
+from pneucli.io.column_reader import ColumnReader, column_names, import_extra, split_columns, to_vector
+from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.raw_file import ColumnValues
 
 NAME = "HDF5"
 
 
-def open_hdf5(path: Path) -> WholeReader:
+def open_hdf5(path: Path) -> ColumnReader:
     """List the columns: a dataset, ``matrix/2``, or a field of a table, each below its path."""
-    h5py = library("h5py", "hdf5", path)
+    h5py = import_extra("h5py", "hdf5", path)
     owner: dict[str, tuple[str, str | None]] = {}  # column -> dataset, field
     units: dict[str, str] = {}
     with h5py.File(path, "r") as file:
@@ -24,22 +24,22 @@ def open_hdf5(path: Path) -> WholeReader:
                 kind = (dataset.dtype[field] if field else dataset.dtype).kind
                 if kind in "fiub":
                     own = f"{name}/{field}" if field else name
-                    owner |= dict.fromkeys(columns_of(own, dataset.shape), (name, field))
-                    units |= dict.fromkeys(columns_of(own, dataset.shape), _unit(dataset))
+                    owner |= dict.fromkeys(column_names(own, dataset.shape), (name, field))
+                    units |= dict.fromkeys(column_names(own, dataset.shape), _unit(dataset))
 
-    def fetch(wanted: Sequence[str]) -> list[Values]:
-        columns: dict[str, Values] = {}
+    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
+        columns: dict[str, ColumnValues] = {}
         with h5py.File(path, "r") as file:
             parts = dict.fromkeys(owner[name] for name in wanted)
-            check_size(path, sum(file[name].size * file[name].dtype.itemsize for name, _ in parts))
+            check_expanded_size(path, sum(file[name].size * file[name].dtype.itemsize for name, _ in parts))
             for name, field in parts:
                 array = file[name][()] if field is None else file[name][field]
                 own = f"{name}/{field}" if field else name
-                columns |= {key: vector(part) for key, part in split(own, array).items() if key in wanted}
+                columns |= {key: to_vector(part) for key, part in split_columns(own, array).items() if key in wanted}
         return [columns[name] for name in wanted]
 
     said = {number: units[name] for number, name in enumerate(owner) if units[name]}
-    return WholeReader(path, NAME, list(owner), fetch, said)
+    return ColumnReader(path, NAME, list(owner), fetch, said)
 
 
 def _unit(dataset: Any) -> str:

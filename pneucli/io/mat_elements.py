@@ -13,17 +13,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from pneucli.io.damaged_files import LEAST
+from pneucli.io.damaged_files import MIN_EXPANSION_LIMIT
 
 Order = Literal["little", "big"]
 Bytes = mmap.mmap | bytes
 
 _HEADER, _TAG, _BLOCK = 128, 8, 1 << 20
 _MATRIX, _COMPRESSED = 14, 15
-_DATA = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))  # types of numbers and text
-_PLAIN = range(4, 16)  # classes of matrices that hold numbers or text, no matrices
+_DATA_TYPES = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))  # types of numbers and text
+_PLAIN_CLASSES = range(4, 16)  # classes of matrices that hold numbers or text, no matrices
 _SPARSE, _COMPLEX = 5, 0x0800  # that class, and the flag of numbers with an imaginary part
-_SHRINKS = 1032  # zlib's best
+_MAX_ZLIB_RATIO = 1032  # zlib's best
 
 
 def expanded_size(path: Path, wanted: Collection[int]) -> int:
@@ -31,8 +31,8 @@ def expanded_size(path: Path, wanted: Collection[int]) -> int:
     total = 0
     with _mapped(path) as whole:
         for kind, begin, end in _variables(whole, wanted):
-            large = kind == _COMPRESSED and (end - begin) * _SHRINKS > LEAST
-            total += _expanded(whole, begin, end) if large else end - begin
+            large = kind == _COMPRESSED and (end - begin) * _MAX_ZLIB_RATIO > MIN_EXPANSION_LIMIT
+            total += _expanded_bytes(whole, begin, end) if large else end - begin
     return total
 
 
@@ -42,9 +42,9 @@ def check_types(path: Path, wanted: Collection[int]) -> None:
         for kind, begin, end in _variables(whole, wanted):
             if kind == _COMPRESSED:
                 expanded = zlib.decompress(whole[begin:end])
-                _check(expanded, 0, len(expanded), _order(whole))
+                _count_elements(expanded, 0, len(expanded), _order(whole))
             else:
-                _check(whole, begin - _TAG, end, _order(whole))
+                _count_elements(whole, begin - _TAG, end, _order(whole))
 
 
 @contextmanager
@@ -72,7 +72,7 @@ def _word(data: Bytes, at: int, order: Order) -> int:
     return int.from_bytes(data[at : at + 4], order)
 
 
-def _check(data: Bytes, begin: int, end: int, order: Order, allowed: Collection[int] = (_MATRIX,)) -> int:
+def _count_elements(data: Bytes, begin: int, end: int, order: Order, allowed: Collection[int] = (_MATRIX,)) -> int:
     """Return the number of elements in a stretch of data; raise ValueError where one is of none of the allowed types.
 
     Or where a matrix of numbers ends before them: what comes next in the file would be taken for them.
@@ -87,15 +87,17 @@ def _check(data: Bytes, begin: int, end: int, order: Order, allowed: Collection[
         begin, number = begin + _TAG, number + 1
         if kind == _MATRIX and size:
             flags = _word(data, begin + _TAG, order)
-            plain = flags & 0xFF in _PLAIN
-            parts = _check(data, begin, min(begin + size, end), order, _DATA if plain else _DATA | {_MATRIX})
+            plain = flags & 0xFF in _PLAIN_CLASSES
+            parts = _count_elements(
+                data, begin, min(begin + size, end), order, _DATA_TYPES if plain else _DATA_TYPES | {_MATRIX}
+            )
             if plain and parts < 4 + 2 * (flags & 0xFF == _SPARSE) + bool(flags & _COMPLEX):  # flags, shape, name, data
                 raise ValueError("a matrix without its numbers")
         begin += size + -size % 8
     return number
 
 
-def _expanded(whole: mmap.mmap, begin: int, end: int) -> int:
+def _expanded_bytes(whole: mmap.mmap, begin: int, end: int) -> int:
     """Return how many bytes a stretch of compressed data expands to."""
     stream, total = zlib.decompressobj(), 0
     while begin < end and not stream.eof:

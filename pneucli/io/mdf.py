@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import library, vector
-from pneucli.io.damaged_files import check_size, reading
-from pneucli.io.raw_file import Ask, Repair, Values
-from pneucli.io.timestamp_order import Table, join
+from pneucli.io.column_reader import import_extra, to_vector
+from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
+from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
+from pneucli.io.timestamp_order import Table, join_tables
 
 NAME = "MDF4"
 _Where = tuple[int, int]  # group, channel
@@ -26,7 +26,7 @@ class MdfReader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._mdf = library("asammdf", "mdf", path).MDF
+        self._mdf = import_extra("asammdf", "mdf", path).MDF
         self.repairs: list[Repair] = []
         self.rows = 0
         self.losses: Counter[str] = Counter()
@@ -42,25 +42,25 @@ class MdfReader:
         self.units = {number: units[name] for number, name in enumerate(self._where) if units[name]}
         self.start: datetime | None = None
 
-    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
+    def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield all rows at once, NaN where a group has no record at another one's stamp."""
         names = [self.names[ask.position] for ask in asks]
-        with reading(self._path, NAME, self.repairs), self._open() as file:
+        with library_errors_as_input_errors(self._path, NAME, self.repairs), self._open() as file:
             groups = self._groups(file, [name for name in names if name in self._where])
             if not self._where.keys() >= set(names):
                 self._check_clocks(file, groups)
             tables = self._tables(file, groups)
-        table, self.losses = join(tables, lambda row: self._place(tables, row))
+        table, self.losses = join_tables(tables, lambda row: self._place(tables, row))
         self.rows = sum(one.time.size for one in tables)
         yield [table.columns.get(name, table.time) for name in names]
 
-    def place(self, row: int) -> str:
+    def locate(self, row: int) -> str:
         """Return file and record (from 1)."""
         return f"{self._path}, record {row + 1}"
 
     def _place(self, tables: Sequence[Table], row: int) -> str:
         inside = next(row - int(one.rows[0]) for one in tables if one.rows.size and row <= one.rows[-1])
-        return self.place(inside)
+        return self.locate(inside)
 
     @contextmanager
     def _open(self) -> Iterator[Any]:
@@ -87,10 +87,10 @@ class MdfReader:
 
     def _tables(self, file: Any, groups: Mapping[int, list[str]]) -> list[Table]:
         sizes = [file.groups[group].channel_group for group in groups]
-        check_size(self._path, sum(one.cycles_nr * max(one.samples_byte_nr, 8) for one in sizes))
+        check_expanded_size(self._path, sum(one.cycles_nr * max(one.samples_byte_nr, 8) for one in sizes))
         tables, first = [], 0
         for group, names in groups.items():
-            time = vector(file.get_master(group))
+            time = to_vector(file.get_master(group))
             columns = {name: _values(file, self._where[name]) for name in names}
             for name, values in columns.items():
                 if values.size != time.size:
@@ -101,10 +101,10 @@ class MdfReader:
         return tables
 
 
-def _values(file: Any, where: _Where) -> Values:
+def _values(file: Any, where: _Where) -> ColumnValues:
     """Return a channel's values as they are recorded, NaN where the file itself marks them invalid."""
     signal = file.get(group=where[0], index=where[1], ignore_invalidation_bits=True)
-    values = vector(signal.samples)
+    values = to_vector(signal.samples)
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=np.bool_)] = np.nan
     return values

@@ -15,32 +15,32 @@ from scipy.signal import correlate
 
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
-from pneucli.io.signal_reader import Batch, Opened, even
-from pneucli.io.timestamp_order import Array, Table, join, left_out
+from pneucli.io.signal_reader import Batch, SignalReader, rebatch
+from pneucli.io.timestamp_order import Array, Table, join_tables, loss_repairs
 
-LEAST_OVERLAP = 0.3  # of the shorter recording
-ALIKE = 0.9  # correlation that the same signal has at least in both files
-RIVAL = 2.0  # times the least error: another offset that fits as well
-LONGEST = 1 << 16  # samples that offsets are tried with
-FIND = "find"
+MIN_OVERLAP = 0.3  # of the shorter recording
+MIN_CORRELATION = 0.9  # correlation that the same signal has at least in both files
+MAX_RIVAL_ERROR_RATIO = 2.0  # times the least error: another offset that fits as well
+MAX_GRID_SAMPLES = 1 << 16  # samples that offsets are tried with
+FIND_OFFSET = "find"
 
 
 @dataclass(frozen=True)
-class Part:
+class AdditionalFile:
     """A further file: its signals, and by how much (s) its clock is moved.
 
     ``offset`` None: as the calendars say, if both files have one, else not at all; ``"find"``: by the signal ``match``.
     """
 
-    opened: Opened
+    opened: SignalReader
     offset: float | str | None = None
     match: str | None = None
 
 
-class Several:
+class MultiFileRecording:
     """Files that are one recording, to be read like one; ``first`` gives the clock."""
 
-    def __init__(self, first: Opened, parts: Sequence[Part]) -> None:
+    def __init__(self, first: SignalReader, parts: Sequence[AdditionalFile]) -> None:
         self._first, self._parts = first, parts
         self._all = [first, *(part.opened for part in parts)]
         self._tables: list[Table] = []
@@ -70,20 +70,20 @@ class Several:
     def repairs(self) -> list[Repair]:
         """What had to be mended or noticed to read the files, and how their clocks were moved."""
         noted = [repair for one in self._all for repair in one.reader.repairs]
-        return [*noted, *self._found, *left_out(self.losses)]
+        return [*noted, *self._found, *loss_repairs(self.losses)]
 
-    def place(self, row: int) -> str:
+    def locate(self, row: int) -> str:
         """Return where a row of :meth:`batches` stands in its file."""
         row = int(self._rows[row]) if row < self._rows.size else row
         for one, table in zip(self._all, self._tables, strict=True):
             if row < table.time.size:
-                return one.place(row)
+                return one.locate(row)
             row -= table.time.size
         return str(self._first.raw.path)
 
     def batches(self) -> Iterator[Batch]:
         """Yield signals in SI over all stamps; raises InputError where an offset is not to be found."""
-        read = [_whole(one) for one in self._all]
+        read = [_read_all(one) for one in self._all]
         offsets = [0.0, *(self._offset(part, read[0], own) for part, own in zip(self._parts, read[1:], strict=True))]
         first = 0
         for names, own, offset in zip(self._names, read, offsets, strict=True):
@@ -91,16 +91,16 @@ class Several:
             columns = {name: own[name] for name in names if name != "time"}
             self._tables.append(Table(own["time"] + offset, columns, rows))
             first += rows.size
-        table, self._losses = join(self._tables, self.place)
+        table, self._losses = join_tables(self._tables, self.locate)
         self._rows = table.rows
-        yield from even(iter([{"time": table.time, **table.columns}]), list(self.positions))
+        yield from rebatch(iter([{"time": table.time, **table.columns}]), list(self.positions))
 
-    def _offset(self, part: Part, first: Batch, own: Batch) -> float:
+    def _offset(self, part: AdditionalFile, first: Batch, own: Batch) -> float:
         if isinstance(part.offset, float):
             return part.offset
         path = part.opened.raw.path
-        if part.offset == FIND:
-            offset, told = found_offset(first, own, part.match or "", f"{path}, key offset")
+        if part.offset == FIND_OFFSET:
+            offset, told = estimate_clock_offset(first, own, part.match or "", f"{path}, key offset")
             self._found.append(Repair("time", "offset", 1, f"{path.name}: its clock was moved by {told}"))
             return offset
         starts = self._first.reader.start, part.opened.reader.start
@@ -112,12 +112,12 @@ class Several:
         return offset
 
 
-def _whole(one: Opened) -> Batch:
+def _read_all(one: SignalReader) -> Batch:
     batches = list(one.batches())
     return {name: np.concatenate([batch[name] for batch in batches]) for name in one.positions}
 
 
-def found_offset(first: Batch, own: Batch, match: str, where: str) -> tuple[float, str]:
+def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> tuple[float, str]:
     """Return by how much (s) the clock of ``own`` is moved so that ``match`` is the same in both, and that in words.
 
     Raises InputError, ``where`` named, where a file has not the signal, where the two are not alike at any offset, or
@@ -127,38 +127,41 @@ def found_offset(first: Batch, own: Batch, match: str, where: str) -> tuple[floa
         if match not in batch:
             wanted = 'a signal that both files hold, or offset = "0.35 s"'
             raise InputError(where, f'"{match}" is not recorded in both files', wanted, "state match or offset")
-    a, b = _known(first, match), _known(own, match)
-    lags, errors, likeness = _tried(a, b)
+    a, b = _finite_samples(first, match), _finite_samples(own, match)
+    lags, errors, likeness = _cross_correlation(a, b)
     best = int(np.argmin(errors))
-    far = np.abs(lags - lags[best]) > _width(b)
-    step, slope = float(np.median(np.diff(lags))), _slope(b)
+    far = np.abs(lags - lags[best]) > _correlation_time(b)
+    step, slope = float(np.median(np.diff(lags))), _rms_slope(b)
     wanted, mend = f"{match} of one motion in both files", 'state it: offset = "... s"'
-    if not likeness[best] > ALIKE:
+    if not likeness[best] > MIN_CORRELATION:
         raise InputError(where, f"{match} is not alike in both files at any offset", wanted, mend)
     between = slope**2 * step**2 / 12  # what trying only whole samples adds to an error
-    if far.any() and errors[far].min() < RIVAL * (errors[best] + between):
+    if far.any() and errors[far].min() < MAX_RIVAL_ERROR_RATIO * (errors[best] + between):
         other = lags[far][int(np.argmin(errors[far]))]
         found = f"{match} fits at {lags[best]:.4g} s and as well at {other:.4g} s"
         raise InputError(where, found, f"a {match} that does not repeat itself", mend)
     bounds = (lags[best] - step, lags[best] + step)
     fit = minimize_scalar(
-        lambda lag: _error(a, b, lag), bounds=bounds, method="bounded", options={"xatol": 1e-6 * step}
+        lambda lag: _mean_squared_difference(a, b, lag), bounds=bounds, method="bounded", options={"xatol": 1e-6 * step}
     )
     offset, rest = float(fit.x), float(fit.fun) ** 0.5
     sure = 2 * rest / (slope * b[0].size ** 0.5)
     return offset, f"{offset:.6g} s ± {sure:.1g} s, where {match} fits best (it differs by {rest:.2g} rms, SI)"
 
 
-def _known(batch: Batch, name: str) -> tuple[Array, Array]:
+def _finite_samples(batch: Batch, name: str) -> tuple[Array, Array]:
     """Return stamps that rise and values of a signal."""
     good = np.isfinite(batch[name]) & np.isfinite(batch["time"])
     time, at = np.unique(batch["time"][good], return_index=True)
     return time, batch[name][good][at]
 
 
-def _tried(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+def _cross_correlation(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """Return offsets, mean squared differences and correlations; infinite where too little overlaps."""
-    step = max(min(float(np.median(np.diff(t))) for t, _ in (a, b)), max(float(np.ptp(t)) for t, _ in (a, b)) / LONGEST)
+    step = max(
+        min(float(np.median(np.diff(t))) for t, _ in (a, b)),
+        max(float(np.ptp(t)) for t, _ in (a, b)) / MAX_GRID_SAMPLES,
+    )
     grids = [np.arange(t[0], t[-1] + step / 2, step) for t, _ in (a, b)]
     middle = float(np.mean(a[1]))
     x, y = (np.interp(grid, t, v) - middle for grid, (t, v) in zip(grids, (a, b), strict=True))
@@ -166,7 +169,7 @@ def _tried(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array
     count = np.round(correlate(ones[0], ones[1]))
     sums = {"x": correlate(x, ones[1]), "y": correlate(ones[0], y), "xx": correlate(x**2, ones[1])}
     sums |= {"yy": correlate(ones[0], y**2), "xy": correlate(x, y)}
-    enough = count >= LEAST_OVERLAP * min(x.size, y.size)
+    enough = count >= MIN_OVERLAP * min(x.size, y.size)
     n = np.maximum(count, 1)
     errors = np.where(enough, np.maximum(sums["xx"] + sums["yy"] - 2 * sums["xy"], 0.0) / n, np.inf)
     spread = [np.maximum(sums[s + s] / n - (sums[s] / n) ** 2, 0.0) for s in "xy"]
@@ -176,16 +179,16 @@ def _tried(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array
     return lags, errors, likeness
 
 
-def _width(b: tuple[Array, Array]) -> float:
+def _correlation_time(b: tuple[Array, Array]) -> float:
     """Return the time (s) over which a signal changes by its own deviation."""
-    return 2.0 * float(np.std(b[1])) / _slope(b)
+    return 2.0 * float(np.std(b[1])) / _rms_slope(b)
 
 
-def _slope(b: tuple[Array, Array]) -> float:
+def _rms_slope(b: tuple[Array, Array]) -> float:
     return max(float(np.sqrt(np.mean(np.gradient(b[1], b[0]) ** 2))), 1e-300)
 
 
-def _error(a: tuple[Array, Array], b: tuple[Array, Array], lag: float) -> float:
+def _mean_squared_difference(a: tuple[Array, Array], b: tuple[Array, Array], lag: float) -> float:
     time = b[0] + lag
     inside = (time >= a[0][0]) & (time <= a[0][-1])
     return float(np.mean((np.interp(time[inside], *a) - b[1][inside]) ** 2)) if inside.any() else np.inf

@@ -13,12 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import seconds
-from pneucli.io.damaged_files import check_size, reading
-from pneucli.io.raw_file import Ask, Repair, Values
+from pneucli.io.column_reader import seconds_since_first
+from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
+from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
 
 NAME = "Parquet"
-BATCH = 1 << 17
+BATCH_ROWS = 1 << 17
 
 
 class ParquetReader:
@@ -35,30 +35,30 @@ class ParquetReader:
         self.rows = 0
         self.losses: Counter[str] = Counter()
 
-    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
+    def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; time stamps of a calendar become seconds since the first of them."""
         wanted = [self.names[ask.position] for ask in asks]
         twice = [name for name in wanted if list(self.names).count(name) > 1]
         if twice:
             raise InputError(str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one")
         first: dict[int, Any] = {}
-        with reading(self._path, NAME, self.repairs):
+        with library_errors_as_input_errors(self._path, NAME, self.repairs):
             file = pq.ParquetFile(self._path, page_checksum_verification=True)
-            check_size(self._path, _size(file, wanted))
-            parts = file.iter_batches(BATCH, columns=list(dict.fromkeys(wanted)))
+            check_expanded_size(self._path, _size(file, wanted))
+            parts = file.iter_batches(BATCH_ROWS, columns=list(dict.fromkeys(wanted)))
         while True:
-            with reading(self._path, NAME, self.repairs):
+            with library_errors_as_input_errors(self._path, NAME, self.repairs):
                 batch = next(parts, None)
             if batch is None:
                 return
             self.rows += batch.num_rows
             yield [self._values(batch, name, ask, first) for name, ask in zip(wanted, asks, strict=True)]
 
-    def place(self, row: int) -> str:
+    def locate(self, row: int) -> str:
         """Return file and row (from 1)."""
         return f"{self._path}, row {row + 1}"
 
-    def _values(self, batch: Any, name: str, ask: Ask, first: dict[int, Any]) -> Values:
+    def _values(self, batch: Any, name: str, ask: ColumnRequest, first: dict[int, Any]) -> ColumnValues:
         column = batch.column(name)
         try:
             if pa.types.is_dictionary(column.type):
@@ -71,11 +71,11 @@ class ParquetReader:
             raise InputError(where, str(error).splitlines()[0], "numbers", "export it as float64") from error
 
 
-def _numbers(column: Any, first: dict[int, Any], key: int) -> Values:
+def _numbers(column: Any, first: dict[int, Any], key: int) -> ColumnValues:
     if pa.types.is_time(column.type):
         return np.asarray(column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.float64()).to_numpy(False)) * 1e-9
     if pa.types.is_temporal(column.type):
-        return seconds(column.to_numpy(zero_copy_only=False), first, key)
+        return seconds_since_first(column.to_numpy(zero_copy_only=False), first, key)
     return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError, did_you_mean
 from pneucli.units import STANDARD_ATMOSPHERE
 
-Key = str | int
-Values = NDArray[Any]
+ColumnKey = str | int
+ColumnValues = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Channel:
     nothing (None) of a signal whose SI unit is ``si``, a unit that the raw file itself says counts.
     """
 
-    column: Key
+    column: ColumnKey
     factor: float = 1.0
     offset: float = 0.0
-    where: tuple[Key, str | float] | None = None
+    where: tuple[ColumnKey, str | float] | None = None
     decimal: str | None = None
     thousands: str | None = None
     expression: str | None = None
@@ -58,7 +58,7 @@ class RawFile:
 
 
 @dataclass(frozen=True)
-class Ask:
+class ColumnRequest:
     """One column asked of a reader: its position (from 0) and how its text is to be read."""
 
     position: int
@@ -96,14 +96,14 @@ class Reader(Protocol):
     def start(self) -> datetime | None:
         """When the clock reads 0, where it is a calendar's and has been read."""
 
-    def batches(self, asks: Sequence[Ask]) -> Iterator[list[Values]]:
+    def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns in batches of rows: float64, or text where asked."""
 
-    def place(self, row: int) -> str:
+    def locate(self, row: int) -> str:
         """Return where data row ``row`` (from 0) stands in the file."""
 
 
-def position(path: Path, signal: str, column: Key, names: Sequence[str]) -> int | None:
+def column_position(path: Path, signal: str, column: ColumnKey, names: Sequence[str]) -> int | None:
     """Return where ``column`` stands among ``names``: by number from 1, by name, or by the last part of a path.
 
     ``None`` where it is not there. Raises InputError where several columns are called so.
@@ -111,7 +111,7 @@ def position(path: Path, signal: str, column: Key, names: Sequence[str]) -> int 
     if isinstance(column, int):
         return column - 1 if 1 <= column <= len(names) else None
     wanted = column.strip()
-    for same in (_exact, _as_path, _last_part):
+    for same in (_same_name, _same_path, _same_last_part):
         hits = [index for index, name in enumerate(names) if same(name, wanted)]
         if len(hits) > 1:
             listed = ", ".join(f'"{names[hit]}" (column {hit + 1})' for hit in hits[:10])
@@ -122,19 +122,19 @@ def position(path: Path, signal: str, column: Key, names: Sequence[str]) -> int 
     return None
 
 
-def _exact(name: str, wanted: str) -> bool:
+def _same_name(name: str, wanted: str) -> bool:
     return name == wanted
 
 
-def _as_path(name: str, wanted: str) -> bool:
+def _same_path(name: str, wanted: str) -> bool:
     return name.strip("/") == wanted.replace(".", "/").strip("/")
 
 
-def _last_part(name: str, wanted: str) -> bool:
+def _same_last_part(name: str, wanted: str) -> bool:
     return name.rsplit("/", 1)[-1] == wanted
 
 
-def missing_column(path: Path, signal: str, column: Key, names: Sequence[str]) -> InputError:
+def missing_column(path: Path, signal: str, column: ColumnKey, names: Sequence[str]) -> InputError:
     """Return the error that says which columns there are instead."""
     listed = ", ".join(f'"{name}"' for name in names[:30]) or "none"
     if isinstance(column, int):

@@ -12,8 +12,8 @@ from pyarrow import fs
 
 from pneucli.errors import InputError
 
-ARROW = ("s3", "gs", "gcs", "hdfs", "abfs", "abfss", "file")
-BLOCK = 1 << 22  # bytes, copied at a time
+ARROW_SCHEMES = ("s3", "gs", "gcs", "hdfs", "abfs", "abfss", "file")
+BLOCK_BYTES = 1 << 22  # bytes, copied at a time
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 
@@ -22,43 +22,43 @@ def is_remote(text: str) -> bool:
     return _URL.match(text) is not None
 
 
-def stamp(url: str) -> str:
+def content_stamp(url: str) -> str:
     """Return what tells one content of a remote file from another without reading it: size and time, or a tag.
 
     Raises InputError where there is no such file or no answer.
     """
     try:
-        if _scheme(url) in ARROW:
+        if _scheme(url) in ARROW_SCHEMES:
             system, path = fs.FileSystem.from_uri(url)
             with system.open_input_file(path):  # says that there is none, where there is none
                 info = system.get_file_info(path)
             return f"{info.size} {info.mtime_ns}"
-        info = _other(url).info(url)
+        info = _fsspec_filesystem(url).info(url)
         return " ".join(str(info.get(key)) for key in ("size", "ETag", "mtime", "LastModified", "Last-Modified"))
     except InputError:
         raise
     except Exception as error:  # whatever a store may say
-        raise refused(url, error) from error
+        raise store_error(url, error) from error
 
 
 def fetch(url: str, folder: Path) -> Path:
-    """Copy a remote file into ``folder`` under its own name; return its path there. Raises InputError as ``stamp``."""
+    """Copy a remote file into ``folder`` under its own name; return its path there. Raises InputError as ``content_stamp``."""
     target = folder / (Path(urlsplit(url).path).name or "file")
     try:
-        with _opened(url) as source, target.open("wb") as file:
-            shutil.copyfileobj(source, file, BLOCK)
+        with _open_stream(url) as source, target.open("wb") as file:
+            shutil.copyfileobj(source, file, BLOCK_BYTES)
     except InputError:
         raise
     except Exception as error:  # whatever a store may say
-        raise refused(url, error) from error
+        raise store_error(url, error) from error
     return target
 
 
-def system_of(url: str) -> tuple[fs.FileSystem, str]:
+def filesystem_of(url: str) -> tuple[fs.FileSystem, str]:
     """Return the filesystem of a URL and the path in it; raises what either library raises."""
-    if _scheme(url) in ARROW:
+    if _scheme(url) in ARROW_SCHEMES:
         return fs.FileSystem.from_uri(url)
-    other = _other(url)
+    other = _fsspec_filesystem(url)
     handler: Any = fs.FSSpecHandler
     return fs.PyFileSystem(handler(other)), other._strip_protocol(url)
 
@@ -67,14 +67,14 @@ def _scheme(url: str) -> str:
     return url.partition("://")[0].lower()
 
 
-def _opened(url: str) -> IO[bytes]:
-    if _scheme(url) in ARROW:
+def _open_stream(url: str) -> IO[bytes]:
+    if _scheme(url) in ARROW_SCHEMES:
         system, path = fs.FileSystem.from_uri(url)
         return system.open_input_stream(path)  # type: ignore[return-value]
-    return _other(url).open(url, "rb")  # type: ignore[no-any-return]
+    return _fsspec_filesystem(url).open(url, "rb")  # type: ignore[no-any-return]
 
 
-def _other(url: str) -> Any:
+def _fsspec_filesystem(url: str) -> Any:
     try:
         import fsspec  # noqa: PLC0415 - an extra
     except ImportError as error:
@@ -82,7 +82,7 @@ def _other(url: str) -> Any:
     return fsspec.core.url_to_fs(url)[0]
 
 
-def refused(url: str, error: Exception, wanted: str = "a file that is there, and may be read") -> InputError:
+def store_error(url: str, error: Exception, wanted: str = "a file that is there, and may be read") -> InputError:
     """Return what a store said as an error of the input; a password in the URL is not shown."""
     shown = re.sub(r"//[^/@]*@", "//", url)
     said = (str(error).splitlines() or [type(error).__name__])[0]

@@ -14,13 +14,13 @@ from pyarrow import fs
 
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path
-from pneucli.io.remote_files import is_remote, refused, system_of
+from pneucli.io.remote_files import filesystem_of, is_remote, store_error
 
-AT_ONCE = 16  # requests to a store: each waits for an answer
+MAX_REQUESTS = 16  # requests to a store: each waits for an answer
 T = TypeVar("T")
 
 
-class Folder:
+class LocalFolder:
     """A folder of this machine, or one that all workers see."""
 
     def __init__(self, path: Path) -> None:
@@ -40,7 +40,7 @@ class Folder:
         """Return the content of several files, None where there is none."""
         return {name: self.read(name) for name in names}
 
-    def put(self, name: str, source: Path) -> None:
+    def copy_file(self, name: str, source: Path) -> None:
         """Write a copy of the file ``source``."""
         with atomic_path(self.path / name) as path:
             shutil.copyfile(source, path)
@@ -50,7 +50,7 @@ class Folder:
         with atomic_path(self.path / name) as path:
             path.write_text(text, encoding="utf-8")
 
-    def fetched(self, name: str, scratch: Path) -> Path:
+    def local_copy(self, name: str, scratch: Path) -> Path:
         """Return the folder ``name`` as one of this machine, a copy in ``scratch`` where it is elsewhere."""
         return self.path / name
 
@@ -67,10 +67,10 @@ class Folder:
 
 
 @dataclass(frozen=True)
-class Remote:
+class RemoteFolder:
     """A folder of a store at ``url``: one request writes a file, so it is there whole or not at all.
 
-    Its methods are those of :class:`Folder`; each raises InputError where the store refuses.
+    Its methods are those of :class:`LocalFolder`; each raises InputError where the store refuses.
     """
 
     url: str
@@ -90,15 +90,15 @@ class Remote:
             except FileNotFoundError:
                 return None
 
-        return self._asked(content)
+        return self._request(content)
 
     def read_all(self, names: Iterable[str]) -> dict[str, bytes | None]:
         """Return the content of several files, None where there is none."""
         wanted = list(names)
-        with ThreadPoolExecutor(AT_ONCE) as pool:
+        with ThreadPoolExecutor(MAX_REQUESTS) as pool:
             return dict(zip(wanted, pool.map(self.read, wanted), strict=True))
 
-    def put(self, name: str, source: Path) -> None:
+    def copy_file(self, name: str, source: Path) -> None:
         """Write a copy of the file ``source``."""
         self._write(name, source.read_bytes())
 
@@ -114,9 +114,9 @@ class Remote:
             with self.system.open_output_stream(path) as file:
                 file.write(content)
 
-        self._asked(written)
+        self._request(written)
 
-    def fetched(self, name: str, scratch: Path) -> Path:
+    def local_copy(self, name: str, scratch: Path) -> Path:
         """Return a copy of the folder ``name`` in ``scratch``."""
         for one in self.names(name):
             target = scratch / one
@@ -127,21 +127,21 @@ class Remote:
     def names(self, under: str) -> set[str]:
         """Return the names of all files below a folder."""
         asked = fs.FileSelector(f"{self.base}/{under}", allow_not_found=True, recursive=True)
-        found = self._asked(lambda: self.system.get_file_info(asked))
+        found = self._request(lambda: self.system.get_file_info(asked))
         return {one.path[len(self.base) + 1 :] for one in found if one.type == fs.FileType.File}
 
     def remove(self, name: str) -> None:
         """Remove a file."""
-        self._asked(lambda: self.system.delete_file(f"{self.base}/{name}"))
+        self._request(lambda: self.system.delete_file(f"{self.base}/{name}"))
 
-    def _asked(self, question: Callable[[], T]) -> T:
+    def _request(self, question: Callable[[], T]) -> T:
         try:
             return question()
         except Exception as error:  # whatever a store may say
-            raise refused(self.url, error, "a store that answers and may be written to") from error
+            raise store_error(self.url, error, "a store that answers and may be written to") from error
 
 
-Store = Folder | Remote
+Store = LocalFolder | RemoteFolder
 
 
 @lru_cache(maxsize=4)
@@ -151,24 +151,24 @@ def store_at(where: str) -> Store:
     Raises InputError where a URL is none that can be opened.
     """
     if not is_remote(where):
-        return Folder(Path(where))
+        return LocalFolder(Path(where))
     try:
-        system, base = system_of(where)
+        system, base = filesystem_of(where)
     except InputError:
         raise
     except Exception as error:  # whatever a store may say
-        raise refused(where, error, "a URL such as s3://bucket/folder") from error
-    return Remote(where, system, base.rstrip("/"))
+        raise store_error(where, error, "a URL such as s3://bucket/folder") from error
+    return RemoteFolder(where, system, base.rstrip("/"))
 
 
-def mirror(source: Path, store: Store, folders: Mapping[str, str]) -> None:
+def mirror_folder(source: Path, store: Store, folders: Mapping[str, str]) -> None:
     """Make what is below ``source`` so in a store.
 
     Below the ``folders`` files that end as stated go, where they are not in ``source``.
     """
     names = {path.relative_to(source).as_posix(): path for path in source.rglob("*") if path.is_file()}
     for name, path in names.items():
-        store.put(name, path)
+        store.copy_file(name, path)
     for folder, ending in folders.items():
         for old in store.names(folder) - names.keys():
             if old.endswith(ending):

@@ -14,24 +14,34 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError, UnitError
 from pneucli.io.expression import ROW, Expression
 from pneucli.io.formats import open_raw
-from pneucli.io.raw_file import Ask, Channel, Key, RawFile, Reader, Repair, Values, missing_column, position
-from pneucli.io.timestamp_order import Array, Table, join, left_out
+from pneucli.io.raw_file import (
+    Channel,
+    ColumnKey,
+    ColumnRequest,
+    ColumnValues,
+    RawFile,
+    Reader,
+    Repair,
+    column_position,
+    missing_column,
+)
+from pneucli.io.timestamp_order import Array, Table, join_tables, loss_repairs
 from pneucli.units import factor_and_offset, parse_unit, same_dimension
 
 Batch = dict[str, Array]
 
 _BRACKETED = re.compile(r"[\[(<]([^\[\](){}<>]*)[\])>]\s*$")
-BATCH = 1 << 17  # rows: as many in every format, so that what is judged batch by batch is judged alike
+BATCH_ROWS = 1 << 17  # rows: as many in every format, so that what is judged batch by batch is judged alike
 
 
-class Opened:
+class SignalReader:
     """A raw file, its reader, and the position of each channel that it has a column for, ``time`` first.
 
     The position of a channel that is computed is None: ``columns`` has those that it is computed from, by their keys.
     """
 
     def __init__(
-        self, raw: RawFile, reader: Reader, positions: Mapping[str, int | None], columns: Mapping[Key, int]
+        self, raw: RawFile, reader: Reader, positions: Mapping[str, int | None], columns: Mapping[ColumnKey, int]
     ) -> None:
         self.raw, self.reader, self.positions, self._columns = raw, reader, positions, columns
         self._first = 0  # row of the next batch
@@ -61,29 +71,29 @@ class Opened:
     @property
     def repairs(self) -> list[Repair]:
         """What had to be mended or noticed to read the file."""
-        return [*self.reader.repairs, *left_out(self.losses)]
+        return [*self.reader.repairs, *loss_repairs(self.losses)]
 
-    def place(self, row: int) -> str:
+    def locate(self, row: int) -> str:
         """Return where a row of :meth:`batches` stands in the file."""
-        return self.reader.place(row if self._rows is None or row >= self._rows.size else int(self._rows[row]))
+        return self.reader.locate(row if self._rows is None or row >= self._rows.size else int(self._rows[row]))
 
     def batches(self) -> Iterator[Batch]:
         """Yield signals in SI, ``time`` among them, in the file's order of rows, BATCH rows at a time."""
         long = any(channel.where for channel in self.channels.values())
-        yield from even(iter([self._long()]) if long else self._flat(), list(self.positions))
+        yield from rebatch(iter([self._read_long_table()]) if long else self._wide_batches(), list(self.positions))
 
-    def _flat(self) -> Iterator[Batch]:
-        for columns in self.reader.batches(self._asks()):
+    def _wide_batches(self) -> Iterator[Batch]:
+        for columns in self.reader.batches(self._column_requests()):
             yield self._values(columns)
 
-    def _asks(self) -> list[Ask]:
+    def _column_requests(self) -> list[ColumnRequest]:
         plain = [(place, self.raw.channels[name]) for name, place in self.positions.items() if place is not None]
-        asks = [_ask(place, channel) for place, channel in plain]
-        asks += [Ask(place) for place in self._columns.values()]
-        return asks or [Ask(0, text=True)]  # any column tells how many rows there are
+        asks = [_column_request(place, channel) for place, channel in plain]
+        asks += [ColumnRequest(place) for place in self._columns.values()]
+        return asks or [ColumnRequest(0, text=True)]  # any column tells how many rows there are
 
-    def _values(self, columns: Sequence[Values]) -> Batch:
-        """Return the signals in SI; ``columns`` are those of :meth:`_asks`."""
+    def _values(self, columns: Sequence[ColumnValues]) -> Batch:
+        """Return the signals in SI; ``columns`` are those of :meth:`_column_requests`."""
         waiting = iter(columns)
         found = {name: next(waiting) for name, place in self.positions.items() if place is not None}
         by_key = dict(zip(self._columns, waiting, strict=False))
@@ -96,45 +106,48 @@ class Opened:
                 found[name] = own.values({key: by_key[key] for key in own.columns})
         return {name: _to_si(found[name], channel) for name, channel in self.channels.items()}
 
-    def _long(self) -> Batch:
+    def _read_long_table(self) -> Batch:
         keys = {channel.where[0]: None for channel in self.channels.values() if channel.where}
-        places = [self._place("where", key) for key in keys]
-        asks = self._asks()
-        texts = [Ask(place, text=True) for place in places]
+        places = [self._required_position("where", key) for key in keys]
+        asks = self._column_requests()
+        texts = [ColumnRequest(place, text=True) for place in places]
         whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*asks, *texts]), strict=True)]
         values = self._values(whole[: len(asks)])
         labels = dict(zip(keys, whole[len(asks) :], strict=True))
-        tables = [self._table(where, values, labels) for where in dict.fromkeys(self._wheres().values())]
+        tables = [self._table(where, values, labels) for where in dict.fromkeys(self._row_filters().values())]
         taken = np.unique(np.concatenate([table.rows for table in tables])).size
-        table, losses = join(tables, self.reader.place)
+        table, losses = join_tables(tables, self.reader.locate)
         self._rows = table.rows
         self._losses = losses + Counter({"other-channel": values["time"].size - taken})
         return {"time": table.time, **table.columns}
 
-    def _wheres(self) -> dict[str, tuple[Key, str | float] | None]:
+    def _row_filters(self) -> dict[str, tuple[ColumnKey, str | float] | None]:
         return {name: channel.where for name, channel in self.channels.items() if name != "time"}
 
     def _table(
-        self, where: tuple[Key, str | float] | None, values: Mapping[str, Array], labels: Mapping[Key, Values]
+        self,
+        where: tuple[ColumnKey, str | float] | None,
+        values: Mapping[str, Array],
+        labels: Mapping[ColumnKey, ColumnValues],
     ) -> Table:
         """Return the rows that belong to the channels of one ``where``."""
-        names = [name for name, other in self._wheres().items() if other == where]
+        names = [name for name, other in self._row_filters().items() if other == where]
         time = values["time"]
-        rows = np.flatnonzero(_equal(labels[where[0]], where[1])) if where else np.arange(time.size)
+        rows = np.flatnonzero(_label_mask(labels[where[0]], where[1])) if where else np.arange(time.size)
         if where and not rows.size:
             seen = sorted({str(text) for column in labels.values() for text in column[:10_000]})
             found, mend = f'no row where the label is "{where[1]}"', f"labels: {', '.join(seen[:30])}"
             raise InputError(f"{self.raw.path}, signal {names[0]}", found, "", mend)
         return Table(time[rows], {name: values[name][rows] for name in names}, rows)
 
-    def _place(self, signal: str, column: Key) -> int:
-        place = position(self.raw.path, signal, column, self.reader.names)
+    def _required_position(self, signal: str, column: ColumnKey) -> int:
+        place = column_position(self.raw.path, signal, column, self.reader.names)
         if place is None:
             raise missing_column(self.raw.path, signal, column, self.reader.names)
         return place
 
 
-def open_signals(raw: RawFile) -> Opened:
+def open_signals(raw: RawFile) -> SignalReader:
     """Open ``raw`` and find the columns of its channels.
 
     A channel without a column is passed over, unless it is required: then InputError lists the columns there are. It
@@ -144,7 +157,7 @@ def open_signals(raw: RawFile) -> Opened:
     reader = open_raw(raw)
     computed = {name: Expression(one.expression) for name, one in raw.channels.items() if one.expression is not None}
     found = {
-        name: position(raw.path, name, channel.column, reader.names)
+        name: column_position(raw.path, name, channel.column, reader.names)
         for name, channel in raw.channels.items()
         if name not in computed
     }
@@ -156,23 +169,25 @@ def open_signals(raw: RawFile) -> Opened:
             raise missing_column(raw.path, name, key, reader.names)
     places = {name: place for name, place in found.items() if place is not None}
     _require_own_columns(raw, places, reader.names)
-    reader.repairs += _same_names(reader)
-    raw = replace(raw, channels={n: _as_said(raw, n, c, places.get(n), reader) for n, c in raw.channels.items()})
+    reader.repairs += _duplicate_names(reader)
+    raw = replace(
+        raw, channels={n: _with_unit_of_file(raw, n, c, places.get(n), reader) for n, c in raw.channels.items()}
+    )
     whole = {name: own for name, own in columns.items() if None not in own.values()}
     inner = {key: place for own in whole.values() for key, place in own.items() if place is not None}
     order = {name: places.get(name) for name in raw.channels if name in places or name in whole}
-    return Opened(raw, reader, {"time": order.pop("time"), **order}, inner)
+    return SignalReader(raw, reader, {"time": order.pop("time"), **order}, inner)
 
 
-def _columns_of(raw: RawFile, name: str, expression: Expression, names: Sequence[str]) -> dict[Key, int | None]:
+def _columns_of(raw: RawFile, name: str, expression: Expression, names: Sequence[str]) -> dict[ColumnKey, int | None]:
     """Return where the columns of an expression stand; the rows' number is none of them."""
-    found = {key: position(raw.path, name, key, names) for key in expression.columns}
+    found = {key: column_position(raw.path, name, key, names) for key in expression.columns}
     return {key: place for key, place in found.items() if place is not None or key != ROW}
 
 
-def _as_said(raw: RawFile, name: str, channel: Channel, place: int | None, reader: Reader) -> Channel:
+def _with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | None, reader: Reader) -> Channel:
     """Return ``channel`` in the unit that the file says of its column, where the pipeline file states none."""
-    said = None if place is None else unit_said(reader, place)
+    said = None if place is None else unit_in_file(reader, place)
     if said is None or place is None or (channel.si is None and channel.unit is None):
         return channel
     where, column = f"{raw.path}, signal {name}", f'"{reader.names[place]}"'
@@ -193,7 +208,7 @@ def _as_said(raw: RawFile, name: str, channel: Channel, place: int | None, reade
     return replace(channel, factor=factor, offset=offset + channel.offset)
 
 
-def unit_said(reader: Reader, place: int) -> str | None:
+def unit_in_file(reader: Reader, place: int) -> str | None:
     """Return the unit that a file says of its column: below the header, as a property, or in brackets in its name."""
     in_name = _BRACKETED.search(reader.names[place])
     for text in (reader.units.get(place), in_name and in_name[1]):
@@ -207,7 +222,7 @@ def unit_said(reader: Reader, place: int) -> str | None:
 
 def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequence[str]) -> None:
     """Raise InputError where two signals are read from one column: of a long table, from the same rows of it."""
-    taken: dict[tuple[int, tuple[Key, str | float] | None], str] = {}
+    taken: dict[tuple[int, tuple[ColumnKey, str | float] | None], str] = {}
     for name, place in places.items():
         if (other := taken.setdefault((place, raw.channels[name].where), name)) != name:
             found = f'{other} and {name} are both column "{names[place]}"'
@@ -215,7 +230,7 @@ def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequenc
             raise InputError(f"{raw.path}, signal {name}", found, "a column for each signal", mend)
 
 
-def _same_names(reader: Reader) -> list[Repair]:
+def _duplicate_names(reader: Reader) -> list[Repair]:
     often = Counter(name for name in reader.names if name)
     alike = {name: count for name, count in often.items() if count > 1}
     listed = ", ".join(f'{count} "{name}"' for name, count in list(alike.items())[:5])
@@ -224,31 +239,31 @@ def _same_names(reader: Reader) -> list[Repair]:
     )
 
 
-def even(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
+def rebatch(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:
     """Yield the same rows, BATCH at a time; at least one batch, which may be empty."""
     waiting: Batch = {name: np.empty(0) for name in names}
     for batch in batches:
         joined = {
             name: np.concatenate([rest, batch[name]]) if rest.size else batch[name] for name, rest in waiting.items()
         }
-        whole = joined["time"].size // BATCH * BATCH
-        for start in range(0, whole, BATCH):
-            yield {name: values[start : start + BATCH] for name, values in joined.items()}
+        whole = joined["time"].size // BATCH_ROWS * BATCH_ROWS
+        for start in range(0, whole, BATCH_ROWS):
+            yield {name: values[start : start + BATCH_ROWS] for name, values in joined.items()}
         waiting = {name: values[whole:] for name, values in joined.items()}
     yield waiting
 
 
-def _ask(place: int, channel: Channel) -> Ask:
-    return Ask(place, decimal=channel.decimal, thousands=channel.thousands)
+def _column_request(place: int, channel: Channel) -> ColumnRequest:
+    return ColumnRequest(place, decimal=channel.decimal, thousands=channel.thousands)
 
 
-def _to_si(column: Values, channel: Channel) -> Array:
+def _to_si(column: ColumnValues, channel: Channel) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is counted as such
         values = column if channel.factor == 1.0 else column * channel.factor
         return values if channel.offset == 0.0 else values + channel.offset
 
 
-def _equal(labels: Values, wanted: str | float) -> NDArray[np.bool_]:
+def _label_mask(labels: ColumnValues, wanted: str | float) -> NDArray[np.bool_]:
     if isinstance(wanted, str) and labels.dtype == object:
         return np.asarray(labels == wanted.strip(), dtype=np.bool_)
     number = _number(wanted)

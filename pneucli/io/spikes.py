@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MARGIN = 16  # samples on either side that a spike is judged against
-WIDEST = 3
-ABOVE_NOISE = 12.0  # times the robust scatter of the whole batch
-ABOVE_NEIGHBOURS = 8.0  # times the largest step among the neighbours, so that impacts that ring stay
+MARGIN_SAMPLES = 16  # samples on either side that a spike is judged against
+MAX_SPIKE_SAMPLES = 3
+MIN_NOISE_RATIO = 12.0  # times the robust scatter of the whole batch
+MIN_STEP_RATIO = 8.0  # times the largest step among the neighbours, so that impacts that ring stay
 
 
 def find_spikes(values: Array, noise: float = 0.0) -> NDArray[np.intp]:
@@ -21,16 +21,16 @@ def find_spikes(values: Array, noise: float = 0.0) -> NDArray[np.intp]:
     spike's width of either end are never judged. Good data that look like this: none that a sensor of finite bandwidth
     can give.
     """
-    if values.size < 2 * MARGIN:
+    if values.size < 2 * MARGIN_SAMPLES:
         return np.empty(0, dtype=np.intp)
     steps = np.abs(np.diff(values))
-    limit = ABOVE_NOISE * max(_scatter(steps), noise)
+    limit = MIN_NOISE_RATIO * max(_robust_deviation(steps), noise)
     leaving = np.flatnonzero(steps > limit)
     found = [_spike_after(values, steps, int(i), limit) for i in leaving]
     return np.unique(np.concatenate([np.empty(0, dtype=np.intp), *found]))
 
 
-def _scatter(steps: Array) -> float:
+def _robust_deviation(steps: Array) -> float:
     """Robust standard deviation of one sample, from the steps between neighbours; the resolution at least."""
     sample = steps[:: max(1, steps.size // 65_536)]
     sample = sample[np.isfinite(sample)]
@@ -43,16 +43,16 @@ def _scatter(steps: Array) -> float:
 
 def _spike_after(values: Array, steps: Array, last: int, limit: float) -> NDArray[np.intp]:
     """Return the samples of a spike that begins right after ``last``, if there is one."""
-    for width in range(1, WIDEST + 1):
+    for width in range(1, MAX_SPIKE_SAMPLES + 1):
         back = last + width + 1
         if back >= values.size:
             break
         inside = values[last + 1 : back]
         height = np.min(np.abs(inside - np.array([values[last], values[back]])[:, None]))
-        around = np.concatenate([steps[max(0, last - MARGIN) : last], steps[back : back + MARGIN]])
+        around = np.concatenate([steps[max(0, last - MARGIN_SAMPLES) : last], steps[back : back + MARGIN_SAMPLES]])
         calm = np.nanmax(around) if np.isfinite(around).any() else np.inf
-        returns = np.abs(values[back] - values[last]) < height / ABOVE_NEIGHBOURS
+        returns = np.abs(values[back] - values[last]) < height / MIN_STEP_RATIO
         same_side = np.ptp(np.sign(inside - values[last])) == 0
-        if returns and same_side and height > max(limit, ABOVE_NEIGHBOURS * calm):
+        if returns and same_side and height > max(limit, MIN_STEP_RATIO * calm):
             return np.arange(last + 1, back)
     return np.empty(0, dtype=np.intp)

@@ -16,11 +16,11 @@ from pneucli.io.raw_file import Repair
 
 Array = NDArray[np.float64]
 
-SHORTEST = 20  # samples
-CHANCE = 1e-9  # expected number of such runs in the recording, were each repetition independent
-VISIBLE = 0.3  # share of steps that turn round: 2/3 in white noise, about 0 in a smooth curve
-COARSE = 1.5  # steps of the resolution: below, noise hides in the quantisation
-JUMP = 20.0  # times the median step
+MIN_RUN_SAMPLES = 20  # samples
+FALSE_ALARM_COUNT = 1e-9  # expected number of such runs in the recording, were each repetition independent
+MIN_TURN_SHARE = 0.3  # share of steps that turn round: 2/3 in white noise, about 0 in a smooth curve
+MIN_STEP_RESOLUTIONS = 1.5  # steps of the resolution: below, noise hides in the quantisation
+JUMP_RATIO = 20.0  # times the median step
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class _Run:
     jump: float  # afterwards
 
 
-class Runs:
+class StuckChannelDetector:
     """Collects the runs of one signal over its batches."""
 
     def __init__(self, signal: str) -> None:
@@ -40,7 +40,7 @@ class Runs:
         self._low, self._high = np.inf, -np.inf
         self._step = self._resolution = np.inf
 
-    def see(self, values: Array) -> None:
+    def update(self, values: Array) -> None:
         """Take note of the next samples."""
         if values.size < 2:
             return
@@ -53,14 +53,14 @@ class Runs:
             self._resolution = min(self._resolution, float(np.min(np.abs(moving))))
         self._low = min(self._low, float(np.fmin.reduce(values)))
         self._high = max(self._high, float(np.fmax.reduce(values)))
-        self._find(values)
+        self._collect_runs(values)
 
-    def _find(self, values: Array) -> None:
+    def _collect_runs(self, values: Array) -> None:
         same = values[1:] == values[:-1]
         self._pairs += same.size
         self._equal += int(np.count_nonzero(same))
         edges = np.concatenate([[0], np.flatnonzero(same[1:] != same[:-1]) + 1, [same.size]])
-        long = np.flatnonzero(np.diff(edges) >= SHORTEST)
+        long = np.flatnonzero(np.diff(edges) >= MIN_RUN_SAMPLES)
         for start, end in zip(edges[long], edges[long + 1], strict=True):
             if same[start]:
                 jump = abs(values[end + 1] - values[end]) if end + 1 < values.size else 0.0
@@ -74,12 +74,12 @@ class Runs:
         return [self._repair(kind, runs) for kind, runs in (("saturated", ends), ("frozen", inner)) if runs]
 
     def _is_odd(self, run: _Run) -> bool:
-        if self._signal == "x" and run.jump > JUMP * self._step:
+        if self._signal == "x" and run.jump > JUMP_RATIO * self._step:
             return True
         inside = sum(other.length - 1 for other in self._long)
         repeats = max(self._equal - inside, 1) / max(self._pairs - inside, 1)
-        noisy = self._turns > VISIBLE * self._steps > 0 and self._step > COARSE * self._resolution
-        return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(CHANCE)
+        noisy = self._turns > MIN_TURN_SHARE * self._steps > 0 and self._step > MIN_STEP_RESOLUTIONS * self._resolution
+        return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(FALSE_ALARM_COUNT)
 
     def _repair(self, kind: str, runs: list[_Run]) -> Repair:
         count, longest = sum(run.length for run in runs), max(runs, key=lambda run: run.length)

@@ -6,28 +6,28 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pneucli.io.column_reader import WholeReader, library, vector
-from pneucli.io.damaged_files import check_size
-from pneucli.io.raw_file import Values
+from pneucli.io.column_reader import ColumnReader, import_extra, to_vector
+from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.raw_file import ColumnValues
 
 NAME = "TDMS"
 
 
-def open_tdms(path: Path) -> WholeReader:
+def open_tdms(path: Path) -> ColumnReader:
     """List the channels; a waveform's own clock is called ``time`` where no channel is."""
-    tdms = library("nptdms", "tdms", path).TdmsFile
+    tdms = import_extra("nptdms", "tdms", path).TdmsFile
     with tdms.open(path) as file:
         columns = _columns(file)
         units = [str(channel.properties.get("unit_string") or "") for channel, _ in columns.values()]
         said = {number: unit for number, unit in enumerate(units) if unit and [*columns][number] != "time"}
 
-    def fetch(wanted: Sequence[str]) -> list[Values]:
+    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         with tdms.open(path) as file:
             columns = _columns(file)
-            check_size(path, sum(8 * len(channel) for name, (channel, _) in columns.items() if name in wanted))
-            return [vector(columns[name][1]()) for name in wanted]
+            check_expanded_size(path, sum(8 * len(channel) for name, (channel, _) in columns.items() if name in wanted))
+            return [to_vector(columns[name][1]()) for name in wanted]
 
-    return WholeReader(path, NAME, list(columns), fetch, said)
+    return ColumnReader(path, NAME, list(columns), fetch, said)
 
 
 def _columns(file: Any) -> dict[str, tuple[Any, Callable[[], Any]]]:

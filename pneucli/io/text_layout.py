@@ -13,12 +13,12 @@ from itertools import zip_longest
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.io.date_parsing import is_stamp
+from pneucli.io.date_parsing import is_date_or_time
 from pneucli.io.raw_file import RawFile
 
-HEAD = 1 << 18
-LONGEST = 16 << 20  # bytes of a line
-NULLS = (
+HEAD_BYTES = 1 << 18
+MAX_LINE_BYTES = 16 << 20  # bytes of a line
+NULL_TEXTS = (
     *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
     *("1.#QNAN", "-1.#IND"),
 )
@@ -27,12 +27,12 @@ _BLANKS = re.compile(rb"[ \t]+")
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
-_BLANK = (" ", r"\s+", "whitespace")  # as some programs call blanks
-_DELIMITER_MARKS = (*_BLANK, "\t", *(mark for mark in string.punctuation if mark not in "\"#'+-."))
+_BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
+_DELIMITER_MARKS = (*_BLANK_NAMES, "\t", *(mark for mark in string.punctuation if mark not in "\"#'+-."))
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks.
 
     ``units`` is the line below the header, if that is none of numbers; ``stamps`` are the columns (from 0) of dates and
@@ -60,21 +60,21 @@ class Layout:
         return [field.strip() for field in fields]
 
 
-def layout(raw: RawFile) -> Layout:
+def detect_layout(raw: RawFile) -> TextLayout:
     """Find out how ``raw`` is written; what it states itself is taken as it stands.
 
     Raises InputError where the file is empty, holds no rows, or is not text.
     """
     with raw.path.open("rb") as file:
-        head = file.read(HEAD)
+        head = file.read(HEAD_BYTES)
     if not head.strip():
         raise InputError(str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out")
     _check_marks(raw)
-    encoding = raw.encoding or encoding_of(raw.path, head)
-    text = decoded(raw.path, head, encoding)
+    encoding = raw.encoding or detect_encoding(raw.path, head)
+    text = decode_head(raw.path, head, encoding)
     line_end = "\n" if "\n" in text else "\r"
     lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
-    if len(head) == HEAD and len(lines) > 1:
+    if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
     rows = [n for n, line in enumerate(lines) if n >= raw.skip_rows and line.strip() and not _is_comment(line)]
     if len(rows) < 1 + raw.header:
@@ -82,12 +82,12 @@ def layout(raw: RawFile) -> Layout:
         raise InputError(f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out")
     sample = [lines[n] for n in rows[:20]]
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
-    delimiter = " " if delimiter in _BLANK else delimiter
-    plain = Layout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end)
+    delimiter = " " if delimiter in _BLANK_NAMES else delimiter
+    plain = TextLayout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end)
     return _with_names(raw, plain, [plain.split(line) for line in sample], rows)
 
 
-def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list[int]) -> Layout:
+def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: list[int]) -> TextLayout:
     first = sample[raw.header]
     units = raw.header and len(rows) > 2 and not any(map(is_value, first)) and any(map(is_value, sample[2]))
     body = sample[raw.header + units :]
@@ -96,25 +96,25 @@ def _with_names(raw: RawFile, plain: Layout, sample: list[list[str]], rows: list
         names = [*names, ""]  # every row ends with a delimiter, the header does not
     if raw.header and names[-1].lower() == "comment" and {len(row) for row in body} == {len(names) - 1}:
         names = names[:-1]  # LabVIEW's last column, of which only rows with a comment have a field
-    if raw.header and all(map(_numeric, names)):
+    if raw.header and all(map(_is_number, names)):
         where = f"{raw.path}, line {rows[0] + 1}"
         raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
     said = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
-    stamps, labels = (_columns_of(body, test, len(names)) for test in (is_stamp, _is_label))
+    stamps, labels = (_columns_of(body, test, len(names)) for test in (is_date_or_time, _is_label))
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, stamps=stamps, labels=labels)
 
 
 def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
     """Return the columns in whose rows something stands, and all of that passes ``test``."""
-    columns = [[field for field in column if field not in NULLS] for column in zip_longest(*body, fillvalue="")]
+    columns = [[field for field in column if field not in NULL_TEXTS] for column in zip_longest(*body, fillvalue="")]
     return frozenset(number for number, fields in enumerate(columns[:width]) if fields and all(map(test, fields)))
 
 
 def is_value(field: str) -> bool:
     """Return whether a field is a number, a date or a time of day."""
-    return _numeric(field) or is_stamp(field)
+    return _is_number(field) or is_date_or_time(field)
 
 
 def _is_label(field: str) -> bool:
@@ -137,11 +137,11 @@ def _is_comment(line: str) -> bool:
     return line.lstrip().startswith("#")
 
 
-def _numeric(field: str) -> bool:
+def _is_number(field: str) -> bool:
     return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf", field))
 
 
-def encoding_of(path: Path, head: bytes) -> str:
+def detect_encoding(path: Path, head: bytes) -> str:
     """Return the encoding of a text; raises InputError where it is none."""
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
@@ -164,7 +164,7 @@ def encoding_of(path: Path, head: bytes) -> str:
     return "utf-8"
 
 
-def decoded(path: Path, head: bytes, encoding: str) -> str:
+def decode_head(path: Path, head: bytes, encoding: str) -> str:
     """Return the first bytes of a file as text; raises InputError where they are not of this encoding."""
     try:
         b"".decode(encoding)  # there are codecs that are no encodings of text
@@ -181,7 +181,7 @@ def decoded(path: Path, head: bytes, encoding: str) -> str:
 def _delimiter(body: list[str], header: str) -> str:
     """Return the delimiter that cuts all rows alike, and the header with them; a comma that only cuts digits loses."""
     for delimiter in _DELIMITERS:
-        plain = Layout("", delimiter, "", 0, ())
+        plain = TextLayout("", delimiter, "", 0, ())
         widths = {len(plain.split(line)) for line in body[:-1] or body}
         if len(widths) == 1 and widths.pop() > 1 and (delimiter != " " or "," not in header or body[0] == header):
             return delimiter
@@ -190,30 +190,32 @@ def _delimiter(body: list[str], header: str) -> str:
 
 def _decimal(body: list[list[str]], delimiter: str) -> str:
     """A comma is the decimal mark where it cannot be the delimiter and no number has a point."""
-    fields = [field for row in body for field in row if _numeric(field)]
+    fields = [field for row in body for field in row if _is_number(field)]
     comma = delimiter != "," and any("," in field for field in fields)
     return "," if comma and not any("." in field for field in fields) else "."
 
 
-class PlainStream(io.RawIOBase):
+class NormalizedTextStream(io.RawIOBase):
     """The rows of a text file as plain UTF-8 without comment lines; blanks as delimiters become one tab.
 
     Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
-    ``comments`` counts the comment lines among the rows; ``ended`` says whether the last row had an end of line.
+    ``comment_lines`` counts the comment lines among the rows; ``ends_with_newline`` says whether the last row had an end of line.
     """
 
-    def __init__(self, path: Path, look: Layout) -> None:
+    def __init__(self, path: Path, look: TextLayout) -> None:
         self._path = path
         self._file = path.open("rb", buffering=0)
         self._encoding = look.encoding
-        self._decoder = None if _is_ascii(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
+        self._decoder = (
+            None if _is_ascii_compatible(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
+        )
         self._blanks = look.delimiter == " "
         self._line_end = look.line_end.encode()
         self._skip = look.skip
         self._rest = b""
         self._over = False
-        self.comments = 0
-        self.ended = True
+        self.comment_lines = 0
+        self.ends_with_newline = True
 
     def readable(self) -> bool:
         """Return True."""
@@ -222,7 +224,7 @@ class PlainStream(io.RawIOBase):
     def read(self, size: int = -1) -> bytes:
         """Return about ``size`` bytes of whole rows; nothing at the end."""
         while not self._over:
-            if block := self._plain(self._lines(max(size, HEAD))):
+            if block := self._plain(self._lines(max(size, HEAD_BYTES))):
                 return block
         return b""
 
@@ -235,12 +237,12 @@ class PlainStream(io.RawIOBase):
             block = block.replace(self._line_end, b"\n")
         if self._over:
             block, self._rest = self._rest + block, b""
-            self.ended = not block.strip()
+            self.ends_with_newline = not block.strip()
             return block
         end = block.rfind(b"\n") + 1
         lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
-        if len(self._rest) > LONGEST:
-            found, mend = f"a line of more than {LONGEST >> 20} MB", "check the file, record or copy it again"
+        if len(self._rest) > MAX_LINE_BYTES:
+            found, mend = f"a line of more than {MAX_LINE_BYTES >> 20} MB", "check the file, record or copy it again"
             raise InputError(str(self._path), found, "rows of numbers", mend)
         return lines
 
@@ -252,7 +254,7 @@ class PlainStream(io.RawIOBase):
             block = block.decode(self._encoding, "replace").encode()
         if b"#" in block:
             block, comments = _COMMENT.subn(b"", block)
-            self.comments += comments
+            self.comment_lines += comments
         return _BLANKS.sub(b"\t", _EDGES.sub(b"", block)) if self._blanks else block
 
     def close(self) -> None:
@@ -261,7 +263,7 @@ class PlainStream(io.RawIOBase):
         super().close()
 
 
-def _is_ascii(encoding: str) -> bool:
+def _is_ascii_compatible(encoding: str) -> bool:
     """Return whether the first 128 characters are bytes as in ASCII: then lines may be told before they are decoded."""
     plain = bytes(range(128))
     try:

@@ -13,20 +13,20 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
-from pneucli.io.text_layout import HEAD, NULLS, Layout, decoded, encoding_of, is_value
+from pneucli.io.text_layout import HEAD_BYTES, NULL_TEXTS, TextLayout, decode_head, detect_encoding, is_value
 from pneucli.units import parse_unit
 
-MOST = 2000  # lines that are looked at
+MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
-BELOW = 4  # lines of a header that are looked at for units
-STEADY = 3  # rows in a row that a table begins with
-MOSTLY = 0.8  # share of the rows that tells what a column is
+MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
+MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
+MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,])\d{3}){2,}")
-_WIDEST = 1000  # columns
+_MAX_COLUMNS = 1000  # columns
 
 
 @dataclass(frozen=True)
-class Sniffed:
+class SniffedLayout:
     """How a text is written: what has to be stated to read it, and what its columns are called.
 
     ``thousands`` maps columns (from 0) to their mark. ``names`` and ``units`` are empty where there are none.
@@ -40,59 +40,63 @@ class Sniffed:
     thousands: dict[int, str]
 
 
-def sniff(raw: RawFile) -> Sniffed:
+def sniff(raw: RawFile) -> SniffedLayout:
     """Look at the first lines of a text; what ``raw`` states stays as it is (``header = True`` states nothing).
 
     Raises InputError where no rows of numbers are found.
     """
     with raw.path.open("rb") as file:
-        head = file.read(HEAD)
-    text = decoded(raw.path, head, raw.encoding or encoding_of(raw.path, head))
-    lines = [line.rstrip("\r") for line in text.split("\n" if "\n" in text else "\r")][:MOST]
-    if len(head) == HEAD and len(lines) > 1:
+        head = file.read(HEAD_BYTES)
+    text = decode_head(raw.path, head, raw.encoding or detect_encoding(raw.path, head))
+    lines = [line.rstrip("\r") for line in text.split("\n" if "\n" in text else "\r")][:MAX_LINES]
+    if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
     found = max(
-        (_Table(lines, mark, raw.skip_rows) for mark in ([raw.delimiter] if raw.delimiter else DELIMITERS)),
+        (_DelimitedTable(lines, mark, raw.skip_rows) for mark in ([raw.delimiter] if raw.delimiter else DELIMITERS)),
         key=lambda table: table.score,
     )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
         raise InputError(str(raw.path), f"no table of numbers in {len(lines)} lines", wanted, mend)
-    return found.described(raw.header)
+    return found.describe(raw.header)
 
 
-class _Table:
+class _DelimitedTable:
     """The lines of a text, cut by one delimiter."""
 
     def __init__(self, lines: Sequence[str], delimiter: str, skip: int) -> None:
         self._lines, self._skip, self._delimiter = lines, skip, delimiter
-        cut = Layout("", delimiter, "", 0, ())
-        self._rows = [() if _is_passed(line) else tuple(cut.split(line)) for line in lines]
+        cut = TextLayout("", delimiter, "", 0, ())
+        self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
-        self._numeric = [n for n in range(self.width) if _share(is_value(row[n]) for row in self._tail) >= MOSTLY]
+        self._numeric = [
+            n for n in range(self.width) if _share(is_value(row[n]) for row in self._tail) >= MIN_VALUE_SHARE
+        ]
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
         cells = _share(n in self._numeric for n in range(self.width))
         single = 0.1 if self.width == 1 else 1.0  # cut by nothing
-        self.score = usual * cells * single if self._numeric and self.start is not None and self.width < _WIDEST else 0
+        self.score = (
+            usual * cells * single if self._numeric and self.start is not None and self.width < _MAX_COLUMNS else 0
+        )
 
     def _is_row(self, row: tuple[str, ...]) -> bool:
         if len(row) != self.width:
             return False
         fields = [row[n] for n in self._numeric]
-        return any(map(is_value, fields)) and all(is_value(field) or field in NULLS for field in fields)
+        return any(map(is_value, fields)) and all(is_value(field) or field in NULL_TEXTS for field in fields)
 
     def _first_row(self) -> int | None:
         there = [n for n, row in enumerate(self._rows) if row and n >= self._skip]
         good = [self._is_row(self._rows[n]) for n in there]
         for at, n in enumerate(there):
-            if all(good[at : at + STEADY]):
+            if all(good[at : at + MIN_TABLE_ROWS]):
                 return n
         return None
 
-    def described(self, header: bool) -> Sniffed:
+    def describe(self, header: bool) -> SniffedLayout:
         start = self.start or 0
         above = [n for n in range(self._skip, start) if self._lines[n].strip() and not _is_comment(self._lines[n])]
         names, units, at = self._header(above) if header else ((), (), None)
@@ -101,22 +105,24 @@ class _Table:
         )  # else names that reading passes over
         skip = at if direct and at is not None else start if above or self._skip else 0
         skip = 0 if direct and not [n for n in above if n < skip] else skip
-        return Sniffed(direct, skip, self._delimiter, names or self._commented(start), units, self._thousands())
+        return SniffedLayout(
+            direct, skip, self._delimiter, names or self._names_in_comment(start), units, self._thousands()
+        )
 
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
         wide = [n for n in above if len(self._rows[n]) in (self.width, self.width + 1)]
-        if not wide or any(is_value(field) for field in self._rows[wide[-1]] if field not in NULLS):
+        if not wide or any(is_value(field) for field in self._rows[wide[-1]] if field not in NULL_TEXTS):
             return (), (), None
-        for names, units in reversed([*pairwise(wide[-BELOW:])]):
+        for names, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not any(map(is_value, self._rows[names])):
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         return self._rows[wide[-1]][: self.width], (), wide[-1]
 
-    def _commented(self, start: int) -> tuple[str, ...]:
+    def _names_in_comment(self, start: int) -> tuple[str, ...]:
         """Return the names in a comment right above the rows, as numpy and gnuplot write them."""
         comments = [line.lstrip(" \t#%") for line in self._lines[:start] if _is_comment(line)]
-        cut = Layout("", self._delimiter, "", 0, ())
+        cut = TextLayout("", self._delimiter, "", 0, ())
         fitting = [fields for fields in map(cut.split, comments) if len(fields) == self.width]
         return tuple(fitting[-1]) if fitting and not any(map(is_value, fitting[-1])) else ()
 
@@ -126,7 +132,7 @@ class _Table:
         return {n: hit[1] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
 
 
-def options_of(raw: RawFile, found: Sniffed) -> RawFile:
+def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:
     """Return ``raw`` with what has to be stated to read it as found."""
     return replace(raw, header=found.header, skip_rows=found.skip_rows, delimiter=found.delimiter)
 
@@ -142,10 +148,10 @@ def is_unit(text: str) -> bool:
 
 def _are_units(fields: Sequence[str]) -> bool:
     """Return whether most of what stands in a line are units; dates, times and nothing have none."""
-    return sum(map(is_unit, fields)) >= 0.6 * sum(field not in NULLS for field in fields) > 0
+    return sum(map(is_unit, fields)) >= 0.6 * sum(field not in NULL_TEXTS for field in fields) > 0
 
 
-def _is_passed(line: str) -> bool:
+def _is_skipped(line: str) -> bool:
     return not line.strip() or _is_comment(line)
 
 

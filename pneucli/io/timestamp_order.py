@@ -18,10 +18,10 @@ from pneucli.io.raw_file import Repair
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Fates = NDArray[np.int8]
-Place = Callable[[int], str]  # of a row, counted from 0, in words
+RowClasses = NDArray[np.int8]
+RowLocator = Callable[[int], str]  # of a row, counted from 0, in words
 
-LOSSES = {
+LOSS_MESSAGES = {
     "no-stamp": "rows without a time stamp were left out",
     "duplicate": "rows repeat a time stamp; the first was kept",
     "backward": "isolated rows whose time is out of order were left out",
@@ -30,10 +30,10 @@ LOSSES = {
     "other-channel": "rows belong to channels that are not taken",
     "joined": "rows share the sample of another channel's row",
 }
-FATES = ("kept", "no-stamp", "duplicate", "backward")
-ISOLATED = 3  # rows in a row whose stamps go back
-AHEAD = 2  # rows that must follow before one is judged
-LARGEST = 1e30  # no sensor reads more, in any SI unit: an overflow, or the mark of one
+ROW_CLASSES = ("kept", "no-stamp", "duplicate", "backward")
+MAX_BACKWARD_ROWS = 3  # rows in a row whose stamps go back
+LOOKAHEAD_ROWS = 2  # rows that must follow before one is judged
+MAX_MAGNITUDE = 1e30  # no sensor reads more, in any SI unit: an overflow, or the mark of one
 
 
 @dataclass(frozen=True)
@@ -45,66 +45,66 @@ class Table:
     rows: NDArray[np.intp]
 
 
-class Order:
+class TimestampCheck:
     """The law over the stamps of one clock, batch by batch."""
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: RowLocator) -> None:
         self._place = place
         self._row = 0  # that the next batch begins with
         self._highest = -np.inf
-        self._late: _Run | None = None  # that goes on where the next batch begins
+        self._late: _BackwardRun | None = None  # that goes on where the next batch begins
 
-    def fates(self, time: Array, judged: int) -> Fates:
-        """Return what becomes of the first ``judged`` rows, by number in FATES; those after are only looked at.
+    def classify_rows(self, time: Array, count: int) -> RowClasses:
+        """Return what becomes of the first ``count`` rows, by number in FATES; those after are only looked at.
 
         Raises InputError, with its place, where the clock runs back or more than half of the stamps repeat.
         """
-        first, self._row = self._row, self._row + judged
-        fates = np.zeros(judged, dtype=np.int8)
-        if not judged:
+        first, self._row = self._row, self._row + count
+        fates = np.zeros(count, dtype=np.int8)
+        if not count:
             return fates
-        if max(self._highest, -LARGEST) < time[0] and np.all(time[1:] > time[:-1]) and time[-1] <= LARGEST:
-            self._highest, self._late = float(time[judged - 1]), None
+        if max(self._highest, -MAX_MAGNITUDE) < time[0] and np.all(time[1:] > time[:-1]) and time[-1] <= MAX_MAGNITUDE:
+            self._highest, self._late = float(time[count - 1]), None
             return fates
-        usable = np.abs(time) <= LARGEST
+        usable = np.abs(time) <= MAX_MAGNITUDE
         time = np.where(usable, time, np.nan)
-        inline = usable & ~self._ahead(time)
+        inline = usable & ~self._isolated_ahead(time)
         highest = np.maximum.accumulate(np.concatenate([[self._highest], np.where(inline, time, -np.inf)]))
         before = highest[:-1]
         same, back = inline & (time == before), inline & (time < before)
-        self._refuse(same[:judged], back[:judged], before, time, first)
-        self._highest = float(highest[judged])
+        self._reject_backward_clock(same[:count], back[:count], before, time, first)
+        self._highest = float(highest[count])
         for kind, mask in (("no-stamp", ~usable), ("duplicate", same), ("backward", back | (usable & ~inline))):
-            fates[mask[:judged]] = FATES.index(kind)
+            fates[mask[:count]] = ROW_CLASSES.index(kind)
         return fates
 
-    def _ahead(self, time: Array) -> Mask:
+    def _isolated_ahead(self, time: Array) -> Mask:
         """Mark single stamps that run ahead of both stamps after them, which go on from the one before."""
         wrong = np.zeros(time.size, dtype=np.bool_)
         for i in np.flatnonzero(np.diff(time) < 0):
             before = time[i - 1] if i else self._highest
             after = time[i + 1 : i + 3]
-            wrong[i] = bool(before < after[0] and after.size == AHEAD and after[0] < after[1] < time[i])
+            wrong[i] = bool(before < after[0] and after.size == LOOKAHEAD_ROWS and after[0] < after[1] < time[i])
         return wrong
 
-    def _refuse(self, same: Mask, back: Mask, before: Array, time: Array, first: int) -> None:
+    def _reject_backward_clock(self, same: Mask, back: Mask, before: Array, time: Array, first: int) -> None:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], back.view(np.int8), [0]])))
-        runs = [_Run(first + i, j - i, before[i], time[i]) for i, j in edges.reshape(-1, 2).tolist()]
+        runs = [_BackwardRun(first + i, j - i, before[i], time[i]) for i, j in edges.reshape(-1, 2).tolist()]
         if runs and runs[0].row == first and self._late:
             runs[0] = replace(self._late, length=self._late.length + runs[0].length)
         self._late = runs[-1] if runs and back[-1] else None
         longest = max(runs, key=lambda run: run.length, default=None)
-        if longest and (longest.length > ISOLATED or len(runs) > max(ISOLATED, 0.01 * back.size)):
+        if longest and (longest.length > MAX_BACKWARD_ROWS or len(runs) > max(MAX_BACKWARD_ROWS, 0.01 * back.size)):
             found = f"the time goes back from {longest.before:g} s to {longest.time:g} s"
             mend = "a clock that starts anew makes another recording: cut the file there, or use skip_rows"
             raise InputError(self._place(longest.row), found, "rising time stamps", mend)
-        if same.sum() > 0.5 * same.size > ISOLATED:
+        if same.sum() > 0.5 * same.size > MAX_BACKWARD_ROWS:
             where, found = self._place(first + int(np.argmax(same))), "more than half of the time stamps repeat"
             raise InputError(where, found, "a stamp for each row", "export the time with more digits")
 
 
 @dataclass(frozen=True)
-class _Run:
+class _BackwardRun:
     """Rows in a row whose stamps go back: the first of them, how many, the stamp before it and its own."""
 
     row: int
@@ -113,18 +113,22 @@ class _Run:
     time: float
 
 
-def counted(fates: Fates) -> Counter[str]:
+def count_losses(fates: RowClasses) -> Counter[str]:
     """Return how many rows were left out, by kind."""
-    counts = np.bincount(fates, minlength=len(FATES))
-    return Counter({kind: int(count) for kind, count in zip(FATES[1:], counts[1:], strict=True) if count})
+    counts = np.bincount(fates, minlength=len(ROW_CLASSES))
+    return Counter({kind: int(count) for kind, count in zip(ROW_CLASSES[1:], counts[1:], strict=True) if count})
 
 
-def left_out(losses: Mapping[str, int]) -> list[Repair]:
+def loss_repairs(losses: Mapping[str, int]) -> list[Repair]:
     """Return what the law left out, as repairs of the clock."""
-    return [Repair("time", kind, losses[kind], f"{losses[kind]} {LOSSES[kind]}") for kind in FATES if losses.get(kind)]
+    return [
+        Repair("time", kind, losses[kind], f"{losses[kind]} {LOSS_MESSAGES[kind]}")
+        for kind in ROW_CLASSES
+        if losses.get(kind)
+    ]
 
 
-def join(tables: Sequence[Table], place: Place) -> tuple[Table, Counter[str]]:
+def join_tables(tables: Sequence[Table], place: RowLocator) -> tuple[Table, Counter[str]]:
     """Return one table over all stamps of ``tables``, NaN where a column has no row, and what became of the rows.
 
     Tables of equal clocks are one table, its stamps as they are. Else the law holds in each of them, and its losses
@@ -132,31 +136,31 @@ def join(tables: Sequence[Table], place: Place) -> tuple[Table, Counter[str]]:
     """
     if all(np.array_equal(table.time, tables[0].time, equal_nan=True) for table in tables[1:]):
         columns = {name: values for table in tables for name, values in table.columns.items()}
-        return Table(tables[0].time, columns, tables[0].rows), _joined(tables, tables[0].rows.size)
-    kept, fates = zip(*(_in_order(table, place) for table in tables), strict=True)
-    of_row = np.full(max(int(table.rows.max(initial=-1)) for table in tables) + 1, len(FATES), dtype=np.int8)
+        return Table(tables[0].time, columns, tables[0].rows), _count_shared_samples(tables, tables[0].rows.size)
+    kept, fates = zip(*(_drop_disordered_rows(table, place) for table in tables), strict=True)
+    of_row = np.full(max(int(table.rows.max(initial=-1)) for table in tables) + 1, len(ROW_CLASSES), dtype=np.int8)
     for table, fate in zip(tables, fates, strict=True):  # a row that two tables share is lost where both leave it out
         of_row[table.rows] = np.minimum(of_row[table.rows], fate)
     clock = np.unique(np.concatenate([table.time for table in kept]))
-    columns = {name: _spread(clock, table.time, values) for table in kept for name, values in table.columns.items()}
-    losses = counted(of_row[of_row < len(FATES)]) + _joined(kept, clock.size)
+    columns = {name: _on_clock(clock, table.time, values) for table in kept for name, values in table.columns.items()}
+    losses = count_losses(of_row[of_row < len(ROW_CLASSES)]) + _count_shared_samples(kept, clock.size)
     return Table(clock, columns, np.empty(0, dtype=np.intp)), losses
 
 
-def _joined(tables: Sequence[Table], samples: int) -> Counter[str]:
+def _count_shared_samples(tables: Sequence[Table], samples: int) -> Counter[str]:
     rows = np.unique(np.concatenate([table.rows for table in tables])).size if len(tables) > 1 else samples
     return Counter({"joined": rows - samples} if rows > samples else {})
 
 
-def _in_order(table: Table, place: Place) -> tuple[Table, Fates]:
-    fates = Order(lambda row: place(int(table.rows[row]))).fates(table.time, table.time.size)
+def _drop_disordered_rows(table: Table, place: RowLocator) -> tuple[Table, RowClasses]:
+    fates = TimestampCheck(lambda row: place(int(table.rows[row]))).classify_rows(table.time, table.time.size)
     keep = fates == 0
     return Table(
         table.time[keep], {name: values[keep] for name, values in table.columns.items()}, table.rows[keep]
     ), fates
 
 
-def _spread(clock: Array, stamps: Array, values: Array) -> Array:
+def _on_clock(clock: Array, stamps: Array, values: Array) -> Array:
     spread = np.full(clock.size, np.nan)
     spread[np.searchsorted(clock, stamps)] = values
     return spread

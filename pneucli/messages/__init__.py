@@ -12,11 +12,11 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-WIDTH = 110  # of a line on a terminal
-LABEL = 9  # of the word that a line starts with
+LINE_WIDTH = 110  # of a line on a terminal
+LABEL_WIDTH = 9  # of the word that a line starts with
 
 
-def of(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:
+def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:
     """Return what is said of a stage's answer; ``file`` is the pipeline file as it was typed, for the commands."""
     module = importlib.import_module(f"{__name__}.{stage}")
     return "\n".join(module.lines(answer, file, verbose))
@@ -25,9 +25,9 @@ def of(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = Fals
 def labelled(label: str, text: str) -> Iterator[str]:
     """Yield ``text`` behind its label, wrapped under itself."""
     yield from textwrap.wrap(
-        f"{label:<{LABEL}}{text}",
-        WIDTH,
-        subsequent_indent=" " * LABEL,
+        f"{label:<{LABEL_WIDTH}}{text}",
+        LINE_WIDTH,
+        subsequent_indent=" " * LABEL_WIDTH,
         break_long_words=False,
         break_on_hyphens=False,
         drop_whitespace=True,

@@ -5,31 +5,35 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages.formatting import quantity, times
+from pneucli.messages.formatting import format_noise_ratio, format_quantity
 
 Row = Mapping[str, Any]
 
 
-def verdict(gate: Row) -> str:
+def acceptance_verdict(acceptance: Row) -> str:
     """Return in one line whether all that was asked is kept."""
-    asked = ", ".join(f"{d['demand'].replace('_', ' ')} {quantity(d['limit'], d['unit'], 3)}" for d in gate["asked"])
-    if not gate["missed"]:
-        return f"kept on the model, at the ends of its intervals and on draws ({gate['axes']} axes): {asked}"
-    return f"{len(gate['missed'])} of {len(gate['asked'])} demands are missed"
+    asked = ", ".join(
+        f"{d['demand'].replace('_', ' ')} {format_quantity(d['limit'], d['unit'], 3)}" for d in acceptance["asked"]
+    )
+    if not acceptance["missed"]:
+        return f"kept on the model, at the ends of its intervals and on draws ({acceptance['axes']} axes): {asked}"
+    return f"{len(acceptance['missed'])} of {len(acceptance['asked'])} demands are missed"
 
 
-def doubts(gate: Row) -> Iterator[str]:
+def violations(acceptance: Row) -> Iterator[str]:
     """Yield a sentence for each demand that is missed, and one where the model is far from its data."""
-    for one in gate["missed"]:
-        found = "never" if one["found"] is None else quantity(one["found"], one["unit"], 3)
-        text = f"{one['demand'].replace('_', ' ')}: {found} where {quantity(one['limit'], one['unit'], 3)} is asked"
+    for one in acceptance["missed"]:
+        found = "never" if one["found"] is None else format_quantity(one["found"], one["unit"], 3)
+        text = (
+            f"{one['demand'].replace('_', ' ')}: {found} where {format_quantity(one['limit'], one['unit'], 3)} is asked"
+        )
         text += f" ({one['axis']}, {one['scenario']})"
         yield text + (f": {one['cause']}" if one["cause"] else "")
-    error = gate["model_error"]
-    if error is not None and error > gate["model_error_limit"]:
-        yield f"the model is {times(error)} × noise from its data: what is designed for it need not hold on the machine"
+    error = acceptance["model_error"]
+    if error is not None and error > acceptance["model_error_limit"]:
+        yield f"the model is {format_noise_ratio(error)} × noise from its data: what is designed for it need not hold on the machine"
 
 
-def refused(gate: Row | None) -> bool:
+def fails_acceptance(acceptance: Row | None) -> bool:
     """Whether what is missed fails like a check."""
-    return bool(gate and gate["strict"] and not gate["passed"])
+    return bool(acceptance and acceptance["strict"] and not acceptance["passed"])

@@ -6,12 +6,20 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages import controller_logs, labelled, table
-from pneucli.messages.formatting import joined, number, percent, quantity, shown, shown_unit, times
+from pneucli.messages.formatting import (
+    format_noise_ratio,
+    format_number,
+    format_percent,
+    format_quantity,
+    in_display_unit,
+    join_names,
+    unit_symbol,
+)
 from pneucli.quantities import SIGNALS
 
 Row = Mapping[str, Any]
-NEAR, FAR = 1.2, 2.0  # times the noise floor
-SHOWN = 3  # events, without -v
+GOOD_ERROR_RATIO, BAD_ERROR_RATIO = 1.2, 2.0  # times the noise floor
+MAX_EVENTS = 3  # events, without -v
 TITLES = {"direction": "direction of motion", "p_ratio": "pressure ratio"}
 _DIRECTIONS = {-1: "toward −x", 0: "at rest", 1: "toward +x"}
 _VERDICTS = {"good": "the model stands at the noise floor", "bad": "the model misses something"}
@@ -20,10 +28,10 @@ _VERDICTS = {"good": "the model stands at the noise floor", "bad": "the model mi
 def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
     """Yield the verdict, where the error stands, and what to do next."""
     yield from labelled("error", verdict(answer))
-    if worst := worst_channel(answer):
+    if worst := worst_channel_sentence(answer):
         yield from labelled("worst", worst)
-    for i, event in enumerate(events(answer)[: None if verbose else SHOWN]):
-        yield from labelled("" if i else "where", event_in_words(event))
+    for i, event in enumerate(grouped_regions(answer)[: None if verbose else MAX_EVENTS]):
+        yield from labelled("" if i else "where", describe_event(event))
     for i, log in enumerate(controller_logs.lines(answer)):
         yield from labelled("" if i else "loop", log)
     yield from labelled("do", f"pneucli diagnose {file}")
@@ -32,14 +40,14 @@ def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
         yield from _channels(answer["channels"])
 
 
-def tone(ratio: float | None) -> str:
+def rating(ratio: float | None) -> str:
     """Return whether an error, in units of the noise floor, is good or bad, or neither."""
     if ratio is None:
         return ""
-    return "good" if ratio <= NEAR else "bad" if ratio > FAR else ""
+    return "good" if ratio <= GOOD_ERROR_RATIO else "bad" if ratio > BAD_ERROR_RATIO else ""
 
 
-def judged(errors: Row) -> tuple[str, float | None]:
+def evaluation_error(errors: Row) -> tuple[str, float | None]:
     """Return the use that a model is judged by, test where there is such a recording, and its error."""
     use = "train" if errors.get("test") is None else "test"
     return use, errors.get(use)
@@ -48,21 +56,25 @@ def judged(errors: Row) -> tuple[str, float | None]:
 def verdict(answer: Row) -> str:
     """Return the error against the noise floor, of the test recordings where there are any."""
     errors = answer.get("error", {})
-    use, error = judged(errors)
+    use, error = evaluation_error(errors)
     if error is None:
         return "no channel was compared"
-    other = f" ({times(errors['train'])} on those fitted)" if use == "test" and errors.get("train") is not None else ""
+    other = (
+        f" ({format_noise_ratio(errors['train'])} on those fitted)"
+        if use == "test" and errors.get("train") is not None
+        else ""
+    )
     kind = "test recordings" if use == "test" else "the recordings that were fitted; none was held out"
-    return f"{times(error)} × noise on {kind}{other}: {_VERDICTS.get(tone(error), 'the model comes near the noise')}"
+    return f"{format_noise_ratio(error)} × noise on {kind}{other}: {_VERDICTS.get(rating(error), 'the model comes near the noise')}"
 
 
-def worst_channel(answer: Row) -> str:
+def worst_channel_sentence(answer: Row) -> str:
     """Return the worst channel where it is far off, which a mean over all may hide; else nothing."""
     worst = max(answer.get("channels", []), key=lambda c: c["ratio_to_noise"] or 0.0, default=None)
-    if worst is None or tone(worst["ratio_to_noise"]) != "bad":
+    if worst is None or rating(worst["ratio_to_noise"]) != "bad":
         return ""
-    rmsd = quantity(worst["rmsd"], worst["unit"], 3)
-    return f"{worst['channel']} in {worst['recording']}, {times(worst['ratio_to_noise'])} × noise ({rmsd} rms)"
+    rmsd = format_quantity(worst["rmsd"], worst["unit"], 3)
+    return f"{worst['channel']} in {worst['recording']}, {format_noise_ratio(worst['ratio_to_noise'])} × noise ({rmsd} rms)"
 
 
 def test_first(channels: Iterable[Row]) -> list[Row]:
@@ -70,7 +82,7 @@ def test_first(channels: Iterable[Row]) -> list[Row]:
     return sorted(channels, key=lambda c: c["use"] != "test")
 
 
-def events(answer: Row) -> list[list[Row]]:
+def grouped_regions(answer: Row) -> list[list[Row]]:
     """Return the regions in groups that hold the same error, worst first."""
     found: dict[int, list[Row]] = {}
     for i, region in enumerate(answer.get("where", [])):
@@ -78,42 +90,45 @@ def events(answer: Row) -> list[list[Row]]:
     return list(found.values())
 
 
-def event_in_words(event: Sequence[Row]) -> str:
+def describe_event(event: Sequence[Row]) -> str:
     """Return one line on one event: who sees it, where it stands, how much of the error it holds."""
     lead = event[0]
-    channels = joined(list(dict.fromkeys(region["channel"] for region in event)))
+    channels = join_names(list(dict.fromkeys(region["channel"] for region in event)))
     when = next((r for r in event if r["signal"] == "time"), lead)
-    places = ", ".join(dict.fromkeys((place(when), place(lead))))
+    places = ", ".join(dict.fromkeys((describe_region(when), describe_region(lead))))
     return (
-        f"{lead['recording']}: {channels} at {places}; {percent(lead['share_of_error'])} of the error of "
-        f"{lead['channel']} in {percent(lead['share_of_samples'])} of the samples"
+        f"{lead['recording']}: {channels} at {places}; {format_percent(lead['share_of_error'])} of the error of "
+        f"{lead['channel']} in {format_percent(lead['share_of_samples'])} of the samples"
     )
 
 
-def place(region: Row) -> str:
+def describe_region(region: Row) -> str:
     """Return what a region is over, and its span: ``"piston velocity −35.0 to 0 mm/s"``."""
-    return f"{title(region['signal'])} {span(region)}"
+    return f"{locator_title(region['signal'])} {region_span(region)}"
 
 
-def title(signal: str) -> str:
+def locator_title(signal: str) -> str:
     """Return what a locator is called."""
     return SIGNALS[signal].title if signal in SIGNALS else TITLES.get(signal, signal)
 
 
-def span(region: Row) -> str:
+def region_span(region: Row) -> str:
     """Return from where to where a region goes."""
     if region["signal"] == "direction":
         return " or ".join(name for sign, name in _DIRECTIONS.items() if region["from"] <= sign <= region["to"])
-    low, high = (number(float(shown(float(region[end]), region["unit"])), 3) for end in ("from", "to"))
-    return f"{low} to {high} {shown_unit(region['unit'])}".rstrip()
+    low, high = (format_number(float(in_display_unit(float(region[end]), region["unit"])), 3) for end in ("from", "to"))
+    return f"{low} to {high} {unit_symbol(region['unit'])}".rstrip()
 
 
 def _channels(channels: Iterable[Row]) -> Iterator[str]:
     head = ("recording", "use", "channel", "rms error", "of range", "× noise")
     rows = [
         (
-            *(c["recording"], c["use"], c["channel"], quantity(c["rmsd"], c["unit"], 3)),
-            *("–" if c["percent"] is None else f"{number(c['percent'], 3)} %", times(c["ratio_to_noise"])),
+            *(c["recording"], c["use"], c["channel"], format_quantity(c["rmsd"], c["unit"], 3)),
+            *(
+                "–" if c["percent"] is None else f"{format_number(c['percent'], 3)} %",
+                format_noise_ratio(c["ratio_to_noise"]),
+            ),
         )
         for c in test_first(channels)
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages.formatting import quantity
+from pneucli.messages.formatting import format_quantity
 
 Row = Mapping[str, Any]
 FIGURES = (
@@ -17,10 +17,10 @@ FIGURES = (
     ("fast_v", "command above 50 Hz, rms", "V", 1.0),
     ("load_estimate_n", "estimate of the load, mean", "N", 1.0),
 )
-HEAD = ("figure", "foretold", "measured")
+COLUMN_TITLES = ("figure", "foretold", "measured")
 
 
-def rows(log: Row) -> Iterator[tuple[str, str, str]]:
+def figure_rows(log: Row) -> Iterator[tuple[str, str, str]]:
     """Yield title, what was foretold and what came, of the figures that the log shows."""
     for name, title, unit, scale in FIGURES:
         told, came = log["foretold"].get(name), log["measured"].get(name)
@@ -29,11 +29,11 @@ def rows(log: Row) -> Iterator[tuple[str, str, str]]:
 
 
 def _shown(value: float | None, unit: str, scale: float) -> str:
-    return "never" if value is None else quantity(scale * value, unit, 3)
+    return "never" if value is None else format_quantity(scale * value, unit, 3)
 
 
 def lines(answer: Row) -> Iterator[str]:
     """Yield a sentence for each log."""
     for log in answer.get("closed_loop", ()):
-        told = "; ".join(f"{title} {came} ({told} foretold)" for title, told, came in rows(log))
+        told = "; ".join(f"{title} {came} ({told} foretold)" for title, told, came in figure_rows(log))
         yield f"{log['recording']}, {log['controller']}: {told}"

@@ -6,139 +6,153 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
-from pneucli.messages.compare import judged
-from pneucli.messages.formatting import joined, number, parameters, percent, quantity, times, with_interval
-from pneucli.quantities import titled
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.formatting import (
+    format_interval,
+    format_noise_ratio,
+    format_number,
+    format_parameters,
+    format_percent,
+    format_quantity,
+    join_names,
+)
+from pneucli.quantities import signal_title
 
 Answer = Mapping[str, Any]
 
 
 def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     """Yield the verdict, the evidence, what moves, what to do; behind ``-v`` ladder, candidates and limits."""
-    yield from labelled("found", found(answer))
-    yield from labelled("sure", sure(answer))
-    if changes := changed(answer):
+    yield from labelled("found", verdict_sentence(answer))
+    yield from labelled("sure", evidence_summary(answer))
+    if changes := parameter_shifts(answer):
         yield from labelled("changes", changes)
     if "since" in answer:
-        yield from labelled("since", different(answer))
-    yield from labelled("do", following(answer, file))
+        yield from labelled("since", changes_since_baseline(answer))
+    yield from labelled("do", next_step(answer, file))
     yield from warnings(answer)
     if verbose:
-        yield from _ladder(answer)
+        yield from _selection_path(answer)
         yield from _candidates(answer)
-        yield from (line for one in answer.get("detectable", []) for line in labelled("limit", limit(one)))
+        yield from (
+            line for one in answer.get("detectable", []) for line in labelled("limit", describe_detection_limit(one))
+        )
 
 
-def found(answer: Answer) -> str:
+def verdict_sentence(answer: Answer) -> str:
     """Return the verdict in one sentence."""
     if answer["verdict"] == "missing-effect":
         named = [f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in _named(answer)]
-        return f"the model lacks {joined(named)}"
+        return f"the model lacks {join_names(named)}"
     if answer["verdict"] == "adequate":
         return "nothing is missing that these recordings could show"
     return f"{answer['verdict']}: {answer['sentence']}"
 
 
-def unknown(rest: Answer) -> str:
+def describe_discrepancy(unexplained: Answer) -> str:
     """Return what is known of what no effect accounts for: where it is, of what it is a function, how much of it."""
     share = ""
-    if rest.get("share"):
-        fitted = rest.get("law") == "a sine"  # a period is found in all recordings, none is left out of it
+    if unexplained.get("share"):
+        fitted = unexplained.get("law") == "a sine"  # a period is found in all recordings, none is left out of it
         what, held = (
-            ("This", "") if fitted else (f"A function of {rest['variable']}", " in recordings that were left out")
+            ("This", "")
+            if fitted
+            else (f"A function of {unexplained['variable']}", " in recordings that were left out")
         )
-        share = f" {what} explains {percent(rest['share'])} of it{held}."
-    return f"What remains is {course(rest)}: {where(rest)}.{share}"
+        share = f" {what} explains {format_percent(unexplained['share'])} of it{held}."
+    return f"What remains is {discrepancy_character(unexplained)}: {discrepancy_location(unexplained)}.{share}"
 
 
-def course(rest: Answer) -> str:
+def discrepancy_character(unexplained: Answer) -> str:
     """Return as what the unknown acts, over which signal, and over which others as well."""
-    law = f" ({rest['law']})" if rest.get("law") else ""
-    return f"{rest['character']}{law}" + "".join(f", or of {titled(name)}" for name in rest.get("also_over") or [])
+    law = f" ({unexplained['law']})" if unexplained.get("law") else ""
+    return f"{unexplained['character']}{law}" + "".join(
+        f", or of {signal_title(name)}" for name in unexplained.get("also_over") or []
+    )
 
 
-def where(rest: Answer) -> str:
+def discrepancy_location(unexplained: Answer) -> str:
     """Return in which channel the unknown is, and how large."""
-    return f"{rest['channel']} errs by {number(rest['times_noise'], 2)} times its noise ({rest['subsystem']})"
+    return f"{unexplained['channel']} errs by {format_number(unexplained['times_noise'], 2)} times its noise ({unexplained['subsystem']})"
 
 
-def sure(answer: Answer) -> str:
+def evidence_summary(answer: Answer) -> str:
     """Return the evidence: how the error moves, on which recordings, with which size, and what else it could be."""
     if answer["verdict"] in ("adequate", "inconclusive"):
-        return f"{fall(answer)}; {limits(answer)}"
-    named = [f"{c['effect']} {parameters(c['parameters'])}{chance(c)}" for c in _named(answer)]
-    parts = [fall(answer), *named, *([apart(answer)] if named else [])]
+        return f"{error_reduction(answer)}; {detectability_summary(answer)}"
+    named = [f"{c['effect']} {format_parameters(c['parameters'])}{probability_clause(c)}" for c in _named(answer)]
+    parts = [error_reduction(answer), *named, *([equivalence_clause(answer)] if named else [])]
     if left := answer.get("unexplained_share"):
-        parts.append(f"{percent(left)} of the error beyond noise stays")
+        parts.append(f"{format_percent(left)} of the error beyond noise stays")
     return "; ".join(parts)
 
 
-def chance(candidate: Answer) -> str:
+def probability_clause(candidate: Answer) -> str:
     """Return how probable an effect is, with its set where it has one; nothing where that is not stated."""
     if candidate.get("confidence") is None:
         return ""
     of = ", or one that it cannot be told from," if candidate["indistinguishable_from"] else ""
-    return f"{of} is there with {percent(candidate['confidence'])} probability"
+    return f"{of} is there with {format_percent(candidate['confidence'])} probability"
 
 
-def fall(answer: Answer) -> str:
+def error_reduction(answer: Answer) -> str:
     """Return what becomes of the error with what is named, on the recordings that it is judged by."""
-    first, last = answer["ladder"][0], rung(answer)
-    use, before = judged({"train": first["error_train"], "test": first["error_test"]})
-    on = HELD_OUT["apart" if use == "test" else answer.get("held_out", "none")]
+    first, last = answer["ladder"][0], selected_step(answer)
+    use, before = evaluation_error({"train": first["error_train"], "test": first["error_test"]})
+    on = VALIDATION_PHRASES["apart" if use == "test" else answer.get("held_out", "none")]
     if first is last:
-        return f"the error is {times(before)} × noise {on}"
+        return f"the error is {format_noise_ratio(before)} × noise {on}"
     after = last[f"error_{use}"]
     moves = "rises" if before and after and after > before else "falls"
-    return f"the error {moves} from {times(before)} to {times(after)} × noise {on}"
+    return f"the error {moves} from {format_noise_ratio(before)} to {format_noise_ratio(after)} × noise {on}"
 
 
-def rung(answer: Answer) -> Answer:
+def selected_step(answer: Answer) -> Answer:
     """Return the rung with all that is named; what was tried after it does not count."""
     first: Answer = answer["ladder"][0]
     return next((step for step in reversed(answer["ladder"]) if step["add"] in answer["missing"]), first)
 
 
-def apart(answer: Answer) -> str:
+def equivalence_clause(answer: Answer) -> str:
     """Return what the named effects cannot be told from."""
     equals = sorted({other for c in _named(answer) for other in c["indistinguishable_from"]})
     if equals:
-        return f"these recordings cannot tell it from {joined(equals)}"
+        return f"these recordings cannot tell it from {join_names(equals)}"
     return "no other effect of the catalogue explains these recordings as well"
 
 
-def changed(answer: Answer) -> str:
+def parameter_shifts(answer: Answer) -> str:
     """Return which other parameters move when the effects are added."""
     moved = [
-        f"{m['parameter']} {quantity(m['from'], m['unit'], 3)} → {quantity(m['to'], m['unit'], 3)}"
+        f"{m['parameter']} {format_quantity(m['from'], m['unit'], 3)} → {format_quantity(m['to'], m['unit'], 3)}"
         f"{'' if m['plausible'] else ' (not plausible)'}"
         for m in answer.get("moved") or []
     ]
     return ", ".join(moved)
 
 
-def different(answer: Answer) -> str:
+def changes_since_baseline(answer: Answer) -> str:
     """Return what changed since the old model, or from which sizes on a change would have shown."""
     if answer["changes"]:
-        return "; ".join(difference(one) for one in answer["changes"])
+        return "; ".join(describe_change(one) for one in answer["changes"])
     unseen = [one for one in answer["since"]["unseen"] if one["plausible"]]
-    sizes = [f"{one['name']} by {quantity(one['size'], one['unit'], 2)}" for one in unseen[:3]]
+    sizes = [f"{one['name']} by {format_quantity(one['size'], one['unit'], 2)}" for one in unseen[:3]]
     text = f"nothing changed that {len(answer['since']['unseen'])} parameters and effects would show"
-    text += f"; from these sizes on a change would have been named: {joined(sizes)}" if sizes else ""
+    text += f"; from these sizes on a change would have been named: {join_names(sizes)}" if sizes else ""
     unknown = "; how much the rig differs from date to date without a change is not known (--repeat)"
     return text if answer["since"].get("repeatability") else text + unknown
 
 
-def difference(one: Answer) -> str:
+def describe_change(one: Answer) -> str:
     """Return one change: from what to what, how sure, and what else it could be."""
-    before = "nothing" if one["before"] is None else quantity(one["before"], one["unit"], 3)
-    after = "–" if one["ci95"] is None else with_interval(one["after"], one["unit"], one["ci95"])
-    twins = f", or {joined(one['indistinguishable_from'])}" if one["indistinguishable_from"] else ""
-    chance = number(max(1.0 - one["confidence"], 1e-12), 1)
+    before = "nothing" if one["before"] is None else format_quantity(one["before"], one["unit"], 3)
+    after = "–" if one["ci95"] is None else format_interval(one["after"], one["unit"], one["ci95"])
+    twins = f", or {join_names(one['indistinguishable_from'])}" if one["indistinguishable_from"] else ""
+    chance = format_number(max(1.0 - one["confidence"], 1e-12), 1)
     return f"{one['name']}{twins} changed from {before} to {after} (chance of a false alarm {chance})"
 
 
-def following(answer: Answer, file: str) -> str:
+def next_step(answer: Answer, file: str) -> str:
     """Return what to do next, with the command."""
     parts = [f"pneucli add {file} --suggested"] if answer["missing"] else []
     if answer.get("next_experiment"):
@@ -146,35 +160,35 @@ def following(answer: Answer, file: str) -> str:
     return "; or: ".join(parts) or f"pneucli run {file}"
 
 
-def remains(answer: Answer) -> str:
+def remaining_discrepancy(answer: Answer) -> str:
     """Return what stays beyond noise, and where: the largest discrepancy; nothing where none is known."""
     found = answer.get("discrepancy") or []
     if not found:
         return ""
     worst = max(found, key=lambda one: one["size"])
     over = f", over {worst['over']}" if worst.get("over") else ""
-    lasts = f", lasting {quantity(worst['time_constant_s'], 's', 2)}" if worst.get("time_constant_s") else ""
-    return f"What remains: {worst['channel']} by {times(worst['size'])} × noise ({worst['subsystem']}{over}{lasts})."
+    lasts = f", lasting {format_quantity(worst['time_constant_s'], 's', 2)}" if worst.get("time_constant_s") else ""
+    return f"What remains: {worst['channel']} by {format_noise_ratio(worst['size'])} × noise ({worst['subsystem']}{over}{lasts})."
 
 
-def limits(answer: Answer) -> str:
+def detectability_summary(answer: Answer) -> str:
     """Return how much of the catalogue would have shown, with an example: absent is not the same as invisible."""
     known = answer.get("detectable", [])
-    able = [limit(one) for one in known if one["size"] is not None]
+    able = [describe_detection_limit(one) for one in known if one["size"] is not None]
     if not able:
         return "no other effect of the catalogue would have shown"
     return f"{len(able)} of {len(known)} other effects would have shown, such as {able[0]}"
 
 
-def limit(one: Answer) -> str:
+def describe_detection_limit(one: Answer) -> str:
     """Return from which size on an effect would have shown, and where it acts then."""
     if one["size"] is None:
         return str(one["would_show"])
-    where = [f", {at['parameter']} {quantity(at['value'], at['unit'], 2)}" for at in one.get("where", [])]
-    return f"{one['effect']} ({one['parameter']} {quantity(one['size'], one['unit'], 2)}{''.join(where)})"
+    where = [f", {at['parameter']} {format_quantity(at['value'], at['unit'], 2)}" for at in one.get("where", [])]
+    return f"{one['effect']} ({one['parameter']} {format_quantity(one['size'], one['unit'], 2)}{''.join(where)})"
 
 
-WHY_NOT = {
+REJECTION_REASONS = {
     "cannot-show": "These recordings could not show it: no recording feels it, or none would at any plausible size.",
     "not-promising": "The residual holds too little of what it would leave there; it was not fitted.",
     "vanishes": "Fitted, it vanishes: the recordings want none of it.",
@@ -193,32 +207,35 @@ WHY_NOT = {
     "explained-by-signal": "A function of one signal explains more in its place: it stands in for something unknown.",
 }
 """What is said of an effect that is not named, by its ``reason``: the only place."""
-HELD_OUT = {
+VALIDATION_PHRASES = {
     "apart": "on recordings that were not fitted",
     "by turns": "on the fitted recordings (each held out in turn)",
     "none": "on the fitted recordings (none was held out)",
 }
 
 
-def why(candidate: Answer, missing: Sequence[str], held_out: str, looks_like: str = "") -> str:
+def reason_sentence(candidate: Answer, missing: Sequence[str], held_out: str, looks_like: str = "") -> str:
     """Return why a candidate is named or not, in a sentence that a person understands."""
     if not candidate["supported"]:
-        return f"{candidate['title']}. {WHY_NOT[candidate['reason']]}"
+        return f"{candidate['title']}. {REJECTION_REASONS[candidate['reason']]}"
     if candidate["effect"] not in missing:
-        alike = joined([n for n in candidate["indistinguishable_from"] if n in missing])
+        alike = join_names([n for n in candidate["indistinguishable_from"] if n in missing])
         return f"{candidate['title']}: in place of {alike} it explains these recordings as well; they cannot tell."
-    errors = [number(candidate[f"error_{when}"], 3) for when in ("before", "after")]
+    errors = [format_number(candidate[f"error_{when}"], 3) for when in ("before", "after")]
     text = f"{candidate['title']}: adding it takes the error from {errors[0]} to {errors[1]} times the noise"
-    return f"{text} {HELD_OUT[held_out]}. {looks_like}".rstrip()
+    return f"{text} {VALIDATION_PHRASES[held_out]}. {looks_like}".rstrip()
 
 
 def _named(answer: Answer) -> list[Answer]:
     return [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
 
 
-def _ladder(answer: Answer) -> Iterator[str]:
+def _selection_path(answer: Answer) -> Iterator[str]:
     yield ""
-    rows = [(s["add"] or "model as it is", times(s["error_test"]), times(s["error_train"])) for s in answer["ladder"]]
+    rows = [
+        (s["add"] or "model as it is", format_noise_ratio(s["error_test"]), format_noise_ratio(s["error_train"]))
+        for s in answer["ladder"]
+    ]
     yield from table(("with", "test, × noise", "train, × noise"), rows, texts=1)
 
 
@@ -227,10 +244,12 @@ def _candidates(answer: Answer) -> Iterator[str]:
     for c in fitted:
         yield ""
         yield from labelled("named" if c["effect"] in answer["missing"] else "tried", c["effect"])
-        yield from labelled("", f"{parameters(c['parameters'])}; error with it {number(c['error_after'], 3)} × noise")
+        yield from labelled(
+            "", f"{format_parameters(c['parameters'])}; error with it {format_number(c['error_after'], 3)} × noise"
+        )
         yield from labelled("", c["why"])
     yield ""
     others = [c for c in answer["candidates"] if not c["parameters"]]
     for reason in dict.fromkeys(c["reason"] for c in others):
-        alike = joined([c["effect"] for c in others if c["reason"] == reason])
-        yield from labelled("untried", f"{alike}. {WHY_NOT[reason]}")
+        alike = join_names([c["effect"] for c in others if c["reason"] == reason])
+        yield from labelled("untried", f"{alike}. {REJECTION_REASONS[reason]}")

@@ -6,20 +6,20 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table
-from pneucli.messages.diagnose import difference
-from pneucli.messages.formatting import joined, number
+from pneucli.messages.diagnose import describe_change
+from pneucli.messages.formatting import format_number, join_names
 
 Answer = Mapping[str, Any]
-MOST = 10  # rigs that are listed without -v
+MAX_LISTED_RIGS = 10  # rigs that are listed without -v
 
 
 def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     """Yield counts, the rigs that changed, the failures, what to do; behind ``-v`` all that changed."""
-    yield from labelled("found", found(answer))
-    yield from labelled("repeats", repeating(answer))
-    listed = answer["changes"] if verbose else answer["changes"][:MOST]
+    yield from labelled("found", fleet_summary(answer))
+    yield from labelled("repeats", repeatability_sentence(answer))
+    listed = answer["changes"] if verbose else answer["changes"][:MAX_LISTED_RIGS]
     for one in listed:
-        what = "; ".join(difference(each) for each in one["changes"])
+        what = "; ".join(describe_change(each) for each in one["changes"])
         yield from labelled("changed", f"{one['rig']} at {one['date']}, since {one['since']}: {what}")
     if rest := len(answer["changes"]) - len(listed):
         yield from labelled("", f"and {rest} more (-v lists them)")
@@ -32,18 +32,20 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
         yield from table(("verdict", "rows"), [(name, str(n)) for name, n in answer["verdicts"].items()], texts=1)
 
 
-def found(answer: Answer) -> str:
+def fleet_summary(answer: Answer) -> str:
     """Return the counts in one sentence."""
     text = f"{answer['changed']} of {answer['rigs']} rigs changed, {answer['failed']} of {answer['rows']} rows failed"
     missing = [f"{name} ({n})" for name, n in list(answer["missing"].items())[:5]]
-    return f"{text}; missing from the model: {joined(missing)}" if missing else text
+    return f"{text}; missing from the model: {join_names(missing)}" if missing else text
 
 
-def repeating(answer: Answer) -> str:
+def repeatability_sentence(answer: Answer) -> str:
     """Return how well the rigs repeat from one healthy date to another, or that nobody knows."""
     known = answer["repeatability"]
     if known is None:
         return "how much a healthy rig differs from date to date is not known: state [fleet] healthy"
-    sizes = [f"{name} {number(100 * size, 2)} %" for name, size in known["parameters"].items() if size > 0.0]
-    within = f"from date to date a healthy rig differs by {joined(sizes)}" if sizes else "healthy dates differ by noise"
+    sizes = [f"{name} {format_number(100 * size, 2)} %" for name, size in known["parameters"].items() if size > 0.0]
+    within = (
+        f"from date to date a healthy rig differs by {join_names(sizes)}" if sizes else "healthy dates differ by noise"
+    )
     return f"{within} ({known['rigs']} rigs, {known['dates']} dates each)"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pneucli.quantities import SIGNALS, of_motion
+from pneucli.quantities import SIGNALS, axis_unit
 
 if TYPE_CHECKING:  # numpy takes a tenth of a second to import, and here only types need it
     from numpy.typing import NDArray
@@ -26,26 +26,26 @@ _PRETTY = {"m/s^2": "m/s²", "N s/m": "N·s/m", "1": "", "m^3/(s Pa)": "m³/(s·
 _PRETTY |= {"rad/s^2": "rad/s²", "N m": "N·m", "N m s/rad": "N·m·s/rad", "kg m^2": "kg·m²", "m^3/rad": "m³/rad"}
 
 
-def shown_unit(unit: str) -> str:
+def unit_symbol(unit: str) -> str:
     """Return the unit in which a quantity of an SI ``unit`` is shown; empty where it has no dimension."""
-    unit = of_motion(unit)
+    unit = axis_unit(unit)
     return _SHOWN[unit][1] if unit in _SHOWN else _PRETTY.get(unit, unit)
 
 
-def shown(values: T, unit: str) -> T:
-    """Return SI values in the unit of :func:`shown_unit`."""
-    unit = of_motion(unit)
+def in_display_unit(values: T, unit: str) -> T:
+    """Return SI values in the unit of :func:`unit_symbol`."""
+    unit = axis_unit(unit)
     return values * _SHOWN[unit][0] if unit in _SHOWN else values
 
 
-def quantity(value: float | None, unit: str, digits: int = 4) -> str:
+def format_quantity(value: float | None, unit: str, digits: int = 4) -> str:
     """Return value and unit as text, ``"5.2 bar"``; a dash where there is no value."""
     if value is None or not math.isfinite(value):
         return "–"
-    return f"{number(float(shown(value, unit)), digits)} {shown_unit(unit)}".rstrip()
+    return f"{format_number(float(in_display_unit(value, unit)), digits)} {unit_symbol(unit)}".rstrip()
 
 
-def number(value: float | None, digits: int = 4) -> str:
+def format_number(value: float | None, digits: int = 4) -> str:
     """Return a number with that many significant digits; powers of ten where it is very large or small."""
     if value is None or not math.isfinite(value):
         return "–"
@@ -60,16 +60,22 @@ def number(value: float | None, digits: int = 4) -> str:
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def with_interval(value: float | None, unit: str, ci95: Sequence[float | None]) -> str:
+def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]) -> str:
     """Return value, 95 % interval and unit with the digits that the interval supports: ``"0.399 ± 0.002 mm²"``.
 
     Half the interval's width has two digits, as the GUM (JCGM 100:2008, 7.2.6) advises; an interval that is not even
     about its value is given by its ends, one without width not at all.
     """
     low, high = ci95
-    if value is None or low is None or high is None or not high > low or not math.isfinite(shown(high - low, unit)):
-        return quantity(value, unit)
-    value, low, high = (float(shown(v, unit)) for v in (value, low, high))
+    if (
+        value is None
+        or low is None
+        or high is None
+        or not high > low
+        or not math.isfinite(in_display_unit(high - low, unit))
+    ):
+        return format_quantity(value, unit)
+    value, low, high = (float(in_display_unit(v, unit)) for v in (value, low, high))
     half = 0.5 * (high - low)
     largest = max(abs(low), abs(high))
     power = _exponent(largest) if not 1e-4 <= largest < 1e6 else 0
@@ -78,7 +84,7 @@ def with_interval(value: float | None, unit: str, ci95: Sequence[float | None]) 
     even = abs(high + low - 2 * value) < 0.2 * half
     text = f"{middle} ± {width}" if even else f"{middle} ({least} to {most})"
     scale = f"·10{str(power).translate(_RAISED)}" if power else ""
-    return f"{f'({text}){scale}' if scale else text} {shown_unit(unit)}".rstrip()
+    return f"{f'({text}){scale}' if scale else text} {unit_symbol(unit)}".rstrip()
 
 
 def _exponent(value: float) -> int:
@@ -86,35 +92,35 @@ def _exponent(value: float) -> int:
     return int(f"{value:.1e}".partition("e")[2])
 
 
-def parameters(found: Mapping[str, Mapping[str, Any]]) -> str:
+def format_parameters(found: Mapping[str, Mapping[str, Any]]) -> str:
     """Return an effect's parameters with their intervals: ``"drop = 0.399 ± 0.002"``."""
-    return ", ".join(f"{name} = {with_interval(p['value'], p['unit'], p['ci95'])}" for name, p in found.items())
+    return ", ".join(f"{name} = {format_interval(p['value'], p['unit'], p['ci95'])}" for name, p in found.items())
 
 
-def times(error: float | None) -> str:
+def format_noise_ratio(error: float | None) -> str:
     """Return an error over noise: three digits, below the noise floor two; none where there is no such recording."""
-    return "none" if error is None else number(error, 3 if error >= 0.995 else 2)
+    return "none" if error is None else format_number(error, 3 if error >= 0.995 else 2)
 
 
-def short(value: float) -> str:
+def format_setting(value: float) -> str:
     """Return a number that was set, not measured, without trailing zeros."""
     return f"{value:g}".replace("-", "−")
 
 
-def percent(share: float) -> str:
+def format_percent(share: float) -> str:
     """Return a share (0 to 1) in per cent."""
     return f"{100 * share:.0f} %" if share >= 0.01 else f"{100 * share:.1g} %"
 
 
-def joined(names: Sequence[str]) -> str:
+def join_names(names: Sequence[str]) -> str:
     """Return names as a list in a sentence: ``"x, v and a"``."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
-def axis(name: str) -> str:
+def axis_title(name: str) -> str:
     """Return the title of an axis for a signal or locator: ``"pressure of chamber 1 in bar"``."""
     if name in SIGNALS:
-        unit = shown_unit(SIGNALS[name].unit)
+        unit = unit_symbol(SIGNALS[name].unit)
         return f"{SIGNALS[name].title} in {unit}" if unit else SIGNALS[name].title
     return {"direction": "direction of motion", "p_ratio": "pressure ratio"}.get(name, name)
 

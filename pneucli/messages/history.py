@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages import labelled, table
-from pneucli.messages.compare import judged
-from pneucli.messages.formatting import joined, times
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.formatting import format_noise_ratio, join_names
 
 Model = Mapping[str, Any]
-BAR = 24  # characters of the longest bar
+BAR_LENGTH = 24  # characters of the longest bar
 
 
 def lines(models: Sequence[Model], file: str) -> Iterator[str]:
@@ -19,8 +19,8 @@ def lines(models: Sequence[Model], file: str) -> Iterator[str]:
     if not models:
         yield from labelled("found", f"no model was compared yet: pneucli compare {file}")
         return
-    here = comparable(models)
-    yield from labelled("error", fall(here))
+    here = models_on_current_data(models)
+    yield from labelled("error", error_reduction(here))
     yield from _table(here)
     for data in dict.fromkeys(m["data"] for m in models if m["data"] != here[-1]["data"]):
         yield ""
@@ -28,46 +28,52 @@ def lines(models: Sequence[Model], file: str) -> Iterator[str]:
         yield from _table([m for m in models if m["data"] == data])
 
 
-def comparable(models: Sequence[Model]) -> list[Model]:
+def models_on_current_data(models: Sequence[Model]) -> list[Model]:
     """Return the models on the data of the model as it is, oldest first, that one last."""
     now = next((m for m in models if m["current"]), models[-1])
     return [*(m for m in models if m["data"] == now["data"] and m is not now), now]
 
 
-def fall(models: Sequence[Model]) -> str:
+def error_reduction(models: Sequence[Model]) -> str:
     """Return first and last error of models on the same data, and what was changed between them."""
     first, last = models[0], models[-1]
-    use, after = judged(last["error"])
-    text = f"{times(first['error'][use])} → {times(after)} × noise" if len(models) > 1 else f"{times(after)} × noise"
-    changes = changed(first, last)
+    use, after = evaluation_error(last["error"])
+    text = (
+        f"{format_noise_ratio(first['error'][use])} → {format_noise_ratio(after)} × noise"
+        if len(models) > 1
+        else f"{format_noise_ratio(after)} × noise"
+    )
+    changes = effect_changes(first, last)
     return f"{text} on {use} recordings{f' with {changes}' if changes else ''}"
 
 
-def changed(first: Model, last: Model) -> str:
+def effect_changes(first: Model, last: Model) -> str:
     """Return the effects that were added and removed between two models."""
     added, removed = ([n for n in b["effects"] if n not in a["effects"]] for a, b in ((first, last), (last, first)))
-    return " ".join(filter(None, [joined(added), f"without {joined(removed)}" if removed else ""]))
+    return " ".join(filter(None, [join_names(added), f"without {join_names(removed)}" if removed else ""]))
 
 
 def _table(models: Sequence[Model]) -> Iterator[str]:
-    use, _ = judged(models[-1]["error"])
+    use, _ = evaluation_error(models[-1]["error"])
     most = max(m["error"][use] or 0.0 for m in models)
     rows = [
         (
             m["when"].replace("T", " ").removesuffix("Z"),
             ", ".join(m["effects"]) or "base model",
-            times(m["error"]["test"]),
-            times(m["error"]["train"]),
-            bar(m["error"][use], most) + (" now" if m["current"] else ""),
+            format_noise_ratio(m["error"]["test"]),
+            format_noise_ratio(m["error"]["train"]),
+            error_bar(m["error"][use], most) + (" now" if m["current"] else ""),
         )
         for m in models
     ]
-    table_rows = [(*row[:4], row[4].ljust(BAR + 4)) for row in rows]
-    yield from table(("when (UTC)", "effects", "test", "train", "error down to 1".ljust(BAR + 4)), table_rows, texts=2)
+    table_rows = [(*row[:4], row[4].ljust(BAR_LENGTH + 4)) for row in rows]
+    yield from table(
+        ("when (UTC)", "effects", "test", "train", "error down to 1".ljust(BAR_LENGTH + 4)), table_rows, texts=2
+    )
 
 
-def bar(error: float | None, most: float) -> str:
+def error_bar(error: float | None, largest: float) -> str:
     """Return a bar that is as long as the logarithm of the error; none at 1, the noise floor."""
-    if error is None or error <= 1.0 or most <= 1.0:
+    if error is None or error <= 1.0 or largest <= 1.0:
         return ""
-    return "#" * max(1, round(BAR * math.log(error) / math.log(most)))
+    return "#" * max(1, round(BAR_LENGTH * math.log(error) / math.log(largest)))

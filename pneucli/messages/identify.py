@@ -6,10 +6,18 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
-from pneucli.messages.formatting import joined, number, percent, quantity, shown_unit, times, with_interval
+from pneucli.messages.formatting import (
+    format_interval,
+    format_noise_ratio,
+    format_number,
+    format_percent,
+    format_quantity,
+    join_names,
+    unit_symbol,
+)
 
-ISO = ("command", "C (ISO 6358)", "b", "m")
-FRICTION = ("recording", "p1", "kinetic friction", "break-away")
+ISO_COLUMNS = ("command", "C (ISO 6358)", "b", "m")
+FRICTION_COLUMNS = ("recording", "p1", "kinetic friction", "break-away")
 LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
 
 
@@ -19,7 +27,7 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     effects = ", ".join(model["effects"])
     count = len(model["parameters"])
     yield from labelled("found", f"{count} parameters of the base model{f' with {effects}' if effects else ''}")
-    rows = [(name, with_interval(p["value"], p["unit"], p["ci95"])) for name, p in model["parameters"].items()]
+    rows = [(name, format_interval(p["value"], p["unit"], p["ci95"])) for name, p in model["parameters"].items()]
     yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
     for one in answer["assumed"]:
         yield from labelled("assumed", f"{one['what']} (to state it: {one['instead']})")
@@ -27,10 +35,10 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         if valve := answer.get(label):
             yield from labelled(label.replace("_", " "), _valve(valve))
             if by_command := iso_rows(valve["iso"], label):
-                yield from table(ISO, by_command, texts=4)
+                yield from table(ISO_COLUMNS, by_command, texts=4)
     friction = answer.get("friction", {})
     if by_recording := friction_rows(friction):
-        yield from table(FRICTION, by_recording, texts=4)
+        yield from table(FRICTION_COLUMNS, by_recording, texts=4)
     for name, said in (("friction", friction_lines(friction)), ("leak", leak_lines(answer.get("leaks", {})))):
         for one in said:
             yield from labelled(name, one)
@@ -42,19 +50,19 @@ def _valve(valve: Mapping[str, Any]) -> str:
     """Return how well the measured map follows its curves, and the model the map."""
     residual, lack = valve["residual"], valve["lack_of_fit"]
     if valve["map"] == "model":
-        return f"no vessel was filled: the map is that of the model's valve, which{_off(lack, 'measured gradients')}"
-    held = "" if residual["test"] is None else f", {times(residual['test'])} × noise on held-out ones"
-    said = f"the measured map leaves {times(residual['train'])} × noise on its curves{held}"
+        return f"no vessel was filled: the map is that of the model's valve, which{_lack_of_fit_clause(lack, 'measured gradients')}"
+    held = "" if residual["test"] is None else f", {format_noise_ratio(residual['test'])} × noise on held-out ones"
+    said = f"the measured map leaves {format_noise_ratio(residual['train'])} × noise on its curves{held}"
     if lack["median"] is None:
         return f"{said}; no command was covered"
-    return f"{said}; the model's valve{_off(lack, 'it')}"
+    return f"{said}; the model's valve{_lack_of_fit_clause(lack, 'it')}"
 
 
-def _off(lack: Mapping[str, Any], what: str) -> str:
+def _lack_of_fit_clause(lack: Mapping[str, Any], what: str) -> str:
     if lack["median"] is None:
         return f" has no {what} to be held against"
-    off = f"{percent(lack['median'])} in the median, {percent(lack['p95'])} at the 95th percentile"
-    return f" is off {what} by {off}, outside both intervals at {percent(lack['share_outside'])}"
+    off = f"{format_percent(lack['median'])} in the median, {format_percent(lack['p95'])} at the 95th percentile"
+    return f" is off {what} by {off}, outside both intervals at {format_percent(lack['share_outside'])}"
 
 
 def iso_rows(iso: Mapping[str, Any], label: str) -> list[tuple[str, ...]]:
@@ -64,8 +72,8 @@ def iso_rows(iso: Mapping[str, Any], label: str) -> list[tuple[str, ...]]:
         of = "(" + name.partition("(")[2]
         c, b, m = (iso[f"{label}.{figure}{of}"] for figure in ("sonic_conductance", "critical_ratio", "subsonic_index"))
         ends = [None if end is None else LITRES_PER_BAR * end for end in c["ci95"]]
-        shown = with_interval(LITRES_PER_BAR * c["value"], "l/(s bar)", ends)
-        rows.append((of.strip("()"), shown, *(with_interval(v["value"], "1", v["ci95"]) for v in (b, m))))
+        shown = format_interval(LITRES_PER_BAR * c["value"], "l/(s bar)", ends)
+        rows.append((of.strip("()"), shown, *(format_interval(v["value"], "1", v["ci95"]) for v in (b, m))))
     return rows
 
 
@@ -77,9 +85,9 @@ def friction_rows(friction: Mapping[str, Any]) -> list[tuple[str, ...]]:
     for name in {**kinetic, **broken}:
         level, away = kinetic.get(name), broken.get(name)
         p1 = level["pressures"].get("p1") if level else None
-        sliding = with_interval(level["friction"], level["unit"], level["ci95"]) if level else "–"
-        held = f"{with_interval(away['value'], away['unit'], away['ci95'])} ({away['count']} ×)" if away else "–"
-        rows.append((name, quantity(p1, "Pa", 3), sliding, held))
+        sliding = format_interval(level["friction"], level["unit"], level["ci95"]) if level else "–"
+        held = f"{format_interval(away['value'], away['unit'], away['ci95'])} ({away['count']} ×)" if away else "–"
+        rows.append((name, format_quantity(p1, "Pa", 3), sliding, held))
     return rows
 
 
@@ -88,12 +96,12 @@ def friction_lines(friction: Mapping[str, Any]) -> Iterator[str]:
     if line := friction.get("over_pressure"):
         at_ambient, slope = line["at_ambient"], line["slope"]
         unit, ends = at_ambient["unit"], [1e5 * end for end in slope["ci95"]]
-        growth = with_interval(1e5 * slope["value"], f"{shown_unit(unit)}/bar", ends)
-        force = with_interval(at_ambient["value"], unit, at_ambient["ci95"])
+        growth = format_interval(1e5 * slope["value"], f"{unit_symbol(unit)}/bar", ends)
+        force = format_interval(at_ambient["value"], unit, at_ambient["ci95"])
         yield f"kinetic, over p1 above ambient: {force} + {growth}"
     for one in friction.get("repeats", []):
-        force, spread = quantity(one["friction"], one["unit"], 3), percent(one["spread"])
-        yield f"{joined(one['recordings'])}, at one pressure and speed: {force} with a standard deviation of {spread}"
+        force, spread = format_quantity(one["friction"], one["unit"], 3), format_percent(one["spread"])
+        yield f"{join_names(one['recordings'])}, at one pressure and speed: {force} with a standard deviation of {spread}"
 
 
 def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
@@ -101,18 +109,18 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
     for one in leaks.get("lost", []):
         of = "" if one["volume_known"] else " for each litre of volume"
         yield (
-            f"{one['recording']}: {quantity(one['start'], 'Pa')} to {quantity(one['end'], 'Pa')} in "
-            f"{number(one['seconds'], 3)} s, {number(one['percent'], 2)} %/s of the pressure above ambient at first; "
-            f"in the mean {number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
-            f"{number(one['adiabatic'], 3)} if it took none of its heat"
+            f"{one['recording']}: {format_quantity(one['start'], 'Pa')} to {format_quantity(one['end'], 'Pa')} in "
+            f"{format_number(one['seconds'], 3)} s, {format_number(one['percent'], 2)} %/s of the pressure above ambient at first; "
+            f"in the mean {format_number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
+            f"{format_number(one['adiabatic'], 3)} if it took none of its heat"
         )
     for one in leaks.get("flows", []):
         of = "" if one["volume_known"] else " for each litre of volume"
-        said = f"{one['effect']}: {number(one['flow'], 3)} {one['unit']}{of}"
-        yield f"{said} from {quantity(one['pressure'], 'Pa', 3)} to ambient"
+        said = f"{one['effect']}: {format_number(one['flow'], 3)} {one['unit']}{of}"
+        yield f"{said} from {format_quantity(one['pressure'], 'Pa', 3)} to ambient"
     for one in leaks.get("areas", []):
-        isothermal, adiabatic = (quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
+        isothermal, adiabatic = (format_quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
         yield (
-            f"{one['name']} goes with the exponent {number(one['exponent'], 3)} ([rig] thermal): {isothermal} if the "
+            f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} if the "
             f"gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
         )

@@ -20,16 +20,18 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     yield from table(("recording", "experiment", "use", "samples", "signals"), rows, texts=5)
     if "looks" in answer:
         yield ""
-        yield from plausibility.looks(answer["looks"], {one["name"]: one["experiment"] for one in recordings})
+        yield from plausibility.signal_summary_table(
+            answer["looks"], {one["name"]: one["experiment"] for one in recordings}
+        )
         yield ""
     for text in answer.get("left_out", []):
         yield from labelled("left out", text)
     for one in answer["repairs"]:
-        yield from labelled("repair", f"{place(one)}: {one['message']}")
+        yield from labelled("repair", f"{repair_location(one)}: {one['message']}")
     yield from warnings(answer)
     yield from labelled("do", f"pneucli compare {file}")
 
 
-def place(repair: Mapping[str, Any]) -> str:
+def repair_location(repair: Mapping[str, Any]) -> str:
     """Return where something was repaired: the recording, and the signal where it is one."""
     return ", ".join(filter(None, (repair["recording"], repair["signal"])))

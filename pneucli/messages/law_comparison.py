@@ -5,55 +5,67 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages.formatting import joined, number
+from pneucli.messages.formatting import format_number, join_names
 
 Figures = Mapping[str, Mapping[str, float | None]]  # by scenario
 Cases = Mapping[str, Figures]  # by controller
-HEAD = ("at rest, µm", "moves there, µm", "on the way, µm rms", "load, s", "over 50 Hz, V", "air, g", "so that it")
-SAID = (
+COLUMN_TITLES = (
+    "at rest, µm",
+    "moves there, µm",
+    "on the way, µm rms",
+    "load, s",
+    "over 50 Hz, V",
+    "air, g",
+    "so that it",
+)
+COLUMN_LEGEND = (
     "the largest error at rest, how far the piston moves there, the rms error on the way, after how long a load is "
     "rejected to 50 µm, the command's rms above 50 Hz: each the worst of all scenarios; and the air of all of them"
 )
 
 
-def rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
+def table_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
     """Yield a row a controller: the worst of all its scenarios, the air of all, and what it comes to."""
     for name, figures in cases.items():
-        worst = [worst_of(figures, key) for key in ("steady_um", "cycle_um", "tracking_rms_um")]
+        worst = [worst_value(figures, key) for key in ("steady_um", "cycle_um", "tracking_rms_um")]
         recovery = [f["recovery_s"] for f in figures.values() if f["peak_um"] is not None]
-        fast, air = worst_of(figures, "fast_v"), sum(f["air_kg"] or 0.0 for f in figures.values())
+        fast, air = worst_value(figures, "fast_v"), sum(f["air_kg"] or 0.0 for f in figures.values())
         yield [
             name,
-            *("–" if w is None else number(w, 3) for w in worst),
-            "–" if not recovery else "∞" if None in recovery else number(max(r for r in recovery if r is not None), 2),
-            "–" if fast is None else number(fast, 2),
-            number(1e3 * air, 3),
-            verdict(figures, tolerance_um),
+            *("–" if w is None else format_number(w, 3) for w in worst),
+            "–"
+            if not recovery
+            else "∞"
+            if None in recovery
+            else format_number(max(r for r in recovery if r is not None), 2),
+            "–" if fast is None else format_number(fast, 2),
+            format_number(1e3 * air, 3),
+            rest_verdict(figures, tolerance_um),
         ]
 
 
-def worst_of(figures: Figures, key: str) -> float | None:
+def worst_value(figures: Figures, key: str) -> float | None:
     """Return the largest value of a figure over all scenarios; None where none shows it."""
     return max((f[key] for f in figures.values() if f[key] is not None), default=None)  # type: ignore[type-var]
 
 
-def verdict(figures: Figures, tolerance_um: float) -> str:
+def rest_verdict(figures: Figures, tolerance_um: float) -> str:
     """Return what becomes of the piston at rest: held, off the reference, moving."""
-    off, moved = (worst_of(figures, key) or 0.0 for key in ("steady_um", "cycle_um"))
+    off, moved = (worst_value(figures, key) or 0.0 for key in ("steady_um", "cycle_um"))
     said = [f"stays up to {_length(off)} off"] if off > tolerance_um else []
     said += [f"moves by {_length(moved)} at rest"] if moved > tolerance_um else []
     return ", ".join(said) or "holds"
 
 
-def side_by_side(answer: Mapping[str, Any]) -> str:
+def comparison_sentence(answer: Mapping[str, Any]) -> str:
     """Return in one sentence which laws hold the tolerance at rest, and how far off the others stay."""
     tolerance, cases = answer.get("tolerance_um"), answer.get("compare") or {}
     if not tolerance or len(cases) < 2:
         return ""
-    off = {name: worst_of(figures, "steady_um") for name, figures in cases.items()}
-    hold = [name for name, figures in cases.items() if verdict(figures, tolerance) == "holds"]
+    off = {name: worst_value(figures, "steady_um") for name, figures in cases.items()}
+    hold = [name for name, figures in cases.items() if rest_verdict(figures, tolerance) == "holds"]
     others = sorted((um, name) for name, um in off.items() if name not in hold and um is not None)
-    named = joined([f"“{name}”" for name in hold]) or "none"
+    named = join_names([f"“{name}”" for name in hold]) or "none"
     told = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
     near = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
     return f"{told[:1].upper()}{told[1:]}{near}."
@@ -61,10 +73,10 @@ def side_by_side(answer: Mapping[str, Any]) -> str:
 
 def _length(um: float) -> str:
     """Return a length as people say it."""
-    return f"{number(um, 2)} µm" if um < 1000.0 else f"{number(1e-3 * um, 2)} mm"
+    return f"{format_number(um, 2)} µm" if um < 1000.0 else f"{format_number(1e-3 * um, 2)} mm"
 
 
-def poor(cases: Cases, tolerance_um: float) -> list[str]:
+def shortcomings(cases: Cases, tolerance_um: float) -> list[str]:
     """Return a sentence for each controller that does not hold the tolerance at rest."""
-    told = {name: verdict(figures, tolerance_um) for name, figures in cases.items()}
+    told = {name: rest_verdict(figures, tolerance_um) for name, figures in cases.items()}
     return [f"{name} {text}" for name, text in told.items() if text != "holds"]

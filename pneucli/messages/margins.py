@@ -6,50 +6,59 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages.formatting import joined, number, quantity
+from pneucli.messages.formatting import format_number, format_quantity, join_names
 
 Answer = Mapping[str, Any]
-TITLES = {"command": "at the command", "command 2": "at the second command", "position": "at the position's reading"}
-HEAD = ("loop cut", "gain may rise", "may fall", "phase", "later by", "least distance from −1")
+LOOP_TITLES = {
+    "command": "at the command",
+    "command 2": "at the second command",
+    "position": "at the position's reading",
+}
+COLUMN_TITLES = ("loop cut", "gain may rise", "may fall", "phase", "later by", "least distance from −1")
 
 
-def row(loop: str, worst: Answer) -> tuple[str, ...]:
+def table_row(loop: str, worst: Answer) -> tuple[str, ...]:
     """Return the least margins of one loop as texts, in the order of HEAD."""
-    rise = "× any" if worst["gain_up"] is None else f"× {number(worst['gain_up'], 3)}"
-    fall = "× any" if not worst["gain_down"] else f"× {number(worst['gain_down'], 2)}"
-    later = "any" if worst["delay"] is None else f"{number(1e3 * worst['delay'], 2)} ms"
-    return TITLES[loop], rise, fall, f"{number(math.degrees(worst['phase']), 2)}°", later, number(worst["modulus"], 2)
+    rise = "× any" if worst["gain_up"] is None else f"× {format_number(worst['gain_up'], 3)}"
+    fall = "× any" if not worst["gain_down"] else f"× {format_number(worst['gain_down'], 2)}"
+    later = "any" if worst["delay"] is None else f"{format_number(1e3 * worst['delay'], 2)} ms"
+    return (
+        LOOP_TITLES[loop],
+        rise,
+        fall,
+        f"{format_number(math.degrees(worst['phase']), 2)}°",
+        later,
+        format_number(worst["modulus"], 2),
+    )
 
 
 def lines(answer: Answer) -> Iterator[str]:
     """Yield a sentence a loop, and what small signals do not tell."""
     for loop, worst in answer["worst"].items():
-        _, rise, fall, phase, later, _ = row(loop, worst)
-        yield f"{TITLES[loop]}: gain {rise} or {fall}, phase {phase}, {later} later"
+        _, rise, fall, phase, later, _ = table_row(loop, worst)
+        yield f"{LOOP_TITLES[loop]}: gain {rise} or {fall}, phase {phase}, {later} later"
 
 
-def doubts(answer: Answer) -> Iterator[str]:
+def stability_warnings(answer: Answer) -> Iterator[str]:
     """Yield what is to be warned of: a loop that grows, or a piston that does not slide."""
-    grows = sorted({quantity(p["x"], "m", 3) for p in answer["points"] if not p["stable"]})
+    grows = sorted({format_quantity(p["x"], "m", 3) for p in answer["points"] if not p["stable"]})
     if grows:
-        yield f"the loop is not stable for small signals at {joined(grows)}"
+        yield f"the loop is not stable for small signals at {join_names(grows)}"
     if answer["stuck"]:
-        places = sorted({quantity(p["x"], "m", 3) for p in answer["stuck"]})
-        yield f"the piston does not slide steadily at {joined(places)} at any slow speed, so no margin is known there"
+        places = sorted({format_quantity(p["x"], "m", 3) for p in answer["stuck"]})
+        yield f"the piston does not slide steadily at {join_names(places)} at any slow speed, so no margin is known there"
 
 
-def limits(answer: Answer) -> str:
+def validity_note(answer: Answer) -> str:
     """Return to what the margins apply, in a sentence or two."""
     speeds = [abs(p["speed"]) for p in answer["points"]]
     if not speeds:
         return "Nothing slid steadily: there are no margins."
-    text = f"Small signals about a piston that slides at {quantity(min(speeds), 'm/s', 2)}"
-    text += f" to {quantity(max(speeds), 'm/s', 2)}" if max(speeds) > 1.01 * min(speeds) else ""
+    text = f"Small signals about a piston that slides at {format_quantity(min(speeds), 'm/s', 2)}"
+    text += f" to {format_quantity(max(speeds), 'm/s', 2)}" if max(speeds) > 1.01 * min(speeds) else ""
     text += "; a piston that sticks does not follow small signals, and the scenarios tell of it."
     if (width := answer["overlap"]["value"]) > 0.0:
-        text += (
-            f" Nor does the valve within its overlap of {quantity(width, 'V', 2)}, over which the inverse map jumps."
-        )
+        text += f" Nor does the valve within its overlap of {format_quantity(width, 'V', 2)}, over which the inverse map jumps."
     if answer["left_out"]:
-        text += f" Left out, as small signals are lost in it: {joined([t.lower() for t in answer['left_out']])}."
+        text += f" Left out, as small signals are lost in it: {join_names([t.lower() for t in answer['left_out']])}."
     return text

@@ -15,11 +15,11 @@ Look = Mapping[str, Any]
 
 def lines(answer: Mapping[str, Any]) -> Iterator[str]:
     """Yield what is implausible in the recordings, of the answer of ``ingest``; nothing where nothing is."""
-    for text in doubts(answer.get("plausibility", [])):
+    for text in implausibility_sentences(answer.get("plausibility", [])):
         yield from labelled("doubt", text)
 
 
-def doubts(findings: Sequence[Mapping[str, str]]) -> list[str]:
+def implausibility_sentences(findings: Sequence[Mapping[str, str]]) -> list[str]:
     """Return one sentence for each check and signal, with the recordings that it was found in.
 
     The first recording speaks for all of them: its numbers are shown.
@@ -36,13 +36,13 @@ def _sentence(group: Sequence[Mapping[str, str]]) -> str:
     return f"{names[0]}{others}, {first['found']}; {first['mend']}"
 
 
-def looks(looks: Mapping[str, Mapping[str, Look]], experiments: Mapping[str, str]) -> Iterator[str]:
+def signal_summary_table(summaries: Mapping[str, Mapping[str, Look]], experiments: Mapping[str, str]) -> Iterator[str]:
     """Yield a table: a row a signal of an experiment, over all its recordings.
 
-    ``looks`` maps recordings and signals to what ``ingest`` saw, ``experiments`` recordings to their experiment.
+    ``summaries`` maps recordings and signals to what ``ingest`` saw, ``experiments`` recordings to their experiment.
     """
     rows: dict[tuple[str, str], list[Look]] = {}
-    for recording, signals in looks.items():
+    for recording, signals in summaries.items():
         for signal, one in signals.items():
             rows.setdefault((experiments[recording], signal), []).append(one)
     head = ("experiment", "signal", "least", "median", "most", "noise", "unit", "rate")

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled
-from pneucli.messages.formatting import joined
+from pneucli.messages.formatting import join_names
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     """Yield the files, the checks that failed, and how to look at them."""
     yield from labelled("wrote", f"report/report.html ({answer['bytes'] / 1e6:.1f} MB), summary.md, junit.xml")
     if failed := [c["path"] for c in answer["checks"] if not c["passed"]]:
-        yield from labelled("failed", f"checks: {joined(failed)}")
+        yield from labelled("failed", f"checks: {join_names(failed)}")
     yield from labelled("do", f"pneucli open {file}")

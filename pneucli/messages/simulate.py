@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
-from pneucli.messages.formatting import joined, number, quantity
+from pneucli.messages.formatting import format_number, format_quantity, join_names
 
 Answer = Mapping[str, Any]
-FIGURES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
+METRIC_TITLES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
     "steady_um": "error at rest, µm",
     "cycle_um": "movement at rest, µm",
     "tracking_rms_um": "error on the way, rms, µm",
@@ -28,14 +28,14 @@ FIGURES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
     "pressure_rest_pa": "error of the pressure at rest, Pa",
     "pressure_rms_pa": "error of the pressure, rms, Pa",
 }
-WORST = 3  # effects that are named where a check does not always hold
+MAX_NAMED_EFFECTS = 3  # effects that are named where a check does not always hold
 
 
 def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     """Yield what is held and where it fails; behind ``-v`` the figures of every scenario."""
     if "closed_loop" in answer:
-        yield from labelled("holds", holds(answer))
-        yield from (line for text in fails(answer) for line in labelled("fails", text))
+        yield from labelled("holds", performance_line(answer))
+        yield from (line for text in failures(answer) for line in labelled("fails", text))
     else:
         yield from labelled("found", f"{len(answer['open_loop'])} open-loop scenarios; no controller was designed")
     if verbose:
@@ -45,48 +45,50 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     yield from labelled("do", f"pneucli report {file}")
 
 
-def holds(answer: Answer) -> str:
+def performance_line(answer: Answer) -> str:
     """Return the worst figures of the closed loop in one line."""
-    return ", ".join(held(answer)) or "nothing that the scenarios measure"
+    return ", ".join(worst_metrics(answer)) or "nothing that the scenarios measure"
 
 
-def held(answer: Answer) -> list[str]:
+def worst_metrics(answer: Answer) -> list[str]:
     """Return the worst figures of the closed loop: at rest, on the way, under load."""
-    worst = {name: max(of, key=lambda one: one[0]) for name in FIGURES if (of := _known(answer, name))}
+    worst = {name: max(of, key=lambda one: one[0]) for name in METRIC_TITLES if (of := _known(answer, name))}
     parts = []
     if "steady_um" in worst:
-        tolerance = f" (tolerance {number(answer['tolerance_um'], 2)} µm)" if answer.get("tolerance_um") else ""
-        parts.append(f"{number(worst['steady_um'][0], 2)} µm at rest{tolerance}")
+        tolerance = f" (tolerance {format_number(answer['tolerance_um'], 2)} µm)" if answer.get("tolerance_um") else ""
+        parts.append(f"{format_number(worst['steady_um'][0], 2)} µm at rest{tolerance}")
     if "tracking_rms_um" in worst:
-        parts.append(f"{number(worst['tracking_rms_um'][0], 2)} µm rms on the way ({worst['tracking_rms_um'][1]})")
+        parts.append(
+            f"{format_number(worst['tracking_rms_um'][0], 2)} µm rms on the way ({worst['tracking_rms_um'][1]})"
+        )
     if "recovery_s" in worst:
-        parts.append(f"a load is rejected to 50 µm in {number(worst['recovery_s'][0], 2)} s")
+        parts.append(f"a load is rejected to 50 µm in {format_number(worst['recovery_s'][0], 2)} s")
     return parts
 
 
-def fails(answer: Answer) -> list[str]:
+def failures(answer: Answer) -> list[str]:
     """Return the scenarios that miss the tolerance, and how often each check of the Monte Carlo study fails."""
-    told = [f"scenario {joined(missed(answer))}"] if missed(answer) else []
+    told = [f"scenario {join_names(failed_scenarios(answer))}"] if failed_scenarios(answer) else []
     robust = answer.get("robust", {})
     for name, check in robust.get("checks", {}).items():
         if check["held"] < check["runs"]:
-            limit = f"{FIGURES.get(name, name)} ≤ {check['limit']:g}"
+            limit = f"{METRIC_TITLES.get(name, name)} ≤ {check['limit']:g}"
             count = f"missed in {check['runs'] - check['held']} of {check['runs']} runs with an effect it was not told"
-            told.append(f"{limit}: {count}, most with {joined(_harmful(robust['by_effect'], name))}")
+            told.append(f"{limit}: {count}, most with {join_names(_harmful(robust['by_effect'], name))}")
     return told
 
 
-def missed(answer: Answer) -> list[str]:
+def failed_scenarios(answer: Answer) -> list[str]:
     """Return the scenarios that end beyond the tolerance, or never come back from a load."""
     tolerance = answer.get("tolerance_um") or math.inf
     return [name for name, figures in answer["closed_loop"].items() if _misses(figures, tolerance)]
 
 
-def weak(answer: Answer) -> list[str]:
+def harmful_effects(answer: Answer) -> list[str]:
     """Return the effects that make the controller miss most checks where it is not told of them, worst first."""
     robust = answer.get("robust", {})
     worst = [name for check in robust.get("checks", {}) for name in _harmful(robust["by_effect"], check)]
-    return sorted(dict.fromkeys(worst), key=lambda name: -worst.count(name))[:WORST]
+    return sorted(dict.fromkeys(worst), key=lambda name: -worst.count(name))[:MAX_NAMED_EFFECTS]
 
 
 def _known(answer: Answer, figure: str) -> list[tuple[float, str]]:
@@ -103,14 +105,14 @@ def _misses(figures: Answer, tolerance: float) -> bool:
 def _harmful(rates: list[Answer], check: str) -> list[str]:
     """Return the effects beside which most runs miss a check, worst first."""
     mine = [r for r in rates if r["check"] == check and r["effect"] not in ("", "all") and r["held"] < r["runs"]]
-    return [r["effect"] for r in sorted(mine, key=lambda r: r["held"] / r["runs"])[:WORST]]
+    return [r["effect"] for r in sorted(mine, key=lambda r: r["held"] / r["runs"])[:MAX_NAMED_EFFECTS]]
 
 
 def _open_loop(answer: Answer) -> Iterator[str]:
     rows = [
         (
             *(one["scenario"], m["channel"]),
-            *(quantity(m[key], m["unit"], 3) for key in ("from", "to", "rmsd")),
+            *(format_quantity(m[key], m["unit"], 3) for key in ("from", "to", "rmsd")),
         )
         for one in answer["open_loop"]
         for m in one["channels"]
@@ -121,10 +123,10 @@ def _open_loop(answer: Answer) -> Iterator[str]:
 def _closed_loop(answer: Answer) -> Iterator[str]:
     for name, figures in answer.get("closed_loop", {}).items():
         alone = answer["pid_alone"][name]
-        rows = [(FIGURES.get(n, n), _figure(v), _figure(alone[n])) for n, v in figures.items() if v is not None]
+        rows = [(METRIC_TITLES.get(n, n), _figure(v), _figure(alone[n])) for n, v in figures.items() if v is not None]
         yield ""
         yield from table((f"closed loop, {name}", "with compensation", "PIDs alone"), rows, texts=1)
 
 
 def _figure(value: float | None) -> str:
-    return "∞" if value is None else number(value, 3)
+    return "∞" if value is None else format_number(value, 3)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pneucli.noise.estimate import estimate, pool
+from pneucli.noise.estimate import estimate_noise, pool_noise
 from pneucli.noise.model import NoiseModel
-from pneucli.noise.spectrum import free_of, jumps_of
+from pneucli.noise.spectrum import detect_jumps, jump_free_segments
 
-__all__ = ["NoiseModel", "estimate", "free_of", "jumps_of", "pool"]
+__all__ = ["NoiseModel", "detect_jumps", "estimate_noise", "jump_free_segments", "pool_noise"]

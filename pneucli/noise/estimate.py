@@ -11,23 +11,28 @@ from scipy.optimize import minimize
 from scipy.special import comb
 
 from pneucli.noise.model import NoiseModel
-from pneucli.noise.spectrum import Floor, find_lines, noise_floor, quantisation_step
+from pneucli.noise.spectrum import NoiseFloor, detect_mains_lines, noise_floor, quantisation_step
 
 Array = NDArray[np.float64]
 
-POLE = (0.2, 0.98)  # of coloured noise: less is white, more is the signal's own
-CORNER = 0.27  # of the lowest frequency of the spectrum: down to there it tells colour, where that allows a higher pole
-STEEPEST, FLATTEST = 12.0, 4.0  # a smooth signal's power falls at least like that of a kink, omega^-4
-NOTHING = -60.0  # log of a power that is absent
+POLE_BOUNDS = (0.2, 0.98)  # of coloured noise: less is white, more is the signal's own
+MIN_CORNER_SHARE = (
+    0.27  # of the lowest frequency of the spectrum: down to there it tells colour, where that allows a higher pole
+)
+MAX_ROLL_OFF, MIN_ROLL_OFF = 12.0, 4.0  # a smooth signal's power falls at least like that of a kink, omega^-4
+LOG_ZERO_POWER = -60.0  # log of a power that is absent
 
 
-def estimate(
-    time: Array, values: Array, jumps: NDArray[np.bool_] | None = None, own: NDArray[np.bool_] | None = None
+def estimate_noise(
+    time: Array,
+    values: Array,
+    command_jumps: NDArray[np.bool_] | None = None,
+    signal_jumps: NDArray[np.bool_] | None = None,
 ) -> NoiseModel:
     """Return the noise of one channel of one recording, in the signal's unit.
 
-    ``time`` (s) and ``values`` have shape ``(n,)``; NaN marks what was not measured; ``jumps`` (n,) marks where a
-    command does, which kinks the signal, and ``own`` where the signal itself does. A Whittle fit to the spectrum of the
+    ``time`` (s) and ``values`` have shape ``(n,)``; NaN marks what was not measured; ``command_jumps`` (n,) marks where a
+    command does, which kinks the signal, and ``signal_jumps`` where the signal itself does. A Whittle fit to the spectrum of the
     quiet segments takes apart white noise, AR(1) noise and the signal's own content, whose power falls at least like
     omega^-4 (AR(1) falls like omega^-2); BIC decides between white, coloured, and both. Lines are mains hum.
     Below about 80 samples only white noise is estimated, from differences of third order: colour and content that
@@ -37,16 +42,16 @@ def estimate(
     step = quantisation_step(values)
     if not step and np.median(np.abs(np.diff(values))) == 0:
         return NoiseModel(white=0.0, period=period)  # a command that is held between its jumps
-    floor = noise_floor(values, period, jumps, own)
+    floor = noise_floor(values, period, command_jumps, signal_jumps)
     if floor is None:
-        return NoiseModel(white=_white_of_differences(values), period=period, step=step)
+        return NoiseModel(white=_white_noise_from_differences(values), period=period, step=step)
     smallest = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)
-    lines = find_lines(values, period)
+    lines = detect_mains_lines(values, period)
     model = _whittle(_without_lines(floor, lines, period, smallest), period)
     return replace(model, lines=lines, step=step)
 
 
-def pool(models: Sequence[NoiseModel]) -> NoiseModel:
+def pool_noise(models: Sequence[NoiseModel]) -> NoiseModel:
     """Return the noise of one sensor from its estimates in several recordings.
 
     The median power stands for all, so that one recording full of motion does not; white and coloured shares and
@@ -80,7 +85,7 @@ def _pooled_lines(models: Sequence[NoiseModel]) -> tuple[tuple[float, float], ..
     return tuple(pooled)
 
 
-def _white_of_differences(values: Array) -> float:
+def _white_noise_from_differences(values: Array) -> float:
     finite = values[np.isfinite(values)]
     order = min(3, finite.size - 1)
     if order < 1:
@@ -90,27 +95,29 @@ def _white_of_differences(values: Array) -> float:
     return min(robust, float(np.sqrt(np.mean(differences**2)))) / float(np.sqrt(comb(2 * order, order)))
 
 
-def _without_lines(floor: Floor, lines: tuple[tuple[float, float], ...], period: float, smallest: float) -> Floor:
+def _without_lines(
+    floor: NoiseFloor, lines: tuple[tuple[float, float], ...], period: float, smallest: float
+) -> NoiseFloor:
     keep = np.ones(floor.omega.size, dtype=bool)
     width = 2.5 * (floor.omega[1] - floor.omega[0])
     for frequency, _ in lines:
         keep &= np.abs(floor.omega - 2 * np.pi * frequency * period) > width
-    return Floor(floor.omega[keep], np.maximum(floor.power[keep], smallest), floor.weight)
+    return NoiseFloor(floor.omega[keep], np.maximum(floor.power[keep], smallest), floor.weight)
 
 
-def _whittle(floor: Floor, period: float) -> NoiseModel:
+def _whittle(floor: NoiseFloor, period: float) -> NoiseModel:
     level = float(np.log(np.median(floor.power[floor.power.size // 2 :])))
     # per model: start and bounds of log white, log coloured power, pole
     white, coloured = (level, (level - 8, level + 8)), (level + 1, (level - 8, level + 8))
-    absent, no_pole = _fixed(NOTHING), _fixed(0.0)
-    bounds = (POLE[0], max(POLE[1], float(np.exp(-CORNER * floor.omega[0]))))
+    absent, no_pole = _fixed(LOG_ZERO_POWER), _fixed(0.0)
+    bounds = (POLE_BOUNDS[0], max(POLE_BOUNDS[1], float(np.exp(-MIN_CORNER_SHARE * floor.omega[0]))))
     choices = [[white, absent, no_pole]]
     choices += [[part, coloured, (pole, bounds)] for part in (absent, white) for pole in (0.5, 0.9)]
     fits = [_fit(floor, choice) for choice in choices]
     log_white, log_coloured, pole = min(fits, key=lambda fit: fit[0])[1][:3]
     return NoiseModel(
-        white=float(np.exp(log_white / 2)) if log_white > NOTHING else 0.0,
-        coloured=float(np.exp(log_coloured / 2)) if log_coloured > NOTHING else 0.0,
+        white=float(np.exp(log_white / 2)) if log_white > LOG_ZERO_POWER else 0.0,
+        coloured=float(np.exp(log_coloured / 2)) if log_coloured > LOG_ZERO_POWER else 0.0,
         pole=float(pole),
         period=period,
     )
@@ -120,11 +127,11 @@ def _fixed(value: float) -> tuple[float, tuple[float, float]]:
     return value, (value, value)
 
 
-def _fit(floor: Floor, choice: list[tuple[float, tuple[float, float]]]) -> tuple[float, Array]:
+def _fit(floor: NoiseFloor, choice: list[tuple[float, tuple[float, float]]]) -> tuple[float, Array]:
     """Return the BIC and the parameters (log white, log coloured power, pole, log content, its steepness)."""
     low = float(np.log(floor.power[0]))
     start = np.array([s for s, _ in choice] + [low, 6.0])
-    bounds = [b for _, b in choice] + [(low - 40, low + 5), (FLATTEST, STEEPEST)]
+    bounds = [b for _, b in choice] + [(low - 40, low + 5), (MIN_ROLL_OFF, MAX_ROLL_OFF)]
 
     def deviance(p: Array) -> tuple[float, Array]:
         model, slopes = _power(floor.omega, p)

@@ -22,8 +22,8 @@ from pneucli.quantities import SIGNALS
 if TYPE_CHECKING:
     import pandas as pd
 
-NAME = "arrays"  # of the pipeline that is made
-OF_RECORDING = ("name", "experiment", "use")  # what every recording must say
+PIPELINE_NAME = "arrays"  # of the pipeline that is made
+REQUIRED_KEYS = ("name", "experiment", "use")  # what every recording must say
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ def from_arrays(
     """
     place = Path(tempfile.mkdtemp(prefix="pneucli-") if folder is None else folder)
     place.mkdir(parents=True, exist_ok=True)
-    entries = [_written(one, number, place) for number, one in enumerate(recordings, 1)]
+    entries = [_write_recording(one, number, place) for number, one in enumerate(recordings, 1)]
     document: dict[str, Any] = {
-        "pipeline": {"name": NAME},
+        "pipeline": {"name": PIPELINE_NAME},
         "rig": rig,
         "signals": {name: {"column": name} for name in SIGNALS},
         "recordings": entries,
@@ -125,11 +125,11 @@ def from_arrays(
     return opened
 
 
-def _written(one: Mapping[str, Any], number: int, place: Path) -> dict[str, Any]:
+def _write_recording(one: Mapping[str, Any], number: int, place: Path) -> dict[str, Any]:
     """Write the signals of one recording; return its entry of ``[[recordings]]``."""
     where = f"recordings, number {number}"
-    if missing := [key for key in OF_RECORDING if key not in one]:
-        raise InputError(where, f"{missing[0]} is missing", ", ".join(OF_RECORDING), f'add "{missing[0]}"')
+    if missing := [key for key in REQUIRED_KEYS if key not in one]:
+        raise InputError(where, f"{missing[0]} is missing", ", ".join(REQUIRED_KEYS), f'add "{missing[0]}"')
     given = {**dict(one.get("data", {})), **one}
     signals = {name: np.asarray(given[name], dtype=np.float64) for name in SIGNALS if np.ndim(given.get(name, 0)) > 0}
     if "time" not in signals:

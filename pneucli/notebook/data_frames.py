@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-def frame(path: Path) -> pd.DataFrame:
+def read_frame(path: Path) -> pd.DataFrame:
     """Return an artifact; ``attrs`` holds ``units`` by column, ``schema``, ``version``, ``inputs``, ``parameters``.
 
     A column whose unit is ``"see column unit"`` has it row by row in the column ``unit``. Numbers are SI, pressures
@@ -24,7 +24,7 @@ def frame(path: Path) -> pd.DataFrame:
     return found
 
 
-def chosen(found: pd.DataFrame, equals: Mapping[str, object]) -> pd.DataFrame:
+def select_rows(found: pd.DataFrame, equals: Mapping[str, object]) -> pd.DataFrame:
     """Return the rows in which columns have these values, numbered from 0; ``attrs`` are kept."""
     mask = pd.Series(True, index=found.index)
     for column, value in equals.items():

@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 
 from pneucli.compare.channel_errors import fit_percent
 from pneucli.errors import InputError, did_you_mean
-from pneucli.messages.formatting import number, shown, shown_unit
-from pneucli.notebook.data_frames import chosen, frame
+from pneucli.messages.formatting import format_number, in_display_unit, unit_symbol
+from pneucli.notebook.data_frames import read_frame, select_rows
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import GREY, PALETTE, broken
+from pneucli.report.figure import GREY, PALETTE, with_gaps
 from pneucli.stages import history
 
 if TYPE_CHECKING:
     from pneucli.notebook.run import Run
 
-WIDTH, PANEL = 8.0, 1.7  # inches
-NOW = "model"
+WIDTH, PANEL_HEIGHT = 8.0, 1.7  # inches
+MODEL_LABEL = "model"
 
 
-class Picture(Figure):
+class NotebookFigure(Figure):
     """A matplotlib figure that a notebook shows without pyplot; ``savefig`` writes it to a file."""
 
     def _repr_png_(self) -> bytes:
@@ -42,21 +42,23 @@ class Plots:
     def __init__(self, run: Run) -> None:
         self._run = run
 
-    def recording(self, name: str, channels: Sequence[str] | None = None, beside: Iterable[Run] = ()) -> Picture:
+    def recording(self, name: str, channels: Sequence[str] | None = None, beside: Iterable[Run] = ()) -> NotebookFigure:
         """Return a recording, a panel a channel: measured, the model, and the models of other runs ``beside``.
 
         The legend says how well each fits: 100 (1 - |y - model| / |y - mean y|) per cent.
         """
-        models = {NOW: self._run.residuals} | {f"{NOW} of {one.artifacts.name}": one.residuals for one in beside}
+        models = {MODEL_LABEL: self._run.residuals} | {
+            f"{MODEL_LABEL} of {one.artifacts.name}": one.residuals for one in beside
+        }
         return self._panels(name, channels, models)
 
-    def models(self, name: str, channels: Sequence[str] | None = None) -> Picture:
+    def models(self, name: str, channels: Sequence[str] | None = None) -> NotebookFigure:
         """Return a recording with every model that was compared on the same data, oldest first, and how each fits."""
         self._run.bring_up("compare")
-        kept = history.models(self._run.artifacts / "compare")
+        kept = history.recorded_models(self._run.artifacts / "compare")
         data = next((one.answer["data"] for one in kept if one.current), None)
         models = {
-            _called(one.answer["model"]["effects"]) + (" (as it is)" if one.current else ""): frame(
+            _model_label(one.answer["model"]["effects"]) + (" (as it is)" if one.current else ""): read_frame(
                 one.folder / "residuals.parquet"
             )
             for one in kept
@@ -64,7 +66,7 @@ class Plots:
         }
         return self._panels(name, channels, models)
 
-    def valve_map(self, chamber: int = 1) -> Picture:
+    def valve_map(self, chamber: int = 1) -> NotebookFigure:
         """Return dp/dt of the valve in bar/s over command in V and pressure in bar."""
         valve = self._run.valve if chamber == 1 else self._run.valve_2
         wide = valve.map.pivot_table(index="p", columns="u", values="p_gradient")
@@ -74,7 +76,7 @@ class Plots:
         axes.set(xlabel="valve command in V", ylabel=f"pressure of chamber {chamber} in bar")
         return figure
 
-    def ladder(self) -> Picture:
+    def ladder(self) -> NotebookFigure:
         """Return the errors, in units of the noise, as effects are added one after the other."""
         table = self._run.ladder
         names = [name or "as it is" for name in table["add"]]
@@ -88,7 +90,7 @@ class Plots:
         axes.legend(frameon=False)
         return figure
 
-    def correlation(self) -> Picture:
+    def correlation(self) -> NotebookFigure:
         """Return the correlation of the fitted parameters: what these recordings can tell only together."""
         table = self._run.correlation
         figure, (axes,) = _canvas(1, 1.5 + 0.22 * len(table))
@@ -98,48 +100,50 @@ class Plots:
         figure.colorbar(mesh, ax=axes, label="correlation")
         return figure
 
-    def residual_correlation(self, name: str, channel: str) -> Picture:
+    def residual_correlation(self, name: str, channel: str) -> NotebookFigure:
         """Return a residual's correlation with itself and with each input over the lag in s, and its 95 % bounds."""
         table = self._run.table("compare/correlation")
-        rows = _known(chosen(table, {"channel": channel}), "recording", name)
+        rows = _require_rows(select_rows(table, {"channel": channel}), "recording", name)
         others = list(dict.fromkeys(rows["against"]))
         figure, panels = _canvas(len(others))
         for axes, other in zip(panels, others, strict=True):
-            one = chosen(rows, {"against": other})
+            one = select_rows(rows, {"against": other})
             axes.plot(one["lag"], one["correlation"], color=PALETTE[0])
             axes.fill_between(one["lag"], -one["bound"], one["bound"], color=GREY, alpha=0.3, linewidth=0)
             axes.set_ylabel("with itself" if other == channel else f"with {other}")
         panels[-1].set_xlabel("lag in s")
         return figure
 
-    def _panels(self, name: str, channels: Sequence[str] | None, models: dict[str, pd.DataFrame]) -> Picture:
-        first = _known(next(iter(models.values())), "recording", name)
+    def _panels(self, name: str, channels: Sequence[str] | None, models: dict[str, pd.DataFrame]) -> NotebookFigure:
+        first = _require_rows(next(iter(models.values())), "recording", name)
         known = list(dict.fromkeys(first["channel"]))
         for channel in channels or ():
-            _known(first, "channel", channel)
+            _require_rows(first, "channel", channel)
         wanted = [c for c in known if channels is None or c in channels]
         figure, panels = _canvas(len(wanted))
         for axes, channel in zip(panels, wanted, strict=True):
-            _draw(axes, channel, {n: chosen(t, {"recording": name, "channel": channel}) for n, t in models.items()})
+            _draw(
+                axes, channel, {n: select_rows(t, {"recording": name, "channel": channel}) for n, t in models.items()}
+            )
         panels[-1].set_xlabel("time in s")
         panels[0].set_title(name, loc="left", fontsize=10)
         return figure
 
 
-def _called(effects: Sequence[str]) -> str:
+def _model_label(effects: Sequence[str]) -> str:
     return "base + " + " + ".join(effects) if effects else "base"
 
 
-def _known(table: pd.DataFrame, column: str, name: str) -> pd.DataFrame:
+def _require_rows(table: pd.DataFrame, column: str, name: str) -> pd.DataFrame:
     """Return the rows of a name; raises InputError where there are none."""
-    rows = chosen(table, {column: name})
+    rows = select_rows(table, {column: name})
     if rows.empty:
         raise InputError(f"plot, {column}", f'"{name}" was not compared', mend=did_you_mean(name, set(table[column])))
     return rows
 
 
-def _canvas(panels: int, height: float = PANEL) -> tuple[Picture, list[Axes]]:
-    figure = Picture(figsize=(WIDTH, max(panels * height, height) + 0.3), layout="constrained")
+def _canvas(panels: int, height: float = PANEL_HEIGHT) -> tuple[NotebookFigure, list[Axes]]:
+    figure = NotebookFigure(figsize=(WIDTH, max(panels * height, height) + 0.3), layout="constrained")
     axes: Any = figure.subplots(panels, 1, sharex=True, squeeze=False)
     found = [one for row in axes for one in row]
     for one in found:
@@ -157,17 +161,17 @@ def _draw(axes: Axes, channel: str, models: dict[str, pd.DataFrame]) -> None:
         if table.empty:
             continue
         fit = fit_percent(table["measured"].to_numpy(), table["model"].to_numpy())
-        curve = broken(_shown(table["model"], unit), table["segment"].to_numpy())
+        curve = with_gaps(_shown(table["model"], unit), table["segment"].to_numpy())
         axes.plot(
             table["time"],
             curve,
             color=PALETTE[(1 - i) % len(PALETTE)],
             linewidth=1.1,
-            label=f"{label}: fit {number(fit, 3)} %",
+            label=f"{label}: fit {format_number(fit, 3)} %",
         )
-    axes.set_ylabel(f"{SIGNALS[channel].symbol} in {shown_unit(unit)}")
+    axes.set_ylabel(f"{SIGNALS[channel].symbol} in {unit_symbol(unit)}")
     axes.legend(frameon=False, fontsize=8)
 
 
 def _shown(values: pd.Series[Any], unit: str) -> NDArray[Any]:
-    return np.asarray(shown(values.to_numpy(), unit))
+    return np.asarray(in_display_unit(values.to_numpy(), unit))

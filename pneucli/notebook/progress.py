@@ -11,26 +11,26 @@ from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from pneucli.errors import printable
-from pneucli.pipeline.context import Progress, silent
+from pneucli.pipeline.context import Progress, no_progress
 
-SILENCE = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
+LINE_INTERVAL = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
 
 
-def say(message: str) -> None:
+def print_message(message: str) -> None:
     """Tell people something, on standard error; where nobody listens, the work goes on."""
     try:
         print(printable(message, keep="\n"), file=sys.stderr, flush=True)
     except BrokenPipeError:
-        silence(sys.stderr)
+        discard_output(sys.stderr)
 
 
-def silence(stream: TextIO) -> None:
+def discard_output(stream: TextIO) -> None:
     """Send what is still to be written into a closed pipe nowhere."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def hush(message: str) -> None:
+def ignore_message(message: str) -> None:
     """Say nothing."""
 
 
@@ -38,7 +38,7 @@ def hush(message: str) -> None:
 def progress(quiet: bool) -> Iterator[Progress]:
     """Yield the function that stages report to: a bar on a terminal, now and then a plain line elsewhere."""
     if quiet:
-        yield silent
+        yield no_progress
     elif sys.stderr.isatty():
         with _bar() as show:
             yield show
@@ -75,8 +75,8 @@ def _lines() -> Iterator[Progress]:
         last[0] = f"{message}, {100 * fraction:.0f} %"
 
     def tell() -> None:
-        while not done.wait(SILENCE):
-            say(f"  {last[0]} ({time.monotonic() - start:.0f} s)")
+        while not done.wait(LINE_INTERVAL):
+            print_message(f"  {last[0]} ({time.monotonic() - start:.0f} s)")
 
     teller = threading.Thread(target=tell, daemon=True)
     teller.start()

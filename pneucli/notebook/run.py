@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pneucli.errors import InputError
-from pneucli.notebook.progress import hush, progress, say
+from pneucli.notebook.progress import ignore_message, print_message, progress
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.runner import Pipeline, open_pipeline
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pneucli.notebook.plots import Plots
-    from pneucli.notebook.valve_map import ValveView
+    from pneucli.notebook.valve_map import ValveMap
     from pneucli.simulate.model import Model
 
 
@@ -34,7 +34,7 @@ def open_run(path: str | Path, out: str | Path | None = None, *, quiet: bool = F
     if path.is_dir():
         if out is not None:
             raise InputError(str(path), "a folder of artifacts has no other folder", mend="leave out, or name the file")
-        if not any((path / stage / staleness.FILE).is_file() for stage in STAGES):
+        if not any((path / stage / staleness.MANIFEST_FILE).is_file() for stage in STAGES):
             wanted = "a folder that pneucli wrote, such as artifacts/axis-7, or a pipeline file"
             raise InputError(str(path), "no stage's artifacts are here", wanted)
         return Run(path.absolute(), None, quiet)
@@ -46,9 +46,9 @@ def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
     """Open a pipeline file; it is validated only when it has changed (units cost half a second to import)."""
 
     def load(path: Path) -> Any:
-        from pneucli.stages.pipeline_file import load  # noqa: PLC0415
+        from pneucli.stages.pipeline_file import load_pipeline_file  # noqa: PLC0415
 
-        return load(path)
+        return load_pipeline_file(path)
 
     return open_pipeline(path, load, out)
 
@@ -70,14 +70,14 @@ class Run:
         ``options`` are command line options by stage. Raises InputError as the stages do.
         """
         if self.pipeline is not None:
-            tell: Callable[[str], None] = hush if self.quiet else say
+            tell: Callable[[str], None] = ignore_message if self.quiet else print_message
             with progress(self.quiet) as show:
-                self.pipeline.bring_up(stages, options, show, tell)
+                self.pipeline.update(stages, options, show, tell)
 
     def answer(self, stage: str) -> dict[str, Any]:
         """Return what ``pneucli STAGE --json`` prints."""
         self.bring_up(stage)
-        manifest = staleness.read(self.artifacts / stage)
+        manifest = staleness.read_manifest(self.artifacts / stage)
         if manifest is None or manifest.answer is None:
             mend = f"run pneucli {stage} on its pipeline file"
             raise InputError(str(self.artifacts / stage), "this stage has left nothing", "", mend)
@@ -85,10 +85,10 @@ class Run:
 
     def table(self, name: str) -> pd.DataFrame:
         """Return an artifact by its path without ending, such as ``"identify/friction_curves"``."""
-        from pneucli.notebook.data_frames import frame  # noqa: PLC0415 - pandas takes a moment
+        from pneucli.notebook.data_frames import read_frame  # noqa: PLC0415 - pandas takes a moment
 
         self.bring_up(name.partition("/")[0])
-        return frame(self.artifacts / f"{name}.parquet")
+        return read_frame(self.artifacts / f"{name}.parquet")
 
     @property
     def signals(self) -> pd.DataFrame:
@@ -128,24 +128,24 @@ class Run:
         return list(self.table("ingest/recordings")["name"])
 
     @property
-    def valve(self) -> ValveView:
+    def valve(self) -> ValveMap:
         """The valve's map, of the paths of chamber 1 where there are two."""
         return self._valve(1)
 
     @property
-    def valve_2(self) -> ValveView:
+    def valve_2(self) -> ValveMap:
         """The valve's map for chamber 2; raises InputError where the rig drives chamber 1 alone."""
         return self._valve(2)
 
-    def _valve(self, chamber: Literal[1, 2]) -> ValveView:
-        from pneucli.notebook.data_frames import chosen  # noqa: PLC0415 - pandas takes a moment
-        from pneucli.notebook.valve_map import ValveView  # noqa: PLC0415 - likewise
+    def _valve(self, chamber: Literal[1, 2]) -> ValveMap:
+        from pneucli.notebook.data_frames import select_rows  # noqa: PLC0415 - pandas takes a moment
+        from pneucli.notebook.valve_map import ValveMap  # noqa: PLC0415 - likewise
 
         maps = [self.table(f"identify/valve_{name}") for name in ("map", "inverse")]
         known = set(maps[0]["chamber"]) if "chamber" in maps[0] else {1}
         if chamber not in known:
             raise InputError(str(self.artifacts / "identify"), f"there is no map of chamber {chamber}", f"{known}")
-        return ValveView(*(chosen(one, {"chamber": chamber} if "chamber" in one else {}) for one in maps))
+        return ValveMap(*(select_rows(one, {"chamber": chamber} if "chamber" in one else {}) for one in maps))
 
     @property
     def plot(self) -> Plots:
@@ -157,6 +157,6 @@ class Run:
     @cached_property
     def model(self) -> Model:
         """The identified model, as the simulator takes it."""
-        from pneucli.notebook.simulation import model_of  # noqa: PLC0415 - it brings the kernel
+        from pneucli.notebook.simulation import load_run_model  # noqa: PLC0415 - it brings the kernel
 
-        return model_of(self)
+        return load_run_model(self)

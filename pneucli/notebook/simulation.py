@@ -9,28 +9,28 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from pneucli.config import checked
+from pneucli.config import validate
 from pneucli.errors import InputError, did_you_mean
-from pneucli.experiments import KINDS
+from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.io.artifacts import read_metadata
 from pneucli.io.recordings import SIGNALS_FILE
 from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
-from pneucli.quantities import ROTARY, SIGNALS, moving, of_motion
+from pneucli.quantities import ROTARY_UNITS, SIGNALS, axis_motion, axis_unit
 from pneucli.recording import Recording
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.open_loop import PERIOD, free_run
-from pneucli.simulate.outputs import outputs
-from pneucli.stages.pipeline_data import MODEL_FILE, Study, load_model
+from pneucli.simulate.open_loop import SAMPLING_PERIOD, free_run
+from pneucli.simulate.outputs import simulate_outputs
+from pneucli.stages.pipeline_data import MODEL_FILE, PipelineData, load_model
 
 if TYPE_CHECKING:
     from pneucli.notebook.run import Run
 
 Array = NDArray[np.float64]
 Chamber2 = Literal["closed", "open", "valve"]
-DRIVING = ("u", "u2", "p_supply")
-START = ("x", "v", "p1", "p2")  # the state from which a run starts
+INPUTS = ("u", "u2", "p_supply")
+STATE = ("x", "v", "p1", "p2")  # the state from which a run starts
 
 
 def simulate(
@@ -59,21 +59,21 @@ def simulate(
     measured stands in further columns ``measured_p1`` and so on. ``parameters`` replaces values of the model by name,
     in SI or the catalogue's unit: what would another parameter do? Raises InputError for what does not fit together.
     """
-    model = _with(run.model, parameters or {})
+    model = _with_parameter_values(run.model, parameters or {})
     if recording is not None:
         given = {"u": u, "u2": u2, "p_supply": p_supply, "time": time, "start": start}
         if any(value is not None for value in given.values()):
             raise InputError("simulate", "a recording has its own inputs and start", "recording, or u and p_supply")
-        return _free(run, model, recording)
+        return _free_run(run, model, recording)
     if u is None:
         raise InputError("simulate", "no command", "u=..., in V, or recording=...")
     kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
-    if kind not in KINDS or not KINDS[kind].valve:
-        known = [name for name, one in KINDS.items() if one.valve]
+    if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].valve:
+        known = [name for name, one in EXPERIMENT_KINDS.items() if one.valve]
         raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, known))
     signals = _inputs({"u": u, "u2": u2, "p_supply": p_supply})
-    stamps = _stamps(time, signals["u"].size)
-    signals |= _start(start or {}, model, kind, stamps.size)
+    stamps = _time_stamps(time, signals["u"].size)
+    signals |= _initial_state(start or {}, model, kind, stamps.size)
     if chamber_2 is None:
         chamber_2 = "valve" if model.rig.arrangement.drives_both else "closed"
     imagined = Recording(
@@ -83,16 +83,20 @@ def simulate(
         stamps,
         signals,
         dict.fromkeys(signals, NoiseModel(0.0)),
-        None if KINDS[kind].vessel else chamber_2,
+        None if EXPERIMENT_KINDS[kind].vessel else chamber_2,
     )
     ready = prepare(imagined, model.rig, None)
-    inputs: dict[str, Any] = {name: signals[name] for name in DRIVING if name in signals}
-    return _frame({"time": stamps} | inputs | outputs(model, ready), rotary=_turns(run))
+    inputs: dict[str, Any] = {name: signals[name] for name in INPUTS if name in signals}
+    return _frame({"time": stamps} | inputs | simulate_outputs(model, ready), rotary=_is_rotary(run))
 
 
-def _with(model: Model, values: Mapping[str, float]) -> Model:
+def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
     """Return the model with values replaced, those of its valves too; raises InputError for a name that it has not."""
-    known = {**model.base(), **model.values, **{name: value for name, (value, _) in model.named().items()}}
+    known = {
+        **model.base_values(),
+        **model.values,
+        **{name: value for name, (value, _) in model.valve_parameters().items()},
+    }
     for name in values:
         if name not in known:
             raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, known))
@@ -115,69 +119,69 @@ def _inputs(given: Mapping[str, ArrayLike | None]) -> dict[str, Array]:
     return signals
 
 
-def _stamps(time: ArrayLike | None, size: int) -> Array:
-    stamps = np.asarray(np.arange(size) * PERIOD if time is None else time, dtype=np.float64)
+def _time_stamps(time: ArrayLike | None, size: int) -> Array:
+    stamps = np.asarray(np.arange(size) * SAMPLING_PERIOD if time is None else time, dtype=np.float64)
     if stamps.shape != (size,) or size < 2 or not (np.diff(stamps) > 0.0).all():
         raise InputError("simulate, time", f"shape {stamps.shape} or stamps that do not rise", f"({size},), at least 2")
     return stamps
 
 
-def _start(given: Mapping[str, float], model: Model, kind: str, size: int) -> dict[str, Array]:
+def _initial_state(given: Mapping[str, float], model: Model, kind: str, size: int) -> dict[str, Array]:
     for name in given:
-        if name not in START:
-            raise InputError("simulate, start", f'"{name}" is no part of the state', mend=did_you_mean(name, START))
+        if name not in STATE:
+            raise InputError("simulate, start", f'"{name}" is no part of the state', mend=did_you_mean(name, STATE))
     rig = model.rig
     state = {"p1": rig.ambient_pressure}
-    if KINDS[kind].cylinder:
+    if EXPERIMENT_KINDS[kind].cylinder:
         state |= {"p2": rig.ambient_pressure, "x": 0.5 * (rig.stroke or 0.0), "v": 0.0}
     state |= {name: float(value) for name, value in given.items()}
     return {name: np.full(size, value) for name, value in state.items()}
 
 
-def _free(run: Run, model: Model, name: str) -> pd.DataFrame:
+def _free_run(run: Run, model: Model, name: str) -> pd.DataFrame:
     run.bring_up("identify")
-    study = study_of(run)
+    study = load_run_study(run)
     by_name = {r.name: r for r in study.recordings}
     if name not in by_name:
         raise InputError("simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name))
     found = free_run(model, prepare(by_name[name], study.rig, None), name)
     measured = {f"measured_{channel}": values for channel, values in found.measured.items()}
-    return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=_turns(run))
+    return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=_is_rotary(run))
 
 
 def _frame(columns: Mapping[str, Any], *, rotary: bool) -> pd.DataFrame:
     found = pd.DataFrame(columns)
-    with moving(rotary=rotary):
-        units = {name: of_motion(SIGNALS[name.removeprefix("measured_")].unit) for name in columns}
+    with axis_motion(rotary=rotary):
+        units = {name: axis_unit(SIGNALS[name.removeprefix("measured_")].unit) for name in columns}
     found.attrs["units"] = units
     return found
 
 
-def _turns(run: Run) -> bool:
+def _is_rotary(run: Run) -> bool:
     """Whether the axis turns: its position was recorded as an angle."""
     units = read_metadata(run.artifacts / "ingest" / SIGNALS_FILE)["units"]
-    return bool(units.get("x") == ROTARY["m"])
+    return bool(units.get("x") == ROTARY_UNITS["m"])
 
 
-def model_of(run: Run) -> Model:
+def load_run_model(run: Run) -> Model:
     """Return the model that ``identify`` wrote into the run's folder."""
     run.bring_up("identify")
-    study = study_of(run)
+    study = load_run_study(run)
     return load_model(run.artifacts / "identify", study.rig, study.effects)
 
 
-def study_of(run: Run) -> Study:
+def load_run_study(run: Run) -> PipelineData:
     """Return the pipeline as the domain packages see it, from its file or from what its artifacts say of it."""
     answers = {"ingest": run.answer("ingest"), "identify": run.answer("identify")}
     if run.pipeline is not None:
         config = run.pipeline.load(run.pipeline.path)
-        return Study(Context(run.pipeline.path, config, run.artifacts, run.artifacts, answers=answers))
+        return PipelineData(Context(run.pipeline.path, config, run.artifacts, run.artifacts, answers=answers))
     path = run.artifacts / "identify" / MODEL_FILE
     document = {key: table for key, table in read_metadata(path)["parameters"].items() if table}
     keys = ("name", "file", "experiment", "use", "chamber_2")
     document["recordings"] = [{k: r[k] for k in keys if r[k]} for r in answers["ingest"]["recordings"]]
-    if _turns(run):
-        document["signals"] = {"x": {"column": "x", "unit": ROTARY["m"]}}
-    config = checked(path, document)
-    with moving(rotary=config.rotary):
-        return Study(Context(path, config, run.artifacts, run.artifacts, answers=answers))
+    if _is_rotary(run):
+        document["signals"] = {"x": {"column": "x", "unit": ROTARY_UNITS["m"]}}
+    config = validate(path, document)
+    with axis_motion(rotary=config.rotary):
+        return PipelineData(Context(path, config, run.artifacts, run.artifacts, answers=answers))

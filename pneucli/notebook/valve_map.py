@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ValveView:
+class ValveMap:
     """The paths of one chamber: ``map`` and ``inverse`` are the artifacts, each a full grid.
 
     Gradients are those of the fixed vessel of the valve test, at the stated supply pressure: for a chamber of volume V

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 from pneucli.errors import InputError
 from pneucli.experiments import Part
-from pneucli.physics.scales import SCALES, Facts, Quantity, counted, sized
+from pneucli.physics.scales import SCALES, Quantity, RigQuantities, parse_scaled, value_of
 
 Combine = Literal["sum", "chain", "factor", "state"]
 Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
@@ -28,7 +28,7 @@ class Port:
     ``sum``: contributions are added. ``factor``: they multiply 1. ``chain``: each maps the first argument.
     ``state``: as chain, with a state of the effect's own as second argument; returns (value, new state).
     ``side``: the balance in which it stands: of mass and energy (``gas``), of forces (``mechanics``; ``friction`` where
-    it is friction's own), or both, as a reading of the pressures (``pressure sensor``). ``bounds``: it widens the set
+    it is friction's own), or both, as a reading of the pressures (``pressure sensor``). ``is_set_valued``: it widens the set
     of forces that are possible. ``memory``: what it does depends on what went before, as that of a ``state`` does.
     """
 
@@ -36,11 +36,11 @@ class Port:
     combine: Combine
     side: Side
     meaning: str
-    bounds: bool = False
+    is_set_valued: bool = False
     memory: bool = False
 
     @property
-    def remembers(self) -> bool:
+    def has_memory(self) -> bool:
         """Whether what enters here depends on more than the present pressures, motion and command."""
         return self.memory or self.combine == "state"
 
@@ -78,7 +78,7 @@ PORTS: dict[str, Port] = {
         "factor",
         "friction",
         "1: dry friction while slowing, over Coulomb's; its presence makes two branches",
-        bounds=True,
+        is_set_valued=True,
     ),
     "dry_factor": Port(("direction", "x", "p1", "p2", "p_amb"), "factor", "friction", "1: factor on all dry friction"),
     "static_factor": Port(("rest_time",), "factor", "friction", "1: factor on the friction that holds at rest"),
@@ -99,7 +99,7 @@ PORTS: dict[str, Port] = {
 }
 
 
-class Sized(NamedTuple):
+class ParameterRange(NamedTuple):
     """A parameter's numbers on one rig, in its unit: bounds, typical values (none where their scale is not known)."""
 
     lower: float
@@ -130,16 +130,16 @@ class Parameter:
     def __post_init__(self) -> None:
         for quantity in (self.lower, self.upper, *self.typical, self.step):
             if isinstance(quantity, str):
-                counted(quantity, self.unit)
+                parse_scaled(quantity, self.unit)
 
-    def on(self, facts: Facts) -> Sized:
+    def range_on(self, facts: RigQuantities) -> ParameterRange:
         """Return the parameter's numbers on the rig of these facts; what is not known there does not bound it."""
         lower, upper, step, *typical = (
-            sized(q, self.unit, facts) for q in (self.lower, self.upper, self.step, *self.typical)
+            value_of(q, self.unit, facts) for q in (self.lower, self.upper, self.step, *self.typical)
         )
         lower, upper = (-math.inf if math.isnan(lower) else lower), (math.inf if math.isnan(upper) else upper)
         known = not any(map(math.isnan, typical))
-        return Sized(
+        return ParameterRange(
             lower,
             upper,
             tuple(min(max(t, lower), upper) for t in typical) if known else (),
@@ -171,18 +171,18 @@ class Effect:
     nested: bool = True
 
     @property
-    def sides(self) -> frozenset[Side]:
+    def balances(self) -> frozenset[Side]:
         """The balances in which it stands."""
         return frozenset(PORTS[port].side for port in self.ports)
 
     @property
-    def bounds(self) -> bool:
+    def is_set_valued(self) -> bool:
         """Whether it states a set of possible forces, where a law states one."""
-        return any(PORTS[port].bounds for port in self.ports)
+        return any(PORTS[port].is_set_valued for port in self.ports)
 
-    def without_size(self, facts: Facts) -> InputError:
+    def missing_scale_error(self, facts: RigQuantities) -> InputError:
         """Return what to say where a rig does not tell in what the effect's sizes are counted."""
-        lacking = [p for p in self.parameters if not p.on(facts).typical]
+        lacking = [p for p in self.parameters if not p.range_on(facts).typical]
         names = {quantity.partition(" ")[2] for p in lacking for quantity in p.typical if isinstance(quantity, str)}
         told = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
         found = f'the size of "{self.name}" is counted in what this rig does not tell ({told})'
@@ -192,7 +192,7 @@ class Effect:
 _AREA = ("m^2", None, "0.01 bore areas", "100 bore areas", ("1 bore areas",))
 _DEAD = ("m^3", None, "1e-3 chamber volumes", "10 chamber volumes", ("0.1 chamber volumes",))
 
-BASE: dict[str, Parameter] = {
+BASE_PARAMETERS: dict[str, Parameter] = {
     "friction.coulomb": Parameter("coulomb", "N", None, 0.0, "10 supply forces", ("0.02 supply forces",)),
     "friction.viscous": Parameter(
         "viscous", "N s/m", None, 0.0, "1000 supply forces per top speed", ("0.02 supply forces per top speed",)

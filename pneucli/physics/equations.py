@@ -17,8 +17,8 @@ from typing import Any
 from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect
 
-BUILTINS = {"min", "max", "abs", "float", "int", "round", "range", "bool", "pow", "True", "False"}
-_PLAIN = (
+ALLOWED_BUILTINS = {"min", "max", "abs", "float", "int", "round", "range", "bool", "pow", "True", "False"}
+_ALLOWED_NODES = (
     *(ast.FunctionDef, ast.arguments, ast.arg, ast.Return, ast.Assign, ast.AugAssign, ast.AnnAssign, ast.Pass),
     *(ast.If, ast.For, ast.While, ast.Break, ast.Continue, ast.IfExp, ast.Expr, ast.Constant, ast.Name, ast.Call),
     *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Tuple, ast.Attribute),
@@ -34,29 +34,29 @@ class EquationError(ValueError):
         self.found, self.wanted = found, wanted
 
 
-def text_of(effect: Effect, prefix: str) -> str:
+def effect_source(effect: Effect, prefix: str) -> str:
     """Return the text of an effect's port functions, helpers first, each named ``prefix__NAME``; constants are put in.
 
-    Raises EquationError as :func:`tree_of` does.
+    Raises EquationError as :func:`function_tree` does.
     """
-    functions = {f.__name__: f for port in effect.ports.values() for f in _with_helpers(_plain(port))}
+    functions = {f.__name__: f for port in effect.ports.values() for f in _with_helpers(_require_plain_function(port))}
     names = {name: f"{prefix}__{name}" for name in functions}
-    return "\n\n".join(ast.unparse(_Renamed(f, names).visit(tree_of(f))) for f in functions.values())
+    return "\n\n".join(ast.unparse(_Renamer(f, names).visit(function_tree(f))) for f in functions.values())
 
 
-def check(effect: Effect) -> None:
+def check_effect(effect: Effect) -> None:
     """Raise EquationError, naming the port, where the kernel could not take one of an effect's functions."""
     for name, function in effect.ports.items():
         try:
-            _check_arguments(_plain(function), name, effect)
-            for one in _with_helpers(_plain(function)):
+            _check_arguments(_require_plain_function(function), name, effect)
+            for one in _with_helpers(_require_plain_function(function)):
                 _check_names(one)
-            _check_answer(_plain(function), name)
+            _check_return_value(_require_plain_function(function), name)
         except EquationError as fault:
             raise EquationError(f"port {name}: {fault.found}", fault.wanted) from fault
 
 
-def tree_of(function: FunctionType) -> ast.FunctionDef:
+def function_tree(function: FunctionType) -> ast.FunctionDef:
     """Return a function's own text as a tree, without its docstring and annotations of types.
 
     Raises EquationError where there is no text of a function of its own, or it is more than arithmetic.
@@ -74,7 +74,7 @@ def tree_of(function: FunctionType) -> ast.FunctionDef:
             inner.annotation = None
     tree.returns = None
     for inner in ast.walk(tree):
-        if not isinstance(inner, _PLAIN) or (isinstance(inner, ast.Constant) and isinstance(inner.value, str)):
+        if not isinstance(inner, _ALLOWED_NODES) or (isinstance(inner, ast.Constant) and isinstance(inner.value, str)):
             what = type(inner).__name__.lower()
             line = getattr(inner, "lineno", 1)
             raise EquationError(
@@ -83,7 +83,7 @@ def tree_of(function: FunctionType) -> ast.FunctionDef:
     return tree
 
 
-def _plain(function: Callable[..., object]) -> FunctionType:
+def _require_plain_function(function: Callable[..., object]) -> FunctionType:
     if not isinstance(function, FunctionType) or function.__name__ == "<lambda>":
         raise EquationError(f"{function!r:.60} is no plain function", "def NAME(...): ...")
     return function
@@ -98,7 +98,7 @@ def _with_helpers(function: FunctionType) -> list[FunctionType]:
         if one.__name__ in waiting:
             raise EquationError(f"{one.__name__} calls itself", "helpers that do not")
         waiting.append(one.__name__)
-        for name in _globals(one):
+        for name in _global_names(one):
             inner = one.__globals__.get(name)
             if isinstance(inner, FunctionType) and inner.__module__ == function.__module__:
                 take(inner)
@@ -109,9 +109,9 @@ def _with_helpers(function: FunctionType) -> list[FunctionType]:
     return list(found.values())
 
 
-def _globals(function: FunctionType) -> Iterator[str]:
+def _global_names(function: FunctionType) -> Iterator[str]:
     """Yield the names that a function takes from outside, each once."""
-    tree = tree_of(function)
+    tree = function_tree(function)
     own = {a.arg for a in tree.args.args} | {
         inner.id for inner in ast.walk(tree) if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)
     }
@@ -131,11 +131,11 @@ def _check_arguments(function: FunctionType, port: str, effect: Effect) -> None:
 
 
 def _check_names(function: FunctionType) -> None:
-    for name in _globals(function):
-        if name not in BUILTINS and not _known(function.__globals__.get(name), function.__module__):
+    for name in _global_names(function):
+        if name not in ALLOWED_BUILTINS and not _is_supported(function.__globals__.get(name), function.__module__):
             told = "a number, a function of the same file, math, or one of pneucli.physics.gas"
             raise EquationError(f'{function.__name__} uses "{name}", which the simulator does not know', told)
-    for inner in ast.walk(tree_of(function)):
+    for inner in ast.walk(function_tree(function)):
         if isinstance(inner, ast.Attribute):
             owner = function.__globals__.get(inner.value.id) if isinstance(inner.value, ast.Name) else None
             if owner is not math or not hasattr(math, inner.attr):
@@ -144,13 +144,13 @@ def _check_names(function: FunctionType) -> None:
                 )
 
 
-def _known(value: Any, file: str) -> bool:
+def _is_supported(value: Any, file: str) -> bool:
     if isinstance(value, FunctionType):
         return getattr(gas, value.__name__, None) is value or value.__module__ == file
     return value is math or (_is_number(value) and math.isfinite(value))
 
 
-def _check_answer(function: FunctionType, port: str) -> None:
+def _check_return_value(function: FunctionType, port: str) -> None:
     """Let a function answer once, in plain Python: it gives a number; of a state the value and the new state."""
     try:
         answer = function(*[1.0] * function.__code__.co_argcount)
@@ -169,11 +169,11 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float)
 
 
-class _Renamed(ast.NodeTransformer):
+class _Renamer(ast.NodeTransformer):
     """A function's tree with its own name and those of its file's functions replaced, and constants put in."""
 
     def __init__(self, function: FunctionType, names: dict[str, str]) -> None:
-        self.names, self.outside = names, set(_globals(function))
+        self.names, self.outside = names, set(_global_names(function))
         self.values = function.__globals__
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:

@@ -21,46 +21,50 @@ Quantity = float | str
 
 
 @dataclass(frozen=True)
-class Facts:
+class RigQuantities:
     """What is known of a rig: as described, as recordings show it, and as fitted; SI, NaN where it is not known.
 
-    ``supply`` is absolute, ``force`` drives the piston at most, ``volume`` is chamber 1 at half stroke and ``dead`` at
-    x = 0 (a vessel is both), ``valve`` the area at the largest ``command``, ``low`` and ``high`` bound x.
+    ``supply`` is absolute, ``force`` drives the piston at most, ``volume`` is chamber 1 at half stroke and ``dead_volume`` at
+    x = 0 (a vessel is both), ``valve_area`` the area at the largest ``max_command``, ``x_min`` and ``x_max`` bound x.
     """
 
     supply: float = NAN
     ambient: float = NAN
     force: float = NAN
-    area: float = NAN
+    bore_area: float = NAN
     volume: float = NAN
-    dead: float = NAN
+    dead_volume: float = NAN
     stroke: float = NAN
-    low: float = NAN
-    high: float = NAN
-    speed: float = NAN
+    x_min: float = NAN
+    x_max: float = NAN
+    max_speed: float = NAN
     mass: float = NAN
     coulomb: float = NAN
-    valve: float = NAN
-    command: float = NAN
-    period: float = NAN
-    temperature: float = NAN
+    valve_area: float = NAN
+    max_command: float = NAN
+    sampling_period: float = NAN
+    gas_temperature: float = NAN
     specific_energy: float = NAN  # J/kg, R T of the gas
-    heat_ratio: float = NAN
+    heat_capacity_ratio: float = NAN
 
     @property
     def conductance(self) -> float:
         """Flow through the open valve over the pressure before it, kg/(s Pa)."""
-        return self.valve * PSI_MAX * math.sqrt(2.0 / self.specific_energy)
+        return self.valve_area * PSI_MAX * math.sqrt(2.0 / self.specific_energy)
 
     @property
     def fill_time(self) -> float:
         """Time in s in which the open valve's flow raises the chamber's pressure by that of the supply."""
-        return self.volume / (self.heat_ratio * self.specific_energy * self.conductance) if self.valve > 0 else NAN
+        return (
+            self.volume / (self.heat_capacity_ratio * self.specific_energy * self.conductance)
+            if self.valve_area > 0
+            else NAN
+        )
 
     @property
-    def response(self) -> float:
+    def response_time(self) -> float:
         """The longer of the time to fill the chamber and the time to cross the range of x at top speed, in s."""
-        crossing = (self.high - self.low) / self.speed if self.speed > 0 else NAN
+        crossing = (self.x_max - self.x_min) / self.max_speed if self.max_speed > 0 else NAN
         return max((t for t in (self.fill_time, crossing) if t > 0), default=NAN)
 
 
@@ -71,8 +75,8 @@ class Scale:
     name: str
     unit: str
     meaning: str
-    size: Callable[[Facts], float]
-    zero: Callable[[Facts], float] = lambda _: 0.0
+    size: Callable[[RigQuantities], float]
+    zero: Callable[[RigQuantities], float] = lambda _: 0.0
 
 
 SCALES = {
@@ -81,46 +85,46 @@ SCALES = {
         Scale("supply forces", "N", "supply pressure above ambient x piston area 1, else the largest driving force",
               lambda f: f.force),
         Scale("supply forces per stroke", "N/m", "that over the stroke", lambda f: f.force / f.stroke),
-        Scale("supply forces per top speed", "N s/m", "that over the highest speed", lambda f: f.force / f.speed),
+        Scale("supply forces per top speed", "N s/m", "that over the highest speed", lambda f: f.force / f.max_speed),
         Scale("supply forces per mass", "m/s^2", "that over the moving mass", lambda f: f.force / f.mass),
         Scale("driven masses", "kg", "what the supply force brings to the highest speed within the range of x",
-              lambda f: 2.0 * f.force * (f.high - f.low) / f.speed**2),
+              lambda f: 2.0 * f.force * (f.x_max - f.x_min) / f.max_speed**2),
         Scale("Coulomb forces", "N", "the base model's dry friction", lambda f: f.coulomb),
         Scale("moving masses", "kg", "the rig's, or as fitted", lambda f: f.mass),
         Scale("strokes", "m", "of the cylinder, else the range of x", lambda f: f.stroke),
         Scale("ranges of x", "m", "from the least to the largest position, counted from the least",
-              lambda f: f.high - f.low, lambda f: f.low),
-        Scale("top speeds", "m/s", "the highest speed seen, else what the open valve allows", lambda f: f.speed),
+              lambda f: f.x_max - f.x_min, lambda f: f.x_min),
+        Scale("top speeds", "m/s", "the highest speed seen, else what the open valve allows", lambda f: f.max_speed),
         Scale("supply pressures", "Pa", "above ambient", lambda f: f.supply - f.ambient),
         Scale("per supply pressure", "1/Pa", "above ambient", lambda f: 1.0 / (f.supply - f.ambient)),
         Scale("chamber volumes", "m^3", "chamber 1 at half stroke, or the vessel", lambda f: f.volume),
-        Scale("dead volumes", "m^3", "chamber 1 at x = 0, or the vessel", lambda f: f.dead),
-        Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume", lambda f: f.area),
-        Scale("valve areas", "m^2", "the effective area at the largest command", lambda f: f.valve),
+        Scale("dead volumes", "m^3", "chamber 1 at x = 0, or the vessel", lambda f: f.dead_volume),
+        Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume", lambda f: f.bore_area),
+        Scale("valve areas", "m^2", "the effective area at the largest command", lambda f: f.valve_area),
         Scale("valve areas per supply pressure", "m^2/Pa", "that over the supply pressure above ambient",
-              lambda f: f.valve / (f.supply - f.ambient)),
+              lambda f: f.valve_area / (f.supply - f.ambient)),
         Scale("valve conductances", "kg/(s Pa)", "flow at the largest command over the pressure before the valve",
               lambda f: f.conductance),
-        Scale("full commands", "V", "the largest command", lambda f: f.command),
+        Scale("full commands", "V", "the largest command", lambda f: f.max_command),
         Scale("response times", "s", "the longer of filling the chamber through the open valve and crossing the range "
-              "of x at top speed", lambda f: f.response),
-        Scale("sampling periods", "s", "between samples", lambda f: f.period),
+              "of x at top speed", lambda f: f.response_time),
+        Scale("sampling periods", "s", "between samples", lambda f: f.sampling_period),
         Scale("gas conductances", "W/K", "heat capacity of the full chamber's gas over the time to fill it",
-              lambda f: f.supply * f.volume / (f.temperature * (f.heat_ratio - 1.0) * f.fill_time)),
+              lambda f: f.supply * f.volume / (f.gas_temperature * (f.heat_capacity_ratio - 1.0) * f.fill_time)),
     )
 }  # fmt: skip
 
 
-_COUNTED = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s+(\S.*)")
+_SCALED_QUANTITY = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s+(\S.*)")
 
 
 @lru_cache(maxsize=1024)
-def counted(text: str, unit: str) -> tuple[float, Scale, float]:
+def parse_scaled(text: str, unit: str) -> tuple[float, Scale, float]:
     """Return the number of a quantity such as "0.2 supply forces", its scale, and that scale's unit over ``unit``.
 
     Raises UnitError where the text cannot be read, or the scale is not known or of another dimension.
     """
-    parts = _COUNTED.fullmatch(text.strip())
+    parts = _SCALED_QUANTITY.fullmatch(text.strip())
     if not parts or parts[2] not in SCALES:
         raise UnitError(f'"{text}" is no number of a scale; {did_you_mean(parts[2] if parts else text, SCALES)}')
     scale = SCALES[parts[2]]
@@ -130,15 +134,15 @@ def counted(text: str, unit: str) -> tuple[float, Scale, float]:
     return float(parts[1]), scale, mine.factor / wanted.factor
 
 
-def sized(quantity: Quantity, unit: str, facts: Facts) -> float:
+def value_of(quantity: Quantity, unit: str, facts: RigQuantities) -> float:
     """Return a quantity's value in ``unit`` on the rig of these facts; NaN where its scale is not known there."""
     if not isinstance(quantity, str):
         return float(quantity)
-    number, scale, factor = counted(quantity, unit)
-    return (scale.zero(facts) + number * _size(scale, facts)) * factor
+    number, scale, factor = parse_scaled(quantity, unit)
+    return (scale.zero(facts) + number * _scale_size(scale, facts)) * factor
 
 
-def _size(scale: Scale, facts: Facts) -> float:
+def _scale_size(scale: Scale, facts: RigQuantities) -> float:
     try:
         size = scale.size(facts)
     except (ZeroDivisionError, OverflowError):

@@ -20,7 +20,7 @@ def orifice_flows(p_from: Array, p_to: Array | float, b: float, k_from: float, k
         return np.asarray(_orifice_flows(p_from, p_to, b, k_from, k_to))
 
 
-def stribeck(v: Array, coulomb: float, viscous: float, static: float, velocity: float = np.inf) -> Array:
+def stribeck_friction(v: Array, coulomb: float, viscous: float, static: float, velocity: float = np.inf) -> Array:
     """Return Stribeck friction in the form of Hess and Soom (3.6); 0 at standstill, where friction is a set.
 
     ``static`` = ``coulomb`` makes it Coulomb and viscous friction (3.3, 3.4).

@@ -8,7 +8,7 @@ from typing import Any
 
 from pneucli.errors import InputError, did_you_mean
 
-NAMES = ("name", "recording", "channel", "effect", "stage")  # by any of these an item of a list may be called
+ITEM_KEYS = ("name", "recording", "channel", "effect", "stage")  # by any of these an item of a list may be called
 
 
 @dataclass(frozen=True)
@@ -37,22 +37,22 @@ def evaluate(
     """
     results = []
     for path, limit in checks.items():
-        value = find(answers, path, where)
-        results.append(CheckResult(path, limit, value, all(_holds(value, *item) for item in limit.items())))
+        value = resolve_path(answers, path, where)
+        results.append(CheckResult(path, limit, value, all(_satisfies(value, *item) for item in limit.items())))
     return results
 
 
-def require_known(path: str, known: Mapping[str, Sequence[str]], where: str = "[checks]") -> None:
+def require_valid_path(path: str, answer_paths: Mapping[str, Sequence[str]], where: str = "[checks]") -> None:
     """Raise InputError where ``path`` can lead nowhere, whatever the answers will be.
 
-    ``known`` holds for each stage where paths into its answer may begin (:class:`pneucli.pipeline.graph.Stage`).
+    ``answer_paths`` holds for each stage where paths into its answer may begin (:class:`pneucli.pipeline.graph.Stage`).
     """
     stage, *words = path.split(".")
-    begins = [tuple(begin.split(".")) for begin in known.get(stage, ())]
+    begins = [tuple(begin.split(".")) for begin in answer_paths.get(stage, ())]
     if not begins:
         wanted = "a stage, then a key of its answer"
         raise InputError(
-            f"{where}, key {path}", f'"{stage}" has no answer to check', wanted, did_you_mean(stage, known)
+            f"{where}, key {path}", f'"{stage}" has no answer to check', wanted, did_you_mean(stage, answer_paths)
         )
     for depth, word in enumerate(words):
         here = {begin[depth] for begin in begins if begin[:depth] == tuple(words[:depth]) and len(begin) > depth}
@@ -60,7 +60,7 @@ def require_known(path: str, known: Mapping[str, Sequence[str]], where: str = "[
             raise InputError(f"{where}, key {path}", f'no "{word}" in the answer', mend=did_you_mean(word, here))
 
 
-def find(answers: Mapping[str, Any], path: str, where: str = "[checks]") -> Any:
+def resolve_path(answers: Mapping[str, Any], path: str, where: str = "[checks]") -> Any:
     """Return what the dotted ``path`` leads to; a key that itself has dots is taken whole where it is there."""
     value: Any = answers
     words = path.split(".")
@@ -91,7 +91,7 @@ def _step(value: Any, word: str) -> tuple[bool, Any]:
 
 
 def _names(item: Mapping[str, Any]) -> list[str]:
-    return [str(item[key]) for key in NAMES if item.get(key) is not None]
+    return [str(item[key]) for key in ITEM_KEYS if item.get(key) is not None]
 
 
 def _known(value: Any) -> list[str]:
@@ -103,7 +103,7 @@ def _known(value: Any) -> list[str]:
     return []
 
 
-def _holds(value: Any, kind: str, limit: Any) -> bool:
+def _satisfies(value: Any, kind: str, limit: Any) -> bool:
     if kind == "equals":
         return bool(value == limit)
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -16,7 +16,7 @@ Answer = dict[str, Any]
 Progress = Callable[[str, float], None]
 
 
-def silent(message: str, fraction: float) -> None:
+def no_progress(message: str, fraction: float) -> None:
     """Swallow progress: what a notebook or a test passes."""
 
 
@@ -36,7 +36,7 @@ class Context:
     config: PipelineConfig
     out: Path
     artifacts: Path
-    progress: Progress = silent
+    progress: Progress = no_progress
     answers: Mapping[str, Answer] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     former: Path | None = None

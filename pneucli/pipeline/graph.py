@@ -14,7 +14,7 @@ class Stage:
 
     ``parents`` must be up to date first; those in ``optional`` too, as far as they are built and apply to the rig.
     ``tables`` are the tables of the pipeline file that the stage reads itself; what its parents read reaches it
-    through them. ``files`` is a (table, key) that names files, globs allowed, whose content is an input. ``answer``
+    through them. ``files`` is a (table, key) that names files, globs allowed, whose content is an input. ``answer_paths``
     lists where the paths of ``[checks]`` may begin: keys of the answer, dotted as far as they are always the same.
     """
 
@@ -24,7 +24,7 @@ class Stage:
     optional: tuple[str, ...] = ()
     tables: tuple[str, ...] = ()
     files: tuple[str, str] | None = None
-    answer: tuple[str, ...] = ()
+    answer_paths: tuple[str, ...] = ()
     package: str = "pneucli.stages"
 
     @property
@@ -41,15 +41,22 @@ class Stage:
             return False
 
 
-OF_VALVE = ("map", "volume", "overlap", "iso", "lack_of_fit", "residual")  # what is said of each chamber's paths
+VALVE_ANSWER_KEYS = (
+    "map",
+    "volume",
+    "overlap",
+    "iso",
+    "lack_of_fit",
+    "residual",
+)  # what is said of each chamber's paths
 
-_ALL = (
+_ALL_STAGES = (
     Stage(
         "ingest",
         "raw files -> checked SI signals",
         tables=("pipeline", "rig", "signals", "recordings"),
         files=("recordings", "file"),
-        answer=("recordings", "looks", "left_out", "repairs", "warnings", "plausibility"),
+        answer_paths=("recordings", "looks", "left_out", "repairs", "warnings", "plausibility"),
     ),
     Stage(
         "identify",
@@ -57,9 +64,9 @@ _ALL = (
         parents=("ingest",),
         tables=("pipeline", "model", "identify", "compare"),
         files=("model", "plugins"),
-        answer=(
+        answer_paths=(
             *("model.effects", "model.parameters", "assumed", "warnings"),
-            *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in OF_VALVE),
+            *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in VALVE_ANSWER_KEYS),
             "friction.warnings",
             "friction.domain",
             *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),
@@ -73,7 +80,7 @@ _ALL = (
         parents=("identify",),
         tables=("pipeline", "compare"),
         files=("recordings", "controller"),
-        answer=(
+        answer_paths=(
             *("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
             *("data", "number", "when", "closed_loop"),
         ),
@@ -84,7 +91,7 @@ _ALL = (
         parents=("ingest",),  # it fits by itself: who only asks what is missing need not wait for maps and tables
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
-        answer=(
+        answer_paths=(
             *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "number", "when", "thinned"),
@@ -96,7 +103,7 @@ _ALL = (
         "sliding sector, sliding mode observers, cascade",
         parents=("identify", "compare"),  # the gate asks how far the model is from its data
         tables=("pipeline", "design", "scenarios"),
-        answer=(
+        answer_paths=(
             *("requirements", "corners", "sector", "matching", "surface", "warnings"),
             *("lmi.best", "lmi.types", "lmi.vertex_loops", "controllers"),
             *("not_made", "tolerance_um", "compare", "without_map", "ablation", "gate"),
@@ -110,7 +117,7 @@ _ALL = (
         parents=("identify",),
         optional=("design",),
         tables=("pipeline", "scenarios"),
-        answer=("open_loop", "closed_loop", "pid_alone", "tolerance_um", "robust"),
+        answer_paths=("open_loop", "closed_loop", "pid_alone", "tolerance_um", "robust"),
     ),
     Stage(
         "report",
@@ -127,7 +134,7 @@ _ALL = (
     ),
 )
 
-STAGES: dict[str, Stage] = {stage.name: stage for stage in _ALL}
+STAGES: dict[str, Stage] = {stage.name: stage for stage in _ALL_STAGES}
 
 
 def parents_of(stage: Stage, stages: Mapping[str, Stage]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pneucli.errors import InputError
 
-NAME = ".lock"
+LOCK_FILE = ".lock"
 
 if sys.platform == "win32":
     import msvcrt
@@ -35,21 +35,21 @@ else:
 
 
 @contextmanager
-def held(folder: Path, say: Callable[[str], None]) -> Iterator[None]:
-    """Hold the lock of ``folder`` (made where absent); ``say`` tells whom we wait for.
+def folder_lock(folder: Path, notify: Callable[[str], None]) -> Iterator[None]:
+    """Hold the lock of ``folder`` (made where absent); ``notify`` tells whom we wait for.
 
     The operating system releases the lock of a process that dies, however it dies. Raises
     InputError where the folder cannot be made or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / NAME, os.O_RDWR | os.O_CREAT, 0o666)
+        descriptor = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
         raise InputError(
             str(folder), f"cannot write artifacts there: {error.strerror}", mend="name another folder with --out"
         ) from error
     try:
-        _acquire(descriptor, folder, say)
+        _acquire(descriptor, folder, notify)
         yield
     finally:
         os.close(descriptor)
@@ -65,7 +65,7 @@ def _acquire(descriptor: int, folder: Path, say: Callable[[str], None]) -> None:
     os.lseek(descriptor, 0, os.SEEK_SET)
     if not (found := os.read(descriptor, 32)).isdigit() and found:
         mend = "move it away, or name another folder with --out"
-        raise InputError(str(folder / NAME), "a file that pneucli did not write", "the number of a process", mend)
+        raise InputError(str(folder / LOCK_FILE), "a file that pneucli did not write", "the number of a process", mend)
     os.ftruncate(descriptor, 0)
     os.lseek(descriptor, 0, os.SEEK_SET)
     os.write(descriptor, str(os.getpid()).encode())

@@ -23,9 +23,9 @@ import pneucli
 from pneucli import paths
 from pneucli.pipeline.context import Answer
 
-FILE = "stage.json"
+MANIFEST_FILE = "stage.json"
 SCHEMA = "pneucli/stage/1"
-NEVER = "never done"
+NEVER_RUN = "never done"
 
 
 def digest(value: object) -> str:
@@ -73,7 +73,7 @@ def named_files(tables: Mapping[str, Any], table: str, key: str, pipeline: Path)
     entries = tables.get(table, [])
     values = [entry.get(key, []) for entry in (entries if isinstance(entries, list) else [entries])]
     names = [name for value in values for name in ([value] if isinstance(value, str) else value)]
-    found = [hit for name in names for hit in paths.named(name, folder, where)]
+    found = [hit for name in names for hit in paths.matching_files_or_path(name, folder, where)]
     return {os.path.relpath(path, folder): path for path in found}
 
 
@@ -107,15 +107,15 @@ class Manifest:
     def write(self, folder: Path) -> None:
         """Write or replace ``stage.json`` in ``folder``, atomically."""
         text = json.dumps({"schema": SCHEMA, "key": self.inputs.key, **asdict(self)}, indent=1, allow_nan=False)
-        partial = folder / f".{FILE}"
+        partial = folder / f".{MANIFEST_FILE}"
         partial.write_text(text, encoding="utf-8")
-        partial.replace(folder / FILE)
+        partial.replace(folder / MANIFEST_FILE)
 
 
-def read(folder: Path) -> Manifest | None:
+def read_manifest(folder: Path) -> Manifest | None:
     """Return the manifest of ``folder``; ``None`` where there is none, or one of another version."""
     try:
-        content = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        content = json.loads((folder / MANIFEST_FILE).read_text(encoding="utf-8"))
         if content.pop("schema") != SCHEMA:
             return None
         content.pop("key")
@@ -130,26 +130,28 @@ def _stamps(content: Mapping[str, Mapping[str, Any]]) -> dict[str, Stamp]:
     return {name: Stamp(**stamp) for name, stamp in content.items()}
 
 
-def stamp_folder(folder: Path, known: Mapping[str, Stamp] | None = None) -> dict[str, Stamp]:
+def stamp_files(folder: Path, known: Mapping[str, Stamp] | None = None) -> dict[str, Stamp]:
     """Return the stamps of all files below ``folder`` but the manifest."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in (FILE, f".{FILE}"))
+    files = sorted(
+        path for path in folder.rglob("*") if path.is_file() and path.name not in (MANIFEST_FILE, f".{MANIFEST_FILE}")
+    )
     known = known or {}
     return {name: stamp(path, known.get(name)) for path in files for name in [path.relative_to(folder).as_posix()]}
 
 
-def differences(before: Manifest | None, now: Inputs, outputs: Mapping[str, Stamp]) -> tuple[str, ...]:
+def stale_reasons(before: Manifest | None, now: Inputs, outputs: Mapping[str, Stamp]) -> tuple[str, ...]:
     """Say what makes a folder stale: inputs that changed since ``before``, and ``outputs`` that are not as written."""
     if before is None:
-        return (NEVER,)
+        return (NEVER_RUN,)
     was = before.inputs
     why = ["the program changed"] if was.program != now.program else []
-    why += [f"{_verb(was.tables, now.tables, name)} [{name}]" for name in _changed(was.tables, now.tables)]
+    why += [f"{_change_word(was.tables, now.tables, name)} [{name}]" for name in _changed(was.tables, now.tables)]
     shas = ({n: s.sha256 for n, s in was.files.items()}, {n: s.sha256 for n, s in now.files.items()})
-    why += _counted([f"{_verb(was.files, now.files, name)} {name}" for name in _changed(*shas)])
+    why += _first_reasons([f"{_change_word(was.files, now.files, name)} {name}" for name in _changed(*shas)])
     why += [f"{name} is stale" for name in _changed(was.parents, now.parents)]
     why += [f"other option --{name}" for name in _changed(was.options, now.options)]
     broken = [name for name, as_written in before.outputs.items() if not _same(outputs.get(name), as_written)]
-    return (*why, *_counted([f"its file {name} is missing or was changed" for name in broken]))
+    return (*why, *_first_reasons([f"its file {name} is missing or was changed" for name in broken]))
 
 
 def _same(now: Stamp | None, before: Stamp) -> bool:
@@ -160,21 +162,21 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     return [name for name in {**before, **now} if before.get(name) != now.get(name)]
 
 
-def _verb(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> str:
+def _change_word(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> str:
     if name not in before:
         return "new"
     return "changed" if name in now else "no longer"
 
 
-def _counted(reasons: Iterable[str], most: int = 3) -> list[str]:
+def _first_reasons(reasons: Iterable[str], most: int = 3) -> list[str]:
     reasons = list(reasons)
     return reasons if len(reasons) <= most else [*reasons[:most], f"and {len(reasons) - most} more"]
 
 
-PACKAGES = ("numpy", "scipy", "numba")
+NUMERICAL_PACKAGES = ("numpy", "scipy", "numba")
 
 
-def identity() -> dict[str, str]:
+def program_versions() -> dict[str, str]:
     """Return by name the versions of this program (with the hash of its source), of Python and of what computes."""
     python = ".".join(platform.python_version_tuple()[:2])
-    return {"pneucli": program_digest(), "Python": python, **{name: version(name) for name in PACKAGES}}
+    return {"pneucli": program_digest(), "Python": python, **{name: version(name) for name in NUMERICAL_PACKAGES}}

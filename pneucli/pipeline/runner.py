@@ -11,32 +11,32 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pneucli.document import read
+from pneucli.document import read_toml
 from pneucli.errors import InputError, printable
 from pneucli.pipeline import folders, lock
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, silent
+from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, no_progress
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
 from pneucli.pipeline.manifest import Inputs, Manifest
-from pneucli.quantities import moving, told
+from pneucli.quantities import axis_motion, in_axis_units
 
-VALIDATED = ".validated"
-WHERE = "executor"
-LONGEST_NAME = 60  # characters, of up to four bytes each
+VALIDATED_FILE = ".validated"
+EXECUTOR_OPTION = "executor"
+MAX_NAME_LENGTH = 60  # characters, of up to four bytes each
 Options = Mapping[str, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Whether one stage is up to date: ``why`` is empty where it is, else it says what is not.
+class StageStatus:
+    """Whether one stage is up to date: ``reasons`` is empty where it is, else it says what is not.
 
-    ``where``: the option that says where it is done, on which no answer depends.
+    ``executor_option``: the option that says where it is done, on which no answer depends.
     """
 
     inputs: Inputs
     manifest: Manifest | None
-    why: tuple[str, ...]
-    where: Mapping[str, Any] = field(default_factory=dict)
+    reasons: tuple[str, ...]
+    executor_option: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Done:
     """One stage that is up to date: its manifest, and why it was run (empty: it was not)."""
 
     manifest: Manifest
-    why: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
 
     @property
     def answer(self) -> Answer:
@@ -70,25 +70,31 @@ class Pipeline:
         """Name of the pipeline."""
         return str(self.tables["pipeline"]["name"])
 
-    def survey(self, targets: Iterable[str], options: Options | None = None) -> dict[str, Verdict]:
+    def stage_status(self, targets: Iterable[str], options: Options | None = None) -> dict[str, StageStatus]:
         """Judge ``targets`` and all that they need, parents first, without running or writing anything.
 
         ``options`` maps a stage to its command line options; a stage that is not in it keeps those of its last run.
         """
-        verdicts: dict[str, Verdict] = {}
+        verdicts: dict[str, StageStatus] = {}
         for name in upstream(targets, self.stages):
-            manifest = staleness.read(self.artifacts / name)
+            manifest = staleness.read_manifest(self.artifacts / name)
             asked = (options or {}).get(name)
             inputs = self._inputs(name, manifest, verdicts, asked)
-            outputs = staleness.stamp_folder(self.artifacts / name, manifest.outputs) if manifest else {}
-            why = staleness.differences(manifest, inputs, outputs)
+            outputs = staleness.stamp_files(self.artifacts / name, manifest.outputs) if manifest else {}
+            why = staleness.stale_reasons(manifest, inputs, outputs)
             if manifest and not why:
                 manifest = replace(manifest, inputs=inputs, outputs=outputs)
-            verdicts[name] = Verdict(inputs, manifest, why, {k: v for k, v in (asked or {}).items() if k == WHERE})
+            verdicts[name] = StageStatus(
+                inputs, manifest, why, {k: v for k, v in (asked or {}).items() if k == EXECUTOR_OPTION}
+            )
         return verdicts
 
     def _inputs(
-        self, name: str, manifest: Manifest | None, verdicts: Mapping[str, Verdict], options: Mapping[str, Any] | None
+        self,
+        name: str,
+        manifest: Manifest | None,
+        verdicts: Mapping[str, StageStatus],
+        options: Mapping[str, Any] | None,
     ) -> Inputs:
         stage = self.stages[name]
         files = staleness.named_files(self.tables, *stage.files, self.path) if stage.files else {}
@@ -99,15 +105,15 @@ class Pipeline:
             tables={table: staleness.digest(self.tables[table]) for table in stage.tables if table in self.tables},
             files={label: staleness.stamp(path, known.get(label)) for label, path in files.items()},
             parents={parent: verdicts[parent].inputs.key for parent in parents_of(stage, self.stages)},
-            options={k: v for k, v in (before if options is None else options).items() if k != WHERE},
+            options={k: v for k, v in (before if options is None else options).items() if k != EXECUTOR_OPTION},
         )
 
-    def bring_up(
+    def update(
         self,
         targets: Iterable[str],
         options: Options | None = None,
-        progress: Progress = silent,
-        say: Callable[[str], None] = lambda message: None,
+        progress: Progress = no_progress,
+        notify: Callable[[str], None] = lambda message: None,
     ) -> dict[str, Done]:
         """Bring ``targets`` and all that they need up to date; return each of them, parents first.
 
@@ -116,20 +122,20 @@ class Pipeline:
         """
         targets = list(targets)
         config = self.validate()
-        folders.refuse_foreign(self.artifacts, upstream(targets, self.stages))
-        with lock.held(self.artifacts, say):
+        folders.require_own_files(self.artifacts, upstream(targets, self.stages))
+        with lock.folder_lock(self.artifacts, notify):
             if config is not None:
                 self._remember_valid()
             for name in self.stages:
-                folders.recover(self.artifacts, name)
-            verdicts = self.survey(targets, options)
-            if config is None and any(verdict.why for verdict in verdicts.values()):
+                folders.recover_folder(self.artifacts, name)
+            verdicts = self.stage_status(targets, options)
+            if config is None and any(verdict.reasons for verdict in verdicts.values()):
                 config = self.load(self.path)
             done: dict[str, Done] = {}
             for name, verdict in verdicts.items():
-                if verdict.why:
-                    say(f"running {name} ({', '.join(verdict.why).replace(staleness.NEVER, 'first time')})")
-                done[name] = self._renewed(name, verdict, done, config, progress)
+                if verdict.reasons:
+                    notify(f"running {name} ({', '.join(verdict.reasons).replace(staleness.NEVER_RUN, 'first time')})")
+                done[name] = self._update_stage(name, verdict, done, config, progress)
         return done
 
     def validate(self) -> Any:
@@ -138,29 +144,33 @@ class Pipeline:
 
     def _remember_valid(self) -> None:
         if re.fullmatch("[0-9a-f]*", self._noted_valid()):  # else the file is not ours
-            (self.artifacts / VALIDATED).write_text(self._text_digest(), encoding="utf-8")
+            (self.artifacts / VALIDATED_FILE).write_text(self._text_digest(), encoding="utf-8")
 
     def _noted_valid(self) -> str:
-        marker = self.artifacts / VALIDATED
+        marker = self.artifacts / VALIDATED_FILE
         return marker.read_text(encoding="utf-8", errors="replace") if marker.is_file() else ""
 
     def _text_digest(self) -> str:
         return staleness.digest([self.program, staleness.stamp(self.path).sha256])
 
-    def _renewed(self, name: str, verdict: Verdict, done: Mapping[str, Done], config: Any, progress: Progress) -> Done:
-        if verdict.manifest and not verdict.why:
-            if verdict.manifest != staleness.read(self.artifacts / name):  # touched files: remember the new stamps
+    def _update_stage(
+        self, name: str, verdict: StageStatus, done: Mapping[str, Done], config: Any, progress: Progress
+    ) -> Done:
+        if verdict.manifest and not verdict.reasons:
+            if verdict.manifest != staleness.read_manifest(
+                self.artifacts / name
+            ):  # touched files: remember the new stamps
                 verdict.manifest.write(self.artifacts / name)
             return Done(verdict.manifest)
         manifest = Manifest(name, verdict.inputs, skipped=self._skipped_parent(name, done))
-        with folders.renewed(self.artifacts, name) as out:
+        with folders.replace_folder(self.artifacts, name) as out:
             if manifest.skipped is None:
                 answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
-                options, former = {**verdict.inputs.options, **verdict.where}, self.artifacts / name
+                options, former = {**verdict.inputs.options, **verdict.executor_option}, self.artifacts / name
                 context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
                 manifest = _run(self.stages[name], context, manifest)
             manifest.write(out)
-        return Done(manifest, verdict.why)
+        return Done(manifest, verdict.reasons)
 
     def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, Any] | None:
         skipped = (done[parent].manifest.skipped for parent in self.stages[name].parents)
@@ -176,15 +186,17 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     try:
         # on small matrices BLAS threads only wait for each other, and how many there are changes the last digits
         with (
-            moving(rotary=getattr(context.config, "rotary", False)),  # other pipelines have no axis
+            axis_motion(rotary=getattr(context.config, "rotary", False)),  # other pipelines have no axis
             threadpool_limits(1, user_api="blas"),
         ):
-            answer = json.loads(json.dumps(told(module.run(context)), allow_nan=False))  # as a later run will read it
+            answer = json.loads(
+                json.dumps(in_axis_units(module.run(context)), allow_nan=False)
+            )  # as a later run will read it
     except NotApplicable as error:
         return replace(manifest, skipped=asdict(error))
     return replace(
         manifest,
-        outputs=staleness.stamp_folder(context.out),
+        outputs=staleness.stamp_files(context.out),
         answer=answer,
         seconds=round(time.monotonic() - start, 3),
     )
@@ -198,18 +210,18 @@ def open_pipeline(
     Raises InputError where the file cannot be read as TOML or has no usable name; all else is found by ``load``.
     """
     path = Path(path).absolute()
-    _, tables = read(path)
+    _, tables = read_toml(path)
     name = tables.get("pipeline", {}).get("name") if isinstance(tables.get("pipeline"), dict) else None
     if not isinstance(name, str):
         load(path)
         raise InputError(f"{path}, key pipeline.name", "no name", 'a text such as "bench-3"', "give the pipeline one")
-    _refuse_name(name, f"{path}, key pipeline.name")
+    _require_folder_name(name, f"{path}, key pipeline.name")
     return Pipeline(path, tables, (out or path.parent / "artifacts" / name).absolute(), load, stages)
 
 
-def _refuse_name(name: str, where: str) -> None:
+def _require_folder_name(name: str, where: str) -> None:
     """Raise an InputError where ``name`` cannot be the name of a folder."""
     plain = printable(name) == name.strip() and not set(name) & set('/\\:*?"<>|')
-    if not plain or not name or len(name) > LONGEST_NAME or name.startswith("."):
-        found = f'"{name[:LONGEST_NAME]}" cannot be the name of a folder'
-        raise InputError(where, found, f"up to {LONGEST_NAME} letters, digits, - and _", "rename it")
+    if not plain or not name or len(name) > MAX_NAME_LENGTH or name.startswith("."):
+        found = f'"{name[:MAX_NAME_LENGTH]}" cannot be the name of a folder'
+        raise InputError(where, found, f"up to {MAX_NAME_LENGTH} letters, digits, - and _", "rename it")

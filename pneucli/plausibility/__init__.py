@@ -11,11 +11,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response
-from pneucli.plausibility.rig_check import Bench, Finding
-from pneucli.plausibility.signal_summary import Look, look, measured
+from pneucli.plausibility.rig_check import Finding, RigCheck
+from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
 from pneucli.recording import Recording, Rig
 
-__all__ = ["Finding", "Look", "findings", "look", "measured"]
+__all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
 
 CHECKS = (samples, readings, sensor_response, motion, forces, flow)
 
@@ -25,7 +25,7 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
 
     ``stated`` names, by recording, the signals that the pipeline file states as held.
     """
-    bench = Bench([measured(one) for one in recordings], rig, stated)
+    bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated)
     with np.errstate(all="ignore"):  # numbers that overflow are told by other checks
         found = [finding for module in CHECKS for finding in module.check(bench)]
     return [*_empty(recordings), *found]
@@ -33,6 +33,6 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
 
 def _empty(recordings: Sequence[Recording]) -> Iterator[Finding]:
     for one in recordings:
-        for name in [name for name in one.signals if name not in measured(one)]:
+        for name in [name for name in one.signals if name not in without_empty_signals(one)]:
             mend = f"check the column in [signals] {name}, or leave it out of take in [[recordings]] {one.name}"
             yield Finding("missing", name, one.name, f"{name} has no sample", mend)

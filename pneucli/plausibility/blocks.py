@@ -15,11 +15,13 @@ from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
 
-SHORTEST = 6  # samples of a block: a parabola through it leaves as many to tell its noise from
-FEWEST = 16  # blocks that a statement about a recording needs
-CLEAR = 10.0  # times its noise, that slopes stand clear of it: what noise in x takes off a fitted line is then 1 %
-GROUPS = 10  # stretches of a recording, left out one at a time, that tell how sure a line is
-UNEVEN = 1.5  # of its usual duration: a longer block has a gap in it
+MIN_BLOCK_SAMPLES = 6  # samples of a block: a parabola through it leaves as many to tell its noise from
+MIN_BLOCKS = 16  # blocks that a statement about a recording needs
+MIN_SIGNAL_TO_NOISE = (
+    10.0  # times its noise, that slopes stand clear of it: what noise in x takes off a fitted line is then 1 %
+)
+JACKKNIFE_GROUPS = 10  # stretches of a recording, left out one at a time, that tell how sure a line is
+MAX_DURATION_RATIO = 1.5  # of its usual duration: a longer block has a gap in it
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,13 @@ class Blocks:
     width: int
 
     @classmethod
-    def of(cls, recording: Recording, signal: str, width: int) -> Blocks:
+    def cut(cls, recording: Recording, signal: str, width: int) -> Blocks:
         """Cut a recording into blocks of ``width`` samples of ``signal``."""
         measured = np.flatnonzero(np.isfinite(recording[signal]))
         rows: NDArray[np.intp] = measured[: measured.size // width * width].reshape(-1, width)
         time = recording.time[rows]
         lasts = time[:, -1] - time[:, 0]
-        whole = lasts < UNEVEN * np.median(lasts) if lasts.size else np.zeros(0, dtype=bool)
+        whole = lasts < MAX_DURATION_RATIO * np.median(lasts) if lasts.size else np.zeros(0, dtype=bool)
         return cls(recording, rows[whole], time[whole], width)
 
     @property
@@ -50,14 +52,14 @@ class Blocks:
         return int(self.rows.shape[0])
 
     @cached_property
-    def half(self) -> Array:
+    def half_duration(self) -> Array:
         """Half of each block's duration in s, shape ``(blocks,)``."""
         return np.asarray(0.5 * (self.time[:, -1] - self.time[:, 0]))
 
     @cached_property
     def tau(self) -> Array:
         """Time within each block, -1 to 1."""
-        return np.asarray((self.time - self.time.mean(axis=1, keepdims=True)) / self.half[:, None])
+        return np.asarray((self.time - self.time.mean(axis=1, keepdims=True)) / self.half_duration[:, None])
 
     def values(self, signal: str) -> Array:
         """Return the samples of a signal, a straight line where one was not measured; shape of ``time``."""
@@ -74,15 +76,17 @@ class Blocks:
 
     def slope(self, signal: str) -> Array:
         """Return the slope of each block's line, per s."""
-        return np.asarray(np.sum(self.values(signal) * self._line, axis=1) / self.half)
+        return np.asarray(np.sum(self.values(signal) * self._line, axis=1) / self.half_duration)
 
     def curvature(self, signal: str) -> Array:
         """Return the second derivative of each block's parabola, per s^2."""
-        return np.asarray(2.0 * np.sum(self.values(signal) * self._parabola, axis=1) / self.half**2)
+        return np.asarray(2.0 * np.sum(self.values(signal) * self._parabola, axis=1) / self.half_duration**2)
 
-    def noise_of(self, order: int) -> float:
+    def derivative_noise(self, order: int) -> float:
         """Return the noise of slopes (1) or curvatures (2) where that of the signal is 1 and white."""
-        weights, scale = (self._line, self.half) if order == 1 else (self._parabola, 0.5 * self.half**2)
+        weights, scale = (
+            (self._line, self.half_duration) if order == 1 else (self._parabola, 0.5 * self.half_duration**2)
+        )
         return float(np.median(np.linalg.norm(weights, axis=1) / scale))
 
     @cached_property
@@ -98,7 +102,7 @@ class Blocks:
         return np.asarray(free / np.sum(free * square, axis=1, keepdims=True))
 
 
-def blocks(recording: Recording, signal: str, order: int) -> Blocks | None:
+def resolved_blocks(recording: Recording, signal: str, order: int) -> Blocks | None:
     """Return the shortest blocks in which slopes (order 1) or curvatures (2) of ``signal`` stand clear of its noise.
 
     None where none do: the signal is too short, or does not move.
@@ -106,41 +110,46 @@ def blocks(recording: Recording, signal: str, order: int) -> Blocks | None:
     model = recording.noise.get(signal)
     noise = max(0.0 if model is None else model.rms, 1e-9 * float(np.nanmax(np.abs(recording[signal]))), 1e-300)
     samples = int(np.count_nonzero(np.isfinite(recording[signal])))
-    width = SHORTEST
-    while samples // width >= FEWEST:
-        found = Blocks.of(recording, signal, width)
+    width = MIN_BLOCK_SAMPLES
+    while samples // width >= MIN_BLOCKS:
+        found = Blocks.cut(recording, signal, width)
         moved = found.slope(signal) if order == 1 else found.curvature(signal)
-        if found.count >= FEWEST and float(np.std(moved)) > CLEAR * found.noise_of(order) * noise:
+        if (
+            found.count >= MIN_BLOCKS
+            and float(np.std(moved)) > MIN_SIGNAL_TO_NOISE * found.derivative_noise(order) * noise
+        ):
             return found
         width *= 2
     return None
 
 
 @dataclass(frozen=True)
-class Line:
+class LinearFit:
     """Factors of a linear fit with their standard errors, both of shape ``(columns,)``."""
 
     factors: Array
     errors: Array
 
-    def of(self, combination: Array) -> tuple[float, float]:
+    def combination(self, combination: Array) -> tuple[float, float]:
         """Return a combination of factors and its error, the errors taken as independent."""
         return float(combination @ self.factors), float(np.linalg.norm(combination * self.errors))
 
 
-def fit(columns: list[Array], target: Array) -> Line | None:
+def fit_linear(columns: list[Array], target: Array) -> LinearFit | None:
     """Fit ``target`` by ``columns``, shape ``(n,)`` each, by least squares; None where there are too few.
 
-    Errors are those of the jackknife over ``GROUPS`` stretches one after the other, since what is left over is not
+    Errors are those of the jackknife over ``JACKKNIFE_GROUPS`` stretches one after the other, since what is left over is not
     white. Source: R. G. Miller, Biometrika 61 (1974).
     """
-    if target.size < GROUPS * (len(columns) + 1):
+    if target.size < JACKKNIFE_GROUPS * (len(columns) + 1):
         return None
     design = np.column_stack(columns)
     scale = np.sqrt(np.mean(design**2, axis=0))
     if not np.all(scale > 0) or not np.all(np.isfinite(scale)):
         return None
-    parts = list(zip(np.array_split(design / scale, GROUPS), np.array_split(target, GROUPS), strict=True))
+    parts = list(
+        zip(np.array_split(design / scale, JACKKNIFE_GROUPS), np.array_split(target, JACKKNIFE_GROUPS), strict=True)
+    )
     squares = np.stack([d.T @ d for d, _ in parts])
     rights = np.stack([d.T @ t for d, t in parts])
     if not (np.isfinite(squares).all() and np.isfinite(rights).all()):
@@ -150,5 +159,7 @@ def fit(columns: list[Array], target: Array) -> Line | None:
         np.linalg.lstsq(squares.sum(axis=0) - s, rights.sum(axis=0) - r, rcond=1e-10)[0]
         for s, r in zip(squares, rights, strict=True)
     ]
-    errors = np.sqrt((GROUPS - 1) / GROUPS * np.sum((np.stack(left) - np.mean(left, axis=0)) ** 2, axis=0))
-    return Line(whole / scale, errors / scale)
+    errors = np.sqrt(
+        (JACKKNIFE_GROUPS - 1) / JACKKNIFE_GROUPS * np.sum((np.stack(left) - np.mean(left, axis=0)) ** 2, axis=0)
+    )
+    return LinearFit(whole / scale, errors / scale)

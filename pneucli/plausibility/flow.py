@@ -10,29 +10,44 @@ from numpy.typing import NDArray
 
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
-from pneucli.plausibility.blocks import Blocks, blocks, fit
-from pneucli.plausibility.readings import absolute, gauge
-from pneucli.plausibility.rig_check import HALF_AMBIENT, HALF_DECADE, SEEN, SURE, Bench, Finding, shown
+from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
+from pneucli.plausibility.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.rig_check import (
+    AMBIENT_SLIP_SHARE,
+    MIN_SIGNAL_TO_NOISE,
+    T_QUANTILE,
+    UNIT_SLIP_FACTOR,
+    Finding,
+    RigCheck,
+    format_in_display_unit,
+)
 from pneucli.recording import Recording, Rig
 
 Array = NDArray[np.float64]
 
-WIDEST = 5e-4  # m^2: the bore of a one-inch port, wider than any servo valve
-NARROWEST = 1e-8  # m^2: a hole of 0.1 mm, the smallest orifice of a proportional valve
-DRIVEN = 0.9  # pressure ratio above which the flow function is too flat to tell an area
-EXPLAINS = 0.05  # of the area's variance, below which a command has nothing to do with it
-OF_LARGEST = 0.2  # of the largest flow: heat that goes on after a charge moves less
-SCALE = 0.1  # of a reading above ambient: "some per cent" of a sensor's span error ends there
-LEAK = 1e-7  # m^2: the largest leaks that the catalogue calls typical; what flows beyond goes through the valve
-REMAINDER = 0.3  # of the flows that compressing and moving ask for: what a wrong volume leaves of two that cancel
-BINS, IN_BIN = 20, 5  # of the commands, and blocks in each
-JUMP = 0.005  # of the commands' range: less is noise of a command that is held
-LONG = 40  # samples at one command, of which the last two tens tell whether p1 still moves
-WAY, STILL = 0.5, 0.01  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
+MAX_AREA = 5e-4  # m^2: the bore of a one-inch port, wider than any servo valve
+MIN_AREA = 1e-8  # m^2: a hole of 0.1 mm, the smallest orifice of a proportional valve
+MAX_PRESSURE_RATIO = 0.9  # pressure ratio above which the flow function is too flat to tell an area
+MIN_EXPLAINED_VARIANCE = 0.05  # of the area's variance, below which a command has nothing to do with it
+MIN_RELATIVE_FLOW = 0.2  # of the largest flow: heat that goes on after a charge moves less
+MAX_SPAN_ERROR = 0.1  # of a reading above ambient: "some per cent" of a sensor's span error ends there
+MAX_LEAK_AREA = (
+    1e-7  # m^2: the largest leaks that the catalogue calls typical; what flows beyond goes through the valve
+)
+MIN_NET_FLOW_SHARE = (
+    0.3  # of the flows that compressing and moving ask for: what a wrong volume leaves of two that cancel
+)
+COMMAND_BINS, MIN_BLOCKS_PER_BIN = 20, 5  # of the commands, and blocks in each
+MIN_COMMAND_STEP = 0.005  # of the commands' range: less is noise of a command that is held
+MIN_HELD_SAMPLES = 40  # samples at one command, of which the last two tens tell whether p1 still moves
+MIN_PRESSURE_TRAVEL, MAX_SETTLED_DRIFT = (
+    0.5,
+    0.01,
+)  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
 
 
 @dataclass(frozen=True)
-class Flow:
+class ChamberFlow:
     """Blocks of a recording: command in V, flow into chamber 1 in kg/s, and the area in m^2 that lets it through.
 
     Areas are positive while charging; NaN where the pressures are too near each other.
@@ -46,24 +61,24 @@ class Flow:
     area: Array
 
 
-def check(bench: Bench) -> Iterator[Finding]:
+def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a valve."""
-    driven = [r for r in bench.recordings if r.kind.valve and not r.valve_shut and {"u", "p1"} <= r.signals.keys()]
-    flows = [flow for one in driven if (flow := _flow(one, bench)) is not None]
-    yield from _silent(driven, bench)
+    driven = [r for r in rig_check.recordings if r.kind.valve and not r.valve_shut and {"u", "p1"} <= r.signals.keys()]
+    flows = [flow for one in driven if (flow := _chamber_flow(one, rig_check)) is not None]
+    yield from _unresponsive_pressure(driven, rig_check)
     for flow in flows:
-        yield from _supply(flow, bench)
-        yield from _command(flow, bench.rig)
+        yield from _supply_below_chamber(flow, rig_check)
+        yield from _command_direction(flow, rig_check.rig)
     for one in driven:
         if one.kind.vessel:
-            yield from _sampled(one)
-            yield from _settled(one, bench)
-    yield from _areas(flows)
-    yield from _two_volumes(flows)
+            yield from _undersampled(one)
+            yield from _settled_pressure(one, rig_check)
+    yield from _implausible_areas(flows)
+    yield from _vessel_against_cylinder(flows)
 
 
-def _flow(one: Recording, bench: Bench) -> Flow | None:
-    cut = blocks(one, "p1", 1)
+def _chamber_flow(one: Recording, bench: RigCheck) -> ChamberFlow | None:
+    cut = resolved_blocks(one, "p1", 1)
     if cut is None:
         return None
     rig, slope, p = bench.rig, cut.slope("p1"), cut.mean("p1", 1)
@@ -78,29 +93,31 @@ def _flow(one: Recording, bench: Bench) -> Flow | None:
     per_area = (
         above * np.sqrt(2 / gas) * flow_functions(np.maximum(ratio, 0.0), critical_ratio_of(rig.heat_capacity_ratio))
     )
-    told = (ratio < DRIVEN) & (np.abs(flow) > REMAINDER * np.maximum(np.abs(squeezed), np.abs(carried)))
+    told = (ratio < MAX_PRESSURE_RATIO) & (
+        np.abs(flow) > MIN_NET_FLOW_SHARE * np.maximum(np.abs(squeezed), np.abs(carried))
+    )
     area = np.where(told, flow / np.maximum(per_area, 1e-30), np.nan)
-    return Flow(one, cut.mean("u", 1), p, supply, flow, area)
+    return ChamberFlow(one, cut.mean("u", 1), p, supply, flow, area)
 
 
-def _volume(one: Recording, cut: Blocks, bench: Bench) -> tuple[Array | float, Array | float]:
+def _volume(one: Recording, cut: Blocks, bench: RigCheck) -> tuple[Array | float, Array | float]:
     """Return chamber 1's volume in m^3 and how fast it grows in m^3/s; NaN where the file does not say it."""
     if one.kind.vessel:
         return bench.rig.vessel_volume or float("nan"), 0.0
     volume = bench.volume(1, cut.mean("x", 1)) if "x" in one else None
-    return (float("nan"), 0.0) if volume is None else (volume, bench.rig.areas[0] * cut.slope("x"))
+    return (float("nan"), 0.0) if volume is None else (volume, bench.rig.piston_areas[0] * cut.slope("x"))
 
 
-def _silent(driven: list[Recording], bench: Bench) -> Iterator[Finding]:
+def _unresponsive_pressure(driven: list[Recording], bench: RigCheck) -> Iterator[Finding]:
     """A command at which p1 moves elsewhere moves it here, too; where it moves nowhere, no command does anything."""
     swings = {one.name: float(np.nanmax(one["u"]) - np.nanmin(one["u"])) for one in driven}
-    answered = [swings[one.name] for one in driven if not bench.rests(one, "p1")]
+    answered = [swings[one.name] for one in driven if not bench.is_inactive(one, "p1")]
     for one in driven:
         swing = swings[one.name]
-        if not bench.rests(one, "p1") or swing == 0.0 or swing < min(answered, default=0.0):
+        if not bench.is_inactive(one, "p1") or swing == 0.0 or swing < min(answered, default=0.0):
             continue
-        found = f"p1 stays at {shown(float(np.nanmedian(one['p1'])), 'p1')} while u changes by {shown(swing, 'u')}"
-        other = bench.moving(one, "p_supply")
+        found = f"p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')} while u changes by {format_in_display_unit(swing, 'u')}"
+        other = bench.active_signals(one, "p_supply")
         if other:
             found += ", and p_supply moves instead: swapped?"
             yield Finding("swapped", "p1", one.name, found, "exchange the columns in [signals] p1 and p_supply")
@@ -109,101 +126,101 @@ def _silent(driven: list[Recording], bench: Bench) -> Iterator[Finding]:
             yield Finding("silent", "p1", one.name, found, mend)
 
 
-def _supply(flow: Flow, bench: Bench) -> Iterator[Finding]:
+def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
     """What charges a chamber stands above it."""
     if "p_supply" not in flow.recording:
         return
-    charging = flow.flow > OF_LARGEST * float(np.max(flow.flow))
+    charging = flow.flow > MIN_RELATIVE_FLOW * float(np.max(flow.flow))
     if not charging.any():
         return
     p, supply = float(np.median(flow.p[charging])), float(np.median(flow.supply[charging]))
-    if p - supply > _apart(supply, bench):
-        found = f"p1 is charged at {shown(p, 'p1')} from a supply of {shown(supply, 'p_supply')}"
+    if p - supply > _max_supply_difference(supply, bench):
+        found = f"p1 is charged at {format_in_display_unit(p, 'p1')} from a supply of {format_in_display_unit(supply, 'p_supply')}"
         mend = "check column, unit and reference in [signals] p_supply and p1"
         yield Finding("supply", "p_supply", flow.recording.name, found, mend)
 
 
-def _apart(supply: float, bench: Bench) -> float:
+def _max_supply_difference(supply: float, bench: RigCheck) -> float:
     """Return by how many Pa readings of p1 and p_supply differ where more than a scale is wrong."""
     ambient = bench.rig.ambient_pressure
-    return max(HALF_AMBIENT * ambient, SCALE * (supply - ambient))
+    return max(AMBIENT_SLIP_SHARE * ambient, MAX_SPAN_ERROR * (supply - ambient))
 
 
-def _command(flow: Flow, rig: Rig) -> Iterator[Finding]:
+def _command_direction(flow: ChamberFlow, rig: Rig) -> Iterator[Finding]:
     """The larger u, the more chamber 1 is filled (or port 2 vented); where the null lies does not matter."""
     sure = np.isfinite(flow.area)
     u, area, name = flow.u[sure], flow.area[sure], flow.recording.name
-    if u.size < 2 or np.std(area) < LEAK:
+    if u.size < 2 or np.std(area) < MAX_LEAK_AREA:
         return
     if np.ptp(u) == 0.0:
-        if area.max() > LEAK and area.min() < -LEAK:
-            found = f"chamber 1 is charged and vented while u stays at {shown(float(u[0]), 'u')}"
+        if area.max() > MAX_LEAK_AREA and area.min() < -MAX_LEAK_AREA:
+            found = f"chamber 1 is charged and vented while u stays at {format_in_display_unit(float(u[0]), 'u')}"
             yield Finding("silent", "u", name, found, "a dead channel? check the column in [signals] u")
         return
-    line = fit([u - u.mean(), np.ones_like(u)], area)
+    line = fit_linear([u - u.mean(), np.ones_like(u)], area)
     if line is None:
         return
-    sense = rig.sense(flow.recording.chamber)
-    if sense * line.factors[0] + SURE * line.errors[0] < 0:
+    sense = rig.command_sign(flow.recording.chamber)
+    if sense * line.factors[0] + T_QUANTILE * line.errors[0] < 0:
         what, does = ("chamber 1", "vented") if sense > 0 else ("port 2", "filled")
         found = f"{what} is {does} the more the larger u is"
         yield Finding("direction", "u", name, found, "u > null fills chamber 1: write scale = -1.0 in [signals] u")
-    elif np.corrcoef(u, area)[0, 1] ** 2 < EXPLAINS:
-        seen = f"{shown(float(u.min()), 'u')} to {shown(float(u.max()), 'u')}"
+    elif np.corrcoef(u, area)[0, 1] ** 2 < MIN_EXPLAINED_VARIANCE:
+        seen = f"{format_in_display_unit(float(u.min()), 'u')} to {format_in_display_unit(float(u.max()), 'u')}"
         found = f"the flow into chamber 1 has nothing to do with u ({seen})"
         yield Finding("silent", "u", name, found, "another column? check the columns in [signals] u and p1")
 
 
-def _sampled(one: Recording) -> Iterator[Finding]:
+def _undersampled(one: Recording) -> Iterator[Finding]:
     """A chamber that charges within one sample, by more than in a time constant, is not seen charging."""
     p = one["p1"][np.isfinite(one["p1"])]
     span, step = float(np.ptp(p)), float(np.max(np.abs(np.diff(p)), initial=0.0))
     noise = one.noise["p1"].rms if "p1" in one.noise else 0.0
-    if step > max((1 - np.exp(-1.0)) * span, SEEN * noise):
-        found = f"p1 changes by {shown(step, 'p1')} of {shown(span, 'p1')} from one sample to the next"
+    if step > max((1 - np.exp(-1.0)) * span, MIN_SIGNAL_TO_NOISE * noise):
+        found = f"p1 changes by {format_in_display_unit(step, 'p1')} of {format_in_display_unit(span, 'p1')} from one sample to the next"
         mend = f"record faster than at {1 / one.period:.3g} Hz, or check the unit in [signals] time"
         yield Finding("sampling", "time", one.name, found, mend)
 
 
-def _settled(one: Recording, bench: Bench) -> Iterator[Finding]:
+def _settled_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """Where a vessel has been vented it rests at ambient pressure, where it has been charged at that of the supply."""
     ambient = bench.rig.ambient_pressure
-    for charged, level, rows in _ends(one):
+    for charged, level, rows in _settled_levels(one):
         if not charged:
             off = (level - ambient) / ambient
-            seen = f"p1 rests at {shown(level, 'p1')} in a vented chamber"
-            if -1 - HALF_AMBIENT < off < -HALF_AMBIENT:
-                yield gauge(one, "p1", seen)
-            elif HALF_AMBIENT < off < 1 + HALF_AMBIENT:
-                yield absolute(one, "p1", seen)
+            seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
+            if -1 - AMBIENT_SLIP_SHARE < off < -AMBIENT_SLIP_SHARE:
+                yield gauge_finding(one, "p1", seen)
+            elif AMBIENT_SLIP_SHARE < off < 1 + AMBIENT_SLIP_SHARE:
+                yield absolute_finding(one, "p1", seen)
         elif "p_supply" in one:
             supply = float(np.nanmedian(one["p_supply"][rows]))
-            off, apart = level - supply, _apart(supply, bench)
-            seen = f"p1 rests at {shown(level, 'p1')} in a chamber that is charged from {shown(supply, 'p_supply')}"
-            if apart < off < (1 + HALF_AMBIENT) * ambient:
-                yield gauge(one, "p_supply", seen)
+            off, apart = level - supply, _max_supply_difference(supply, bench)
+            seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber that is charged from {format_in_display_unit(supply, 'p_supply')}"
+            if apart < off < (1 + AMBIENT_SLIP_SHARE) * ambient:
+                yield gauge_finding(one, "p_supply", seen)
             elif abs(off) > apart:
                 mend = "check column, unit and reference in [signals] p_supply and p1"
                 yield Finding("supply", "p_supply", one.name, seen, mend)
 
 
-def _ends(one: Recording) -> list[tuple[bool, float, slice]]:
+def _settled_levels(one: Recording) -> list[tuple[bool, float, slice]]:
     """Return (charged?, pressure in Pa, rows) where p1 rests after it went over half of its range at one command."""
     u, p = one["u"], one["p1"]
     span = float(np.nanmax(p) - np.nanmin(p))
-    jumps = np.flatnonzero(np.abs(np.diff(u)) > JUMP * max(float(np.ptp(u)), 1e-9)) + 1
+    jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_STEP * max(float(np.ptp(u)), 1e-9)) + 1
     found = []
     for start, stop in zip(np.append(0, jumps), np.append(jumps, u.size), strict=True):
         held = p[start:stop][np.isfinite(p[start:stop])]
-        if held.size < LONG:
+        if held.size < MIN_HELD_SAMPLES:
             continue
         first, before, last = (float(np.mean(part)) for part in (held[:2], *np.array_split(held[held.size // 2 :], 2)))
-        if abs(last - first) > WAY * span and abs(last - before) < STILL * span:
+        if abs(last - first) > MIN_PRESSURE_TRAVEL * span and abs(last - before) < MAX_SETTLED_DRIFT * span:
             found.append((last > first, last, slice(int(start + (stop - start) * 3 // 4), int(stop))))
     return found
 
 
-def _areas(flows: list[Flow]) -> Iterator[Finding]:
+def _implausible_areas(flows: list[ChamberFlow]) -> Iterator[Finding]:
     """Bounds of what any valve lets through."""
     largest = [(float(np.nanpercentile(np.abs(f.area), 99)), f) for f in flows if np.isfinite(f.area).any()]
     for vessel in (True, False):
@@ -212,32 +229,32 @@ def _areas(flows: list[Flow]) -> Iterator[Finding]:
             continue
         area, flow = max(mine, key=lambda pair: pair[0])
         opened = any(np.ptp(f.u) > 0 for _, f in mine)  # else what flows may be a leak
-        if area > WIDEST or (opened and area < NARROWEST):
+        if area > MAX_AREA or (opened and area < MIN_AREA):
             found = f"what flows into chamber 1 needs a hole of {area * 1e6:.3g} mm^2, no valve has one"
             where = "[rig.vessel] volume" if vessel else "dead_volume_1 and piston_area_1 in [rig.cylinder]"
             mend = f"check {where}, and the units in [signals] time and p1"
             yield Finding("volume", "p1", flow.recording.name, found, mend)
 
 
-def _two_volumes(flows: list[Flow]) -> Iterator[Finding]:
+def _vessel_against_cylinder(flows: list[ChamberFlow]) -> Iterator[Finding]:
     """One valve lets the same through into the vessel as into the cylinder."""
     vessel, cylinder = ([f for f in flows if (f.recording.kind.vessel) == kind] for kind in (True, False))
     if not vessel or not cylinder:
         return
     u, area = (np.concatenate([getattr(f, part) for f in vessel]) for part in ("u", "area"))
     other_u, other = (np.concatenate([getattr(f, part) for f in cylinder]) for part in ("u", "area"))
-    edges = np.linspace(min(u.min(), other_u.min()), max(u.max(), other_u.max()), BINS + 1)
-    pairs = np.array([_medians(edges[i : i + 2], (u, area), (other_u, other)) for i in range(BINS)])
+    edges = np.linspace(min(u.min(), other_u.min()), max(u.max(), other_u.max()), COMMAND_BINS + 1)
+    pairs = np.array([_median_areas(edges[i : i + 2], (u, area), (other_u, other)) for i in range(COMMAND_BINS)])
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
     if not pairs.size:
         return
     ratio = float(np.sum(pairs[:, 0] * pairs[:, 1]) / np.sum(pairs[:, 0] ** 2))
-    if ratio > HALF_DECADE or 0 < ratio < 1 / HALF_DECADE:
+    if ratio > UNIT_SLIP_FACTOR or 0 < ratio < 1 / UNIT_SLIP_FACTOR:
         found = f"the valve lets {ratio:.2g} times as much into the cylinder as into the vessel, at the same commands"
         mend = "check [rig.vessel] volume, and dead_volume_1 and piston_area_1 in [rig.cylinder]"
         yield Finding("volume", "p1", cylinder[0].recording.name, found, mend)
 
 
-def _medians(edges: Array, *pairs: tuple[Array, Array]) -> list[float]:
+def _median_areas(edges: Array, *pairs: tuple[Array, Array]) -> list[float]:
     inside = [area[(u >= edges[0]) & (u <= edges[1]) & np.isfinite(area)] for u, area in pairs]
-    return [float(np.median(areas)) if areas.size >= IN_BIN else float("nan") for areas in inside]
+    return [float(np.median(areas)) if areas.size >= MIN_BLOCKS_PER_BIN else float("nan") for areas in inside]

@@ -8,22 +8,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.plausibility.blocks import blocks, fit
-from pneucli.plausibility.readings import absolute, gauge
-from pneucli.plausibility.rig_check import BOTH_WAYS, HALF_AMBIENT, HALF_DECADE, SURE, Bench, Finding, shown
+from pneucli.plausibility.blocks import fit_linear, resolved_blocks
+from pneucli.plausibility.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.rig_check import (
+    AMBIENT_SLIP_SHARE,
+    MIN_DIRECTION_SHARE,
+    T_QUANTILE,
+    UNIT_SLIP_FACTOR,
+    Finding,
+    RigCheck,
+    format_in_display_unit,
+)
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
 
 # a payload that the description misses may weigh several times what is stated (extra-mass); beyond ten times it is a
 # slip of units: g for kg, mm^2 for cm^2. Nothing makes a piston lighter
-HEAVIEST, LIGHTEST = 10.0, 1 / HALF_DECADE
+MAX_MASS_RATIO, MIN_MASS_RATIO = 10.0, 1 / UNIT_SLIP_FACTOR
 # exponents below the isotherm's: a closed chamber with twice its volume, such as that of a hose, shows half
-FLATTEST = 0.5
+MIN_POLYTROPIC_EXPONENT = 0.5
 
 
 @dataclass(frozen=True)
-class Balance:
+class ForceBalance:
     """What net force = mass x acceleration + friction gives, SI, each with its standard error."""
 
     mass: float
@@ -33,52 +41,58 @@ class Balance:
     both_ways: bool
 
 
-def check(bench: Bench) -> Iterator[Finding]:
+def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
-    balances: list[tuple[Recording, Balance]] = []
-    for one in bench.recordings:
+    balances: list[tuple[Recording, ForceBalance]] = []
+    for one in rig_check.recordings:
         if "x" not in one or one.kind.vessel:
             continue
-        closed = Closed.of(one, bench)
+        closed = ClosedChamber.from_recording(one, rig_check)
         exponent = closed.exponent() if closed else None
-        turned = exponent is not None and exponent[0] + SURE * exponent[1] < 0
+        turned = exponent is not None and exponent[0] + T_QUANTILE * exponent[1] < 0
         if closed and exponent:
-            yield from _law(one, closed, *exponent, bench)
-        balance = _balance(one, bench)
+            yield from _polytropic_law(one, closed, *exponent, rig_check)
+        balance = _force_balance(one, rig_check)
         if balance is not None:
             balances.append((one, balance))
             yield from _direction(one, balance, turned=turned)
-    yield from _mass(balances, bench)
+    yield from _mass(balances, rig_check)
 
 
-def _balance(one: Recording, bench: Bench) -> Balance | None:
-    cut = blocks(one, "x", 2)
+def _force_balance(one: Recording, bench: RigCheck) -> ForceBalance | None:
+    cut = resolved_blocks(one, "x", 2)
     if cut is None:
         return None
     force = bench.net_force(one, {name: cut.mean(name, 2) for name in ("p1", "p2", "force") if name in one})
     if force is None:
         return None
     v, a, x = cut.slope("x"), cut.curvature("x"), cut.mean("x", 2)
-    sure = np.abs(v) > np.abs(a) * cut.half  # of the direction: it does not turn within the block
+    sure = np.abs(v) > np.abs(a) * cut.half_duration  # of the direction: it does not turn within the block
     v, a, x, force = v[sure], a[sure], x[sure], force[sure]
     if v.size == 0:
         return None
-    line = fit([a, np.sign(v), v, x - x.mean(), np.ones_like(v)], force)
+    line = fit_linear([a, np.sign(v), v, x - x.mean(), np.ones_like(v)], force)
     if line is None:
         return None
     speed = float(np.mean(np.abs(v)))
-    drag, drag_error = line.of(np.array([0.0, 1.0, float(np.mean(v**2)) / speed, 0.0, 0.0]))
+    drag, drag_error = line.combination(np.array([0.0, 1.0, float(np.mean(v**2)) / speed, 0.0, 0.0]))
     forth = float(np.mean(v > 0))
-    return Balance(float(line.factors[0]), float(line.errors[0]), drag, drag_error, BOTH_WAYS < forth < 1 - BOTH_WAYS)
+    return ForceBalance(
+        float(line.factors[0]),
+        float(line.errors[0]),
+        drag,
+        drag_error,
+        MIN_DIRECTION_SHARE < forth < 1 - MIN_DIRECTION_SHARE,
+    )
 
 
-def _direction(one: Recording, balance: Balance, *, turned: bool) -> Iterator[Finding]:
+def _direction(one: Recording, balance: ForceBalance, *, turned: bool) -> Iterator[Finding]:
     """Friction takes energy out: a force that brakes all motion has a sign wrong.
 
     Weight, springs and sensors' offsets give back on the way back what they take.
     """
     alone = one.imposed and "force" not in one  # what moves the piston was not measured, and may press on the air
-    if alone or not balance.both_ways or balance.drag + SURE * balance.drag_error > 0:
+    if alone or not balance.both_ways or balance.drag + T_QUANTILE * balance.drag_error > 0:
         return
     if "p1" not in one or "p2" not in one:
         mend = "write scale = -1.0 in [signals] x, or in [signals] force, whichever has its sign wrong"
@@ -90,7 +104,7 @@ def _direction(one: Recording, balance: Balance, *, turned: bool) -> Iterator[Fi
     yield Finding("direction", "x", one.name, found, mend)
 
 
-def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[Finding]:
+def _mass(balances: list[tuple[Recording, ForceBalance]], bench: RigCheck) -> Iterator[Finding]:
     """Pool the recordings, each as far as it knows the mass."""
     stated = bench.rig.moving_mass
     known = [(one, b) for one, b in balances if b.mass_error > 0 and one.imposed is None]
@@ -100,9 +114,9 @@ def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[F
     weights = (errors.min() / errors) ** 2
     mass = float(np.average(masses, weights=weights))
     scatter = float(np.sqrt(np.sum(((masses - mass) / errors) ** 2) / max(masses.size - 1, 1)))
-    error = SURE * max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
+    error = T_QUANTILE * max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
     best = known[int(np.argmax(weights))][0]
-    if mass - error > HEAVIEST * stated or abs(mass) + error < LIGHTEST * stated:
+    if mass - error > MAX_MASS_RATIO * stated or abs(mass) + error < MIN_MASS_RATIO * stated:
         found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
         mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], "
         mend += "and the units in [signals] p1, p2, x and time"
@@ -110,7 +124,7 @@ def _mass(balances: list[tuple[Recording, Balance]], bench: Bench) -> Iterator[F
 
 
 @dataclass(frozen=True)
-class Closed:
+class ClosedChamber:
     """A closed chamber 2 from block to block: changes of ln V2 and of p2 in Pa, p2, and how leaks would change it."""
 
     squeezed: Array
@@ -119,33 +133,35 @@ class Closed:
     leaks: tuple[Array, Array]
 
     @classmethod
-    def of(cls, one: Recording, bench: Bench) -> Closed | None:
+    def from_recording(cls, one: Recording, bench: RigCheck) -> ClosedChamber | None:
         """Return it, or None where chamber 2 is not closed, its volume is not stated, or p2 or x rests."""
-        told = one.chamber_2 == "closed" and "p1" in one and bench.moving(one, "p2")
-        cut = blocks(one, "x", 1) if told else None
+        told = one.chamber_2 == "closed" and "p1" in one and bench.active_signals(one, "p2")
+        cut = resolved_blocks(one, "x", 1) if told else None
         volume = None if cut is None else bench.volume(2, cut.mean("x"))
         if cut is None or volume is None or not np.all(volume > 0):
             return None
-        p1, p2, lasts = cut.mean("p1"), cut.mean("p2"), np.diff(cut.time.mean(axis=1)) / _middle(volume)
-        leaks = (lasts * _middle(p1 - p2), lasts)
-        return cls(-np.diff(np.log(volume)), np.diff(p2), _middle(p2), leaks)
+        p1, p2, lasts = cut.mean("p1"), cut.mean("p2"), np.diff(cut.time.mean(axis=1)) / _midpoints(volume)
+        leaks = (lasts * _midpoints(p1 - p2), lasts)
+        return cls(-np.diff(np.log(volume)), np.diff(p2), _midpoints(p2), leaks)
 
     def exponent(self) -> tuple[float, float] | None:
         """Return n of p2 V2^n = constant, with its error."""
-        line = fit([self.squeezed * self.p, *self.leaks], self.change)
+        line = fit_linear([self.squeezed * self.p, *self.leaks], self.change)
         return None if line is None else (float(line.factors[0]), float(line.errors[0]))
 
-    def lacks(self, offset: float) -> float:
+    def offset_significance(self, offset: float) -> float:
         """Return by how many standard errors the chamber's law wants more than ``offset`` (Pa) added to p2."""
-        line = fit([self.squeezed * (self.p + offset), self.squeezed, *self.leaks], self.change)
+        line = fit_linear([self.squeezed * (self.p + offset), self.squeezed, *self.leaks], self.change)
         return 0.0 if line is None or line.factors[0] <= 0 else float(line.factors[1] / max(line.errors[1], 1e-300))
 
 
-def _middle(values: Array) -> Array:
+def _midpoints(values: Array) -> Array:
     return np.asarray(0.5 * (values[1:] + values[:-1]))
 
 
-def _law(one: Recording, closed: Closed, exponent: float, error: float, bench: Bench) -> Iterator[Finding]:
+def _polytropic_law(
+    one: Recording, closed: ClosedChamber, exponent: float, error: float, bench: RigCheck
+) -> Iterator[Finding]:
     """Air in a closed chamber goes between the isotherm, n = 1, and the isentrope, n = kappa.
 
     A reading that is short of ambient pressure gives a steeper law, by p true over p read; one that has it twice a
@@ -154,13 +170,17 @@ def _law(one: Recording, closed: Closed, exponent: float, error: float, bench: B
     middle, ambient, kappa = float(np.nanmedian(one["p2"])), bench.rig.ambient_pressure, bench.rig.heat_capacity_ratio
     steepest = kappa * ((middle + ambient) / max(middle, 1.0)) ** 1.5
     seen = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{kappa:.3g}"
-    if exponent < 0 and exponent + SURE * error < FLATTEST:
+    if exponent < 0 and exponent + T_QUANTILE * error < MIN_POLYTROPIC_EXPONENT:
         found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{-exponent:.3g})"
         yield Finding("direction", "x", one.name, found, "x grows toward chamber 1? write scale = -1.0 in [signals] x")
-    elif exponent - SURE * error > steepest or exponent + SURE * error < FLATTEST:
+    elif exponent - T_QUANTILE * error > steepest or exponent + T_QUANTILE * error < MIN_POLYTROPIC_EXPONENT:
         mend = "check dead_volume_2, piston_area_2 and stroke in [rig.cylinder], and the units in [signals] x and p2"
         yield Finding("volume", "p2", one.name, seen, mend)
-    elif closed.lacks(HALF_AMBIENT * ambient) > SURE:
-        yield gauge(one, "p2", f"p2 of the closed chamber lacks ambient pressure at {shown(middle, 'p2')}")
-    elif closed.lacks(-HALF_AMBIENT * ambient) < -SURE:
-        yield absolute(one, "p2", f"p2 of the closed chamber has ambient pressure twice at {shown(middle, 'p2')}")
+    elif closed.offset_significance(AMBIENT_SLIP_SHARE * ambient) > T_QUANTILE:
+        yield gauge_finding(
+            one, "p2", f"p2 of the closed chamber lacks ambient pressure at {format_in_display_unit(middle, 'p2')}"
+        )
+    elif closed.offset_significance(-AMBIENT_SLIP_SHARE * ambient) < -T_QUANTILE:
+        yield absolute_finding(
+            one, "p2", f"p2 of the closed chamber has ambient pressure twice at {format_in_display_unit(middle, 'p2')}"
+        )

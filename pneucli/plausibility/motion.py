@@ -7,39 +7,39 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.plausibility.blocks import Blocks, blocks, fit
-from pneucli.plausibility.rig_check import HALF_DECADE, SURE, Bench, Finding, shown
+from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
+from pneucli.plausibility.rig_check import T_QUANTILE, UNIT_SLIP_FACTOR, Finding, RigCheck, format_in_display_unit
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
 
-ZERO_ERROR = 0.05  # of the stroke: x = 0 is set by hand at an end stop; further off it is another zero
-FASTEST = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
+MAX_ZERO_ERROR = 0.05  # of the stroke: x = 0 is set by hand at an end stop; further off it is another zero
+MAX_SPEED = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
 
 
-def check(bench: Bench) -> Iterator[Finding]:
+def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
-    moved = [one for one in bench.recordings if "x" in one and one.kind.cylinder]
+    moved = [one for one in rig_check.recordings if "x" in one and one.kind.cylinder]
     for one in moved:
-        yield from _stroke(one, bench)
+        yield from _stroke(one, rig_check)
         yield from _speed(one)
         for signal, order in (("v", 1), ("a", 2)):
-            if signal in one and (found := blocks(one, "x", order)):
+            if signal in one and (found := resolved_blocks(one, "x", order)):
                 yield from _derivative(one, signal, order, found)
-    yield from _motionless(moved, bench)
+    yield from _motionless(moved, rig_check)
 
 
-def _stroke(one: Recording, bench: Bench) -> Iterator[Finding]:
+def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     stroke, (low, high) = bench.rig.stroke, np.nanpercentile(one["x"], (0.1, 99.9))
     if stroke is None:
         return
-    seen = f"x goes from {shown(low, 'x')} to {shown(high, 'x')}, the stroke is {shown(stroke, 'x')}"
-    if high - low > (1 + ZERO_ERROR) * stroke:
+    seen = f"x goes from {format_in_display_unit(low, 'x')} to {format_in_display_unit(high, 'x')}, the stroke is {format_in_display_unit(stroke, 'x')}"
+    if high - low > (1 + MAX_ZERO_ERROR) * stroke:
         mend = "check unit and scale in [signals] x, and [rig.cylinder] stroke"
         yield Finding("stroke", "x", one.name, seen, mend)
-    elif low < -ZERO_ERROR * stroke or high > (1 + ZERO_ERROR) * stroke:
+    elif low < -MAX_ZERO_ERROR * stroke or high > (1 + MAX_ZERO_ERROR) * stroke:
         mend = "x = 0 is where chamber 1 is smallest: write offset in [signals] x"
-        if high <= ZERO_ERROR * stroke:
+        if high <= MAX_ZERO_ERROR * stroke:
             mend = f"write scale = -1.0 in [signals] x if it grows toward chamber 1; else {mend}"
         yield Finding("stroke", "x", one.name, seen, mend)
 
@@ -50,8 +50,8 @@ def _speed(one: Recording) -> Iterator[Finding]:
     if at.size < 2:
         return
     speed = float(np.percentile(np.abs(np.diff(one["x"][at]) / np.diff(one.time[at])), 99.0))
-    if speed > FASTEST:
-        found = f"x moves at {shown(speed, 'v')}, faster than any piston ({shown(FASTEST, 'v')})"
+    if speed > MAX_SPEED:
+        found = f"x moves at {format_in_display_unit(speed, 'v')}, faster than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
         yield Finding("speed", "x", one.name, found, "check the units in [signals] time and x")
 
 
@@ -59,42 +59,42 @@ def _derivative(one: Recording, signal: str, order: int, found: Blocks) -> Itera
     """Compare what was measured with the derivative of x: their factor is 1, whatever the sensor's offset."""
     derived = found.slope("x") if order == 1 else found.curvature("x")
     measured = found.mean(signal, order)
-    line = fit([derived, np.ones_like(derived)], measured)
+    line = fit_linear([derived, np.ones_like(derived)], measured)
     if line is None:
         return
-    factor, error = line.factors[0], SURE * line.errors[0]
+    factor, error = line.factors[0], T_QUANTILE * line.errors[0]
     seen = f"{signal} is {factor:.2g} times the {'first' if order == 1 else 'second'} derivative of x"
-    if factor + error < -1 / HALF_DECADE:
+    if factor + error < -1 / UNIT_SLIP_FACTOR:
         mend = f"write scale = -1.0 in [signals] x if x grows toward chamber 1, else in [signals] {signal}"
         yield Finding("direction", signal, one.name, seen, mend)
-    elif factor - error > HALF_DECADE:
-        mend = f"check the units in [signals] {signal}, x and time ({_likely(factor, order, signal)})"
+    elif factor - error > UNIT_SLIP_FACTOR:
+        mend = f"check the units in [signals] {signal}, x and time ({_unit_slip(factor, order, signal)})"
         yield Finding("derivative", signal, one.name, seen, mend)
-    elif abs(factor) + error < 1 / HALF_DECADE:
+    elif abs(factor) + error < 1 / UNIT_SLIP_FACTOR:
         mend = f"{signal} is dead, or another column: check column and unit in [signals] {signal}, x and time"
         yield Finding("derivative", signal, one.name, seen, mend)
 
 
-def _likely(factor: float, order: int, signal: str) -> str:
+def _unit_slip(factor: float, order: int, signal: str) -> str:
     """Say which slip of a thousand explains a factor."""
     thousands = round(float(np.log10(factor)) / 3)
     slips = {1: f"x in m, or {signal} in mm/s{'^2' if order == 2 else ''}", order: "time in ms"}
     return slips.get(thousands, "none of the usual slips by a thousand")
 
 
-def _motionless(moved: list[Recording], bench: Bench) -> Iterator[Finding]:
+def _motionless(moved: list[Recording], bench: RigCheck) -> Iterator[Finding]:
     """A piston may stick, or be held; it does not stick under more than twice what broke it away elsewhere.
 
     From sticking the one way to sticking the other way the force swings by twice the static friction.
     """
-    still = [one for one in moved if bench.rests(one, "x") and "x" not in bench.stated.get(one.name, ())]
-    swings = [_swing(one, bench) for one in moved if one not in still]
+    still = [one for one in moved if bench.is_inactive(one, "x") and "x" not in bench.stated.get(one.name, ())]
+    swings = [_net_force_range(one, bench) for one in moved if one not in still]
     limit = 2.0 * min(swings, default=0.0)
     for one in still:
-        swing = _swing(one, bench)
+        swing = _net_force_range(one, bench)
         if len(still) < len(moved) and not swing > limit > 0:
             continue
-        low, high = (shown(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
+        low, high = (format_in_display_unit(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
         pushed = f" while the force on it changes by {swing:.3g} N" if np.isfinite(swing) else ""
         found = f"the piston does not move: x stays at {low} to {high}{pushed}"
         mend = "a dead sensor or another column? check [signals] x; "
@@ -102,10 +102,10 @@ def _motionless(moved: list[Recording], bench: Bench) -> Iterator[Finding]:
         yield Finding("motionless", "x", one.name, found, mend)
 
 
-def _swing(one: Recording, bench: Bench) -> float:
+def _net_force_range(one: Recording, bench: RigCheck) -> float:
     """Return by how many N the net force changes, in means of a hundredth of the recording; NaN where unknown."""
     width = max(1, one.time.size // 100)
-    cut = Blocks.of(one, "x", width) if width > 1 else None
+    cut = Blocks.cut(one, "x", width) if width > 1 else None
     if cut is None or not cut.count:
         return float("nan")
     force = bench.net_force(one, {name: cut.mean(name) for name in ("p1", "p2", "force") if name in one})

@@ -10,11 +10,11 @@ import numpy as np
 
 from pneucli.recording import Recording, Rig
 
-MOST = 3  # recordings that are named
+MAX_NAMED_RECORDINGS = 3  # recordings that are named
 
 
 @dataclass(frozen=True)
-class Need:
+class RequiredInput:
     """One key of the pipeline file that is missing: where it belongs, what it is good for, and how it may be written.
 
     ``table`` is that of the key, such as ``rig.cylinder``; ``wanted`` names what the key is and the recordings.
@@ -27,106 +27,112 @@ class Need:
 
 
 @dataclass(frozen=True)
-class Assumed:
+class Assumption:
     """What the program took for granted because the pipeline file does not say it; ``instead`` is what would say it."""
 
     what: str
     instead: str
 
 
-Of = Callable[[Recording, Rig], bool]
+AppliesTo = Callable[[Recording, Rig], bool]
 
 
-def _pressed(one: Recording, _: Rig) -> bool:
+def _pressures_act_on_piston(one: Recording, _: Rig) -> bool:
     """Whether pressures act on a piston."""
     return one.kind.cylinder and (one.kind.valve or "p1" in one or "p2" in one)
 
 
-def _second(one: Recording, _: Rig) -> bool:
+def _gas_enclosed_in_chamber_2(one: Recording, _: Rig) -> bool:
     """Whether gas is shut in behind the piston."""
     return one.kind.axis and one.chamber_2 != "open"
 
 
-def _supplied(one: Recording, rig: Rig) -> bool:
+def _supply_unrecorded(one: Recording, rig: Rig) -> bool:
     """Whether a valve lets gas in, from a pressure that nobody recorded."""
     if not one.kind.valve or one.valve_shut or "p_supply" in one:
         return False
     opened = [one[u] for u in ("u", "u2") if u in one]
-    sense = rig.sense(one.chamber)
+    sense = rig.command_sign(one.chamber)
     both = one.kind.axis and one.chamber_2 == "valve"  # one of both is filled by either sign
     return any(np.nanmax(sense * (u - rig.valve_null)) > 0.0 or (both and np.ptp(u) > 0.0) for u in opened)
 
 
-def _unseen(one: Recording, rig: Rig) -> bool:
+def _chamber_2_volume_unobserved(one: Recording, rig: Rig) -> bool:
     """Whether nothing but its volume tells how gas that is shut in behind the piston pushes."""
-    return _second(one, rig) and "p2" not in one
+    return _gas_enclosed_in_chamber_2(one, rig) and "p2" not in one
 
 
-_NEEDS: tuple[tuple[str, str, str, str, Of], ...] = (
-    ("rig.cylinder", "piston_area_1", "the area on which p1 acts", '"8.04 cm^2"', _pressed),
-    ("rig.cylinder", "stroke", "the stroke, without which chamber 2 has no volume", '"200 mm"', _second),
+_RIG_KEYS: tuple[tuple[str, str, str, str, AppliesTo], ...] = (
+    ("rig.cylinder", "piston_area_1", "the area on which p1 acts", '"8.04 cm^2"', _pressures_act_on_piston),
+    (
+        "rig.cylinder",
+        "stroke",
+        "the stroke, without which chamber 2 has no volume",
+        '"200 mm"',
+        _gas_enclosed_in_chamber_2,
+    ),
     (
         "rig.cylinder",
         "dead_volume_2",
         "the volume of chamber 2, which p2 does not show",
         '"30 cm^3"',
-        _unseen,
+        _chamber_2_volume_unobserved,
     ),
-    ("rig", "supply_pressure", "the pressure before the valve, which is not recorded", '"7 bar"', _supplied),
+    ("rig", "supply_pressure", "the pressure before the valve, which is not recorded", '"7 bar"', _supply_unrecorded),
 )
 
 
-def needs(recordings: Sequence[Recording], rig: Rig) -> list[Need]:
+def required_inputs(recordings: Sequence[Recording], rig: Rig) -> list[RequiredInput]:
     """Return what the recordings need of the rig and the pipeline file does not say."""
     found = []
-    for table, key, what, example, of in _NEEDS:
+    for table, key, what, example, of in _RIG_KEYS:
         asking = [one for one in recordings if getattr(rig, key) is None and of(one, rig)]
         if asking:
-            found.append(Need(table, key, f"{what} ({_named(asking)})", example))
-    unread = [one for one in recordings if _unread(one)]
+            found.append(RequiredInput(table, key, f"{what} ({_named(asking)})", example))
+    unread = [one for one in recordings if _chamber_2_pressure_unknown(one)]
     if unread:
         what = f"the pressure of chamber 2, which is not open to ambient ({_named(unread)})"
-        found.append(Need("[recordings]", "p2", what, '"1.013 bar"'))
+        found.append(RequiredInput("[recordings]", "p2", what, '"1.013 bar"'))
     return found
 
 
-def _unread(one: Recording) -> bool:
+def _chamber_2_pressure_unknown(one: Recording) -> bool:
     """Whether a pressure acts on the piston that nobody recorded nor states."""
     return one.kind.cylinder and not one.kind.valve and "p2" not in one and one.chamber_2 in ("closed", "valve")
 
 
 def _named(recordings: Sequence[Recording]) -> str:
     names = [one.name for one in recordings]
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return ", ".join(names[:MOST]) + more
+    more = f" and {len(names) - MAX_NAMED_RECORDINGS} more" if len(names) > MAX_NAMED_RECORDINGS else ""
+    return ", ".join(names[:MAX_NAMED_RECORDINGS]) + more
 
 
-def assumptions(recordings: Sequence[Recording], rig: Rig) -> Iterator[Assumed]:
+def assumptions(recordings: Sequence[Recording], rig: Rig) -> Iterator[Assumption]:
     """Yield what stands in for what the pipeline file leaves out of the rig and the recordings."""
     behind = [one for one in recordings if one.kind.cylinder and (one.kind.valve or "p2" in one)]
     if behind and rig.has_cylinder and rig.piston_area_2 is None:
-        yield Assumed("piston_area_2 is piston_area_1: no rod in chamber 2", "rig.cylinder.piston_area_2")
+        yield Assumption("piston_area_2 is piston_area_1: no rod in chamber 2", "rig.cylinder.piston_area_2")
     quiet = [one for one in recordings if one.kind.cylinder and "p1" in one and "p2" not in one]
     if opened := [one for one in quiet if one.chamber_2 is None]:
-        yield Assumed(f"chamber 2 is at ambient pressure in {_named(opened)}", "p2 or chamber_2 in [[recordings]]")
+        yield Assumption(f"chamber 2 is at ambient pressure in {_named(opened)}", "p2 or chamber_2 in [[recordings]]")
     if shut := [one for one in quiet if one.kind.axis and one.chamber_2 != "open"]:
-        yield Assumed(f"chamber 2 starts at ambient pressure in {_named(shut)}", "p2 in [signals]")
+        yield Assumption(f"chamber 2 starts at ambient pressure in {_named(shut)}", "p2 in [signals]")
 
 
-Volume = Literal["rig.dead_volume_1", "rig.dead_volume_2", "rig.vessel_volume"]
+VolumeKey = Literal["rig.dead_volume_1", "rig.dead_volume_2", "rig.vessel_volume"]
 
 
-def to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[Volume, ...]:
+def volumes_to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[VolumeKey, ...]:
     """Return the volumes that the pipeline file leaves out and that motion or another volume lets be told.
 
     A dead volume shows as the piston moves; a vessel's volume beside a cylinder that the same valve drives, or with
     the flow into it. A vessel alone tells only ratios to its volume.
     """
     driven = [one for one in recordings if one.kind.axis]
-    found: list[Volume] = []
+    found: list[VolumeKey] = []
     if driven and rig.dead_volume_1 is None:
         found.append("rig.dead_volume_1")
-    if rig.dead_volume_2 is None and any(_second(one, rig) and "p2" in one for one in driven):
+    if rig.dead_volume_2 is None and any(_gas_enclosed_in_chamber_2(one, rig) and "p2" in one for one in driven):
         found.append("rig.dead_volume_2")
     vessels = [one for one in recordings if one.kind.vessel and not one.valve_shut]
     if rig.vessel_volume is None and vessels and (driven or any("flow" in one for one in vessels)):

@@ -7,38 +7,38 @@ from itertools import combinations
 
 import numpy as np
 
-from pneucli.plausibility.rig_check import Bench, Finding
-from pneucli.plausibility.signal_summary import missing
+from pneucli.plausibility.rig_check import Finding, RigCheck
+from pneucli.plausibility.signal_summary import missing_share
 from pneucli.quantities import CHANNELS
 from pneucli.recording import Recording
 
-MOST_MISSING = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
-FEWEST = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
-STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
+MAX_MISSING_SHARE = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
+MIN_SAMPLES = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
+INITIAL_STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
 
 
-def check(bench: Bench) -> Iterator[Finding]:
+def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings."""
-    for one in bench.recordings:
+    for one in rig_check.recordings:
         yield from _missing(one)
-        yield from _few(one)
-        yield from _copies(one)
-        yield from _slow(one, bench)
+        yield from _too_few_samples(one)
+        yield from _duplicated_columns(one)
+        yield from _undersampled(one, rig_check)
 
 
 def _missing(one: Recording) -> Iterator[Finding]:
     for signal in one.signals:
-        share = missing(one, signal)
-        if share > MOST_MISSING:
+        share = missing_share(one, signal)
+        if share > MAX_MISSING_SHARE:
             found = f"{signal} was not measured in {100 * share:.0f} % of the time"
             mend = f"look at the logger, or take what was measured with from and to in [[recordings]] {one.name}"
             yield Finding("missing", signal, one.name, found, mend)
 
 
-def _few(one: Recording) -> Iterator[Finding]:
+def _too_few_samples(one: Recording) -> Iterator[Finding]:
     """The start of each compared channel is fitted too; effects of [model] come on top."""
     compared = [name for name in CHANNELS if name in one]
-    needed = max(FEWEST, one.kind.parameters + sum(STATES.get(name, 0) for name in compared))
+    needed = max(MIN_SAMPLES, one.kind.min_parameters + sum(INITIAL_STATES.get(name, 0) for name in compared))
     for signal in compared:
         count = int(np.isfinite(one[signal]).sum())
         if count < needed:
@@ -47,7 +47,7 @@ def _few(one: Recording) -> Iterator[Finding]:
             yield Finding("samples", signal, one.name, found, mend)
 
 
-def _copies(one: Recording) -> Iterator[Finding]:
+def _duplicated_columns(one: Recording) -> Iterator[Finding]:
     """Two sensors never give the same digits, unless neither of them does anything."""
     sensors = [name for name in CHANNELS if name in one] + [name for name in ("p_supply",) if name in one]
     for first, second in combinations(sensors, 2):
@@ -57,7 +57,7 @@ def _copies(one: Recording) -> Iterator[Finding]:
             yield Finding("copy", second, one.name, found, f"name the column of {second} in [signals] {second}")
 
 
-def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:
+def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """A piston that turns by more than one radian of its own oscillation from sample to sample is not seen moving.
 
     It hangs between two springs of air, k = kappa p A^2 / V each.
@@ -66,7 +66,7 @@ def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:
     known = rig.piston_area_1 and rig.moving_mass and rig.dead_volume_1 and "x" in one and "p1" in one
     if one.kind.vessel or one.imposed or not known:
         return
-    stiffness = sum(_spring(bench, one, chamber) for chamber in (1, 2))
+    stiffness = sum(_air_spring_stiffness(bench, one, chamber) for chamber in (1, 2))
     omega = float(np.sqrt(max(stiffness, 0.0) / (rig.moving_mass or 1.0)))
     if omega * one.period > 1.0:
         found = f"sampled at {1 / one.period:.3g} Hz, and the piston swings on its air at {omega / (2 * np.pi):.3g} Hz"
@@ -76,11 +76,11 @@ def _slow(one: Recording, bench: Bench) -> Iterator[Finding]:
         yield Finding("sampling", "time", one.name, found, mend)
 
 
-def _spring(bench: Bench, one: Recording, chamber: int) -> float:
+def _air_spring_stiffness(bench: RigCheck, one: Recording, chamber: int) -> float:
     if f"p{chamber}" not in one or (chamber == 2 and one.chamber_2 == "open"):
         return 0.0
     volume = bench.volume(chamber, one["x"])
     if volume is None:
         return 0.0
-    area = bench.rig.areas[chamber - 1]
+    area = bench.rig.piston_areas[chamber - 1]
     return float(bench.rig.heat_capacity_ratio * np.nanmedian(one[f"p{chamber}"]) * area**2 / np.nanmedian(volume))

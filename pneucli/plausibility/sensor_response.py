@@ -6,27 +6,33 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.blocks import blocks
-from pneucli.plausibility.rig_check import BOTH_WAYS, SEEN, Bench, Finding, shown
+from pneucli.plausibility.blocks import resolved_blocks
+from pneucli.plausibility.rig_check import (
+    MIN_DIRECTION_SHARE,
+    MIN_SIGNAL_TO_NOISE,
+    Finding,
+    RigCheck,
+    format_in_display_unit,
+)
 from pneucli.recording import Recording
 
 
-def check(bench: Bench) -> Iterator[Finding]:
+def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings in which the piston moves."""
-    for one in bench.recordings:
-        if one.kind.vessel or not bench.moving(one, "x"):
+    for one in rig_check.recordings:
+        if one.kind.vessel or not rig_check.active_signals(one, "x"):
             continue
-        yield from _drive(one, bench)
-        yield from _closed(one, bench)
-        yield from _force(one, bench)
+        yield from _driving_pressure(one, rig_check)
+        yield from _closed_chamber(one, rig_check)
+        yield from _measured_force(one, rig_check)
 
 
-def _drive(one: Recording, bench: Bench) -> Iterator[Finding]:
+def _driving_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """What drives the piston changes, unless something else does."""
-    if "p1" not in one or one.imposed or "force" in one or not bench.rests(one, "p1"):
+    if "p1" not in one or one.imposed or "force" in one or not bench.is_inactive(one, "p1"):
         return
-    found = f"the piston moves, and p1 stays at {shown(float(np.nanmedian(one['p1'])), 'p1')}"
-    if one.chamber_2 == "open" and bench.moving(one, "p2"):
+    found = f"the piston moves, and p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')}"
+    if one.chamber_2 == "open" and bench.active_signals(one, "p2"):
         mend = "exchange the columns in [signals] p1 and p2"
         yield Finding("swapped", "p1", one.name, f"{found} while p2 of the open chamber moves: swapped?", mend)
     else:
@@ -34,28 +40,30 @@ def _drive(one: Recording, bench: Bench) -> Iterator[Finding]:
         yield Finding("silent", "p1", one.name, found, mend)
 
 
-def _closed(one: Recording, bench: Bench) -> Iterator[Finding]:
+def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """The pressure of a closed chamber changes with its volume."""
     volume = bench.volume(2, one["x"]) if one.chamber_2 == "closed" and "p2" in one else None
-    if volume is None or not bench.rests(one, "p2"):
+    if volume is None or not bench.is_inactive(one, "p2"):
         return
     middle = float(np.nanmedian(one["p2"]))
     expected = middle * float(np.nanmax(volume) - np.nanmin(volume)) / float(np.nanmax(np.abs(volume)))
     noise = one.noise["p2"].rms if "p2" in one.noise else 0.0
-    if expected > SEEN * noise:
-        stays = f"p2 of the closed chamber stays at {shown(middle, 'p2')}"
+    if expected > MIN_SIGNAL_TO_NOISE * noise:
+        stays = f"p2 of the closed chamber stays at {format_in_display_unit(middle, 'p2')}"
         mend = f"a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}"
-        found = f"{stays} while x would change it by {shown(expected, 'p2')}"
+        found = f"{stays} while x would change it by {format_in_display_unit(expected, 'p2')}"
         yield Finding("silent", "p2", one.name, found, mend)
 
 
-def _force(one: Recording, bench: Bench) -> Iterator[Finding]:
+def _measured_force(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """Friction changes its sign with the motion's: a force that is measured shows it."""
-    if "force" not in one or not bench.rests(one, "force") or bench.moving(one, "p1", "p2"):
+    if "force" not in one or not bench.is_inactive(one, "force") or bench.active_signals(one, "p1", "p2"):
         return
-    cut = blocks(one, "x", 1)
+    cut = resolved_blocks(one, "x", 1)
     forth = float(np.mean(cut.slope("x") > 0)) if cut else 0.0
-    if BOTH_WAYS < forth < 1 - BOTH_WAYS:
-        found = f"the piston moves, and force stays at {shown(float(np.nanmedian(one['force'])), 'force')}"
+    if MIN_DIRECTION_SHARE < forth < 1 - MIN_DIRECTION_SHARE:
+        found = (
+            f"the piston moves, and force stays at {format_in_display_unit(float(np.nanmedian(one['force'])), 'force')}"
+        )
         mend = "a dead sensor or another column? check column and unit in [signals] force"
         yield Finding("silent", "force", one.name, found, mend)

@@ -12,13 +12,15 @@ from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
 
-GAP = 2.5  # of a signal's own sampling period: two samples may lie two periods apart where its clock drifts
-OWN = 10.0  # percentile of the steps between samples: the period of a clock of which most stamps were lost
+GAP_PERIODS = 2.5  # of a signal's own sampling period: two samples may lie two periods apart where its clock drifts
+PERIOD_PERCENTILE = (
+    10.0  # percentile of the steps between samples: the period of a clock of which most stamps were lost
+)
 
 
 @dataclass(frozen=True)
-class Look:
-    """One signal in its SI ``unit``; ``rate`` is in samples per second, ``missing`` a share of the recording's time.
+class SignalSummary:
+    """One signal in its SI ``unit``; ``rate`` is in samples per second, ``missing_share`` a share of the recording's time.
 
     ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
     few samples cannot tell is None.
@@ -34,7 +36,7 @@ class Look:
     missing: float
 
 
-def look(recording: Recording, signal: str) -> Look:
+def summarize_signal(recording: Recording, signal: str) -> SignalSummary:
     """Return what ``signal`` of a recording looks like; it has one measured sample at least."""
     at = np.flatnonzero(np.isfinite(recording[signal]))
     values, time = recording[signal][at], recording.time[at]
@@ -42,7 +44,7 @@ def look(recording: Recording, signal: str) -> Look:
     with np.errstate(all="ignore"):
         speeds = np.abs(np.diff(values) / steps)
     noise = recording.noise.get(signal)
-    return Look(
+    return SignalSummary(
         unit=SIGNALS[signal].unit,
         least=float(values.min()),
         median=float(np.median(values)),
@@ -50,21 +52,21 @@ def look(recording: Recording, signal: str) -> Look:
         noise=None if noise is None else noise.rms,
         rate=1.0 / float(np.median(steps)) if steps.size else None,
         speed=float(np.percentile(speeds, 99.0)) if steps.size and np.isfinite(speeds).all() else None,
-        missing=missing(recording, signal),
+        missing=missing_share(recording, signal),
     )
 
 
-def measured(recording: Recording) -> Recording:
+def without_empty_signals(recording: Recording) -> Recording:
     """Return a recording without the signals of which no sample was measured."""
     return replace(
         recording, signals={n: values for n, values in recording.signals.items() if np.isfinite(values).any()}
     )
 
 
-def missing(recording: Recording, signal: str) -> float:
+def missing_share(recording: Recording, signal: str) -> float:
     """Return the share of a recording's time in which ``signal`` ought to have been measured and was not.
 
-    A signal with a slower clock of its own misses nothing: what counts are gaps of more than ``GAP`` of its own periods
+    A signal with a slower clock of its own misses nothing: what counts are gaps of more than ``GAP_PERIODS`` of its own periods
     in which other signals were measured, and what is cut off at either end.
     """
     finite = np.isfinite(recording[signal])
@@ -72,7 +74,7 @@ def missing(recording: Recording, signal: str) -> float:
         return 0.0
     at = np.flatnonzero(finite)
     steps, rows = np.diff(recording.time[at]), np.diff(at)
-    own = float(np.percentile(steps, OWN)) if steps.size else np.inf
+    own = float(np.percentile(steps, PERIOD_PERCENTILE)) if steps.size else np.inf
     ends = np.array([recording.time[at[0]] - recording.time[0], recording.time[-1] - recording.time[at[-1]]])
-    lost = float(steps[(steps > GAP * own) & (rows > 1)].sum() + ends[ends > GAP * own].sum())
+    lost = float(steps[(steps > GAP_PERIODS * own) & (rows > 1)].sum() + ends[ends > GAP_PERIODS * own].sum())
     return lost / float(recording.time[-1] - recording.time[0])

@@ -5,6 +5,6 @@ from __future__ import annotations
 from pneucli.report.junit import to_junit
 from pneucli.report.markdown_summary import to_markdown
 from pneucli.report.page import to_html
-from pneucli.report.report_data import Check, Former, Material, Table
+from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
 
-__all__ = ["Check", "Former", "Material", "Table", "to_html", "to_junit", "to_markdown"]
+__all__ = ["Check", "EarlierAnswer", "ReportData", "Table", "to_html", "to_junit", "to_markdown"]

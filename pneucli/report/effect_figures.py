@@ -13,17 +13,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pneucli.compare.error_regions import locators
-from pneucli.experiments import KINDS
+from pneucli.compare.error_regions import locator_signals
+from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.physics.declaration import Effect
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
 from pneucli.report.figure import BLUE, GREY, ORANGE
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, restarts
+from pneucli.simulate.experiment import Experiment, restart_samples
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import outputs
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.outputs import simulate_outputs
+from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 
 Array = NDArray[np.float64]
@@ -45,29 +45,34 @@ TIME: Array = np.arange(4001, dtype=np.float64) * 1e-3
 HORIZON = 0.5  # s, the default of the comparison
 # what common sensors of such a rig add, by which channels of different units are ranked
 NOISE = {"p1": 400.0, "p2": 400.0, "x": 1e-5, "v": 5e-3, "a": 0.05, "force": 0.3}
-SHOWN = {"bar": 1e-5, "mm": 1e3, "mm/s": 1e3}
+DISPLAY_FACTORS = {"bar": 1e-5, "mm": 1e3, "mm/s": 1e3}
 TITLES = {"direction": "direction of motion", "p_ratio": "pressure ratio", "time": "time in s"}
-STYLE: Any = {"svg.hashsalt": "pneucli", "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 8.5}
-STYLE |= {"axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "text.parse_math": False}
+FIGURE_STYLE: Any = {"svg.hashsalt": "pneucli", "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 8.5}
+FIGURE_STYLE |= {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "text.parse_math": False,
+}
 
 
-def picture(effect: Effect) -> str:
+def effect_figure(effect: Effect) -> str:
     """Return an SVG: left the channel with and without the effect, right the difference over what shows it best.
 
     The effect has the middle one of its typical values; the model without it has the same parameters otherwise and is
-    restarted every 0.5 s, as in a comparison. The first of ``benches`` on which the effect shows is taken, and of its
+    restarted every 0.5 s, as in a comparison. The first of ``standard_experiments`` on which the effect shows is taken, and of its
     channels the one that differs most in units of its sensor's noise. Raises ValueError where it shows on none.
     """
-    for experiment in benches():
-        if experiment.active((effect,)) and effect.shows_over in locators(experiment):
+    for experiment in standard_experiments():
+        if experiment.active_effects((effect,)) and effect.shows_over in locator_signals(experiment):
             seen, base = _with_and_without(effect, experiment)
-            channel, size = max(((c, _size(c, seen, base)) for c in base), key=lambda pair: pair[1])
+            channel, size = max(((c, _noise_ratio(c, seen, base)) for c in base), key=lambda pair: pair[1])
             if size > 1.0:
                 return _draw(effect, seen, channel, base[channel])
     raise ValueError(f"{effect.name} shows on no standard manoeuvre")
 
 
-def benches() -> Iterator[Experiment]:
+def standard_experiments() -> Iterator[Experiment]:
     """Yield the standard manoeuvres: valve on a vessel, chambers and balance of forces under a given motion, a drive.
 
     They last 4 s at 1 kHz and have no noise.
@@ -76,16 +81,16 @@ def benches() -> Iterator[Experiment]:
     levels = np.array([6.0, 0.0, -6.0, 0.0, 2.0, -2.0, 3.0, -3.0])
     held = np.maximum(TIME - 0.1, 0.0) / HORIZON  # steps fall between the restarts
     u = np.where(TIME < 0.1, 0.0, levels[held.astype(int)])
-    yield _bench("valve", {"u": u, "p1": 101_325.0 * flat}, VESSEL)
+    yield _experiment("valve", {"u": u, "p1": 101_325.0 * flat}, VESSEL)
     push = 6.0 * np.sin(2 * np.pi * 0.9 * TIME)
-    given = _bench("axis", {"u": push, "p1": 3e5 * flat, "p2": 2e5 * flat, **_motion(0.05)})
+    given = _experiment("axis", {"u": push, "p1": 3e5 * flat, "p2": 2e5 * flat, **_motion(0.05)})
     given.flags[at.MECHANICS] = 0.0
     yield given
     swing = 3e5 + 1.2e5 * np.sin(2 * np.pi * 1.3 * TIME)
-    forced = _bench("friction", {"p1": swing, "p2": 3e5 * flat, **_motion(0.098), "force": 0.0 * flat})
+    forced = _experiment("friction", {"p1": swing, "p2": 3e5 * flat, **_motion(0.098), "force": 0.0 * flat})
     yield replace(forced, recording=replace(forced.recording, imposed="motion"))
     drive = 3e5 + 4.5e4 * np.sin(2 * np.pi * 0.75 * TIME) * np.minimum(TIME, 1.0)
-    yield _bench("friction", {"p1": drive, "p2": 3e5 * flat, **_motion(0.0)})
+    yield _experiment("friction", {"p1": drive, "p2": 3e5 * flat, **_motion(0.0)})
 
 
 def _motion(amplitude: float) -> dict[str, Array]:
@@ -95,7 +100,7 @@ def _motion(amplitude: float) -> dict[str, Array]:
     return {"x": 0.1 + x, "v": amplitude * omega * np.sin(omega * TIME), "a": -(omega**2) * x}
 
 
-def _bench(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experiment:
+def _experiment(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experiment:
     inputs = np.zeros((TIME.size, len(at.INPUTS)))
     inputs[:, at.IN_P1] = inputs[:, at.IN_P2] = rig.ambient_pressure
     inputs[:, at.IN_SUPPLY] = rig.supply_pressure
@@ -103,8 +108,8 @@ def _bench(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experim
         if name in signals:
             inputs[:, column] = signals[name]
     flags = np.zeros(at.FLAGS)
-    flags[at.MECHANICS], flags[at.PNEUMATICS] = KINDS[kind].cylinder, KINDS[kind].valve
-    vessel = KINDS[kind].vessel
+    flags[at.MECHANICS], flags[at.PNEUMATICS] = EXPERIMENT_KINDS[kind].cylinder, EXPERIMENT_KINDS[kind].valve
+    vessel = EXPERIMENT_KINDS[kind].vessel
     flags[at.CHAMBER_2], flags[at.U_MAX] = at.OPEN if vessel else at.CLOSED, 10.0
     recording = Recording(kind, kind, "train", TIME, signals, chamber_2=None if vessel else "closed")
     return Experiment(recording, rig, signals, {}, {}, None, inputs, np.zeros(1, dtype=np.int64), flags)
@@ -113,27 +118,27 @@ def _bench(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Experim
 def _with_and_without(effect: Effect, experiment: Experiment) -> tuple[Experiment, dict[str, Array]]:
     """Return the experiment as recorded on a rig with the effect, and what the model without it says, by channel."""
     base = Model(experiment.rig, (), VALUES, VALVE)
-    facts = facts_of(replace(base, rig=CYLINDER))
-    values = {f"{effect.name}.{p.name}": p.on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
-    true = outputs(replace(base, effects=(effect,), values=VALUES | values), experiment)
+    facts = rig_quantities(replace(base, rig=CYLINDER))
+    values = {f"{effect.name}.{p.name}": p.range_on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
+    true = simulate_outputs(replace(base, effects=(effect,), values=VALUES | values), experiment)
     inputs = experiment.inputs.copy()
     for column, name in enumerate(at.INPUTS):
         if name in true:
             inputs[:, column] = true[name]
     raw = {**experiment.raw, **true}
-    seen = replace(experiment, raw=raw, inputs=inputs, restarts=restarts(TIME, HORIZON))
-    return seen, outputs(base, seen)
+    seen = replace(experiment, raw=raw, inputs=inputs, restarts=restart_samples(TIME, HORIZON))
+    return seen, simulate_outputs(base, seen)
 
 
-def _size(channel: str, seen: Experiment, base: dict[str, Array]) -> float:
+def _noise_ratio(channel: str, seen: Experiment, base: dict[str, Array]) -> float:
     return float(np.sqrt(np.mean((seen.raw[channel] - base[channel]) ** 2))) / NOISE[channel]
 
 
 def _draw(effect: Effect, seen: Experiment, channel: str, base: Array) -> str:
     q, symbol = SIGNALS[channel], SIGNALS[channel].symbol
-    scale = SHOWN.get(q.display_unit, 1.0)
+    scale = DISPLAY_FACTORS.get(q.display_unit, 1.0)
     true, base = scale * seen.raw[channel], scale * base
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(FIGURE_STYLE):
         figure = Figure(figsize=(7.4, 2.7), layout="constrained")
         left, right = figure.subplots(1, 2)
         some = slice(None, None, 8)
@@ -142,22 +147,22 @@ def _draw(effect: Effect, seen: Experiment, channel: str, base: Array) -> str:
         left.set(xlabel="time in s", ylabel=f"{q.title} in {q.display_unit}")
         left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=7.5)
         over = effect.shows_over
-        right.plot(_located(seen, over)[some], (true - base)[some], ".", color=BLUE, ms=2.5)
+        right.plot(_locator_values(seen, over)[some], (true - base)[some], ".", color=BLUE, ms=2.5)
         right.axhline(0.0, color=GREY, lw=0.6)
         right.set(xlabel=_axis(over), ylabel=f"difference of {symbol} in {q.display_unit}")
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    return _shortened(text.getvalue())
+    return _rounded_coordinates(text.getvalue())
 
 
-def _shortened(svg: str) -> str:
+def _rounded_coordinates(svg: str) -> str:
     """Return the file with coordinates in hundredths of a point; the labels, which are no attributes, stay."""
     return re.sub(r'"[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), svg)
 
 
-def _located(seen: Experiment, over: str) -> Array:
+def _locator_values(seen: Experiment, over: str) -> Array:
     unit = SIGNALS[over].display_unit if over in SIGNALS else ""
-    return SHOWN.get(unit, 1.0) * locators(seen)[over]
+    return DISPLAY_FACTORS.get(unit, 1.0) * locator_signals(seen)[over]
 
 
 def _axis(over: str) -> str:

@@ -24,8 +24,8 @@ from pneucli.report.page_elements import Figure
 BLUE, ORANGE, GREEN, PINK, SKY, AMBER = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"
 GREY = "#888888"
 PALETTE = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER)
-INK = "#010203"  # stands for the page's own text colour
-ON_HEAT = "#222222"  # lines over a heat map, whose colours do not follow the page
+TEXT_COLOUR = "#010203"  # stands for the page's own text colour
+HEAT_MAP_LINE_COLOUR = "#222222"  # lines over a heat map, whose colours do not follow the page
 _STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "pneucli",
@@ -40,7 +40,7 @@ _STYLE: Any = {
     "legend.frameon": False,
     "legend.fontsize": 8,
     "image.cmap": "viridis",
-    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
+    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), TEXT_COLOUR),
     **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
 }
 WIDTH, HEIGHT = 4.6, 3.1  # inches; as narrow as a telephone, two abreast on a desk
@@ -87,19 +87,19 @@ def _svg(canvas: Canvas) -> str:
     text = io.StringIO()
     canvas.savefig(text, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
     svg = text.getvalue()
-    svg = svg[svg.index("<svg") :].replace(INK, "currentColor")
+    svg = svg[svg.index("<svg") :].replace(TEXT_COLOUR, "currentColor")
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'<g id="[^"]*">', "<g>", svg)  # matplotlib numbers them anew in each figure
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     return re.sub(r'(<svg[^>]*?) height="[^"]*"', r'\1 role="img"', svg, count=1)
 
 
-def shade(number: int, count: int) -> Any:
+def rank_colour(number: int, count: int) -> Any:
     """Return the colour of curve ``number`` of ``count`` that rise in order; legible on light and dark."""
     return _MIDDLE(number / max(count - 1, 1))
 
 
-def heat(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title: str, **options: Any) -> Colorbar:
+def heat_map(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title: str, **options: Any) -> Colorbar:
     """Draw ``z`` of shape (y, x) as an image over cell edges or centres, with a colour bar; NaN stays empty."""
     mesh = one.axes.pcolormesh(x, y, np.ma.masked_invalid(z), rasterized=True, **options)
     bar = one.canvas.colorbar(mesh, ax=one.axes, label=title, pad=0.02)
@@ -107,16 +107,16 @@ def heat(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], title:
     return bar
 
 
-def envelope(curves: Sequence[NDArray[Any]], most: int) -> NDArray[np.int64]:
-    """Return the rising indices, about ``most`` of them, at which the least and the largest of each curve stand.
+def envelope_indices(curves: Sequence[NDArray[Any]], max_samples: int) -> NDArray[np.int64]:
+    """Return the rising indices, about ``max_samples`` of them, at which the least and the largest of each curve stand.
 
     The samples are cut into stretches of equal number; each curve of shape (n,) gives two indices a stretch. First
-    and last sample are kept; all samples are where there are no more than ``most``. NaN counts as neither.
+    and last sample are kept; all samples are where there are no more than ``max_samples``. NaN counts as neither.
     """
     n = curves[0].size
-    if n <= most:
+    if n <= max_samples:
         return np.arange(n)
-    stretches = max(1, (most - 2) // (2 * len(curves)))
+    stretches = max(1, (max_samples - 2) // (2 * len(curves)))
     length = -(-n // stretches)
     start = length * np.arange(-(-n // length))
     chosen = [np.array([0, n - 1])]
@@ -128,7 +128,7 @@ def envelope(curves: Sequence[NDArray[Any]], most: int) -> NDArray[np.int64]:
     return np.unique(np.concatenate(chosen))
 
 
-def broken(values: NDArray[Any], segment: NDArray[Any]) -> NDArray[np.float64]:
+def with_gaps(values: NDArray[Any], segment: NDArray[Any]) -> NDArray[np.float64]:
     """Return values of shape (n,) with NaN in the last place of each ``segment`` (n,): a restart shows as a gap."""
     out = np.array(values, dtype=np.float64)
     out[np.flatnonzero(np.diff(segment))] = np.nan

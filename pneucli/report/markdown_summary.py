@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pneucli.messages.compare import event_in_words, events, test_first
-from pneucli.messages.history import comparable
-from pneucli.report.overview import Front, front
-from pneucli.report.report_data import Material
+from pneucli.messages.compare import describe_event, grouped_regions, test_first
+from pneucli.messages.history import models_on_current_data
+from pneucli.report.overview import Overview, overview
+from pneucli.report.report_data import ReportData
 
 Row = Sequence[object]
 
 
-def to_markdown(material: Material) -> str:
+def to_markdown(material: ReportData) -> str:
     """Return the first screen in words, history, checks, errors and where they stand, ladder, parameters, warnings."""
     return "\n".join(_lines(material)) + "\n"
 
 
-def _lines(material: Material) -> Iterator[str]:
+def _lines(material: ReportData) -> Iterator[str]:
     yield f"# {material.name}"
-    yield from (line for text in _first(front(material)) for line in ("", text))
+    yield from (line for text in _overview_lines(overview(material)) for line in ("", text))
     if len(material.history) > 1:
         rows = [
             (
@@ -29,7 +29,7 @@ def _lines(material: Material) -> Iterator[str]:
                 _number(m["error"]["test"]),
                 _number(m["error"]["train"]),
             )
-            for m in comparable(material.history)
+            for m in models_on_current_data(material.history)
         ]
         yield from _table("History, error over noise", ("compared", "effects", "test", "train"), rows)
     if material.checks:
@@ -47,7 +47,7 @@ def _lines(material: Material) -> Iterator[str]:
         yield from ("", "## Warnings", "", *(f"- {warning}" for warning in told))
 
 
-def _first(first: Front) -> Iterator[str]:
+def _overview_lines(first: Overview) -> Iterator[str]:
     yield first.line
     yield from (f"**{tile.title}: {tile.large}** {tile.words}" for tile in first.tiles)
     yield from filter(None, (first.doubt, first.checks, first.failed, first.following))
@@ -64,7 +64,7 @@ def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
             "",
             "## Where the error concentrates, worst first",
             "",
-            *(f"- {event_in_words(e)}" for e in events(answer)[:10]),
+            *(f"- {describe_event(e)}" for e in grouped_regions(answer)[:10]),
         )
 
 

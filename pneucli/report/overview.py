@@ -9,13 +9,13 @@ from itertools import pairwise
 from typing import Any
 
 from pneucli.messages import compare, diagnose, history, law_comparison, run, simulate
-from pneucli.messages.formatting import joined, number, parameters, percent, times
-from pneucli.messages.plausibility import doubts
-from pneucli.report.report_data import Material
-from pneucli.report.worst_recording import failing, picture
+from pneucli.messages.formatting import format_noise_ratio, format_number, format_parameters, format_percent, join_names
+from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.report.report_data import ReportData
+from pneucli.report.worst_recording import find_worst_recording, worst_recording_figure
 
 Answer = Mapping[str, Any]
-STEPS = 5  # of the ladder: with more models the first and the last ones are drawn
+MAX_STEPS = 5  # of the ladder: with more models the first and the last ones are drawn
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Step:
+class PathStep:
     """A bar of the ladder: which model, its error over noise, the bar's length (0 to 1); ``only_if`` added."""
 
     label: str
@@ -39,45 +39,45 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Front:
+class Overview:
     """All that stands before the first section; the picture is drawn for a desk and for a telephone."""
 
     line: str
     tiles: Sequence[Tile]
     pictures: Mapping[str, str]
     caption: str
-    ladder: Sequence[Step]
+    ladder: Sequence[PathStep]
     failed: str
     following: str
     checks: str
     doubt: str = ""
 
 
-def front(material: Material) -> Front:
+def overview(material: ReportData) -> Overview:
     """Return the first screen of whatever is there."""
-    found = failing(material)
-    pictures, caption = picture(found) if found else ({}, "")
-    return Front(
-        line=_line(material),
+    found = find_worst_recording(material)
+    pictures, caption = worst_recording_figure(found) if found else ({}, "")
+    return Overview(
+        line=_headline(material),
         tiles=[tile for tile in (_model(material), _missing(material), _controller(material)) if tile is not None],
         pictures=pictures,
         caption=caption,
-        ladder=ladder(material),
-        failed=_failed(material, found.recording if found else ""),
-        following=_following(material),
+        ladder=selection_path(material),
+        failed=_worst_failure(material, found.recording if found else ""),
+        following=_next_command(material),
         checks=_checks(material),
-        doubt=_doubt(material),
+        doubt=_first_doubt(material),
     )
 
 
-def _line(material: Material) -> str:
+def _headline(material: ReportData) -> str:
     """Return rig, date, model and recordings in one line."""
     compared, recordings = material.answer("compare"), material.answer("ingest").get("recordings", [])
     parts = [material.rig]
     if compared.get("when"):
         parts.append(f"compared on {compared['when'][:10]}")
     if "model" in compared:
-        effects = joined(compared["model"]["effects"])
+        effects = join_names(compared["model"]["effects"])
         parts.append(f"base model{f' with {effects}' if effects else ''}")
     if recordings:
         tests = sum(r["use"] == "test" for r in recordings)
@@ -85,102 +85,111 @@ def _line(material: Material) -> str:
     return " · ".join(filter(None, parts))
 
 
-def _here(material: Material) -> list[Answer]:
+def _comparable_models(material: ReportData) -> list[Answer]:
     """Return the models on the data as they are, oldest first, the present one last."""
-    return history.comparable(material.history) if material.history else []
+    return history.models_on_current_data(material.history) if material.history else []
 
 
-def _model(material: Material) -> Tile | None:
+def _model(material: ReportData) -> Tile | None:
     """Return how far the model is from the measurement, and how far it was."""
     answer = material.answer("compare")
-    use, error = compare.judged(answer.get("error", {}))
+    use, error = compare.evaluation_error(answer.get("error", {}))
     if error is None:
         return None
-    here = _here(material)
+    here = _comparable_models(material)
     first = here[0]["error"][use] if len(here) > 1 else None
-    large = f"{times(first)} → {times(error)} × noise" if first is not None else f"{times(error)} × noise"
+    large = (
+        f"{format_noise_ratio(first)} → {format_noise_ratio(error)} × noise"
+        if first is not None
+        else f"{format_noise_ratio(error)} × noise"
+    )
     added = [name for name in here[-1]["effects"] if name not in here[0]["effects"]] if here else []
-    sizes = parameters(run.added(here[-1], added)) if added else ""
+    sizes = format_parameters(run.added_parameters(here[-1], added)) if added else ""
     words = (
-        f"with {joined(added)}: {sizes}{_believed(material, added)}."
+        f"with {join_names(added)}: {sizes}{_stated_probability(material, added)}."
         if added
         else f"{compare.verdict(answer).partition(': ')[2]}."
     )
     if use == "train":
         words += " No recording was held out: the error is of those that were fitted."
-    elif worst := compare.worst_channel(answer):
+    elif worst := compare.worst_channel_sentence(answer):
         words += f" Worst: {worst}."
-    return Tile("The model", large, _capital(words), compare.tone(error))
+    return Tile("The model", large, _capital(words), compare.rating(error))
 
 
-def _believed(material: Material, added: Sequence[str]) -> str:
+def _stated_probability(material: ReportData, added: Sequence[str]) -> str:
     """Return how probable the diagnosis held what was added, where it said so."""
     candidates = [c for one in material.diagnoses for c in one.answer.get("candidates", [])]
     held = {c["effect"]: c["confidence"] for c in candidates if c["effect"] in added and c.get("confidence")}
     if not held:
         return ""
     alone = len(held) == 1
-    each = [percent(p) if alone else f"{name} {percent(p)}" for name, p in held.items()]
-    return f"; there with a probability of {joined(each)}"
+    each = [format_percent(p) if alone else f"{name} {format_percent(p)}" for name, p in held.items()]
+    return f"; there with a probability of {join_names(each)}"
 
 
-def _missing(material: Material) -> Tile | None:
+def _missing(material: ReportData) -> Tile | None:
     """Return what is still missing, and how sure that is."""
     answer = material.answer("diagnose")
     if not answer:
         return None
     title = "Still missing"
     if answer["verdict"] == "adequate":
-        words = f"{_capital(diagnose.limits(answer))}; all under Evidence. {diagnose.remains(answer)}".rstrip()
+        words = f"{_capital(diagnose.detectability_summary(answer))}; all under Evidence. {diagnose.remaining_discrepancy(answer)}".rstrip()
         return Tile(title, "nothing that shows", words, "good")
     if answer["verdict"] == "inconclusive":
         return Tile(title, "cannot be told", answer["sentence"], "bad")
-    words = f"{_capital(diagnose.sure(answer))}. {diagnose.remains(answer)}".rstrip()
+    words = f"{_capital(diagnose.evidence_summary(answer))}. {diagnose.remaining_discrepancy(answer)}".rstrip()
     if answer["missing"]:
-        return Tile(title, joined(answer["missing"]), words, "bad")
-    share = percent(answer.get("unexplained_share") or 0.0)
+        return Tile(title, join_names(answer["missing"]), words, "bad")
+    share = format_percent(answer.get("unexplained_share") or 0.0)
     return Tile(
-        title, f"{share} unexplained", f"{_capital(answer['sentence'])} {diagnose.remains(answer)}".rstrip(), "bad"
+        title,
+        f"{share} unexplained",
+        f"{_capital(answer['sentence'])} {diagnose.remaining_discrepancy(answer)}".rstrip(),
+        "bad",
     )
 
 
-def _controller(material: Material) -> Tile | None:
+def _controller(material: ReportData) -> Tile | None:
     """Return what the controller holds on the identified model, and where it fails."""
     answer = material.answer("simulate")
     if "closed_loop" not in answer:
         return Tile("The controller", "none", "No axis with its valve was recorded.") if answer else None
-    rest, *others = simulate.held(answer) or ["nothing measured"]
-    missed = simulate.missed(answer)
+    rest, *others = simulate.worst_metrics(answer) or ["nothing measured"]
+    missed = simulate.failed_scenarios(answer)
     large, _, tolerance = rest.partition(" (")
-    words = f"Simulated, {joined([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
-    if laws := law_comparison.side_by_side(material.answer("design")):
+    words = f"Simulated, {join_names([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
+    if laws := law_comparison.comparison_sentence(material.answer("design")):
         words += f" {laws}"
     if missed:
-        words += f" Fails: {joined(missed)}."
-    if weak := simulate.weak(answer):
-        words += f" Not safe against {joined(weak)} that it is not told of."
+        words += f" Fails: {join_names(missed)}."
+    if weak := simulate.harmful_effects(answer):
+        words += f" Not safe against {join_names(weak)} that it is not told of."
     return Tile("The controller", large, words, "bad" if missed else "good")
 
 
-def ladder(material: Material) -> list[Step]:
+def selection_path(material: ReportData) -> list[PathStep]:
     """Return the models on this data, and the one with what the diagnosis names, each with its error."""
-    here = _here(material)
+    here = _comparable_models(material)
     if not here:
         return []
-    use, _ = compare.judged(here[-1]["error"])
-    shown = here if len(here) <= STEPS else [*here[: STEPS // 2], *here[STEPS // 2 - STEPS :]]
+    use, _ = compare.evaluation_error(here[-1]["error"])
+    shown = here if len(here) <= MAX_STEPS else [*here[: MAX_STEPS // 2], *here[MAX_STEPS // 2 - MAX_STEPS :]]
     steps = [(label, m["error"][use], False) for label, m in zip(_labels(shown), shown, strict=True)]
     answer = material.answer("diagnose")
     if answer.get("missing"):
-        error = diagnose.rung(answer)[f"error_{use}"]
+        error = diagnose.selected_step(answer)[f"error_{use}"]
         steps.append((f"+ {' + '.join(answer['missing'])}", error, True))
     most = max([2.0, *(error for _, error, _ in steps if error is not None)])
-    return [Step(label, times(error), _length(error, most), only_if) for label, error, only_if in steps]
+    return [
+        PathStep(label, format_noise_ratio(error), _length(error, most), only_if) for label, error, only_if in steps
+    ]
 
 
 def _labels(models: Sequence[Answer]) -> Iterator[str]:
     """Yield what each model has, and after the first one what it has more or less than the one before."""
-    effects = joined(models[0]["effects"])
+    effects = join_names(models[0]["effects"])
     yield f"base model{f' with {effects}' if effects else ''}"
     for before, after in pairwise(models):
         added = [f"+ {n}" for n in after["effects"] if n not in before["effects"]]
@@ -193,35 +202,35 @@ def _length(error: float | None, most: float) -> float:
     return 0.0 if error is None or error <= 1.0 else math.log(error) / math.log(most)
 
 
-def _failed(material: Material, pictured: str) -> str:
+def _worst_failure(material: ReportData, pictured: str) -> str:
     """Return in one sentence where the model failed, or fails, in the recording that is ``pictured`` if it can."""
-    answer = material.before.answer if material.before else material.answer("compare")
-    found = sorted(compare.events(answer), key=lambda event: event[0]["recording"] != pictured)
+    answer = material.first_comparison.answer if material.first_comparison else material.answer("compare")
+    found = sorted(compare.grouped_regions(answer), key=lambda event: event[0]["recording"] != pictured)
     if not found:
         return "No channel errs remarkably beyond its noise." if answer else ""
-    return f"{'It failed' if material.before else 'It fails'} most in {compare.event_in_words(found[0])}."
+    return f"{'It failed' if material.first_comparison else 'It fails'} most in {compare.describe_event(found[0])}."
 
 
-def _following(material: Material) -> str:
+def _next_command(material: ReportData) -> str:
     """Return what to do next, with the command."""
     answer = material.answer("diagnose")
     if not answer:
         return f"Next: pneucli diagnose {material.file}" if material.answer("compare") else ""
     if answer["verdict"] == "adequate" and "closed_loop" in material.answer("simulate"):
         return f"Next: pneucli export {material.file} --to c"
-    return f"Next: {diagnose.following(answer, material.file)}"
+    return f"Next: {diagnose.next_step(answer, material.file)}"
 
 
-def _checks(material: Material) -> str:
+def _checks(material: ReportData) -> str:
     failed = [check.path for check in material.checks if check.failure]
     if failed:
-        return f"Failed checks: {joined(failed)}."
-    return f"Checks: {number(float(len(material.checks)), 1)} passed." if material.checks else ""
+        return f"Failed checks: {join_names(failed)}."
+    return f"Checks: {format_number(float(len(material.checks)), 1)} passed." if material.checks else ""
 
 
-def _doubt(material: Material) -> str:
+def _first_doubt(material: ReportData) -> str:
     """Return the first thing that is implausible in the recordings, and how many more there are."""
-    first, *more = [*doubts(material.answer("ingest").get("plausibility", [])), ""]
+    first, *more = [*implausibility_sentences(material.answer("ingest").get("plausibility", [])), ""]
     others = f" {len(more) - 1} more under What was measured." if len(more) > 1 else ""
     return f"Doubtful: {first}.{others}" if first else ""
 

@@ -13,9 +13,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from pneucli.report.overview import front
-from pneucli.report.page_elements import Panel, Section, Zoom
-from pneucli.report.report_data import Material
+from pneucli.report.overview import overview
+from pneucli.report.page_elements import Panel, Section, ZoomPlot
+from pneucli.report.report_data import ReportData
 from pneucli.report.sections import SECTIONS
 
 _ASSETS = files("pneucli.report") / "assets"
@@ -23,7 +23,7 @@ STYLES = ("uPlot.min.css", "page.css")
 SCRIPTS = ("uPlot.iife.min.js", "plots.js")
 
 
-def to_html(material: Material) -> str:
+def to_html(material: ReportData) -> str:
     """Return the whole page; a section whose artifact is absent is absent."""
     environment = Environment(
         loader=PackageLoader("pneucli.report", "assets"),
@@ -32,14 +32,14 @@ def to_html(material: Material) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["named"] = _named
+    environment.filters["named"] = _with_label
     sections = [section for make in SECTIONS if (section := make(material)) is not None]
-    scripts = [_asset(name) for name in SCRIPTS] if any(_zooms(sections)) else []
+    scripts = [_asset(name) for name in SCRIPTS] if any(_zoom_plots(sections)) else []
     return environment.get_template("page.html.j2").render(
         name=material.name,
-        front=front(material),
+        front=overview(material),
         sections=sections,
-        about=material.about,
+        about=material.footer,
         styles=[_asset(name) for name in STYLES],
         scripts=scripts,
         policy=_policy(scripts),
@@ -47,7 +47,7 @@ def to_html(material: Material) -> str:
     )
 
 
-def _named(svg: str, caption: str) -> str:
+def _with_label(svg: str, caption: str) -> str:
     """Return a picture with a name, for who cannot see it."""
     return svg.replace('role="img"', f'role="img" aria-label="{escape(caption)}"', 1)
 
@@ -64,15 +64,15 @@ def _policy(scripts: Sequence[str]) -> str:
     return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
 
 
-def _zooms(sections: Sequence[Section]) -> Iterator[Zoom]:
-    return (part for section in sections for part in section.parts if isinstance(part, Zoom))
+def _zoom_plots(sections: Sequence[Section]) -> Iterator[ZoomPlot]:
+    return (part for section in sections for part in section.parts if isinstance(part, ZoomPlot))
 
 
 def _plots(sections: list[Section]) -> str:
     """Return the data of the zoomable plots as JSON that can stand in a script element."""
     content = {
         zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs]
-        for zoom in _zooms(sections)
+        for zoom in _zoom_plots(sections)
     }
     return json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
 
@@ -84,11 +84,11 @@ def _panel(panel: Panel) -> dict[str, Any]:
         "unit": panel.unit,
         "start": start,
         "restarts": [round(t, 6) for t in panel.restarts],
-        "time": _packed(panel.time - start),
-        "series": [{"label": s.label, "role": s.role, "values": _packed(s.values)} for s in panel.series],
+        "time": _base64_values(panel.time - start),
+        "series": [{"label": s.label, "role": s.role, "values": _base64_values(s.values)} for s in panel.series],
     }
 
 
-def _packed(values: Any) -> str:
+def _base64_values(values: Any) -> str:
     """Return values as little-endian single precision in base 64; NaN stays NaN."""
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from pneucli.report.report_data import Material
+from pneucli.report.report_data import ReportData
 
-LONG = 40  # rows; a longer table is folded
+MAX_UNFOLDED_ROWS = 40  # rows; a longer table is folded
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Run:
+class PlotRun:
     """The panels of one recording or scenario, one above the other."""
 
     name: str
@@ -81,16 +81,16 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Zoom:
+class ZoomPlot:
     """Zoomable time plots, one run at a time, chosen from a list."""
 
     kind: ClassVar[str] = "zoom"
     name: str
     caption: str
-    runs: Sequence[Run]
+    runs: Sequence[PlotRun]
 
 
-Part = Grid | Figure | Note | Zoom
+Part = Grid | Figure | Note | ZoomPlot
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,9 @@ class Section:
     printed: bool = False
 
 
-def warnings(material: Material, stage: str) -> list[Part]:
+def warning_notes(material: ReportData, stage: str) -> list[Part]:
     """Return what a stage warns of, to stand where it belongs."""
     return [Note(f"{warning}.", "warning") for warning in material.answer(stage).get("warnings", [])]
 
 
-SectionMaker = Callable[[Material], "Section | None"]
+SectionMaker = Callable[[ReportData], "Section | None"]

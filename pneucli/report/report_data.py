@@ -72,7 +72,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Former:
+class EarlierAnswer:
     """An earlier answer of a stage, to an earlier model on the same data, and a table that was kept with it."""
 
     answer: Mapping[str, Any]
@@ -80,25 +80,25 @@ class Former:
 
 
 @dataclass(frozen=True)
-class Material:
+class ReportData:
     """The pipeline's name, the answers by stage, the tables by ``"stage/file"``, and the checks; any may be absent.
 
-    ``history`` lists every model that was compared (as ``pneucli history`` does), ``before`` is the comparison of the
+    ``history`` lists every model that was compared (as ``pneucli history`` does), ``first_comparison`` is the comparison of the
     first of them on the same data, with its residuals, and ``diagnoses`` are the earlier diagnoses, oldest first, each
     with the shapes of its residuals. ``rig`` says what stands on the bench, ``file`` names the pipeline file, and
-    ``about`` says what made the report: words to be shown in its last lines.
+    ``footer`` says what made the report: words to be shown in its last lines.
     """
 
     name: str
     answers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
     checks: Sequence[Check] = ()
-    about: Mapping[str, str] = field(default_factory=dict)
+    footer: Mapping[str, str] = field(default_factory=dict)
     rig: str = ""
     file: str = "pipeline.toml"
     history: Sequence[Mapping[str, Any]] = ()
-    before: Former | None = None
-    diagnoses: Sequence[Former] = ()
+    first_comparison: EarlierAnswer | None = None
+    diagnoses: Sequence[EarlierAnswer] = ()
 
     def answer(self, stage: str) -> Mapping[str, Any]:
         """Return a stage's answer, empty where there is none."""

@@ -13,22 +13,24 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
-from pneucli.compare.error_regions import worst_stretch
-from pneucli.messages.compare import judged
-from pneucli.messages.formatting import axis, short, shown, times
+from pneucli.compare.error_regions import error_concentration
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.formatting import axis_title, format_noise_ratio, format_setting, in_display_unit
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import BLUE, GREY, ORANGE, broken, envelope, render
-from pneucli.report.report_data import Material, Table
+from pneucli.report.figure import BLUE, GREY, ORANGE, envelope_indices, render, with_gaps
+from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
-SIZES = {"wide": (8.6, 4.3), "narrow": (4.3, 4.6)}  # inches, on a desk and on a telephone
-MOST = 1500  # samples of a curve
-RESTARTS = 2.0  # restart intervals that are shown on each side of the failing stretch, or the stretch's own length
-BAND = 2.0  # standard deviations
+FIGURE_SIZES = {"wide": (8.6, 4.3), "narrow": (4.3, 4.6)}  # inches, on a desk and on a telephone
+MAX_SAMPLES = 1500  # samples of a curve
+CONTEXT_RESTARTS = (
+    2.0  # restart intervals that are shown on each side of the failing stretch, or the stretch's own length
+)
+BAND_SIGMA = 2.0  # standard deviations
 
 
 @dataclass(frozen=True)
-class Failing:
+class WorstRecording:
     """One channel of one recording, SI: the models before (None where there is one only) and after, each (n,).
 
     ``noise`` is the rms that a correct model would show, ``stretch`` from when to when the error is worst (s).
@@ -46,29 +48,31 @@ class Failing:
     segment: Array
     stretch: tuple[float, float] | None
     horizon: float
-    fell: tuple[float | None, float]
+    error_ratios: tuple[float | None, float]
 
 
-def picture(found: Failing) -> tuple[dict[str, str], str]:
-    """Return the picture as SVG in each of ``SIZES``, and its caption."""
-    pictures = {name: render(partial(_draw, found), *size) for name, size in SIZES.items()}
-    was, now = found.fell
-    fell = f"{times(was)} → {times(now)}" if was is not None else times(now)
+def worst_recording_figure(found: WorstRecording) -> tuple[dict[str, str], str]:
+    """Return the picture as SVG in each of ``FIGURE_SIZES``, and its caption."""
+    pictures = {name: render(partial(_draw, found), *size) for name, size in FIGURE_SIZES.items()}
+    was, now = found.error_ratios
+    fell = f"{format_noise_ratio(was)} → {format_noise_ratio(now)}" if was is not None else format_noise_ratio(now)
     return pictures, (
         f"{found.channel} in {found.recording}, the worst {found.kind}recording: {fell} × noise. Shaded: where it "
-        f"failed worst. Below: measured − model, the band {BAND:g} σ of what a correct model would show. The model is "
-        f"restarted from the measurement every {short(found.horizon)} s (ticks)."
+        f"failed worst. Below: measured − model, the band {BAND_SIGMA:g} σ of what a correct model would show. The model is "
+        f"restarted from the measurement every {format_setting(found.horizon)} s (ticks)."
     )
 
 
-def failing(material: Material) -> Failing | None:
+def find_worst_recording(material: ReportData) -> WorstRecording | None:
     """Return the channel that erred most, by the first model where there was one."""
     answer, residuals = material.answer("compare"), material.table("compare/residuals")
-    first = material.before
+    first = material.first_comparison
     judge = first.answer if first else answer
-    use, _ = judged(answer.get("error", {}))
+    use, _ = evaluation_error(answer.get("error", {}))
     known = {(c["recording"], c["channel"]): c for c in answer.get("channels", []) if c["noise"]}
-    ratios = [c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"] and _place(c) in known]
+    ratios = [
+        c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"] and _channel_key(c) in known
+    ]
     if not ratios or not len(residuals):
         return None
     worst = max(ratios, key=lambda c: c["ratio_to_noise"])
@@ -77,9 +81,9 @@ def failing(material: Material) -> Failing | None:
     if earlier is not None and len(earlier) != len(rows):
         earlier = None
     error = rows["residual"] if earlier is None else earlier["residual"]
-    stretch = worst_stretch(rows["time"], np.nan_to_num(error) ** 2)
-    now = known[_place(worst)]
-    return Failing(
+    stretch = error_concentration(rows["time"], np.nan_to_num(error) ** 2)
+    now = known[_channel_key(worst)]
+    return WorstRecording(
         *(worst["recording"], "held-out " if use == "test" else "", worst["channel"], worst["unit"], now["noise"]),
         *(rows["time"], rows["measured"]),
         None if earlier is None else earlier["model"],
@@ -94,50 +98,50 @@ def _rows(residuals: Table, channel: Mapping[str, Any]) -> Table:
     return residuals.where(recording=channel["recording"], channel=channel["channel"])
 
 
-def _place(channel: Mapping[str, Any]) -> tuple[str, str]:
+def _channel_key(channel: Mapping[str, Any]) -> tuple[str, str]:
     return channel["recording"], channel["channel"]
 
 
-def _draw(found: Failing, canvas: Canvas) -> None:
+def _draw(found: WorstRecording, canvas: Canvas) -> None:
     upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.4, 1])
-    kept = _kept(found)
+    kept = _shown_samples(found)
     time = found.time[kept]
     curves = [("measured", found.measured, GREY, "-", 3.0)]
     if found.before is not None:
         curves.append(("before", found.before, BLUE, "--", 1.3))
     curves.append(("model" if found.before is None else "after", found.after, ORANGE, "-", 1.3))
     for label, values, colour, style, width in curves:
-        drawn = values[kept] if label == "measured" else broken(values[kept], found.segment[kept])
-        upper.plot(time, shown(drawn, found.unit), style, color=colour, linewidth=width, label=label)
+        drawn = values[kept] if label == "measured" else with_gaps(values[kept], found.segment[kept])
+        upper.plot(time, in_display_unit(drawn, found.unit), style, color=colour, linewidth=width, label=label)
         if label != "measured":
-            residual = broken((found.measured - values)[kept], found.segment[kept]) / found.noise
+            residual = with_gaps((found.measured - values)[kept], found.segment[kept]) / found.noise
             lower.plot(time, residual, style, color=colour, linewidth=1.0)
     _frame(found, upper, lower, time)
-    upper.set_ylabel(axis(found.channel).replace(SIGNALS[found.channel].title, found.channel))
+    upper.set_ylabel(axis_title(found.channel).replace(SIGNALS[found.channel].title, found.channel))
     canvas.legend(loc="outside upper left", ncols=3)
 
 
-def _frame(found: Failing, upper: Axes, lower: Axes, time: Array) -> None:
+def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None:
     """Draw the failing stretch, the restarts and the band of the noise."""
     starts = found.time[np.flatnonzero(np.diff(found.segment)) + 1]
     for axes in (upper, lower):
         if found.stretch:
             axes.axvspan(*found.stretch, color=ORANGE, alpha=0.12, linewidth=0)
     upper.plot(starts, np.zeros(starts.size), "|", color=GREY, markersize=7, transform=upper.get_xaxis_transform())
-    lower.axhspan(-BAND, BAND, color=GREY, alpha=0.3, linewidth=0)
-    lower.set_yscale("symlog", linthresh=BAND, linscale=0.6)
+    lower.axhspan(-BAND_SIGMA, BAND_SIGMA, color=GREY, alpha=0.3, linewidth=0)
+    lower.set_yscale("symlog", linthresh=BAND_SIGMA, linscale=0.6)
     most = max(abs(end) for end in lower.get_ylim())
     powers = [10.0**k for k in range(1, 7) if 10.0**k < most]
-    lower.set_yticks([*(-p for p in powers), -BAND, BAND, *powers], minor=False)
-    lower.yaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+    lower.set_yticks([*(-p for p in powers), -BAND_SIGMA, BAND_SIGMA, *powers], minor=False)
+    lower.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_setting(value)))
     lower.yaxis.set_minor_locator(NullLocator())
     lower.set(xlabel="time in s", ylabel="× noise", xlim=(time[0], time[-1]))
 
 
-def _kept(found: Failing) -> NDArray[np.int64]:
+def _shown_samples(found: WorstRecording) -> NDArray[np.int64]:
     """Return the samples to draw: the failing stretch and as much on either side, every peak kept."""
     low, high = found.stretch or (found.time[0], found.time[-1])
-    margin = max(high - low, RESTARTS * found.horizon)
+    margin = max(high - low, CONTEXT_RESTARTS * found.horizon)
     window = np.flatnonzero((found.time >= low - margin) & (found.time <= high + margin))
     curves = [c[window] for c in (found.measured, found.before, found.after) if c is not None]
-    return window[envelope(curves, MOST)]
+    return window[envelope_indices(curves, MAX_SAMPLES)]

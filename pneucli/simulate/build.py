@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from pneucli import caches
 from pneucli.physics import gas
 from pneucli.physics.declaration import PORTS, Effect, Parameter
-from pneucli.physics.equations import text_of
+from pneucli.physics.equations import effect_source
 from pneucli.simulate import layout
 from pneucli.simulate.kernel import balance, chamber, friction, imposed, run, sensors, table_friction, valve
 
 _LOCK = Lock()  # threads ask for kernels
 PARTS = (valve, chamber, friction, sensors, run, imposed, balance, table_friction)  # in the order of the text
-ENTRIES = (
+ENTRY_POINTS = (
     "run",
     "run_imposed",
     "run_balance",
@@ -52,14 +52,14 @@ class Kernel:
     effects: tuple[str, ...]
     index: dict[str, int]
 
-    def vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+    def effect_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Return ``th`` from values by EFFECT.PARAMETER; those of an effect that is off may be left out."""
         th = np.zeros(len(self.index) + 1)
         for name, value in values.items():
             th[self.index[name]] = value
         return th
 
-    def switches(self, active: Collection[str]) -> NDArray[np.uint8]:
+    def effect_switches(self, active: Collection[str]) -> NDArray[np.uint8]:
         """Return the vector ``on`` for the named effects."""
         return np.array([name in active for name in self.effects] + [False], dtype=np.uint8)
 
@@ -98,10 +98,10 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
         physics,
     ]
     text = "\n\n".join(parts)
-    return re.sub(r"^def (\w+).*?(?=^def |\Z)", _mark, text, flags=re.MULTILINE | re.DOTALL) if compiled else text
+    return re.sub(r"^def (\w+).*?(?=^def |\Z)", _decorate, text, flags=re.MULTILINE | re.DOTALL) if compiled else text
 
 
-def _mark(match: re.Match[str]) -> str:
+def _decorate(match: re.Match[str]) -> str:
     """Return a function with its decorator.
 
     All but the outermost functions are inlined, as calls with arrays are dear, and those that make no array do not
@@ -109,8 +109,8 @@ def _mark(match: re.Match[str]) -> str:
     caller where it does not say.
     """
     text, name = match[0], match[1]
-    how = "cache=True, nogil=True" if name in ENTRIES else "forceinline=True"
-    makes_arrays = name in ENTRIES or re.search(r"\bnp\.|\.copy\(", text) is not None
+    how = "cache=True, nogil=True" if name in ENTRY_POINTS else "forceinline=True"
+    makes_arrays = name in ENTRY_POINTS or re.search(r"\bnp\.|\.copy\(", text) is not None
     return f"@njit({how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
 
 
@@ -130,7 +130,7 @@ def _prefix(effect: Effect) -> str:
 
 def _equations(effect: Effect) -> str:
     """Return the effect's port functions, and what they call of their own file, under names of their own."""
-    return text_of(effect, _prefix(effect)) + "\n"
+    return effect_source(effect, _prefix(effect)) + "\n"
 
 
 def _port(name: str, effects: Sequence[Effect]) -> str:
@@ -147,20 +147,20 @@ def _port(name: str, effects: Sequence[Effect]) -> str:
     begins = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
     users = [i for i, effect in enumerate(effects) if name in effect.ports]
     for i in reversed(users) if name.startswith("unread") else users:  # an inverse undoes the last first
-        lines += [f"    if on[{i}] != 0:", "        " + _term(name, effects[i], i, begins[i], value)]
+        lines += [f"    if on[{i}] != 0:", "        " + _port_contribution(name, effects[i], i, begins[i], value)]
     return "\n".join([*lines, f"    return {value}"])
 
 
 def _scalars(effects: Sequence[Effect]) -> str:
     """Return the function that takes the parameters out of their arrays, once a run: tuples live in registers."""
-    sizes = {"base": len(layout.BASE), "th": len(parameters_of(effects)), "on": len(effects)}
+    sizes = {"base": len(layout.BASE_NAMES), "th": len(parameters_of(effects)), "on": len(effects)}
     tuples = [
         f"({''.join(f'{name}[{i}], ' for i in range(size + 1 - (name == 'base')))})" for name, size in sizes.items()
     ]
     return "def scalars(base, th, on):\n    return " + ", ".join(tuples)
 
 
-def _term(name: str, effect: Effect, i: int, begin: int, value: str) -> str:
+def _port_contribution(name: str, effect: Effect, i: int, begin: int, value: str) -> str:
     port = PORTS[name]
     arguments = [f"s[{i}]" if a == "s" else a for a in port.arguments]
     arguments += [f"th[{begin + j}]" for j in range(len(effect.parameters))]
@@ -179,7 +179,7 @@ def _load(text: str) -> ModuleType:
     name = f"pneucli_kernel_{digest}"
     if name in sys.modules:
         return sys.modules[name]
-    folder = caches.folder() / "kernels"
+    folder = caches.cache_folder() / "kernels"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
     if not path.is_file() or path.read_bytes() != text.encode():
@@ -191,9 +191,9 @@ def _load(text: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    for entry in ENTRIES:
+    for entry in ENTRY_POINTS:
         if hasattr(getattr(module, entry), "py_func"):
-            caches.forgiving(getattr(module, entry))
+            caches.with_cache_fallback(getattr(module, entry))
     sys.modules[name] = module
     return module
 

@@ -1,7 +1,7 @@
 """Where each number stands in the arrays that the kernel takes: parameters, inputs, flags, outputs."""
 
 # base parameters, in the order of the kernel's vector; the names are those of the JSON answers
-BASE = (
+BASE_NAMES = (
     "friction.coulomb",
     "friction.viscous",
     "rig.moving_mass",

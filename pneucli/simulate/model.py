@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from pneucli.physics.declaration import Effect
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.recording import Rig
-from pneucli.simulate.layout import BASE
+from pneucli.simulate.layout import BASE_NAMES
 from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 Array = NDArray[np.float64]
-Valve = ValveArea | LinearValve | SwitchingValve
+ValveForm = ValveArea | LinearValve | SwitchingValve
 
 
 @dataclass(frozen=True)
@@ -31,56 +31,56 @@ class Model:
     rig: Rig
     effects: tuple[Effect, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
-    valve: Valve = NO_VALVE
-    valve_2: Valve | None = None
+    valve: ValveForm = NO_VALVE
+    valve_2: ValveForm | None = None
 
     def __post_init__(self) -> None:
-        if fixed := {name: k.fixed for name, k in self.rig.known.items() if k.fixed is not None}:
-            second = None if self.valve_2 is None else self.valve_2.with_named(fixed)
+        if fixed := {name: k.fixed for name, k in self.rig.priors.items() if k.fixed is not None}:
+            second = None if self.valve_2 is None else self.valve_2.with_parameters(fixed)
             for name, value in (("values", {**self.values, **fixed}), ("valve_2", second)):
                 object.__setattr__(self, name, value)
-            object.__setattr__(self, "valve", self.valve.with_named(fixed))
+            object.__setattr__(self, "valve", self.valve.with_parameters(fixed))
 
     @property
-    def valves(self) -> tuple[Valve, ...]:
+    def valves(self) -> tuple[ValveForm, ...]:
         """The valves that have parameters of their own."""
         return (self.valve,) if self.valve_2 is None else (self.valve, self.valve_2)
 
-    def named(self) -> dict[str, tuple[float, str]]:
+    def valve_parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of the valves' parameters by name."""
-        return {name: value for valve in self.valves for name, value in valve.named().items()}
+        return {name: value for valve in self.valves for name, value in valve.parameters().items()}
 
     @property
-    def second(self) -> Valve:
+    def chamber_2_valve(self) -> ValveForm:
         """The paths of chamber 2, which are like those of chamber 1 where nothing tells them apart."""
         return self.valve if self.valve_2 is None else self.valve_2
 
-    def behind(self, chamber: int) -> Valve:
+    def valve_of_chamber(self, chamber: int) -> ValveForm:
         """Return the paths of chamber 1 or 2."""
-        return self.second if chamber == 2 else self.valve
+        return self.chamber_2_valve if chamber == 2 else self.valve
 
-    def base(self) -> dict[str, float]:
+    def base_values(self) -> dict[str, float]:
         """Return every base parameter's value."""
-        return rig_values(self.rig) | {name: v for name, v in self.values.items() if name in BASE}
+        return base_values_of_rig(self.rig) | {name: v for name, v in self.values.items() if name in BASE_NAMES}
 
     def effect_values(self) -> dict[str, float]:
         """Return the values of the effects' parameters by EFFECT.PARAMETER."""
         return {f"{e.name}.{p.name}": self.values[f"{e.name}.{p.name}"] for e in self.effects for p in e.parameters}
 
-    def own(self, effect: Effect) -> list[float]:
+    def effect_parameters(self, effect: Effect) -> list[float]:
         """Return the values of one effect's parameters, in the order of its declaration."""
         return [self.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
 
-    def total(self, port: str, *arguments: float) -> float:
+    def sum_of_port(self, port: str, *arguments: float) -> float:
         """Return what the effects give to a port that sums them up, at the port's arguments."""
         users = [e for e in self.effects if port in e.ports]
-        return float(sum(e.ports[port](*arguments, *self.own(e)) for e in users))  # type: ignore[misc]
+        return float(sum(e.ports[port](*arguments, *self.effect_parameters(e)) for e in users))  # type: ignore[misc]
 
-    def through(self, port: str, value: float, *more: float) -> float:
+    def chain_of_port(self, port: str, value: float, *more: float) -> float:
         """Return a value after the effects of a port that each map it, ``more`` being the port's other arguments."""
         for effect in sorted(self.effects, key=lambda e: (e.order, e.name)):
             if port in effect.ports:
-                value = float(effect.ports[port](value, *more, *self.own(effect)))  # type: ignore[arg-type]
+                value = float(effect.ports[port](value, *more, *self.effect_parameters(effect)))  # type: ignore[arg-type]
         return value
 
     def with_values(self, values: Mapping[str, float]) -> Model:
@@ -88,7 +88,7 @@ class Model:
         return replace(self, values={**self.values, **values})
 
 
-def rig_values(rig: Rig) -> dict[str, float]:
+def base_values_of_rig(rig: Rig) -> dict[str, float]:
     """Return the base parameters that a rig's description gives; unknown ones get harmless stand-ins."""
     area_1 = rig.piston_area_1 or 0.0
     return {

@@ -14,26 +14,28 @@ from numpy.typing import NDArray
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import outputs
+from pneucli.simulate.outputs import simulate_outputs
 
 Array = NDArray[np.float64]
 
-SEED = 20151
+NOISE_SEED = 20151
 
 
-def deviations(model: Model, experiment: Experiment, draws: int, seed: int = SEED) -> dict[str, Array]:
+def sample_deviations(model: Model, experiment: Experiment, draws: int, seed: int = NOISE_SEED) -> dict[str, Array]:
     """Return draws of (measured - model) of a correct model, shape (draws, n) for each channel."""
-    found = list(drawn(model, experiment, draws, seed))
+    found = list(iterate_deviations(model, experiment, draws, seed))
     return {channel: np.array([one[channel] for one in found]) for channel in experiment.channels}
 
 
-def drawn(model: Model, experiment: Experiment, draws: int, seed: int = SEED) -> Iterator[dict[str, Array]]:
+def iterate_deviations(
+    model: Model, experiment: Experiment, draws: int, seed: int = NOISE_SEED
+) -> Iterator[dict[str, Array]]:
     """Yield such draws one after the other, shape (n,) for each channel."""
-    nominal = outputs(model, experiment)
-    for noise, inputs in experiment.readings(draws, seed):
-        disturbed = outputs(model, experiment, inputs, noise)
+    nominal = simulate_outputs(model, experiment)
+    for noise, inputs in experiment.noise_draws(draws, seed):
+        disturbed = simulate_outputs(model, experiment, inputs, noise)
         yield {
-            channel: experiment.filtered(_reading_noise(experiment, channel, noise, inputs))
+            channel: experiment.low_passed(_reading_noise(experiment, channel, noise, inputs))
             - (disturbed[channel] - nominal[channel])
             for channel in experiment.channels
         }

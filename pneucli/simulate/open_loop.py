@@ -10,23 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError, UnitError, did_you_mean
-from pneucli.experiments import KINDS, Name
+from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import outputs
+from pneucli.simulate.outputs import simulate_outputs
 from pneucli.units import parse_quantity
 
 Array = NDArray[np.float64]
 
-PERIOD = 1e-3  # s, between the samples of a command
-LONGEST = 1e4  # s of a command
+SAMPLING_PERIOD = 1e-3  # s, between the samples of a command
+MAX_DURATION = 1e4  # s of a command
 COMMANDS = ("steps", "sine", "ramp", "recorded")
-DRIVEN = tuple(name for name, kind in KINDS.items() if kind.valve)
-BENCHES = {
-    "experiment": DRIVEN,
+VALVE_EXPERIMENTS = tuple(name for name, kind in EXPERIMENT_KINDS.items() if kind.valve)
+CHOICES = {
+    "experiment": VALVE_EXPERIMENTS,
     "chamber_2": ("closed", "open", "valve"),
     "command": COMMANDS,
 }
@@ -41,7 +41,7 @@ UNITS = {
     "p2": "Pa",
     "p_supply": "Pa",
 }
-KEYS = ("kind", "name", "recording", "values", *BENCHES, *UNITS)
+KEYS = ("kind", "name", "recording", "values", *CHOICES, *UNITS)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class OpenLoopRun:
         return {"rmsd": float(np.sqrt(np.mean(error[seen] ** 2))), "fit_percent": fit}
 
 
-def default_runs(model: Model, experiments: Sequence[Experiment]) -> list[OpenLoopRun]:
+def default_free_runs(model: Model, experiments: Sequence[Experiment]) -> list[OpenLoopRun]:
     """Return the free run of the test recordings of each experiment; of its first one where none is for testing.
 
     Recordings with imposed motion are left out: nothing in them runs freely.
@@ -97,7 +97,7 @@ def free_run(model: Model, experiment: Experiment, name: str) -> OpenLoopRun:
     """Return the model from the measured start on, under the recorded inputs; only a gap sets it back."""
     once = experiment.with_restarts(None)
     measured = {channel: once.measured(channel) for channel in once.channels}
-    return OpenLoopRun(name, once.time, _commands(once), outputs(model, once), measured)
+    return OpenLoopRun(name, once.time, _commands(once), simulate_outputs(model, once), measured)
 
 
 def _commands(experiment: Experiment) -> dict[str, Array]:
@@ -113,25 +113,25 @@ def run_scenario(
     offset + amplitude sin(2 pi frequency t), ``ramp`` goes from offset - amplitude to offset + amplitude. A command
     runs for ``duration``, from rest at ``x`` (default: half the stroke) and ``p1``, ``p2`` (default: ambient).
     """
-    values = read_table(table, where)
+    values = parse_scenario(table, where)
     if values["command"] == "recorded":
         name = str(table.get("recording", ""))
         if name not in experiments:
             raise InputError(f"{where}.recording", f'"{name}"', "a recording's name", did_you_mean(name, experiments))
         return free_run(model, experiments[name], str(table.get("name", name)))
-    experiment = prepare(commanded(values, model.rig), model.rig, None)
+    experiment = prepare(scenario_recording(values, model.rig), model.rig, None)
     name = str(table.get("name", values["command"]))
-    return OpenLoopRun(name, experiment.time, _commands(experiment), outputs(model, experiment), {})
+    return OpenLoopRun(name, experiment.time, _commands(experiment), simulate_outputs(model, experiment), {})
 
 
-def read_table(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+def parse_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return a table of ``[[scenarios]]`` in SI; raises InputError for a key or value that cannot be read."""
     values: dict[str, Any] = {"command": "recorded" if "recording" in table else "steps"}
     for key, value in table.items():
         if key not in KEYS:
             raise InputError(f"{where}.{key}", "unknown key", "", did_you_mean(key, KEYS))
-        if key in BENCHES and value not in BENCHES[key]:
-            raise InputError(f"{where}.{key}", f'"{value}"', "", did_you_mean(str(value), BENCHES[key]))
+        if key in CHOICES and value not in CHOICES[key]:
+            raise InputError(f"{where}.{key}", f'"{value}"', "", did_you_mean(str(value), CHOICES[key]))
         try:
             values[key] = _in_si(key, value)
         except UnitError as error:
@@ -139,8 +139,8 @@ def read_table(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     if values["command"] == "steps" and not values.get("values"):
         raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]')
     for key in ("duration", "dwell", "frequency"):
-        if not 0.0 < values.get(key, 1.0) <= LONGEST:
-            raise InputError(f"{where}.{key}", f"{values[key]:g}", f"above 0, at most {LONGEST:g}")
+        if not 0.0 < values.get(key, 1.0) <= MAX_DURATION:
+            raise InputError(f"{where}.{key}", f"{values[key]:g}", f"above 0, at most {MAX_DURATION:g}")
     return values
 
 
@@ -152,16 +152,16 @@ def _in_si(key: str, value: Any) -> Any:
     return parse_quantity(value, UNITS[key]) if key in UNITS else value
 
 
-def commanded(values: Mapping[str, Any], rig: Rig) -> Recording:
+def scenario_recording(values: Mapping[str, Any], rig: Rig) -> Recording:
     """Return the recording that a bench would begin with: the command over time, and the state at its start."""
-    return from_rest(_command(values), values, rig)
+    return command_recording(_command(values), values, rig)
 
 
-def from_rest(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
+def command_recording(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
     """Return the recording of a command (n,) in V at PERIOD, from the state that ``values`` states or from rest."""
     kind = values.get("experiment", "axis" if rig.has_cylinder else "valve")
     start = {"p1": values.get("p1", rig.ambient_pressure)}
-    if KINDS[kind].cylinder:
+    if EXPERIMENT_KINDS[kind].cylinder:
         start |= {
             "p2": values.get("p2", rig.ambient_pressure),
             "x": values.get("x", 0.5 * (rig.stroke or 0.0)),
@@ -170,20 +170,22 @@ def from_rest(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
     if "p_supply" in values:
         start["p_supply"] = values["p_supply"]
     signals = {"u": command, **{name: np.full(command.size, value) for name, value in start.items()}}
-    return imagined(kind, signals, values.get("chamber_2", "closed"))
+    return noise_free_recording(kind, signals, values.get("chamber_2", "closed"))
 
 
-def imagined(kind: Name, signals: Mapping[str, Array], chamber_2: Literal["closed", "open", "valve"]) -> Recording:
+def noise_free_recording(
+    kind: ExperimentName, signals: Mapping[str, Array], chamber_2: Literal["closed", "open", "valve"]
+) -> Recording:
     """Return signals (n,) at PERIOD as a recording without noise, for the model to run on."""
     samples = next(iter(signals.values())).size
     return Recording(
         name="command",
         experiment=kind,
         use="test",
-        time=np.arange(samples, dtype=np.float64) * PERIOD,
+        time=np.arange(samples, dtype=np.float64) * SAMPLING_PERIOD,
         signals=signals,
         noise=dict.fromkeys(signals, NoiseModel(0.0)),
-        chamber_2=None if KINDS[kind].vessel else chamber_2,
+        chamber_2=None if EXPERIMENT_KINDS[kind].vessel else chamber_2,
     )
 
 
@@ -191,9 +193,9 @@ def _command(values: Mapping[str, Any]) -> Array:
     """Return the command in V, sampled at PERIOD."""
     amplitude, offset = values.get("amplitude", 1.0), values.get("offset", 0.0)
     if values["command"] == "steps":
-        held = round(values.get("dwell", 1.0) / PERIOD)
+        held = round(values.get("dwell", 1.0) / SAMPLING_PERIOD)
         return np.repeat(np.array(values["values"], dtype=np.float64), held)
-    time = np.arange(0.0, values.get("duration", 5.0), PERIOD)
+    time = np.arange(0.0, values.get("duration", 5.0), SAMPLING_PERIOD)
     if values["command"] == "sine":
         return np.asarray(offset + amplitude * np.sin(2 * np.pi * values.get("frequency", 0.5) * time))
     return np.asarray(offset + amplitude * np.linspace(-1.0, 1.0, time.size))

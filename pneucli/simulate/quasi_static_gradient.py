@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class QuasiStatic:
-    """The gradient of the vessel of ``bench`` (a valve test) that a model gives at held commands, without memory."""
+class QuasiStaticGradient:
+    """The gradient of the vessel of ``experiment`` (a valve test) that a model gives at held commands, without memory."""
 
     model: Model
-    bench: Experiment
+    experiment: Experiment
 
     def __call__(self, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s as the sensor reads it; u in V from the null, p and supply in Pa, of one shape."""
@@ -33,10 +33,10 @@ class QuasiStatic:
     @cached_property
     def _fixed(self) -> tuple[Array, Array, NDArray[np.uint8], float, Array]:
         kernel = kernel_for(self.model.effects)
-        active = kernel.switches(self.bench.active(self.model.effects))
-        base, th = base_vector(self.model, self.bench), kernel.vector(self.model.effect_values())
-        valve = self.model.behind(self.bench.recording.chamber)
-        largest = max(float(self.bench.flags[at.U_MAX]), *map(abs, valve.commands))
+        active = kernel.effect_switches(self.experiment.active_effects(self.model.effects))
+        base, th = base_vector(self.model, self.experiment), kernel.effect_vector(self.model.effect_values())
+        valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
+        largest = max(float(self.experiment.flags[at.U_MAX]), *map(abs, valve.commands))
         return base, th, active, largest, valve.table(largest)
 
     @cached_property

@@ -8,66 +8,68 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneucli.physics.scales import NAN, Facts
-from pneucli.simulate.experiment import Experiment, Extent
+from pneucli.physics.scales import NAN, RigQuantities
+from pneucli.simulate.experiment import Experiment, SignalRanges
 from pneucli.simulate.model import Model
 
-LEAKING = 0.1  # of a recording in which nothing but a leak flows: the time in which a leak worth naming would empty it
+LEAK_EMPTYING_TIME_SHARE = (
+    0.1  # of a recording in which nothing but a leak flows: the time in which a leak worth naming would empty it
+)
 
 
-def facts_of(model: Model, experiments: Sequence[Experiment] = ()) -> Facts:
+def rig_quantities(model: Model, experiments: Sequence[Experiment] = ()) -> RigQuantities:
     """Return the facts from which the scales are worked out; NaN for what neither rig, recordings nor model tell."""
-    rig, seen = model.rig, [e.extent for e in experiments]
-    ambient, supply = rig.ambient_pressure, rig.supply_pressure or _largest(s.pressure for s in seen)
-    low, high = _range(seen, rig.stroke)
+    rig, seen = model.rig, [e.signal_ranges for e in experiments]
+    ambient, supply = rig.ambient_pressure, rig.supply_pressure or _max_positive(s.pressure for s in seen)
+    low, high = _position_range(seen, rig.stroke)
     stroke = rig.stroke or high - low
     vessel = model.values.get("rig.vessel_volume", rig.vessel_volume or NAN)
     area = rig.piston_area_1 or vessel ** (2.0 / 3.0)
-    dead = model.base()["rig.dead_volume_1"] if rig.has_cylinder else vessel
+    dead = model.base_values()["rig.dead_volume_1"] if rig.has_cylinder else vessel
     volume = dead + 0.5 * area * stroke if rig.has_cylinder else vessel
     force = (supply - ambient) * rig.piston_area_1 if rig.piston_area_1 else NAN
-    command = _largest(s.command for s in seen)
-    command = _largest(map(abs, model.valve.commands)) if math.isnan(command) else command
-    facts = Facts(
+    command = _max_positive(s.command for s in seen)
+    command = _max_positive(map(abs, model.valve.commands)) if math.isnan(command) else command
+    facts = RigQuantities(
         supply=supply,
         ambient=ambient,
-        force=force if force > 0.0 else _largest(s.force for s in seen),
-        area=area,
+        force=force if force > 0.0 else _max_positive(s.force for s in seen),
+        bore_area=area,
         volume=volume,
-        dead=dead,
+        dead_volume=dead,
         stroke=stroke,
-        low=low,
-        high=high,
-        speed=_largest(s.speed for s in seen),
+        x_min=low,
+        x_max=high,
+        max_speed=_max_positive(s.speed for s in seen),
         mass=model.values.get("rig.moving_mass", rig.moving_mass or NAN),
         coulomb=model.values.get("friction.coulomb", NAN),
-        valve=_largest(model.valve(np.array([command, -command]))) if model.valve.commands else NAN,
-        command=command,
-        period=float(np.median([s.period for s in seen])) if seen else NAN,
-        temperature=rig.gas_temperature,
+        valve_area=_max_positive(model.valve(np.array([command, -command]))) if model.valve.commands else NAN,
+        max_command=command,
+        sampling_period=float(np.median([s.period for s in seen])) if seen else NAN,
+        gas_temperature=rig.gas_temperature,
         specific_energy=rig.gas_constant * rig.gas_temperature,
-        heat_ratio=rig.heat_capacity_ratio,
+        heat_capacity_ratio=rig.heat_capacity_ratio,
     )
-    return _without_gaps(facts, experiments)
+    return _complete(facts, experiments)
 
 
-def _without_gaps(facts: Facts, experiments: Sequence[Experiment]) -> Facts:
+def _complete(facts: RigQuantities, experiments: Sequence[Experiment]) -> RigQuantities:
     """Return facts with what follows from others: a leak in the place of the valve, the speed that a valve allows."""
     shut = [e.time[-1] - e.time[0] for e in experiments if e.recording.kind.valve]
-    if math.isnan(facts.valve) and shut:
-        unit = replace(facts, valve=1.0)
-        facts = replace(facts, valve=unit.fill_time / (LEAKING * max(shut)))
-    if math.isnan(facts.speed):
-        facts = replace(facts, speed=facts.conductance * facts.specific_energy / facts.area)
+    if math.isnan(facts.valve_area) and shut:
+        unit = replace(facts, valve_area=1.0)
+        facts = replace(facts, valve_area=unit.fill_time / (LEAK_EMPTYING_TIME_SHARE * max(shut)))
+    if math.isnan(facts.max_speed):
+        facts = replace(facts, max_speed=facts.conductance * facts.specific_energy / facts.bore_area)
     return facts
 
 
-def _largest(values: Iterable[float]) -> float:
+def _max_positive(values: Iterable[float]) -> float:
     """Return the largest of what is finite and above 0, NaN where there is none."""
     return max((float(v) for v in values if math.isfinite(v) and v > 0.0), default=NAN)
 
 
-def _range(seen: Sequence[Extent], stroke: float | None) -> tuple[float, float]:
+def _position_range(seen: Sequence[SignalRanges], stroke: float | None) -> tuple[float, float]:
     moved = [s for s in seen if s.high > s.low]
     if moved:
         return min(s.low for s in moved), max(s.high for s in moved)

@@ -9,12 +9,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.executors import workers
+from pneucli.executors import thread_count
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
-from pneucli.simulate.experiment import OUTPUTS, Experiment
+from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) 
     ``inputs`` replaces the experiment's own smoothed inputs (for draws of their noise).
     """
     out = run(model, experiment, inputs)
-    return {channel: out[:, column] for channel, column in OUTPUTS.items()}
+    return {channel: out[:, column] for channel, column in OUTPUT_COLUMNS.items()}
 
 
 def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:
@@ -51,24 +51,24 @@ def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
     if not experiment.infers_p2:
         return inputs
     inputs = inputs.copy()
-    inputs[:, at.IN_P2] = _run(model, experiment.driven, inputs)[:, at.R2]
+    inputs[:, at.IN_P2] = _run(model, experiment.with_imposed_motion, inputs)[:, at.R2]
     return inputs
 
 
 def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
     kernel = kernel_for(model.effects)
-    active = experiment.active(model.effects)
+    active = experiment.active_effects(model.effects)
     out = np.zeros((experiment.time.size, at.OUTPUTS))
     kernel.run(
         experiment.time,
         inputs,
         experiment.restarts,
         base_vector(model, experiment),
-        kernel.vector(model.effect_values()),
-        kernel.switches(active),
+        kernel.effect_vector(model.effect_values()),
+        kernel.effect_switches(active),
         experiment.flags,
-        *tables(model, experiment),
-        experiment.step,
+        *area_tables(model, experiment),
+        experiment.max_step,
         np.zeros(1),
         np.zeros(2),
         out,
@@ -76,33 +76,33 @@ def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
     return out
 
 
-def tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:
+def area_tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:
     """Return the areas of the paths that fill and vent chamber 1, or the vessel in its place, and chamber 2."""
     largest = experiment.flags[at.U_MAX]
-    return model.behind(experiment.recording.chamber).table(largest), model.second.table(largest)
+    return model.valve_of_chamber(experiment.recording.chamber).table(largest), model.chamber_2_valve.table(largest)
 
 
 def base_vector(model: Model, experiment: Experiment) -> Array:
     """Return the base parameters in the kernel's order; a valve test's vessel stands in for chamber 1."""
-    base = model.base()
+    base = model.base_values()
     if experiment.vessel:
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
     if any("heat" in effect.ports for effect in model.effects):  # then heat is simulated
         base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
-    if experiment.ends is not None:
-        base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.ends, strict=True))
-    return np.array([base[name] for name in at.BASE])
+    if experiment.stroke_limits is not None:
+        base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.stroke_limits, strict=True))
+    return np.array([base[name] for name in at.BASE_NAMES])
 
 
-def run_many(jobs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
+def run_many(runs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
     """Return the outputs of many runs, in order, on all cores (the kernel releases the interpreter's lock)."""
-    if len(jobs) <= 1:
-        return [run(model, experiment) for model, experiment in jobs]
-    with ThreadPoolExecutor(workers()) as pool:
-        return list(pool.map(lambda job: run(*job), jobs))
+    if len(runs) <= 1:
+        return [run(model, experiment) for model, experiment in runs]
+    with ThreadPoolExecutor(thread_count()) as pool:
+        return list(pool.map(lambda job: run(*job), runs))
 
 
-def effects_of(names: Iterable[str], known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
+def effects_by_name(names: Iterable[str], known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
     """Return effects by name, from the catalogue where ``known`` is not given."""
     known = catalogue() if known is None else known
     return tuple(known[name] for name in names)

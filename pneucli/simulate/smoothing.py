@@ -23,11 +23,13 @@ from pneucli.noise import NoiseModel
 Array = NDArray[np.float64]
 Chosen = NDArray[np.int8]
 Index = NDArray[np.int64]
-HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
-TRUST = 3.0  # times its noise, by which an accelerometer errs: it misses what happens between two samples
-WIDE = 5.0  # times the smoother's memory
-CLEARLY = 0.5  # of the squared difference
-AGREEMENT = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
+WINDOW_HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
+ACCELERATION_ERROR_FACTOR = (
+    3.0  # times its noise, by which an accelerometer errs: it misses what happens between two samples
+)
+LATENESS_WINDOW_FACTOR = 5.0  # times the smoother's memory
+MAX_LATENESS_RESIDUAL_RATIO = 0.5  # of the squared difference
+ICI_THRESHOLD = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
 
 
 def autocovariance(noise: NoiseModel, n: int) -> Array:
@@ -42,7 +44,7 @@ def autocovariance(noise: NoiseModel, n: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Window:
+class PolynomialWindow:
     """Polynomial fits in windows of 2 ``half`` + 1 samples, moved inward at the ends of a record.
 
     ``value`` and ``slope`` (per sample) have shape (2 half + 1, 2 half + 1): row i are the weights for the sample that
@@ -55,25 +57,25 @@ class Window:
 
 
 @lru_cache(maxsize=64)
-def window(half: int, degree: int) -> Window:
+def polynomial_window(half: int, degree: int) -> PolynomialWindow:
     """Return the window of one half width (samples) and degree of its polynomial."""
     scale = max(half, 1)
     powers = np.vander(np.arange(-half, half + 1) / scale, degree + 1, increasing=True)
     fit = np.linalg.pinv(powers)
     tilt = np.column_stack([np.zeros(2 * half + 1), powers[:, :-1] * np.arange(1, degree + 1)]) / scale
-    return Window(half, powers @ fit, tilt @ fit)
+    return PolynomialWindow(half, powers @ fit, tilt @ fit)
 
 
 @lru_cache(maxsize=256)
-def deviations(noise: NoiseModel, half: int, degree: int) -> Array:
+def window_deviations(noise: NoiseModel, half: int, degree: int) -> Array:
     """Return the standard deviation of a window's values by the sample's place in it, shape (2 half + 1,)."""
-    weights = window(half, degree).value
+    weights = polynomial_window(half, degree).value
     lags = np.abs(np.subtract.outer(np.arange(2 * half + 1), np.arange(2 * half + 1)))
     variance = np.sum(weights @ autocovariance(noise, 2 * half + 1)[lags] * weights, axis=1)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
-class Bank(NamedTuple):
+class WindowBank(NamedTuple):
     """All windows that fit into a record, those of one degree after another, growing; laid out for compiled code.
 
     ``degree`` and ``half`` have a number a window; ``value`` and ``slope`` hold the windows' weights, row by row, the
@@ -89,13 +91,13 @@ class Bank(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def bank(longest: int) -> Bank:
+def window_bank(longest: int) -> WindowBank:
     """Return the windows of at most ``longest`` samples."""
-    kinds = [(d, h) for d in (0, 1, 2) for h in HALF_WIDTHS if 2 * h + 1 <= longest and h >= d]
+    kinds = [(d, h) for d in (0, 1, 2) for h in WINDOW_HALF_WIDTHS if 2 * h + 1 <= longest and h >= d]
     degree, half = np.array(kinds, dtype=np.int64).T
     width = 2 * half + 1
-    windows = [window(h, d) for d, h in kinds]
-    return Bank(
+    windows = [polynomial_window(h, d) for d, h in kinds]
+    return WindowBank(
         degree,
         half,
         np.cumsum(width**2) - width**2,
@@ -106,10 +108,10 @@ def bank(longest: int) -> Bank:
 
 
 @dataclass(frozen=True)
-class LocalFits:
+class LocalPolynomialSmoother:
     """Which window each sample of a record takes, for its value and for its slope; linear once that is chosen."""
 
-    bank: Bank
+    bank: WindowBank
     for_value: Chosen
     for_slope: Chosen
     period: float
@@ -128,17 +130,17 @@ class LocalFits:
         return np.asarray(_fits(y, self.for_slope, self.bank.half, self.bank.first, self.bank.slope) / self.period)
 
 
-def local_fits(y: Array, noise: NoiseModel, period: float) -> LocalFits:
+def choose_windows(y: Array, noise: NoiseModel, period: float) -> LocalPolynomialSmoother:
     """Return the smoother of one signal of shape (n,); samples are taken as equidistant, NaN is not allowed.
 
     Constants, lines and parabolas are grown apart; each sample takes the surest, so that a rest is a rest.
     """
-    windows = bank(min(y.size, 2 * HALF_WIDTHS[-1] + 1))
+    windows = window_bank(min(y.size, 2 * WINDOW_HALF_WIDTHS[-1] + 1))
     kinds = zip(windows.half.tolist(), windows.degree.tolist(), strict=True)
-    deviation = np.concatenate([deviations(noise, half, degree) for half, degree in kinds])
+    deviation = np.concatenate([window_deviations(noise, half, degree) for half, degree in kinds])
     for_value, for_slope = np.zeros((2, y.size), dtype=np.int8)
-    _grow(np.ascontiguousarray(y), windows, deviation, AGREEMENT, for_value, for_slope)
-    return LocalFits(windows, for_value, for_slope, period)
+    _choose_windows(np.ascontiguousarray(y), windows, deviation, ICI_THRESHOLD, for_value, for_slope)
+    return LocalPolynomialSmoother(windows, for_value, for_slope, period)
 
 
 _compiled = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN and inf stay
@@ -165,7 +167,9 @@ def _fits(y: Array, chosen: Chosen, half: Index, first: Index, weights: Array) -
 
 
 @_compiled
-def _grow(y: Array, bank: Bank, deviation: Array, agreement: float, for_value: Chosen, for_slope: Chosen) -> None:
+def _choose_windows(
+    y: Array, bank: WindowBank, deviation: Array, agreement: float, for_value: Chosen, for_slope: Chosen
+) -> None:
     """Write which window each sample takes: of those that agree with all smaller ones the surest.
 
     A constant has no slope to tell; the smallest window with one is taken where none agrees.
@@ -190,7 +194,7 @@ def _grow(y: Array, bank: Bank, deviation: Array, agreement: float, for_value: C
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class MotionSmoother:
     """The map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
 
     Each step obeys the integrated acceleration, which errs by its noise and by what the sampling misses of a jerk.
@@ -204,33 +208,35 @@ class Kinematics:
     @property
     def memory(self) -> float:
         """The time constant of the stationary smoother in s, whatever the sampling."""
-        return float(np.sqrt(self.x_noise / (TRUST * self.a_noise)))
+        return float(np.sqrt(self.x_noise / (ACCELERATION_ERROR_FACTOR * self.a_noise)))
 
     def __call__(self, x: Array, a: Array) -> tuple[Array, Array, float]:
         """Return x, v, both (n,), and the bias of a."""
         dt = np.diff(self.time)
-        slack = np.sqrt(dt) * TRUST * self.a_noise * np.sqrt(np.median(dt))  # m/s a step
+        slack = np.sqrt(dt) * ACCELERATION_ERROR_FACTOR * self.a_noise * np.sqrt(np.median(dt))  # m/s a step
         # factorised each time, which takes no longer than the rest; to hold it takes more than all signals do
-        return integrated(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
+        return least_squares_motion(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
 
 
-def lateness(x: Array, a: Array, period: float, memory: float) -> int:
+def estimate_acceleration_delay(x: Array, a: Array, period: float, memory: float) -> int:
     """Return by how many samples an accelerometer reads later than x (n,) says, as behind a filter of its own.
 
     Both are seen through one parabola's curvature, in windows some times as long as the ``memory`` (s) of the smoother.
     Only a shift after which they agree far better counts: half a sample stays.
     """
-    half = max(round(WIDE * memory / period), 3)
+    half = max(round(LATENESS_WINDOW_FACTOR * memory / period), 3)
     if 6 * half > x.size:
         return 0
     path = np.concatenate([[0.0], np.cumsum(np.cumsum(a))[:-1]]) * period**2
     seen, told = (savgol_filter(y, 2 * half + 1, 2, deriv=2, delta=period) for y in (x, path))
     left = [float(np.var(seen[half : -2 * half] - told[half + k : k - 2 * half or None])) for k in range(half)]
     best = int(np.argmin(left))
-    return best if left[best] < CLEARLY * left[0] else 0
+    return best if left[best] < MAX_LATENESS_RESIDUAL_RATIO * left[0] else 0
 
 
-def integrated(dt: Array, wx: float, wv: Array, wp: Array) -> Callable[[Array, Array], tuple[Array, Array, float]]:
+def least_squares_motion(
+    dt: Array, wx: float, wv: Array, wp: Array
+) -> Callable[[Array, Array], tuple[Array, Array, float]]:
     """Return the map from x and a, shape (n,), to x, v and one constant bias of a, by least squares.
 
     x is measured with the weight ``wx``; each of the n - 1 steps ``dt`` (s) obeys the acceleration, linear in between,

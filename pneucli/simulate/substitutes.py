@@ -12,7 +12,7 @@ from pneucli.simulate import layout as at
 Array = NDArray[np.float64]
 
 
-def stand_in(inputs: Array, recording: Recording, rig: Rig) -> None:
+def substitute_missing_inputs(inputs: Array, recording: Recording, rig: Rig) -> None:
     """Fill in what was not measured, in inputs (n, 8): ambient pressure, the regulator's setting, a shut chamber's p2.
 
     p2 of a shut chamber is that of a gas shut in, as much of it as the forces on the moving piston ask for; behind a
@@ -25,25 +25,25 @@ def stand_in(inputs: Array, recording: Recording, rig: Rig) -> None:
     ):
         if name not in recording:
             inputs[:, column] = value
-    if {"p1", "x"} <= recording.signals.keys() and "p2" not in recording and all(rig.areas):
+    if {"p1", "x"} <= recording.signals.keys() and "p2" not in recording and all(rig.piston_areas):
         if recording.chamber_2 == "valve":
-            inputs[:, at.IN_P2] = _held(inputs, rig)
+            inputs[:, at.IN_P2] = _balancing_p2(inputs, rig)
         elif recording.chamber_2 == "closed" and rig.stroke:
-            inputs[:, at.IN_P2] = _shut_in(inputs, recording.time, rig, rig.stroke)
+            inputs[:, at.IN_P2] = _trapped_gas_p2(inputs, recording.time, rig, rig.stroke)
 
 
-def _held(inputs: Array, rig: Rig) -> float:
+def _balancing_p2(inputs: Array, rig: Rig) -> float:
     """Return the pressure in Pa that holds the piston at the start."""
-    area_1, area_2 = rig.areas
+    area_1, area_2 = rig.piston_areas
     return max(rig.ambient_pressure + area_1 / area_2 * (float(inputs[0, at.IN_P1]) - rig.ambient_pressure), 0.0)
 
 
-def _shut_in(inputs: Array, time: Array, rig: Rig, stroke: float) -> Array:
+def _trapped_gas_p2(inputs: Array, time: Array, rig: Rig, stroke: float) -> Array:
     """Return the pressure (n,) of a gas shut in chamber 2, from the balance of forces while the piston moves.
 
     What p1 drives is held by that gas, the mass, dry and viscous friction, each of which can but resist.
     """
-    area_1, area_2 = rig.areas
+    area_1, area_2 = rig.piston_areas
     x, v = inputs[:, at.IN_X], inputs[:, at.IN_V]
     volume = np.maximum(area_2 * (stroke - x), 0.0) + (rig.dead_volume_2 or 0.0)
     rise = (float(volume.max()) / volume) ** (rig.polytropic_exponent or rig.heat_capacity_ratio)

@@ -7,45 +7,45 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from pneucli.closed_loop.acceptance import SCENARIOS, axes_of, gate
-from pneucli.closed_loop.robustness import sigma_of
-from pneucli.closed_loop.scenarios import scenarios_from
-from pneucli.closed_loop.simulation import Bench
+from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, axis_variants, check_acceptance
+from pneucli.closed_loop.robustness import sigma_from_intervals
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.design.requirements import Requirements
 from pneucli.io.artifacts import read_table
-from pneucli.messages.compare import FAR, judged
+from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model
 
 
-def gate_answer(
-    context: Context, model: Model, controller: Controller, wanted: Requirements, bench: Bench
+def acceptance_answer(
+    context: Context, model: Model, controller: Controller, requirements: Requirements, setup: ClosedLoopSetup
 ) -> dict[str, Any]:
     """Run the gate; return its part of the answer of ``design``."""
-    sized = intervals(context)
-    axes = list(axes_of(model, sized, sigma_of(sized, model)))
-    scenarios = [s for s in scenarios_from([], controller, "") if s.name in SCENARIOS]
-    found = gate(
-        controller, wanted, scenarios, bench, axes, lambda share: context.progress("the gate", 0.8 + 0.2 * share)
+    sized = parameter_intervals(context)
+    axes = list(axis_variants(model, sized, sigma_from_intervals(sized, model)))
+    scenarios = [s for s in read_scenarios([], controller, "") if s.name in ACCEPTANCE_SCENARIOS]
+    found = check_acceptance(
+        controller, requirements, scenarios, setup, axes, lambda share: context.progress("the gate", 0.8 + 0.2 * share)
     )
     error = model_error(context.answers)
     missed = [
         {n: v if not isinstance(v, float) or math.isfinite(v) else None for n, v in asdict(m).items()}
-        for m in found.missed
+        for m in found.violations
     ]
     return {
-        "passed": not missed and not (error is not None and error > FAR),
-        "strict": wanted.strict,
+        "passed": not missed and not (error is not None and error > BAD_ERROR_RATIO),
+        "strict": requirements.strict,
         "missed": missed,
-        "asked": [{"demand": d.name, "limit": d.limit, "unit": d.unit} for d in found.asked],
-        "axes": found.axes,
+        "asked": [{"demand": d.name, "limit": d.limit, "unit": d.unit} for d in found.criteria],
+        "axes": found.axis_count,
         "model_error": error,
-        "model_error_limit": FAR,
+        "model_error_limit": BAD_ERROR_RATIO,
     }
 
 
-def intervals(context: Context) -> dict[str, tuple[float, float]]:
+def parameter_intervals(context: Context) -> dict[str, tuple[float, float]]:
     """Return the 95 % intervals of the identified parameters."""
     table = read_table(context.artifacts / "identify" / "parameters.parquet")
     rows = zip(table["name"], table["ci_low"], table["ci_high"], strict=True)
@@ -54,4 +54,4 @@ def intervals(context: Context) -> dict[str, tuple[float, float]]:
 
 def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:
     """Return the model's error over the noise floor, of the recordings that it is judged by."""
-    return judged(answers.get("compare", {}).get("error", {}))[1]
+    return evaluation_error(answers.get("compare", {}).get("error", {}))[1]

@@ -10,63 +10,65 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pneucli.compare import ChannelResult, Comparison, Region, compare, find_regions, overall_error
-from pneucli.compare.expected_error import expected_of_all
-from pneucli.compare.residual_correlation import Correlation, correlations
+from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
+from pneucli.compare.expected_error import expected_rms_of_all
+from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.stages import controller_logs, history
-from pneucli.stages.pipeline_data import Study, load_model
+from pneucli.stages.pipeline_data import PipelineData, load_model
 
-RESIDUALS = "residuals.parquet"
+RESIDUALS_FILE = "residuals.parquet"
 
 
 def run(context: Context) -> dict[str, Any]:
     """Compare the identified model with every recording; return the answer that ``--json`` prints."""
-    study = Study(context)
+    study = PipelineData(context)
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
     experiments = study.experiments
 
     def progress(i: int) -> None:
         context.progress(f"comparing {experiments[i].recording.name}", 0.2 + 0.7 * i / len(experiments))
 
-    noise = expected_of_all(model, experiments, progress)
+    noise = expected_rms_of_all(model, experiments, progress)
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
-    known = controller_logs.controllers_of(context)
-    looked = {r.name: controller_logs.look(model, r, known[r.name]) for r in study.recordings if r.name in known}
+    known = controller_logs.controllers_by_recording(context)
+    looked = {r.name: controller_logs.replay_recording(model, r, known[r.name]) for r in study.recordings if r.name in known}
     comparisons = [controller_logs.with_commands(c, looked, model) for c in comparisons]
     _write_residuals(study, comparisons)
-    _write_correlations(study, [c for one in comparisons for c in correlations(one, context.config.compare.horizon)])
+    _write_correlations(
+        study, [c for one in comparisons for c in residual_correlations(one, context.config.compare.horizon)]
+    )
     results = [r for c in comparisons for r in c.results]
-    answer = _answer(study, results, find_regions(comparisons))
-    answer["closed_loop"] = [controller_logs.answer_of(one, model) for one in looked.values()]
-    return answer | history.keep(context, answer, RESIDUALS)
+    answer = _answer(study, results, find_error_regions(comparisons))
+    answer["closed_loop"] = [controller_logs.log_answer(one, model) for one in looked.values()]
+    return answer | history.record_model(context, answer, RESIDUALS_FILE)
 
 
-def _answer(study: Study, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
+def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
     return {
         "schema": "pneucli/compare/1",
         "pipeline": study.context.config.name,
         "horizon_s": study.context.config.compare.horizon,
         "model": study.context.answers["identify"]["model"],
-        "channels": [_finite(asdict(r)) for r in results],
+        "channels": [_nan_to_null(asdict(r)) for r in results],
         "error": {use: overall_error(results, use) for use in ("train", "test")},
-        "where": [_renamed(asdict(r)) for r in regions],
-        "data": study.data,
+        "where": [_region_answer(asdict(r)) for r in regions],
+        "data": study.data_digest,
     }
 
 
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
+def _nan_to_null(row: dict[str, Any]) -> dict[str, Any]:
     """JSON knows no NaN: null stands for what cannot be told, such as a percentage of a range of zero."""
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
 
 
-def _renamed(row: dict[str, Any]) -> dict[str, Any]:
+def _region_answer(row: dict[str, Any]) -> dict[str, Any]:
     return {"from" if k == "from_" else k: v for k, v in row.items()}
 
 
-def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
+def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison]) -> None:
     types: dict[str, Any] = dict.fromkeys(("recording", "use", "channel", "unit"), pa.string())
     types |= dict.fromkeys(("time", "measured", "model", "residual", "segment"), pa.float64())
     schema = schema_of(
@@ -75,7 +77,7 @@ def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
         schema="pneucli/compare/residuals/1",
         provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
     )
-    with TableWriter(study.context.out / RESIDUALS, schema) as writer:
+    with TableWriter(study.context.out / RESIDUALS_FILE, schema) as writer:
         for c in comparisons:
             for result in c.results:
                 columns = {
@@ -92,7 +94,7 @@ def _write_residuals(study: Study, comparisons: Sequence[Comparison]) -> None:
                 writer.write(columns)
 
 
-def _write_correlations(study: Study, found: Sequence[Correlation]) -> None:
+def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> None:
     texts = {name: [getattr(one, name) for one in found for _ in one.lag] for name in ("recording", "use", "channel")}
     numbers = {name: [np.zeros(0), *(getattr(one, name) for one in found)] for name in ("lag", "correlation")}
     bounds = [np.zeros(0), *(np.full(one.lag.size, one.bound) for one in found)]

@@ -11,80 +11,82 @@ import numpy as np
 
 from pneucli import paths
 from pneucli.closed_loop.log_replay import (
+    ControllerLog,
     Engine,
-    Log,
-    Replayed,
-    bench_from,
-    foretold,
-    log_of,
-    measured,
-    replayed,
-    resolution,
-    rounding,
+    Replay,
+    find_replay,
+    log_on_grid,
+    log_resolution,
+    logged_loop,
+    predict_loop,
+    replay_rounding_error,
+    setup_from_recording,
 )
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.simulation import Bench, Run, replay_rows
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log
 from pneucli.compare import Comparison
-from pneucli.compare.channel_errors import channel_result
-from pneucli.config import sources
+from pneucli.compare.channel_errors import evaluate_channel
+from pneucli.config import recording_sources
 from pneucli.controller import layout
-from pneucli.export.controller_file import Exported, load
-from pneucli.export.single_precision import rows_in_single
+from pneucli.export.controller_file import ExportedController, load_controller
+from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from pneucli.stages.law_comparison import figures
+from pneucli.stages.law_comparison import metrics_answer
 
-UNKNOWN = "unknown"
-LEAST = 1e-9  # V, within which any two programs of one controller agree
+UNKNOWN_CONTROLLER = "unknown"
+MIN_COMMAND_ERROR = 1e-9  # V, within which any two programs of one controller agree
 
 
 @dataclass(frozen=True)
-class Looked:
+class ReplayedLog:
     """A log, the controller that ran, and its replay."""
 
     recording: Recording
-    exported: Exported
-    log: Log
+    exported: ExportedController
+    log: ControllerLog
     engine: Engine
-    replay: Replayed
+    replay: Replay
 
 
-def controllers_of(context: Context) -> dict[str, Exported]:
+def controllers_by_recording(context: Context) -> dict[str, ExportedController]:
     """Return the controllers that ran, by recording; those that are not known are left out. Raises InputError."""
     found = {}
-    for source in sources(context.config):
+    for source in recording_sources(context.config):
         name = source.table.controller
-        if name is not None and name != UNKNOWN:
+        if name is not None and name != UNKNOWN_CONTROLLER:
             where = f"{source.where}.controller"
-            found[source.name] = load(paths.expand(name, context.path.parent, where), where)
+            found[source.name] = load_controller(paths.expand_path(name, context.path.parent, where), where)
     return found
 
 
-def look(model: Model, recording: Recording, exported: Exported) -> Looked:
+def replay_recording(model: Model, recording: Recording, exported: ExportedController) -> ReplayedLog:
     """Replay one log; raises InputError where it was not logged at every sample."""
-    log, controller = log_of(recording, exported.controller), exported.controller
-    engine: Engine = partial(replay_rows, model, controller)
+    log, controller = log_on_grid(recording, exported.controller), exported.controller
+    engine: Engine = partial(replay_log, model, controller)
     if exported.precision == "float32":
-        engine = partial(rows_in_single, controller)
-    return Looked(recording, exported, log, engine, replayed(engine, log))
+        engine = partial(replay_in_single_precision, controller)
+    return ReplayedLog(recording, exported, log, engine, find_replay(engine, log))
 
 
-def with_commands(found: Comparison, logs: Mapping[str, Looked], model: Model) -> Comparison:
+def with_commands(found: Comparison, replayed: Mapping[str, ReplayedLog], model: Model) -> Comparison:
     """Return a comparison with the logged commands as further channels, held against those of the replay, if any."""
     recording = found.experiment.recording
-    if recording.name not in logs:
+    if recording.name not in replayed:
         return found
-    looked = logs[recording.name]
-    replay, places = looked.replay, looked.log.places
+    looked = replayed[recording.name]
+    replay, places = looked.replay, looked.log.grid_indices
     # a position that is counted is logged as it is
-    rounded = {n: resolution(recording[n]) for n in ("x", "x_ref", "p1", "p2", "p_supply") if n in recording}
-    steps = {n: step for n, step in rounded.items() if n == "x_ref" or _rms(recording, n) > step > 0.0}
-    off = rounding(looked.engine, looked.log, replay, steps) if steps else 0.0
+    rounded = {n: log_resolution(recording[n]) for n in ("x", "x_ref", "p1", "p2", "p_supply") if n in recording}
+    steps = {n: step for n, step in rounded.items() if n == "x_ref" or _noise_rms(recording, n) > step > 0.0}
+    off = replay_rounding_error(looked.engine, looked.log, replay, steps) if steps else 0.0
     names = ["u", *(["u2"] if "u2" in recording else [])]
     read = {name: recording[name] for name in names}
     said = {name: replay.commands[places, i] for i, name in enumerate(names)}
-    results = tuple(channel_result(found.experiment, n, read[n], said[n], _floor(recording, n, off)) for n in names)
+    results = tuple(
+        evaluate_channel(found.experiment, n, read[n], said[n], _command_error_floor(recording, n, off)) for n in names
+    )
     return replace(
         found,
         results=found.results + results,
@@ -93,38 +95,38 @@ def with_commands(found: Comparison, logs: Mapping[str, Looked], model: Model) -
     )
 
 
-def _rms(recording: Recording, name: str) -> float:
+def _noise_rms(recording: Recording, name: str) -> float:
     return recording.noise[name].rms if name in recording.noise else 0.0
 
 
-def _floor(recording: Recording, name: str, off: float) -> float:
+def _command_error_floor(recording: Recording, name: str, off: float) -> float:
     """Return what a right replay differs by in V: the rounding of readings, and that of the command."""
-    return max(float(np.hypot(off, resolution(recording[name]) / np.sqrt(12.0))), LEAST)
+    return max(float(np.hypot(off, log_resolution(recording[name]) / np.sqrt(12.0))), MIN_COMMAND_ERROR)
 
 
-def answer_of(looked: Looked, model: Model) -> dict[str, Any]:
+def log_answer(looked: ReplayedLog, model: Model) -> dict[str, Any]:
     """Return what was foretold of a log and what came, in the figures of a closed loop."""
     controller = looked.exported.controller
-    expected = foretold(model, controller, looked.log, bench_from(looked.recording, Bench()))
-    came = measured(model, controller, looked.log, looked.replay)
+    expected = predict_loop(model, controller, looked.log, setup_from_recording(looked.recording, ClosedLoopSetup()))
+    came = logged_loop(model, controller, looked.log, looked.replay)
     return {
         "recording": looked.recording.name,
         "use": looked.recording.use,
         "controller": controller.law,
         "hash": looked.exported.hash,
         "precision": looked.exported.precision,
-        "began": looked.replay.began,
-        "supply_told": "p_supply" in looked.replay.read,
-        "foretold": _told(expected, model, looked),
-        "measured": _told(came, model, looked),
+        "began": looked.replay.start_mode,
+        "supply_told": "p_supply" in looked.replay.readings,
+        "foretold": _loop_answer(expected, model, looked),
+        "measured": _loop_answer(came, model, looked),
     }
 
 
-def _told(run: Run, model: Model, looked: Looked) -> Mapping[str, Any]:
-    return figures(measure(run, model, looked.exported.controller)) | estimates(run)
+def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, Any]:
+    return metrics_answer(evaluate_run(run, model, looked.exported.controller)) | mean_estimates(run)
 
 
-def estimates(run: Run) -> dict[str, float]:
+def mean_estimates(run: Run) -> dict[str, float]:
     """Return the means of the controller's estimates: of the load in N, and of the flow beside the valve's in Pa/s."""
     return {
         "load_estimate_n": float(np.mean(run.log[:, layout.L_LOAD])),

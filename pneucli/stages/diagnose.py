@@ -8,44 +8,46 @@ from typing import Any
 
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
-from pneucli.diagnose.adequacy import Remainder, allowed_for
+from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.cross_validation import turns_of
-from pneucli.diagnose.data import Bench, State
-from pneucli.diagnose.detectability import Detectable
-from pneucli.diagnose.diagnosis import Diagnosis, diagnose, how_to_tell
-from pneucli.diagnose.discrepancy import Discrepancy, Unknown
-from pneucli.diagnose.experiment_design import separation
-from pneucli.diagnose.free_run_error import ShownErrors, left_over, taken_away, told
+from pneucli.diagnose.cross_validation import folds_of
+from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.diagnose.detectability import MinimumDetectableEffect
+from pneucli.diagnose.diagnosis import Diagnosis, diagnose, distinguishing_experiment
+from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
+from pneucli.diagnose.experiment_design import most_discriminating_experiment
+from pneucli.diagnose.free_run_error import FreeRunErrors, held_out_error, remaining_error_share, removed_error_share
 from pneucli.diagnose.posterior import lacks_p2
-from pneucli.diagnose.subsample import MOST
+from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
-from pneucli.identify.residuals import Inferred, View
-from pneucli.memory import give_back
-from pneucli.messages.diagnose import why
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
+from pneucli.memory import release_free_memory
+from pneucli.messages.diagnose import reason_sentence
 from pneucli.pipeline.context import Context
-from pneucli.pipeline.manifest import identity
+from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages import history
-from pneucli.stages.changes import keep_reference, since
-from pneucli.stages.diagnose_sentence import sentence
-from pneucli.stages.identify import as_ratio, parameter_answer
-from pneucli.stages.pipeline_data import Study
-from pneucli.stages.tables.diagnosis import SHAPE, write_diagnosis
+from pneucli.stages.changes import compare_with_baseline, write_baseline
+from pneucli.stages.diagnose_sentence import verdict_sentence
+from pneucli.stages.identify import parameters_answer, per_vessel_volume
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_diagnosis
 
-BY_TURNS = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
-THINNED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
-INFERRED_P2 = "{}: p2 was not recorded and follows from the model; a force like that of a spring can hide in its start"
-NO_P2 = "{}: chamber 2 is shut or driven and p2 was not recorded, so what acts on the piston cannot be told: record p2"
-LEFT_OPEN = (
+CROSS_VALIDATED = 'no recording has use = "test": each is held out in turn, from a model fitted without it'
+SUBSAMPLED = "{used} of {samples} samples are diagnosed: of the longest recordings stretches, spread evenly over them"
+P2_INFERRED = "{}: p2 was not recorded and follows from the model; a force like that of a spring can hide in its start"
+P2_MISSING = (
+    "{}: chamber 2 is shut or driven and p2 was not recorded, so what acts on the piston cannot be told: record p2"
+)
+ERROR_WITHIN_UNCERTAINTY = (
     "{} of recordings that were not fitted errs by {:.2g} times its noise, no more than the fitted parameters' own "
     "uncertainty allows (95 %): record such commands or speeds for the fit, too"
 )
-NONE_HELD_OUT = "no recording to hold out: what is found rests on the fitted recordings alone"
+NO_HELD_OUT_RECORDING = "no recording to hold out: what is found rests on the fitted recordings alone"
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -53,73 +55,73 @@ def run(context: Context) -> dict[str, Any]:
 
     Raises InputError where no recording can be fitted, ``--exclude`` names what is no effect, or ``--since`` no model.
     """
-    study = Study(context, most=MOST)
-    bench, warnings = _bench(study)
-    if thinned := _thinned(study):
-        warnings.append(THINNED.format(**thinned))
+    study = PipelineData(context, max_samples=MAX_SAMPLES)
+    bench, warnings = _diagnosis_data(study)
+    if thinned := _subsampling(study):
+        warnings.append(SUBSAMPLED.format(**thinned))
     if not bench.train:
         raise InputError(
             f"{context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
         )
     context.progress("fitting the model as it is", 0.2)
     fitted = [view.experiment for view in bench.train]
-    guess = first_guess(fitted, study.rig, study.valve)
+    guess = guess_base_model(fitted, study.rig, study.valve)
     implausible = bool(context.answers["ingest"]["plausibility"])
-    bench = replace(bench, covered=guess.valve.covers, shown=ShownErrors(study.experiments), implausible=implausible)
-    model, answer = _diagnosed(study, bench, guess)
-    give_back()  # the derivatives of all that was tried
+    bench = replace(bench, modelled_parts=guess.valve.covers, free_run_errors=FreeRunErrors(study.experiments), implausible=implausible)
+    model, answer = _run_diagnosis(study, bench, guess)
+    release_free_memory()  # the derivatives of all that was tried
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], thinned
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
     context.progress("what later comparisons need", 0.95)
-    whole = keep_reference(study, bench, model)
-    answer["parameters"] = parameter_answer([as_ratio(e, study) for e in whole.estimates])
+    whole = write_baseline(study, bench, model)
+    answer["parameters"] = parameters_answer([per_vessel_volume(e, study) for e in whole.estimates])
     if asked := context.options.get("since"):
-        answer |= since(study, bench, asked)
-    return answer | history.keep(context, answer, SHAPE)
+        answer |= compare_with_baseline(study, bench, asked)
+    return answer | history.record_model(context, answer, SHAPE_FILE)
 
 
-def _diagnosed(study: Study, bench: Bench, guess: Model) -> tuple[Model, dict[str, Any]]:
+def _run_diagnosis(study: PipelineData, bench: DiagnosisData, guess: Model) -> tuple[Model, dict[str, Any]]:
     """Return the fitted model without what is missing, and what is said of that; write its tables."""
     base = fit_model(guess, bench.train, study.effects)
     context, plugins = study.context, plugin_files(study.context.config)
-    with executor_refit.through(context.options.get("executor"), context.out, plugins, identity) as refits:
-        found = diagnose(replace(bench, refits=refits), base)
+    with executor_refit.open_refits(context.options.get("executor"), context.out, plugins, program_versions) as refits:
+        found = diagnose(replace(bench, run_refits=refits), base)
     context.progress("the error that the user sees", 0.9)
     answer = _answer(study, bench, found)
     write_diagnosis(study, bench, found, answer)
     return base.model, answer
 
 
-def _thinned(study: Study) -> dict[str, int] | None:
+def _subsampling(study: PipelineData) -> dict[str, int] | None:
     """Return how many samples there are and how many are diagnosed; None where these are all."""
     samples = sum(int(r["samples"]) for r in study.context.answers["ingest"]["recordings"])
     used = sum(one.time.size for one in study.recordings)
     return {"samples": samples, "used": used} if used < samples else None
 
 
-def unread_p2(views: Sequence[View]) -> list[str]:
+def unmeasured_p2_warnings(views: Sequence[ResidualModel]) -> list[str]:
     """Return what is to be said of views of a shut or driven chamber 2 whose pressure was not recorded."""
-    inferred = [view.experiment.recording.name for view in views if isinstance(view, Inferred)]
+    inferred = [view.experiment.recording.name for view in views if isinstance(view, ForceBalanceInferredP2)]
     blind = [view.experiment.recording.name for view in views if lacks_p2(view)]
-    return [text.format(", ".join(names)) for text, names in ((INFERRED_P2, inferred), (NO_P2, blind)) if names]
+    return [text.format(", ".join(names)) for text, names in ((P2_INFERRED, inferred), (P2_MISSING, blind)) if names]
 
 
-def left_open(held_out: Sequence[Remainder]) -> list[str]:
+def parameter_uncertainty_warnings(held_out: Sequence[LackOfFit]) -> list[str]:
     """Return what is to be said of recordings that the model misses by no more than its parameters may be off."""
-    return [LEFT_OPEN.format(r.channel, r.ratio) for r in allowed_for(held_out)]
+    return [ERROR_WITHIN_UNCERTAINTY.format(r.channel, r.ratio) for r in within_parameter_uncertainty(held_out)]
 
 
-def _bench(study: Study) -> tuple[Bench, list[str]]:
-    train, test = (study.views(use, whitened=True) for use in ("train", "test"))
-    turns = () if test else turns_of(train)
-    warnings = [] if test else [BY_TURNS if turns else NONE_HELD_OUT]
-    warnings += unread_p2(train)
+def _diagnosis_data(study: PipelineData) -> tuple[DiagnosisData, list[str]]:
+    train, test = (study.residual_models(use, whitened=True) for use in ("train", "test"))
+    turns = () if test else folds_of(train)
+    warnings = [] if test else [CROSS_VALIDATED if turns else NO_HELD_OUT_RECORDING]
+    warnings += unmeasured_p2_warnings(train)
     excluded = study.context.options.get("exclude", [])
     for name in excluded:
-        if name not in study.known_effects:
-            mend = did_you_mean(name, study.known_effects)
+        if name not in study.available_effects:
+            mend = did_you_mean(name, study.available_effects)
             raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
-    effects = {n: e for n, e in study.known_effects.items() if n not in excluded}
+    effects = {n: e for n, e in study.available_effects.items() if n not in excluded}
     steps = iter(range(1, 10_000))
 
     def progress(text: str) -> None:
@@ -127,47 +129,49 @@ def _bench(study: Study) -> tuple[Bench, list[str]]:
         study.context.progress(text, 0.25 + 0.65 * n / (n + 40.0))  # how many steps there are, the data decide
 
     given = tuple(e.name for e in study.effects)
-    return Bench(train, test, effects, given=given, progress=progress, turns=turns), warnings
+    return DiagnosisData(train, test, effects, base_effects=given, progress=progress, folds=turns), warnings
 
 
-def _answer(study: Study, bench: Bench, found: Diagnosis) -> dict[str, Any]:
-    assert bench.shown is not None
-    rungs = [dict(bench.shown(state.model)) for state in found.found.rungs]
+def _answer(study: PipelineData, bench: DiagnosisData, found: Diagnosis) -> dict[str, Any]:
+    assert bench.free_run_errors is not None
+    rungs = [dict(bench.free_run_errors(state.model)) for state in found.path.models]
     ladder = [
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
-        for add, e in zip([None, *found.found.added], rungs, strict=True)
+        for add, e in zip([None, *found.path.added], rungs, strict=True)
     ]
-    settled = with_intervals(_settled(found).fit, bench.train)
-    candidates = [_candidate(study, bench, found, settled, decision) for decision in found.decisions]
-    pairs = [(n, other) for n in found.missing for other in found.equals[n]]
-    rest = None if found.unknown is None else _unknown(found.unknown)
-    following = " ".join(_tell_apart(bench, found, a, b) for a, b in pairs[:2])
+    settled = with_intervals(_selected_model(found).fit, bench.train)
+    candidates = [_candidate_answer(study, bench, found, settled, decision) for decision in found.decisions]
+    pairs = [(n, other) for n in found.missing for other in found.equivalents[n]]
+    rest = None if found.unexplained is None else _unexplained_answer(found.unexplained)
+    following = " ".join(_discriminating_experiment(bench, found, a, b) for a, b in pairs[:2])
     return {
         "schema": "pneucli/diagnose/1",
         "pipeline": study.context.config.name,
         "model": {"effects": [e.name for e in study.effects]},
-        "data": study.data,
-        "held_out": held_out(bench),
+        "data": study.data_digest,
+        "held_out": validation_method(bench),
         "excluded": study.context.options.get("exclude", []),
         "verdict": found.verdict,
         "missing": list(found.missing),
         "ladder": ladder,
         "candidates": candidates,
-        "unexplained_share": left_over(rungs[0], rungs[-1]),
-        "next_experiment": following or _next(bench, found),
-        "sentence": sentence(found, rungs, rest),
-        "detectable": [_detectable(d) for d in found.detectable],
-        "discrepancy": [_discrepancy(d) for d in found.left],
+        "unexplained_share": remaining_error_share(rungs[0], rungs[-1]),
+        "next_experiment": following or _next_experiment(bench, found),
+        "sentence": verdict_sentence(found, rungs, rest),
+        "detectable": [_detectability_answer(d) for d in found.detectable],
+        "discrepancy": [_discrepancy_answer(d) for d in found.discrepancies],
         "moved": [
             {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
-            for m in found.moved
+            for m in found.parameter_shifts
         ],
         "unexplained": rest,
-        "warnings": [] if found.unknown else left_open(found.found.test),  # what is unknown widens errors, too
+        "warnings": []
+        if found.unexplained
+        else parameter_uncertainty_warnings(found.path.test),  # what is unknown widens errors, too
     }
 
 
-def _unknown(one: Unknown) -> dict[str, Any]:
+def _unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
     return {
         "subsystem": one.subsystem,
         "channel": one.channel,
@@ -176,11 +180,11 @@ def _unknown(one: Unknown) -> dict[str, Any]:
         "character": one.character,
         "law": one.law,
         "share": one.share,
-        "also_over": list(one.alike),
+        "also_over": list(one.other_signals),
     }
 
 
-def _detectable(one: Detectable) -> dict[str, Any]:
+def _detectability_answer(one: MinimumDetectableEffect) -> dict[str, Any]:
     return {
         "effect": one.effect.name,
         "parameter": one.parameter.name,
@@ -191,7 +195,7 @@ def _detectable(one: Detectable) -> dict[str, Any]:
     }
 
 
-def _discrepancy(one: Discrepancy) -> dict[str, Any]:
+def _discrepancy_answer(one: Discrepancy) -> dict[str, Any]:
     return {
         "subsystem": one.subsystem,
         "channel": one.channel,
@@ -202,58 +206,60 @@ def _discrepancy(one: Discrepancy) -> dict[str, Any]:
     }
 
 
-def _parameters(study: Study, found: Fit, effect: str) -> dict[str, Any]:
-    mine = [as_ratio(e, study) for e in found.estimates if e.name.startswith(f"{effect}.")]
-    return {name.partition(".")[2]: value for name, value in parameter_answer(mine).items()}
+def _parameters(study: PipelineData, found: Fit, effect: str) -> dict[str, Any]:
+    mine = [per_vessel_volume(e, study) for e in found.estimates if e.name.startswith(f"{effect}.")]
+    return {name.partition(".")[2]: value for name, value in parameters_answer(mine).items()}
 
 
-def _settled(found: Diagnosis) -> State:
+def _selected_model(found: Diagnosis) -> FittedModel:
     """Return the model with all that is named, before what was tried after it and is not."""
-    places = [i for i, name in enumerate(found.found.added, 1) if name in found.missing]
-    return found.found.rungs[max(places, default=0)]
+    places = [i for i, name in enumerate(found.path.added, 1) if name in found.missing]
+    return found.path.models[max(places, default=0)]
 
 
-def _candidate(study: Study, bench: Bench, found: Diagnosis, settled: Fit, decision: Decision) -> dict[str, Any]:
-    assert bench.shown is not None
-    name, trial = decision.effect.name, decision.trial
-    state = trial.state if trial else found.found.rungs[0]
-    before, after = (bench.shown(s.model) for s in ((trial.before, state) if trial else (state, state)))
+def _candidate_answer(
+    study: PipelineData, bench: DiagnosisData, found: Diagnosis, settled: Fit, decision: Decision
+) -> dict[str, Any]:
+    assert bench.free_run_errors is not None
+    name, trial = decision.effect.name, decision.candidate
+    state = trial.full if trial else found.path.models[0]
+    before, after = (bench.free_run_errors(s.model) for s in ((trial.reduced, state) if trial else (state, state)))
     unchanged = decision.reason == "cannot-show"
     said = {
         "effect": name,
         "title": decision.effect.title,
-        "error_before": told(before),
-        "error_after": told(after) if trial or unchanged else None,
+        "error_before": held_out_error(before),
+        "error_after": held_out_error(after) if trial or unchanged else None,
         "parameters": _parameters(study, settled if name in found.missing else state.fit, name),
-        "indistinguishable_from": _alike(found, name),
+        "indistinguishable_from": _equivalents(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
         "confidence": round(found.confidence[name].of_set, 4) if name in found.confidence else None,
         "confidence_alone": round(found.confidence[name].alone, 4) if name in found.confidence else None,
-        "share": None if trial is None or told(before) is None else taken_away(before, after) or 0.0,
+        "share": None if trial is None or held_out_error(before) is None else removed_error_share(before, after) or 0.0,
         "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
-    return said | {"why": why(said, found.missing, held_out(bench), decision.effect.looks_like)}
+    return said | {"why": reason_sentence(said, found.missing, validation_method(bench), decision.effect.looks_like)}
 
 
-def _alike(found: Diagnosis, name: str) -> list[str]:
+def _equivalents(found: Diagnosis, name: str) -> list[str]:
     """Return what explains the recordings as well as an effect that was added, or that stands beside a named one."""
-    if name in found.equals:
-        return list(found.equals[name])
-    sets = ([n, *(e for e in found.equals[n] if e != name)] for n in found.missing if name in found.equals[n])
+    if name in found.equivalents:
+        return list(found.equivalents[name])
+    sets = ([n, *(e for e in found.equivalents[n] if e != name)] for n in found.missing if name in found.equivalents[n])
     return next(sets, [])
 
 
-def held_out(bench: Bench) -> str:
+def validation_method(bench: DiagnosisData) -> str:
     """Return how recordings were held out: apart, by turns, or none."""
-    return "apart" if bench.held_out else "by turns" if bench.turns else "none"
+    return "apart" if bench.held_out else "by turns" if bench.folds else "none"
 
 
-def _tell_apart(bench: Bench, found: Diagnosis, name: str, other: str) -> str:
+def _discriminating_experiment(bench: DiagnosisData, found: Diagnosis, name: str, other: str) -> str:
     """What separates two effects: as declared, and the manoeuvre in which both fitted models differ most."""
-    text = how_to_tell(bench.effects[name], bench.effects[other])
-    rival = next(t.state.model for t in found.found.places[name].rivals if t.effect.name == other)
-    best = separation(found.found.last.model, rival, [*bench.train, *bench.held_out])
+    text = distinguishing_experiment(bench.effects[name], bench.effects[other])
+    rival = next(t.full.model for t in found.path.terms[name].rivals if t.effect.name == other)
+    best = most_discriminating_experiment(found.path.last.model, rival, [*bench.train, *bench.held_out])
     if best is None:
         return f"{text} No manoeuvre that both fitted models were run through separates them by more than noise."
     return (
@@ -262,12 +268,12 @@ def _tell_apart(bench: Bench, found: Diagnosis, name: str, other: str) -> str:
     )
 
 
-def _next(bench: Bench, found: Diagnosis) -> str | None:
-    if found.unknown is not None:
-        where = found.unknown.variable or "each signal"
-        doubted = [n for n in found.found.added if n not in found.missing]
+def _next_experiment(bench: DiagnosisData, found: Diagnosis) -> str | None:
+    if found.unexplained is not None:
+        where = found.unexplained.variable or "each signal"
+        doubted = [n for n in found.path.added if n not in found.missing]
         return "".join(f"Whether it is {n}: {bench.effects[n].separate} " for n in doubted) + (
-            f"What remains stands in {found.unknown.channel} ({found.unknown.subsystem}). Repeat a recording "
+            f"What remains stands in {found.unexplained.channel} ({found.unexplained.subsystem}). Repeat a recording "
             f"unchanged, then one with a different range or order of {where}: "
             "what comes back over it belongs to the rig."
         )

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pneucli.controller.laws import law_named
+from pneucli.controller.laws import find_law
 from pneucli.controller.parameters import Controller
 from pneucli.export import export_files
 from pneucli.export.controller_program import controller_hash
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
-from pneucli.stages.design import bench_of, load_controller
-from pneucli.stages.pipeline_data import Study, load_model
+from pneucli.stages.design import closed_loop_setup, load_controller
+from pneucli.stages.pipeline_data import PipelineData, load_model
 
 TARGETS = ("c", "mat", "csv", "st")
 TABLES = (
@@ -33,16 +33,16 @@ TABLES = (
 def run(context: Context) -> dict[str, Any]:
     """Write what was asked for (``options["to"]``, by default all); return the files' names."""
     name = context.options.get("controller") or context.answers["design"]["requirements"]["controller"]
-    controller = load_controller(context.artifacts / "design", law_named(name, "--controller").name)
+    controller = load_controller(context.artifacts / "design", find_law(name, "--controller").name)
     wanted = context.options.get("to") or TARGETS
     precision = context.options.get("precision", "float64")
     difference: dict[str, float] = {}
     for i, target in enumerate(wanted):
         context.progress(f"writing {target}", i / len(wanted))
         if target in ("c", "st"):
-            study = Study(context)
+            study = PipelineData(context)
             model = load_model(context.artifacts / "identify", study.rig, study.effects)
-            about = (context.out, controller, model, bench_of(context.answers["design"]), context.config.name)
+            about = (context.out, controller, model, closed_loop_setup(context.answers["design"]), context.config.name)
             if target == "c":
                 difference = export_files.write_c(*about, precision)
             else:
@@ -64,14 +64,14 @@ def run(context: Context) -> dict[str, Any]:
     }
 
 
-def _tables(artifacts: Path) -> dict[str, export_files.Table]:
+def _tables(artifacts: Path) -> dict[str, export_files.Columns]:
     """Return the tables that earlier stages wrote, those that this rig has."""
     return {
         Path(n).name: read_table(artifacts / f"{n}.parquet") for n in TABLES if (artifacts / f"{n}.parquet").exists()
     }
 
 
-def _write_tables(out: Path, target: str, controller: Controller, tables: dict[str, export_files.Table]) -> None:
+def _write_tables(out: Path, target: str, controller: Controller, tables: dict[str, export_files.Columns]) -> None:
     tables = {**tables, "inverse_area": export_files.inverse_table(controller)}
     if target == "mat":
         export_files.write_mat(out / "pneucli_design.mat", controller, tables)

@@ -20,11 +20,11 @@ from pneucli.pipeline.context import Context
 
 FOLDER = "history"
 ANSWER = "answer.json"
-DIGITS = 9  # of a parameter: what a fit repeats exactly, and another compiler's rounding does not change
+PARAMETER_DIGITS = 9  # of a parameter: what a fit repeats exactly, and another compiler's rounding does not change
 
 
 @dataclass(frozen=True)
-class Kept:
+class ModelRecord:
     """One model: the answer of the stage to it, and the folder with the files that were kept of it."""
 
     answer: Mapping[str, Any]
@@ -35,21 +35,21 @@ class Kept:
     def key(self) -> str:
         """Digest of what the model is and of the data that it was held against."""
         model = self.answer["model"]
-        values = {name: f"{p['value']:.{DIGITS}g}" for name, p in model.get("parameters", {}).items()}
+        values = {name: f"{p['value']:.{PARAMETER_DIGITS}g}" for name, p in model.get("parameters", {}).items()}
         return staleness.digest([model["effects"], values, self.answer["data"], self.answer.get("excluded")])[:16]
 
 
-def keep(context: Context, answer: Mapping[str, Any], *files: str) -> dict[str, Any]:
-    """Take the former models of the stage that runs into its new folder; of each its answer and ``files``.
+def record_model(context: Context, answer: Mapping[str, Any], *artifacts: str) -> dict[str, Any]:
+    """Take the former models of the stage that runs into its new folder; of each its answer and ``artifacts``.
 
     ``answer`` is the stage's answer to the model as it is. Returns what is to be added to it: its ``number`` in the
     history, and ``when`` it was there first.
     """
-    now = Kept(answer, context.out, current=True)
-    former = models(context.former) if context.former else []
+    now = ModelRecord(answer, context.out, current=True)
+    former = recorded_models(context.former) if context.former else []
     for one in former:
-        if one.key != now.key and all((one.folder / name).is_file() for name in files):
-            _take(one, context.out / FOLDER / one.key, files)
+        if one.key != now.key and all((one.folder / name).is_file() for name in artifacts):
+            _link_record(one, context.out / FOLDER / one.key, artifacts)
     again = next((one.answer for one in former if one.key == now.key), None)
     if again is not None:
         return {key: again[key] for key in ("number", "when")}
@@ -57,16 +57,16 @@ def keep(context: Context, answer: Mapping[str, Any], *files: str) -> dict[str, 
     return {"number": number, "when": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")}
 
 
-def models(folder: Path) -> list[Kept]:
+def recorded_models(folder: Path) -> list[ModelRecord]:
     """Return the models of a stage's folder, oldest first."""
-    manifest = staleness.read(folder)
-    found = list(_former(folder / FOLDER))
+    manifest = staleness.read_manifest(folder)
+    found = list(_previous_records(folder / FOLDER))
     if manifest is not None and manifest.answer is not None:
-        found.append(Kept(manifest.answer, folder, current=True))
+        found.append(ModelRecord(manifest.answer, folder, current=True))
     return sorted((one for one in found if "number" in one.answer), key=lambda one: one.answer["number"])
 
 
-def listed(folder: Path) -> list[dict[str, Any]]:
+def history_answer(folder: Path) -> list[dict[str, Any]]:
     """Return the models as ``history --json`` lists them, oldest first."""
     return [
         {
@@ -77,16 +77,16 @@ def listed(folder: Path) -> list[dict[str, Any]]:
             "current": one.current,
             "parameters": one.answer["model"].get("parameters", {}),
         }
-        for one in models(folder)
+        for one in recorded_models(folder)
     ]
 
 
-def _former(folder: Path) -> Iterator[Kept]:
+def _previous_records(folder: Path) -> Iterator[ModelRecord]:
     for path in sorted(folder.glob(f"*/{ANSWER}")):
-        yield Kept(json.loads(path.read_text(encoding="utf-8")), path.parent, current=False)
+        yield ModelRecord(json.loads(path.read_text(encoding="utf-8")), path.parent, current=False)
 
 
-def _take(one: Kept, folder: Path, files: tuple[str, ...]) -> None:
+def _link_record(one: ModelRecord, folder: Path, files: tuple[str, ...]) -> None:
     folder.mkdir(parents=True)
     (folder / ANSWER).write_text(json.dumps(one.answer, indent=1, allow_nan=False), encoding="utf-8")
     for name in files:

@@ -11,30 +11,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.config import PipelineConfig, SignalTable, Source, TextTable, sources
+from pneucli.config import PipelineConfig, RecordingSource, SignalTable, TextTable, recording_sources
 from pneucli.errors import InputError
-from pneucli.experiments import KINDS
+from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
-from pneucli.io.multi_file import Part, Several
+from pneucli.io.multi_file import AdditionalFile, MultiFileRecording
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
-from pneucli.io.signal_reader import Opened, open_signals
-from pneucli.io.timestamp_order import LOSSES
-from pneucli.messages.ingest import place
-from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
+from pneucli.io.signal_reader import SignalReader, open_signals
+from pneucli.io.timestamp_order import LOSS_MESSAGES
+from pneucli.messages.ingest import repair_location
+from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
-from pneucli.stages.tables.ingest import Ingested, column_of, looked_at, row_of, write_tables
-from pneucli.units import factor_and_offset, unit_as
+from pneucli.stages.tables.ingest import IngestedRecording, inspect_signals, loss_column, recording_row, write_tables
+from pneucli.units import factor_and_offset, parse_unit_as
 
-NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
-FEWEST = 8  # samples that noise is estimated from
-ONE_SPOOL = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
-SHORTEST, LONGEST = 1e-9, 1e6  # s, of a sampling period
-WARNINGS = (
+MAX_NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
+MIN_NOISE_SAMPLES = 8  # samples that noise is estimated from
+SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
+MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
+WARNING_REPAIRS = (
     *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
 )
@@ -48,9 +48,11 @@ def run(context: Context) -> dict[str, Any]:
     Raises InputError with file, line, what was found, what was wanted, and the mend.
     """
     config = context.config
-    found = sources(config)
+    found = recording_sources(config)
     opened = [_open(source, config) for source in found]
-    done = [Ingested(source, *_present(source, file)) for source, file in zip(found, opened, strict=True)]
+    done = [
+        IngestedRecording(source, *_recorded_signals(source, file)) for source, file in zip(found, opened, strict=True)
+    ]
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
         hashes = {
@@ -60,39 +62,41 @@ def run(context: Context) -> dict[str, Any]:
         about = Provenance(None, {"pipeline": config.document})
         with TableWriter(context.out / SIGNALS_FILE, signals_schema(names, about)) as writer:
             for number, (one, file) in enumerate(zip(done, opened, strict=True)):
-                _ingest(one, file, writer, threads, _telling(context.progress, number / len(done)))
+                _ingest(one, file, writer, threads, _progress_at(context.progress, number / len(done)))
                 one.sha256 = hashes[one.source.path].result()
             about = Provenance({str(path): hashed.result() for path, hashed in hashes.items()}, about.parameters)
             writer.add_inputs(about)
     _pool_noise(done)
     write_tables(context.out, done, about)
-    return _answer(config, done) | looked_at(context, found)
+    return _answer(config, done) | inspect_signals(context, found)
 
 
-def _telling(progress: Progress, fraction: float) -> Callable[[str], None]:
+def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
     return lambda message: progress(message, fraction)
 
 
-def _left_out(one: dict[str, Any]) -> str:
-    kinds = ", ".join(f"{one[column_of(kind)]} {words}" for kind, words in LOSSES.items() if one[column_of(kind)])
+def _dropped_rows_message(one: dict[str, Any]) -> str:
+    kinds = ", ".join(
+        f"{one[loss_column(kind)]} {words}" for kind, words in LOSS_MESSAGES.items() if one[loss_column(kind)]
+    )
     return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
 
 
-def _open(source: Source, config: PipelineConfig) -> Opened | Several:
+def _open(source: RecordingSource, config: PipelineConfig) -> SignalReader | MultiFileRecording:
     """Open the files of a recording; raises InputError where one of them, or a required signal, is not there."""
-    required = frozenset({"time"}) if source.more else source.required
+    required = frozenset({"time"}) if source.additional_files else source.required
     first = open_signals(_raw_file(source.path, source.table, source.signals, required, config))
-    if not source.more:
+    if not source.additional_files:
         return first
     parts = [
-        Part(
+        AdditionalFile(
             open_signals(_raw_file(one.path, one.table, one.signals, frozenset({"time"}), config)),
             one.table.offset,
             one.table.match,
         )
-        for one in source.more
+        for one in source.additional_files
     ]
-    several = Several(first, parts)
+    several = MultiFileRecording(first, parts)
     for name in sorted(source.required - several.positions.keys()):
         raise missing_column(source.path, name, source.signals[name].column or 0, several.names)
     return several
@@ -118,7 +122,7 @@ def _raw_file(
 
 def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
     factor, offset = factor_and_offset(signal.unit or unit, ambient_pressure=0.0, wanted=unit)
-    if unit_as(signal.unit or unit, unit).of_air:
+    if parse_unit_as(signal.unit or unit, unit).of_air:
         factor *= AIR.gas_constant / rig.gas_constant
     above = rig.ambient_pressure if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None
@@ -136,44 +140,50 @@ def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
     )
 
 
-def _present(source: Source, file: Opened | Several) -> tuple[list[str], set[str]]:
+def _recorded_signals(source: RecordingSource, file: SignalReader | MultiFileRecording) -> tuple[list[str], set[str]]:
     """Return the signals of a recording, and which of them have columns.
 
     Raises InputError where the experiment cannot do without another one.
     """
     table = source.table
-    present = {*file.positions, *table.constants}
-    for name in sorted(_needed(source, present) - present):
+    present = {*file.positions, *table.held_constant}
+    for name in sorted(_required_signals(source, present) - present):
         asked = source.signals.get(name)
         found = f'no column "{asked.column or asked.expression}" for {name}' if asked else f"{name} is not described"
         columns = ", ".join(f'"{column}"' for column in file.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
-        mend += ONE_SPOOL if name == "u2" else ""
+        mend += SPOOL_VALVE_HINT if name == "u2" else ""
         wanted = f'{name}, which experiment = "{table.experiment}" needs (columns: {columns})'
         raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
     return [name for name in SIGNALS if name in present], set(file.positions) - {"time"}
 
 
-def _needed(source: Source, present: set[str]) -> set[str]:
+def _required_signals(source: RecordingSource, present: set[str]) -> set[str]:
     table = source.table
-    return KINDS[table.experiment].needed(present, valve_shut=table.valve == "shut") | set(source.commands)
+    return EXPERIMENT_KINDS[table.experiment].required_signals(present, valve_shut=table.valve == "shut") | set(
+        source.commands
+    )
 
 
 def _ingest(
-    one: Ingested, file: Opened | Several, writer: TableWriter, threads: ThreadPoolExecutor, tell: Callable[[str], None]
+    one: IngestedRecording,
+    file: SignalReader | MultiFileRecording,
+    writer: TableWriter,
+    threads: ThreadPoolExecutor,
+    tell: Callable[[str], None],
 ) -> None:
     """Clean one file batch by batch; a batch is written while the next one is read."""
-    cleaner = Cleaner(file.place, _stated_noise(one.source), (one.source.table.from_, one.source.table.to))
+    cleaner = Cleaner(file.locate, _stated_noise(one.source), (one.source.table.from_, one.source.table.to))
     heads: list[dict[str, Array]] = []
     writing: Future[None] | None = None
-    for batch in _settled(cleaner, file.batches()):
+    for batch in _cleaned_batches(cleaner, file.batches()):
         tell(f"reading {one.source.path.name}: {file.rows} rows")
         rows = batch["time"].size
         if not rows:
             continue
-        batch |= {name: np.full(rows, value) for name, value in one.source.table.constants.items()}
-        if sum(head["time"].size for head in heads) < NOISE_SAMPLES:
-            heads.append({name: values[:NOISE_SAMPLES] for name, values in batch.items()})
+        batch |= {name: np.full(rows, value) for name, value in one.source.table.held_constant.items()}
+        if sum(head["time"].size for head in heads) < MAX_NOISE_SAMPLES:
+            heads.append({name: values[:MAX_NOISE_SAMPLES] for name, values in batch.items()})
             one.start = one.start if np.isfinite(one.start) else float(batch["time"][0])
         one.end = float(batch["time"][-1])
         one.empty -= {name for name in one.empty if np.isfinite(batch[name]).any()}
@@ -185,103 +195,107 @@ def _ingest(
     one.samples, one.period, one.rows = cleaner.samples, cleaner.period, file.rows
     one.losses = file.losses + cleaner.losses
     one.repairs = [*file.repairs, *cleaner.repairs()]
-    _check(one)
+    _require_usable(one)
     one.noise = _noise_of(one, heads)
 
 
-def _settled(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
+def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
     for batch in batches:
         yield cleaner.push(batch)
     yield cleaner.finish()
 
 
-def _check(one: Ingested) -> None:
+def _require_usable(one: IngestedRecording) -> None:
     """Refuse a recording that holds nothing that can be used; every row must be accounted for."""
     where, lost = str(one.source.path), sum(one.losses.values())
     if one.rows != one.samples + lost:
         raise RuntimeError(f"{where}: {one.rows} rows were read, {one.samples} samples and {lost} losses are known")
     if one.samples < 2:
-        kinds = ", ".join(f"{count} {LOSSES[kind]}" for kind, count in one.losses.items() if count)
+        kinds = ", ".join(f"{count} {LOSS_MESSAGES[kind]}" for kind, count in one.losses.items() if count)
         found = f"{one.samples} usable rows" + (f" ({kinds})" if kinds else "")
         raise InputError(where, found, "a recording of at least 2 samples", "check from, to and skip_rows")
-    if not SHORTEST < one.period < LONGEST:
-        wanted = f"between {SHORTEST:g} and {LONGEST:g} s"
+    if not MIN_PERIOD < one.period < MAX_PERIOD:
+        wanted = f"between {MIN_PERIOD:g} and {MAX_PERIOD:g} s"
         raise InputError(where, f"a sampling period of {one.period:g} s", wanted, "check the column and unit of time")
-    for name in sorted(one.empty & _needed(one.source, set(one.signals))):
+    for name in sorted(one.empty & _required_signals(one.source, set(one.signals))):
         found = f"no value in any of {one.samples} rows"
         raise InputError(f"{where}, signal {name}", found, "a recorded signal", "check its column, or leave it out")
     one.signals = [name for name in one.signals if name not in one.empty]
     one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
 
 
-def _stated_noise(source: Source) -> dict[str, float]:
+def _stated_noise(source: RecordingSource) -> dict[str, float]:
     return {name: float(signal.noise) for name, signal in source.signals.items() if signal.noise is not None}
 
 
-def _noise_of(one: Ingested, heads: list[dict[str, Array]]) -> dict[str, NoiseModel]:
+def _noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str, NoiseModel]:
     """Return the noise of each signal: 0 for constants, as stated, else estimated."""
     stated = _stated_noise(one.source)
     time = np.concatenate([head["time"] for head in heads])
     commands = [np.concatenate([head[u] for head in heads]) for u in ("u", "u2") if u in heads[0]]
-    jumps = jumps_of(commands, time.size)
-    one.kinked = free_of(jumps, one.period) is None and bool(jumps.any())
-    models = {name: NoiseModel(white=0.0, period=one.period) for name in one.source.table.constants}
+    jumps = detect_jumps(commands, time.size)
+    one.command_always_jumps = jump_free_segments(jumps, one.period) is None and bool(jumps.any())
+    models = {name: NoiseModel(white=0.0, period=one.period) for name in one.source.table.held_constant}
     for name in one.signals:
         if name == "time" or name in models:
             continue
         values = np.concatenate([head[name] for head in heads])
         if name in stated:
             models[name] = NoiseModel(white=stated[name], period=one.period)
-        elif np.isfinite(values).sum() >= FEWEST:
-            measured = _measured(values)
-            own = jumps_of([values], time.size)[measured] if _jumps_itself(name, one.source) else None
-            models[name] = estimate(time[measured], values[measured], jumps[measured], own)
+        elif np.isfinite(values).sum() >= MIN_NOISE_SAMPLES:
+            measured = _sample_mask(values)
+            own = detect_jumps([values], time.size)[measured] if _has_friction_jumps(name, one.source) else None
+            models[name] = estimate_noise(time[measured], values[measured], jumps[measured], own)
     return models
 
 
-def _jumps_itself(name: str, source: Source) -> bool:
+def _has_friction_jumps(name: str, source: RecordingSource) -> bool:
     """Whether dry friction makes a signal jump: the force of a motion that is imposed and turns, and the acceleration
     of a piston that breaks away or stops. Over such jumps its spectrum would be that of slow noise.
     """
     return name == "a" or (name == "force" and source.table.imposed is not None)
 
 
-def _measured(values: Array) -> NDArray[np.bool_]:
+def _sample_mask(values: Array) -> NDArray[np.bool_]:
     """Return which samples count: all but those that were not measured, where a signal has a clock of its own."""
     finite = np.isfinite(values)
     return np.asarray(finite if finite.mean() <= 0.8 else np.ones_like(finite))
 
 
-def _pool_noise(done: list[Ingested]) -> None:
+def _pool_noise(done: list[IngestedRecording]) -> None:
     """Let all recordings of one sensor at one rate share what is known of its noise; kinked ones count if all are."""
-    groups: dict[tuple[str, str, int], list[Ingested]] = {}
+    groups: dict[tuple[str, str, int], list[IngestedRecording]] = {}
     for one in done:
         for name in one.noise.keys() & one.source.signals.keys():
             rate = round(float(np.log(one.period)) / 0.1)
             groups.setdefault((name, repr(one.source.signals[name]), rate), []).append(one)
     for (name, _, _), members in groups.items():
-        shared = pool([one.noise[name] for one in members if not one.kinked] or [one.noise[name] for one in members])
+        shared = pool_noise(
+            [one.noise[name] for one in members if not one.command_always_jumps] or [one.noise[name] for one in members]
+        )
         for one in members:
             one.noise[name] = shared
 
 
-def _answer(config: PipelineConfig, done: list[Ingested]) -> dict[str, Any]:
+def _answer(config: PipelineConfig, done: list[IngestedRecording]) -> dict[str, Any]:
     seen = {name for one in done for name in one.signals}
     unused = [name for name in config.signals.present() if name not in seen]
     repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
-    warnings = [f"{place(r)}: {r['message']}" for r in repairs if r["kind"] in WARNINGS]
+    warnings = [f"{repair_location(r)}: {r['message']}" for r in repairs if r["kind"] in WARNING_REPAIRS]
     warnings += [f"[signals] {name}: no recording takes it from a column" for name in unused]
     return {
         "schema": "pneucli/ingest/1",
         "pipeline": config.name,
-        "recordings": [_summary(one) for one in done],
-        "left_out": [_left_out(row) for row in map(row_of, done) if row["rows_read"] != row["samples"]],
+        "recordings": [_recording_answer(one) for one in done],
+        "left_out": [
+            _dropped_rows_message(row) for row in map(recording_row, done) if row["rows_read"] != row["samples"]
+        ],
         "repairs": repairs,
         "warnings": warnings,
     }
 
 
-def _summary(one: Ingested) -> dict[str, Any]:
+def _recording_answer(one: IngestedRecording) -> dict[str, Any]:
     noise = {name: {"rms": model.rms, "unit": SIGNALS[name].unit} for name, model in one.noise.items()}
     more = {"signals": one.signals, "from": one.start, "to": one.end, "noise": noise}
-    return {**row_of(one), **more}
+    return {**recording_row(one), **more}

@@ -12,18 +12,25 @@ from typing import Any
 import numpy as np
 
 from pneucli.config.json_schema import DIRECTIVE
-from pneucli.config.json_schema import FILE as SCHEMA
+from pneucli.config.json_schema import SCHEMA_FILE as SCHEMA
 from pneucli.errors import InputError
-from pneucli.init.experiments import trial
-from pneucli.init.file_groups import Kind, joined, kinds, natural, references, values_of
-from pneucli.init.survey import Guess, Survey, survey
-from pneucli.init.writer import References, quoted, text, waiting
+from pneucli.init.experiments import guess_experiment
+from pneucli.init.file_groups import (
+    FileGroup,
+    column_values,
+    group_files,
+    join_single_signal_files,
+    natural_sort_key,
+    pressure_references,
+)
+from pneucli.init.survey import Guess, Survey, survey_file
+from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
 from pneucli.io.artifacts import atomic_path
 from pneucli.io.raw_file import RawFile
 from pneucli.stages.schema import schema_text
 
 NAME = "pipeline.toml"
-HEAD = 2  # lines: where the schema is, and what CHECK means
+HEADER_LINES = 2  # lines: where the schema is, and what CHECK means
 
 
 def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str, Any]:
@@ -36,15 +43,15 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     if target.exists():
         raise InputError(str(target), "exists already", "a new folder", "choose another folder, or move the file away")
     left: list[str] = []
-    surveys = [*_surveys(raw, stated, left)]
-    together = joined(surveys)
-    found = [together] if together else kinds(surveys)
+    surveys = [*_survey_files(raw, stated, left)]
+    together = join_single_signal_files(surveys)
+    found = [together] if together else group_files(surveys)
     if left and not surveys:
         found_there = f"no recording among {len(left)} files: {left[0]}"
         raise InputError(str(raw[0]), found_there, "files of recorded numbers", "name them")
     content = _from_raw(directory, found) if raw else _example(directory)
     content = f"{DIRECTIVE}\n{content}"
-    told = references(found)
+    told = pressure_references(found)
     with atomic_path(target) as temporary:
         temporary.write_text(content, encoding="utf-8")
     with atomic_path(directory / SCHEMA) as temporary:
@@ -52,15 +59,17 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     return {
         "schema": "pneucli/init/1",
         "pipeline": str(target),
-        "columns": [row for kind in found for row in _columns(kind, told)],
+        "columns": [row for kind in found for row in _column_rows(kind, told)],
         "left_out": left,
-        "recordings": [_entry(kind) for kind in found],
-        "fill_in": [{"line": line, "key": key} for line, key in waiting(content)],
-        "check": [number for number, line in enumerate(content.splitlines(), 1) if "CHECK " in line and number > HEAD],
+        "recordings": [_recording_row(kind) for kind in found],
+        "fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)],
+        "check": [
+            number for number, line in enumerate(content.splitlines(), 1) if "CHECK " in line and number > HEADER_LINES
+        ],
     }
 
 
-def _surveys(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> Iterator[Survey]:
+def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> Iterator[Survey]:
     """Yield the files that are meant, each once: those of folders and of globs, which not every shell fills in.
 
     What lies in a folder and is no recording is left out, and said in ``left``.
@@ -71,12 +80,12 @@ def _surveys(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> It
         hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
         if not hits:
             raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
-        for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural):
+        for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
             if one in seen:
                 continue
             seen.add(one)
             try:
-                yield survey(RawFile(one, {}, **stated))
+                yield survey_file(RawFile(one, {}, **stated))
             except InputError as error:
                 if len(inside) < 2:
                     raise
@@ -85,24 +94,24 @@ def _surveys(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> It
 
 def _example(directory: Path) -> str:
     found = files("pneucli.stages").joinpath("templates", NAME).read_text(encoding="utf-8")
-    return found.replace('"my-rig"', quoted(directory.resolve().name), 1)
+    return found.replace('"my-rig"', toml_string(directory.resolve().name), 1)
 
 
-def _from_raw(directory: Path, found: Sequence[Kind]) -> str:
+def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:
     for kind in found:
         if not kind.signals.keys() & {"p1", "x"}:
-            listed = ", ".join(f'"{one.column.name or one.column.key}"' for one in kind.idle)
+            listed = ", ".join(f'"{one.column.name or one.column.key}"' for one in kind.unused)
             wanted = "a pressure or a position, by a name such as p1 or pos, or by a unit such as [bar] or [mm]"
             mend = f"name them in the file, or describe them by hand in [signals]; columns: {listed}"
             raise InputError(str(kind.surveys[0].path), "no column looks like a pressure or a position", wanted, mend)
-    return text(directory, found, [trial(kind) for kind in found], references(found))
+    return pipeline_text(directory, found, [guess_experiment(kind) for kind in found], pressure_references(found))
 
 
-def _columns(kind: Kind, told: References) -> Iterator[dict[str, Any]]:
+def _column_rows(kind: FileGroup, told: References) -> Iterator[dict[str, Any]]:
     """Yield what was seen of each column of a kind of file."""
-    guesses: list[Guess] = [*kind.signals.values(), *kind.idle]
+    guesses: list[Guess] = [*kind.signals.values(), *kind.unused]
     for one in guesses:
-        each = kind.numbers(one.signal) if one.signal else [values_of(survey, one) for survey in kind.surveys]
+        each = kind.raw_numbers(one.signal) if one.signal else [column_values(survey, one) for survey in kind.surveys]
         values = np.concatenate(each)
         reference, why = told.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
         yield {
@@ -118,11 +127,11 @@ def _columns(kind: Kind, told: References) -> Iterator[dict[str, Any]]:
         }
 
 
-def _entry(kind: Kind) -> dict[str, Any]:
-    held = [one.path.name for one in kind.held]
+def _recording_row(kind: FileGroup) -> dict[str, Any]:
+    held = [one.path.name for one in kind.held_out]
     return {
         "file": kind.file,
-        "files": len(kind.surveys) + len(kind.more),
-        "experiment": trial(kind).experiment,
+        "files": len(kind.surveys) + len(kind.further_files),
+        "experiment": guess_experiment(kind).experiment,
         "held_out": held,
     }

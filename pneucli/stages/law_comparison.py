@@ -9,10 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.closed_loop.law_comparison import COMPONENTS, WHOLE, mapped, trial, without
+from pneucli.closed_loop.law_comparison import (
+    COMPONENTS,
+    NO_COMPONENT,
+    compare_laws,
+    with_and_without_map,
+    without_component,
+)
 from pneucli.closed_loop.metrics import Metrics
-from pneucli.closed_loop.scenarios import PRESSED, scenarios_from
-from pneucli.closed_loop.simulation import Bench, Run, Scenario
+from pneucli.closed_loop.scenarios import PRESSURE_SUFFIX, read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
 from pneucli.controller import layout
 from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
@@ -22,26 +28,26 @@ from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
-Trial = Mapping[str, Mapping[str, tuple[Run, Metrics]]]
-KEPT = 2000  # samples of a run that are kept for pictures
-SIGNALS = {"x": (at.X, "m"), "v": (at.V, "m/s"), "p1": (at.P1, "Pa"), "p2": (at.P2, "Pa")}
-LOGGED = {
+RunsByLaw = Mapping[str, Mapping[str, tuple[Run, Metrics]]]
+MAX_PLOT_SAMPLES = 2000  # samples of a run that are kept for pictures
+MODEL_SIGNALS = {"x": (at.X, "m"), "v": (at.V, "m/s"), "p1": (at.P1, "Pa"), "p2": (at.P2, "Pa")}
+CONTROLLER_SIGNALS = {
     "u": (layout.L_U1, "V"),
     "u2": (layout.L_U2, "V"),
     "p1_ref": (layout.L_P1_REF, "Pa"),
-    "x_shaped": (layout.L_SHAPED, "m"),
+    "x_shaped": (layout.L_X_SHAPED, "m"),
     "load_estimate": (layout.L_LOAD, "N"),
     "flow_estimate": (layout.L_FLOW1, "Pa/s"),
 }
 
 
 @dataclass(frozen=True)
-class Compared:
+class LawComparison:
     """Runs and figures of the laws, of the laws without the inverse map, and of the cascade less a component each."""
 
-    laws: Trial = field(default_factory=dict)
-    unmapped: Trial = field(default_factory=dict)
-    ablation: Trial = field(default_factory=dict)
+    laws: RunsByLaw = field(default_factory=dict)
+    without_inverse_map: RunsByLaw = field(default_factory=dict)
+    ablation: RunsByLaw = field(default_factory=dict)
 
 
 def closed_loop_tables(context: Context) -> list[dict[str, Any]] | None:
@@ -51,59 +57,63 @@ def closed_loop_tables(context: Context) -> list[dict[str, Any]] | None:
     return own if own or not tables else None
 
 
-def scenarios_of(context: Context, recordings: Sequence[Recording], controller: Controller) -> list[Scenario]:
+def closed_loop_scenarios(context: Context, recordings: Sequence[Recording], controller: Controller) -> list[Scenario]:
     """Return the closed-loop scenarios of the pipeline, or the default ones."""
     tables = closed_loop_tables(context)
     where = f"{context.path}, key scenarios"
-    return [] if tables is None else scenarios_from(tables, controller, where, recorded(recordings))
+    return [] if tables is None else read_scenarios(tables, controller, where, recorded_references(recordings))
 
 
-def recorded(recordings: Sequence[Recording]) -> dict[str, tuple[Any, Any]]:
+def recorded_references(recordings: Sequence[Recording]) -> dict[str, tuple[Any, Any]]:
     """Return what recordings asked for or did, as references: x_ref, else x; p_ref, else p1."""
     found = {}
     for r in recordings:
-        for end, names in (("", ("x_ref", "x")), (PRESSED, ("p_ref", "p1"))):
+        for end, names in (("", ("x_ref", "x")), (PRESSURE_SUFFIX, ("p_ref", "p1"))):
             if (name := next((n for n in names if n in r), None)) is not None:
                 found[r.name + end] = (r.time, np.nan_to_num(r[name], nan=0.0))
     return found
 
 
-def compared(
-    model: Model, controllers: Mapping[str, Controller], scenarios: Sequence[Scenario], bench: Bench
-) -> Compared:
+def compare_controllers(
+    model: Model, controllers: Mapping[str, Controller], scenarios: Sequence[Scenario], setup: ClosedLoopSetup
+) -> LawComparison:
     """Run the laws, each without the inverse map as well, and the project's own cascade less each component."""
-    cases = mapped(controllers)
-    laws = trial(model, controllers, scenarios, bench)
+    cases = with_and_without_map(controllers)
+    laws = compare_laws(model, controllers, scenarios, setup)
     bare = {name: c for name, c in cases.items() if name not in controllers}
-    unmapped = trial(model, bare, scenarios, bench)
+    unmapped = compare_laws(model, bare, scenarios, setup)
     own = controllers.get(DEFAULT)
-    parts = {name: without(own, name) for name in (WHOLE, *COMPONENTS)} if own is not None else {}
-    return Compared(laws, unmapped, trial(model, parts, scenarios, bench))
+    parts = {name: without_component(own, name) for name in (NO_COMPONENT, *COMPONENTS)} if own is not None else {}
+    return LawComparison(laws, unmapped, compare_laws(model, parts, scenarios, setup))
 
 
-def compared_answer(found: Compared) -> dict[str, Any]:
+def comparison_answer(found: LawComparison) -> dict[str, Any]:
     """Return the figures by controller and scenario; null where one is not shown or without bound."""
     return {
-        "compare": _plain(found.laws),
-        "without_map": _plain(found.unmapped),
-        "ablation": _plain(found.ablation),
+        "compare": _metrics_by_law(found.laws),
+        "without_map": _metrics_by_law(found.without_inverse_map),
+        "ablation": _metrics_by_law(found.ablation),
     }
 
 
-def _plain(found: Trial) -> dict[str, Any]:
-    return {name: {s: figures(m) for s, (_, m) in by.items()} for name, by in found.items()}
+def _metrics_by_law(found: RunsByLaw) -> dict[str, Any]:
+    return {name: {s: metrics_answer(m) for s, (_, m) in by.items()} for name, by in found.items()}
 
 
-def figures(found: Metrics) -> dict[str, float | None]:
+def metrics_answer(found: Metrics) -> dict[str, float | None]:
     """Return figures as JSON has them: null where a scenario does not show one, or it is without bound."""
     return {n: v if math.isfinite(v) else None for n, v in asdict(found).items()}
 
 
-def write_compared(found: Compared, out: Any, provenance: Provenance) -> None:
+def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> None:
     """Write the figures of all cases, and the signals of the laws, thinned out for pictures."""
     rows = [
         {"group": group, "controller": name, "scenario": s} | asdict(m)
-        for group, cases in (("law", found.laws), ("without map", found.unmapped), ("without", found.ablation))
+        for group, cases in (
+            ("law", found.laws),
+            ("without map", found.without_inverse_map),
+            ("without", found.ablation),
+        )
         for name, by in cases.items()
         for s, (_, m) in by.items()
     ]
@@ -114,37 +124,41 @@ def write_compared(found: Compared, out: Any, provenance: Provenance) -> None:
     write_table(
         out / "comparison.parquet",
         texts | {n: np.array([r[n] for r in rows]) for n in numbers},
-        units={n: unit_of(n) for n in numbers},
+        units={n: unit_from_name(n) for n in numbers},
         schema="pneucli/design/comparison/1",
         provenance=provenance,
     )
     write_runs(
         out / "comparison_signals.parquet",
-        {(name, s): r for name, by in {**found.laws, **_pressures(found.unmapped)}.items() for s, (r, _) in by.items()},
+        {
+            (name, s): r
+            for name, by in {**found.laws, **_pressure_control_runs(found.without_inverse_map)}.items()
+            for s, (r, _) in by.items()
+        },
         provenance,
         "pneucli/design/comparison_signals/1",
-        KEPT,
+        MAX_PLOT_SAMPLES,
     )
 
 
-def _pressures(found: Trial) -> Trial:
+def _pressure_control_runs(found: RunsByLaw) -> RunsByLaw:
     """Return the runs in which a pressure is asked for: those that the map's pictures show."""
-    return {name: {s: one for s, one in by.items() if one[0].scenario.pressed} for name, by in found.items()}
+    return {name: {s: one for s, one in by.items() if one[0].scenario.controls_pressure} for name, by in found.items()}
 
 
 def write_runs(
-    path: Any, runs: Mapping[tuple[str, str], Run], provenance: Provenance, schema: str, most: int | None = None
+    path: Any, runs: Mapping[tuple[str, str], Run], provenance: Provenance, schema: str, max_samples: int | None = None
 ) -> None:
-    """Write signals of runs by (controller, scenario), of each at most ``most`` samples."""
+    """Write signals of runs by (controller, scenario), of each at most ``max_samples`` samples."""
     texts: dict[str, list[str]] = {"scenario": [], "controller": []}
     numbers: dict[str, list[Any]] = {}
     for (name, scenario), one in runs.items():
-        s, step = one.scenario, 1 if most is None else -(-one.time.size // most)
+        s, step = one.scenario, 1 if max_samples is None else -(-one.time.size // max_samples)
         parts = {"time": one.time, "x_ref": s.reference, "load": s.force, "p_supply": s.supply}
-        if s.pressed:
+        if s.controls_pressure:
             parts["x_ref"] = np.full(one.time.size, np.nan)
-        parts |= {signal: one.model[:, place] for signal, (place, _) in SIGNALS.items()}
-        parts |= {signal: one.log[:, place] for signal, (place, _) in LOGGED.items()}
+        parts |= {signal: one.model[:, place] for signal, (place, _) in MODEL_SIGNALS.items()}
+        parts |= {signal: one.log[:, place] for signal, (place, _) in CONTROLLER_SIGNALS.items()}
         for signal, part in parts.items():
             numbers.setdefault(signal, []).append(part[::step])
         count = parts["time"][::step].size
@@ -153,12 +167,12 @@ def write_runs(
     write_table(
         path,
         {**texts, **{n: np.concatenate(parts) for n, parts in numbers.items()}},
-        units={n: u for n, (_, u) in (SIGNALS | LOGGED).items()} | {"load": "N"},
+        units={n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"},
         schema=schema,
         provenance=provenance,
     )
 
 
-def unit_of(figure: str) -> str:
+def unit_from_name(figure: str) -> str:
     """Return the unit that a figure's name ends in."""
     return {"um": "um", "s": "s", "hz": "Hz", "v": "V", "kg": "kg", "pa": "Pa"}.get(figure.rsplit("_", 1)[-1], "1")

@@ -9,25 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.closed_loop.margins import Cut, Looked, look
-from pneucli.closed_loop.simulation import Bench
+from pneucli.closed_loop.margins import LoopCut, MarginAnalysis, analyse_margins
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model
 
 UNITS = {"gain_up": "1", "gain_down": "1", "phase": "rad", "delay": "s", "modulus": "1", "crossover": "1/s"}
-KEPT = 300  # frequencies of a ratio
-TOLD = 8  # poles of an operating point, slowest first
-WORST = {"gain_up": min, "gain_down": max, "phase": min, "delay": min, "modulus": min}
+MAX_FREQUENCIES = 300  # frequencies of a ratio
+MAX_POLES = 8  # poles of an operating point, slowest first
+WORST_OF_MARGIN = {"gain_up": min, "gain_down": max, "phase": min, "delay": min, "modulus": min}
 
 
 def margins_answer(
-    context: Context, model: Model, controller: Controller, bench: Bench, corner: float, provenance: Provenance
+    context: Context,
+    model: Model,
+    controller: Controller,
+    setup: ClosedLoopSetup,
+    bandwidth: float,
+    provenance: Provenance,
 ) -> dict[str, Any]:
-    """Return the margins as a part of the answer of ``design``; write ``margins.parquet``. ``corner`` in rad/s."""
+    """Return the margins as a part of the answer of ``design``; write ``margins.parquet``. ``bandwidth`` in rad/s."""
     context.progress("margins of the loop", 0.78)
-    found = look(model, controller, bench, corner)
+    found = analyse_margins(model, controller, setup, bandwidth)
     _write(context, found.cuts, provenance)
     points = [_point(cut, found) for cut in found.cuts]
     width = controller.fill[0] - controller.vent[0]
@@ -37,36 +42,36 @@ def margins_answer(
             loop: _worst([p for p in points if p["loop"] == loop]) for loop in dict.fromkeys(c.loop for c in found.cuts)
         },
         "poles": [
-            {"x": x, "speed": speed, "unit": "1/s", "poles": [[p.real, p.imag] for p in poles[:TOLD].tolist()]}
+            {"x": x, "speed": speed, "unit": "1/s", "poles": [[p.real, p.imag] for p in poles[:MAX_POLES].tolist()]}
             for (x, speed), poles in found.poles.items()
         ],
-        "stable": bool(found.poles) and not any(found.unstable(point) for point in found.poles),
-        "stuck": [{"x": x, "direction": way} for x, way in found.stuck],
-        "left_out": list(found.left_out),
+        "stable": bool(found.poles) and not any(found.is_unstable(point) for point in found.poles),
+        "stuck": [{"x": x, "direction": way} for x, way in found.sticking_points],
+        "left_out": list(found.excluded_effects),
         "overlap": {"value": width, "unit": "V"},
         "units": UNITS,
     }
 
 
-def _point(cut: Cut, found: Looked) -> dict[str, Any]:
+def _point(cut: LoopCut, found: MarginAnalysis) -> dict[str, Any]:
     numbers = {n: v if math.isfinite(v) else None for n, v in asdict(cut.margins).items()}
     return {
         "loop": cut.loop,
         "x": cut.x,
         "speed": cut.speed,
-        "stable": not found.unstable((cut.x, cut.speed)),
+        "stable": not found.is_unstable((cut.x, cut.speed)),
         **numbers,
     }
 
 
 def _worst(points: Sequence[dict[str, Any]]) -> dict[str, float | None]:
     """Return of each margin the smallest one; null where there is no limit."""
-    known = {n: [p[n] for p in points if p[n] is not None] for n in WORST}
-    return {n: worst(known[n]) if known[n] else None for n, worst in WORST.items()}
+    known = {n: [p[n] for p in points if p[n] is not None] for n in WORST_OF_MARGIN}
+    return {n: worst(known[n]) if known[n] else None for n, worst in WORST_OF_MARGIN.items()}
 
 
-def _write(context: Context, cuts: Sequence[Cut], provenance: Provenance) -> None:
-    kept = [np.unique(np.linspace(0, c.frequency.size - 1, KEPT).astype(int)) for c in cuts]
+def _write(context: Context, cuts: Sequence[LoopCut], provenance: Provenance) -> None:
+    kept = [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int)) for c in cuts]
     columns = {
         "x": [np.full(k.size, c.x) for c, k in zip(cuts, kept, strict=True)],
         "speed": [np.full(k.size, c.speed) for c, k in zip(cuts, kept, strict=True)],

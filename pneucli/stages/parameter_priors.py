@@ -8,29 +8,29 @@ from collections.abc import Mapping
 
 from pneucli.config import ParameterTable, PipelineConfig, join_faults
 from pneucli.errors import InputError, UnitError, did_you_mean
-from pneucli.physics.declaration import BASE, Effect
-from pneucli.quantities import PISTON_AREA, ROTARY
-from pneucli.recording import Known
+from pneucli.physics.declaration import BASE_PARAMETERS, Effect
+from pneucli.quantities import PISTON_AREA_UNITS, ROTARY_UNITS
+from pneucli.recording import ParameterPrior
 from pneucli.units import parse_quantity
 
 # the valve's own, as identify names them: "valve.effective_area(+1 V)", "valve_2.overlap_fill"
 _VALVE = re.compile(r"valve(?:_2)?\.(effective_area|overlap_fill|overlap_vent|gain)(?:\(.+\))?")
-TURNS = ("rig.moving_mass", "rig.moment_of_inertia")  # what is moved, and its name where it turns
+MOVING_MASS_NAMES = ("rig.moving_mass", "rig.moment_of_inertia")  # what is moved, and its name where it turns
 _VALVE_UNITS = {"effective_area": "m^2", "overlap_fill": "V", "overlap_vent": "V", "gain": "m^2/V"}
 
 
-def known_of(config: PipelineConfig, effects: Mapping[str, Effect]) -> dict[str, Known]:
+def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> dict[str, ParameterPrior]:
     """Return what the file says of parameters by name.
 
     Raises InputError with every name that is none, every quantity of another kind, and bounds that hold nothing.
     """
-    units = {name: p.unit for name, p in BASE.items() if not name.startswith("valve.")}
+    units = {name: p.unit for name, p in BASE_PARAMETERS.items() if not name.startswith("valve.")}
     units |= {f"{e.name}.{p.name}": p.unit for e in effects.values() for p in e.parameters}
     if config.rotary:
-        units = {name: ROTARY.get(unit, unit) for name, unit in units.items()}
-        units |= dict.fromkeys(("rig.piston_area_1", "rig.piston_area_2"), PISTON_AREA[1])
-        units[TURNS[1]] = units[TURNS[0]]
-    known, faults = dict[str, Known](), []
+        units = {name: ROTARY_UNITS.get(unit, unit) for name, unit in units.items()}
+        units |= dict.fromkeys(("rig.piston_area_1", "rig.piston_area_2"), PISTON_AREA_UNITS[1])
+        units[MOVING_MASS_NAMES[1]] = units[MOVING_MASS_NAMES[0]]
+    known, faults = dict[str, ParameterPrior](), []
     for name, table in config.model.parameters.items():
         valve = _VALVE.fullmatch(name)
         unit = _VALVE_UNITS[valve[1]] if valve else units.get(name)
@@ -39,8 +39,8 @@ def known_of(config: PipelineConfig, effects: Mapping[str, Effect]) -> dict[str,
             faults.append(InputError(where, f'"{name}" is no parameter', "", did_you_mean(name, units)))
             continue
         try:
-            own = TURNS[0] if name == TURNS[1] else name
-            known[own] = _known(table, unit, where, stated=_stated(config, own))
+            own = MOVING_MASS_NAMES[0] if name == MOVING_MASS_NAMES[1] else name
+            known[own] = _prior_from_table(table, unit, where, stated=_stated_value(config, own))
         except InputError as error:
             faults.append(error)
     if faults:
@@ -48,7 +48,7 @@ def known_of(config: PipelineConfig, effects: Mapping[str, Effect]) -> dict[str,
     return known
 
 
-def _stated(config: PipelineConfig, name: str) -> float | None:
+def _stated_value(config: PipelineConfig, name: str) -> float | None:
     """Return the value that ``[rig]`` gives to a parameter of the rig."""
     group, _, key = name.partition(".")
     rig = config.to_rig()
@@ -56,7 +56,7 @@ def _stated(config: PipelineConfig, name: str) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def _known(table: ParameterTable, unit: str, where: str, stated: float | None) -> Known:
+def _prior_from_table(table: ParameterTable, unit: str, where: str, stated: float | None) -> ParameterPrior:
     def read(key: str, *, difference: bool = False) -> float | None:
         value = getattr(table, key)
         try:
@@ -76,4 +76,4 @@ def _known(table: ParameterTable, unit: str, where: str, stated: float | None) -
         raise InputError(f"{where}.sigma", f"{table.sigma}", "a standard deviation above 0", 'or fixed = "..."')
     if sigma is not None and start is None:
         raise InputError(where, "sigma without start", "the value around which it holds", f'add start = "1 {unit}"')
-    return Known(unit, fixed, start, lower, upper, math.inf if sigma is None else sigma)
+    return ParameterPrior(unit, fixed, start, lower, upper, math.inf if sigma is None else sigma)

@@ -11,39 +11,39 @@ from typing import Literal
 import numpy as np
 
 from pneucli.config import join_faults, plugin_files
-from pneucli.diagnose.subsample import stretches
+from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError
-from pneucli.identify.guesses.command_timing import with_commands, with_one_range
-from pneucli.identify.guesses.null_command import with_null
-from pneucli.identify.residuals import View, views_of
+from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
+from pneucli.identify.guesses.null_command import with_identified_null
+from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
 from pneucli.io.recordings import load_recordings
-from pneucli.memory import give_back
+from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import all_effects, select
+from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
-from pneucli.plausibility.required_inputs import Need, needs
-from pneucli.recording import Known, Recording, Rig
-from pneucli.simulate.end_stops import with_ends
+from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
+from pneucli.recording import ParameterPrior, Recording, Rig
+from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.model import Model, Valve
+from pneucli.simulate.model import Model, ValveForm
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
-from pneucli.stages.parameter_priors import known_of
+from pneucli.stages.parameter_priors import parameter_priors
 
 MODEL_FILE = "model.parquet"
-FEWEST = 5  # samples within a horizon
-LONG = 1.0  # h of recordings in all: one run of the model through them takes a second and more
+MIN_HORIZON_SAMPLES = 5  # samples within a horizon
+LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
 
 
 @dataclass(frozen=True)
-class Study:
-    """The pipeline as the domain packages see it; ``most`` samples in all, of long recordings stretches."""
+class PipelineData:
+    """The pipeline as the domain packages see it; ``max_samples`` samples in all, of long recordings stretches."""
 
     context: Context
-    most: int | None = None
+    max_samples: int | None = None
 
     @cached_property
     def rig(self) -> Rig:
@@ -51,25 +51,29 @@ class Study:
 
         Raises InputError where the recordings need more of it than the file says.
         """
-        rig = with_null(self.recordings, self.context.config.to_rig())
-        require(needs(self.recordings, rig), self.context.path)
-        return replace(rig, known=self._known)
+        rig = with_identified_null(self.recordings, self.context.config.to_rig())
+        require_stated(required_inputs(self.recordings, rig), self.context.path)
+        return replace(rig, priors=self._parameter_priors)
 
     @cached_property
-    def _known(self) -> dict[str, Known]:
+    def _parameter_priors(self) -> dict[str, ParameterPrior]:
         """What the file says of the model's parameters; those of an effect that is not in the model wait for it."""
         there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
-        known = known_of(self.context.config, self.known_effects)
+        known = parameter_priors(self.context.config, self.available_effects)
         return {name: one for name, one in known.items() if name.partition(".")[0] in there}
 
     @cached_property
     def recordings(self) -> list[Recording]:
         """All recordings, in the pipeline file's order."""
         whole = load_recordings(self.context.artifacts / "ingest")
-        return whole if self.most is None else stretches(whole, self.most, self.context.config.compare.horizon)
+        return (
+            whole
+            if self.max_samples is None
+            else subsample(whole, self.max_samples, self.context.config.compare.horizon)
+        )
 
     @cached_property
-    def known_effects(self) -> dict[str, Effect]:
+    def available_effects(self) -> dict[str, Effect]:
         """The catalogue and the user's own effects."""
         return all_effects(plugin_files(self.context.config))
 
@@ -77,7 +81,7 @@ class Study:
     def effects(self) -> tuple[Effect, ...]:
         """The effects that the model has."""
         where = f"{self.context.path}, key model.effects"
-        return select(self.context.config.model.effects, self.known_effects, where)
+        return select_effects(self.context.config.model.effects, self.available_effects, where)
 
     @property
     def valve(self) -> Literal["map", "linear", "switching"]:
@@ -89,15 +93,15 @@ class Study:
         """Every recording made ready, restarted at the comparison's horizon."""
         compare = self.context.config.compare
         self._require_samples(compare.horizon)
-        if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG:
+        if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG_RECORDING_HOURS:
             self.context.progress(f"{hours:.3g} h of recordings, if the unit of time is right: this takes long", 0.0)
         ready = []
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
             ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
             self._require_noise(ready[-1])
-        give_back()  # smoothing takes several times what it leaves
-        return with_one_range(with_commands(with_ends(ready, self.rig), self.rig))
+        release_free_memory()  # smoothing takes several times what it leaves
+        return with_common_command_range(with_intersample_commands(with_end_stops(ready, self.rig), self.rig))
 
     def _require_noise(self, experiment: Experiment) -> None:
         """Raise InputError where a reading that the model is held against has no noise: errors count in units of it.
@@ -113,7 +117,7 @@ class Study:
                 raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend)
 
     @cached_property
-    def data(self) -> str:
+    def data_digest(self) -> str:
         """Digest of what an error is an error of: the raw files, how they are read and used, and the horizon."""
         config, document = self.context.config, self.context.config.document
         files = [(r["name"], r["use"], r["sha256"]) for r in self.context.answers["ingest"]["recordings"]]
@@ -124,24 +128,24 @@ class Study:
     def _require_samples(self, horizon: float) -> None:
         """Raise InputError where a horizon holds next to no samples, as with time in a wrong unit: it takes minutes."""
         for recording in self.recordings:
-            if FEWEST * recording.period > horizon:
+            if MIN_HORIZON_SAMPLES * recording.period > horizon:
                 found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"
                 mend = 'state the unit of time, such as unit = "ms" in [signals] time, or else a longer horizon'
                 raise InputError(
                     f"{self.context.path}, key compare.horizon",
                     found,
-                    f"at least {FEWEST} samples within a horizon",
+                    f"at least {MIN_HORIZON_SAMPLES} samples within a horizon",
                     mend,
                 )
 
-    def forget_experiments(self) -> None:
+    def release_experiments(self) -> None:
         """Free what the experiments hold; they are made anew where they are asked for again."""
         self.__dict__.pop("experiments", None)
-        give_back()
+        release_free_memory()
 
-    def views(self, use: str, *, whitened: bool = False) -> list[View]:
+    def residual_models(self, use: str, *, whitened: bool = False) -> list[ResidualModel]:
         """The recordings of one use, one subsystem at a time."""
-        return views_of([e for e in self.experiments if e.recording.use == use], whitened=whitened)
+        return residual_models([e for e in self.experiments if e.recording.use == use], whiten_initial_state=whitened)
 
     def provenance(self, *inputs: str) -> Provenance:
         """What made an artifact of this stage: earlier artifacts by path, and the file's own model and comparison."""
@@ -150,7 +154,7 @@ class Study:
         return Provenance(hashes, {key: document.get(key, {}) for key in ("pipeline", "rig", "model", "compare")})
 
 
-def require(missing: Sequence[Need], path: Path) -> None:
+def require_stated(missing: Sequence[RequiredInput], path: Path) -> None:
     """Raise InputError with every key that is missing, what it is for, and an example."""
     faults = []
     for one in missing:
@@ -176,19 +180,19 @@ def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
     )
 
 
-def _valve_rows(valve: Valve) -> list[tuple[str, str, float, float]]:
+def _valve_rows(valve: ValveForm) -> list[tuple[str, str, float, float]]:
     """Return a valve's rows: kind, name, command, value; the name begins with its label."""
     name = valve.label
     if isinstance(valve, LinearValve):
-        return [("gain", name, valve.largest, valve.gain)]
+        return [("gain", name, valve.max_command, valve.gain)]
     if isinstance(valve, SwitchingValve):
-        return [("switching", name, valve.largest, valve.fill), ("switching", name, -valve.largest, valve.vent)]
+        return [("switching", name, valve.max_command, valve.fill), ("switching", name, -valve.max_command, valve.vent)]
     overlaps = ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent))
     rows = [("area", name, c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
     return rows + [("overlap", name, sign, value) for sign, value in overlaps]
 
 
-def _valve_of(rows: list[tuple[str, float, float]], label: str) -> Valve:
+def _valve_from_rows(rows: list[tuple[str, float, float]], label: str) -> ValveForm:
     """Return the valve whose rows (kind, command, value) these are."""
     by_kind: dict[str, list[tuple[float, float]]] = {}
     for kind, command, value in rows:
@@ -214,5 +218,5 @@ def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
     valves = {
         label: [(k, c, v) for k, n, c, v in rows if k != "value" and n == label] for label in ("valve", "valve_2")
     }
-    second = _valve_of(valves["valve_2"], "valve_2") if valves["valve_2"] else None
-    return Model(rig, effects, values, _valve_of(valves["valve"], "valve"), second)
+    second = _valve_from_rows(valves["valve_2"], "valve_2") if valves["valve_2"] else None
+    return Model(rig, effects, values, _valve_from_rows(valves["valve"], "valve"), second)

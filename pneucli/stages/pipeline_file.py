@@ -8,15 +8,15 @@ from typing import Any
 
 from pneucli import config
 from pneucli.config import PipelineConfig
-from pneucli.design.requirements import requirements_from
+from pneucli.design.requirements import read_requirements
 from pneucli.errors import InputError, did_you_mean
-from pneucli.pipeline.checks import require_known
+from pneucli.pipeline.checks import require_valid_path
 from pneucli.pipeline.graph import STAGES
 
-KINDS = ("open-loop", "closed-loop", "monte-carlo")
+SCENARIO_KINDS = ("open-loop", "closed-loop", "monte-carlo")
 
 
-def load(path: Path) -> PipelineConfig:
+def load_pipeline_file(path: Path) -> PipelineConfig:
     """Return the checked pipeline file; nothing in it that is misspelt is found only after minutes.
 
     Plugins are not loaded. Raises InputError that names file and key of every fault.
@@ -29,20 +29,20 @@ def load(path: Path) -> PipelineConfig:
 
 def _faults(loaded: PipelineConfig) -> Iterator[InputError]:
     where = str(loaded.path)
-    yield from _raised(requirements_from, loaded.design, f"{where}, key design")
+    yield from _errors_of(read_requirements, loaded.design, f"{where}, key design")
     for number, table in enumerate(loaded.scenarios, 1):
-        yield from _raised(_read_scenario, table, f"{where}, key scenarios.{number}")
+        yield from _errors_of(_read_scenario, table, f"{where}, key scenarios.{number}")
     if loaded.model.parameters and not loaded.model.plugins:  # names of plugins are known once they are loaded
         from pneucli.physics.effects import catalogue  # noqa: PLC0415 - it takes a moment, and few files need it
-        from pneucli.stages.parameter_priors import known_of  # noqa: PLC0415 - likewise
+        from pneucli.stages.parameter_priors import parameter_priors  # noqa: PLC0415 - likewise
 
-        yield from _raised(known_of, loaded, catalogue())
-    known = {stage.name: stage.answer for stage in STAGES.values() if stage.answer}
+        yield from _errors_of(parameter_priors, loaded, catalogue())
+    known = {stage.name: stage.answer_paths for stage in STAGES.values() if stage.answer_paths}
     for path in loaded.checks:
-        yield from _raised(require_known, path, known, f"{where}, [checks]")
+        yield from _errors_of(require_valid_path, path, known, f"{where}, [checks]")
 
 
-def _raised(check: Callable[..., Any], *arguments: Any) -> Iterator[InputError]:
+def _errors_of(check: Callable[..., Any], *arguments: Any) -> Iterator[InputError]:
     try:
         check(*arguments)
     except InputError as error:
@@ -52,16 +52,16 @@ def _raised(check: Callable[..., Any], *arguments: Any) -> Iterator[InputError]:
 def _read_scenario(table: dict[str, Any], where: str) -> None:
     kind = table.get("kind", "open-loop")
     if kind == "open-loop":
-        from pneucli.simulate.open_loop import read_table  # noqa: PLC0415 - it brings the kernel
+        from pneucli.simulate.open_loop import parse_scenario  # noqa: PLC0415 - it brings the kernel
 
-        read_table(table, where)
+        parse_scenario(table, where)
     elif kind == "closed-loop":
-        from pneucli.closed_loop.scenarios import read_table as read_closed_loop  # noqa: PLC0415 - likewise
+        from pneucli.closed_loop.scenarios import read_scenario as read_closed_loop  # noqa: PLC0415 - likewise
 
         read_closed_loop({key: value for key, value in table.items() if key != "kind"}, where)
     elif kind == "monte-carlo":
-        from pneucli.closed_loop.robustness import settings_from  # noqa: PLC0415 - likewise
+        from pneucli.closed_loop.robustness import read_settings  # noqa: PLC0415 - likewise
 
-        settings_from(table, where)
+        read_settings(table, where)
     else:
-        raise InputError(f"{where}.kind", f'"{kind}"', "", did_you_mean(str(kind), KINDS))
+        raise InputError(f"{where}.kind", f'"{kind}"', "", did_you_mean(str(kind), SCENARIO_KINDS))

@@ -12,25 +12,25 @@ from pneucli import __version__
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path, read_metadata, read_table
-from pneucli.messages.formatting import number, quantity
+from pneucli.messages.formatting import format_number, format_quantity
 from pneucli.pipeline.checks import evaluate
 from pneucli.pipeline.context import Context
-from pneucli.report import Check, Former, Material, Table, to_html, to_junit, to_markdown
+from pneucli.report import Check, EarlierAnswer, ReportData, Table, to_html, to_junit, to_markdown
 from pneucli.stages import history
-from pneucli.stages.compare import RESIDUALS
-from pneucli.stages.tables.diagnosis import SHAPE
+from pneucli.stages.compare import RESIDUALS_FILE
+from pneucli.stages.tables.diagnosis import SHAPE_FILE
 
-SHOWN = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", "simulate/*")
+REPORTED_ARTIFACTS = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", "simulate/*")
 
 
 def run(context: Context) -> dict[str, Any]:
     """Write the report of whatever the stages before have left; return what it holds, in brief."""
     context.progress("reading artifacts", 0.1)
-    checks = [check(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
+    checks = [check_result(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
     tables = load_tables(context.artifacts)
     about = {"made by": f"pneucli {__version__}", "pipeline file": context.path.name}
-    material = Material(context.config.name, context.answers, tables, checks, about, rig_in_words(context.config))
-    material = replace(material, file=context.path.name, **_earlier(context.artifacts))
+    material = ReportData(context.config.name, context.answers, tables, checks, about, rig_description(context.config))
+    material = replace(material, file=context.path.name, **_earlier_models(context.artifacts))
     context.progress("drawing", 0.3)
     page = to_html(material)
     for name, text in (
@@ -51,36 +51,36 @@ def run(context: Context) -> dict[str, Any]:
 
 def load_tables(artifacts: Path) -> dict[str, Table]:
     """Return the artifacts that a report may show, by ``"stage/file"``."""
-    paths = sorted({path for pattern in SHOWN for path in artifacts.glob(f"{pattern}.parquet")})
+    paths = sorted({path for pattern in REPORTED_ARTIFACTS for path in artifacts.glob(f"{pattern}.parquet")})
     return {path.relative_to(artifacts).with_suffix("").as_posix(): _table(path) for path in paths}
 
 
-def rig_in_words(config: PipelineConfig) -> str:
+def rig_description(config: PipelineConfig) -> str:
     """Return what stands on the bench: the cylinder by bore and stroke, the vessel, the supply."""
     rig = config.to_rig()
     parts = []
     if rig.piston_area_1 is not None:
-        bore = number(2e3 * math.sqrt(rig.piston_area_1 / math.pi), 3)
-        parts.append(f"cylinder ⌀ {bore} mm" + (f" × {quantity(rig.stroke, 'm', 3)}" if rig.stroke else ""))
+        bore = format_number(2e3 * math.sqrt(rig.piston_area_1 / math.pi), 3)
+        parts.append(f"cylinder ⌀ {bore} mm" + (f" × {format_quantity(rig.stroke, 'm', 3)}" if rig.stroke else ""))
     elif rig.vessel_volume is not None:
-        parts.append(f"vessel of {quantity(rig.vessel_volume, 'm^3', 3)}")
+        parts.append(f"vessel of {format_quantity(rig.vessel_volume, 'm^3', 3)}")
     if rig.supply_pressure is not None:
-        parts.append(f"supply {quantity(rig.supply_pressure, 'Pa', 3)}")
+        parts.append(f"supply {format_quantity(rig.supply_pressure, 'Pa', 3)}")
     return ", ".join(parts)
 
 
-def _earlier(artifacts: Path) -> dict[str, Any]:
+def _earlier_models(artifacts: Path) -> dict[str, Any]:
     """Return what was kept of earlier models and diagnoses on the data as they are."""
-    compared = history.models(artifacts / "compare")
+    compared = history.recorded_models(artifacts / "compare")
     data = next((one.answer["data"] for one in compared if one.current), None)
     former = [one for one in compared if one.answer["data"] == data and not one.current]
-    before = Former(former[0].answer, _table(former[0].folder / RESIDUALS)) if former else None
+    before = EarlierAnswer(former[0].answer, _table(former[0].folder / RESIDUALS_FILE)) if former else None
     diagnoses = [
-        Former(one.answer, _table(one.folder / SHAPE))
-        for one in history.models(artifacts / "diagnose")
+        EarlierAnswer(one.answer, _table(one.folder / SHAPE_FILE))
+        for one in history.recorded_models(artifacts / "diagnose")
         if one.answer["data"] == data and not one.current
     ]
-    return {"history": history.listed(artifacts / "compare"), "before": before, "diagnoses": diagnoses}
+    return {"history": history.history_answer(artifacts / "compare"), "before": before, "diagnoses": diagnoses}
 
 
 def _table(path: Path) -> Table:
@@ -91,7 +91,7 @@ def _limits(context: Context) -> dict[str, dict[str, Any]]:
     return {path: limit.model_dump(exclude_none=True) for path, limit in context.config.checks.items()}
 
 
-def check(path: str, limit: Mapping[str, Any], answers: Mapping[str, Mapping[str, Any]], where: str) -> Check:
+def check_result(path: str, limit: Mapping[str, Any], answers: Mapping[str, Mapping[str, Any]], where: str) -> Check:
     """Return what became of one check; one whose path leads nowhere has failed, and says so."""
     wanted = ", ".join(f"{kind} {value}" for kind, value in limit.items())
     try:

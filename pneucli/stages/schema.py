@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 
-from pneucli.config.json_schema import schema
+from pneucli.config.json_schema import json_schema
 from pneucli.physics.effects import catalogue
 
 
 def schema_text() -> str:
     """Return the schema as JSON."""
-    return json.dumps(schema(catalogue()), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(json_schema(catalogue()), indent=1, ensure_ascii=False) + "\n"

@@ -10,9 +10,9 @@ import numpy as np
 from pneucli.io.artifacts import write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
-from pneucli.simulate.open_loop import OpenLoopRun, default_runs, run_scenario
+from pneucli.simulate.open_loop import OpenLoopRun, default_free_runs, run_scenario
 from pneucli.stages.closed_loop import simulate_closed_loop
-from pneucli.stages.pipeline_data import Study, load_model
+from pneucli.stages.pipeline_data import PipelineData, load_model
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -20,8 +20,8 @@ def run(context: Context) -> dict[str, Any]:
 
     By default these are the free run of the recordings, and the closed loop where a controller was designed.
     """
-    study = Study(context)
-    runs = _open_loop(study)
+    study = PipelineData(context)
+    runs = _open_loop_runs(study)
     _write(study, runs)
     return {
         "schema": "pneucli/simulate/1",
@@ -31,11 +31,11 @@ def run(context: Context) -> dict[str, Any]:
     }
 
 
-def _open_loop(study: Study) -> list[OpenLoopRun]:
+def _open_loop_runs(study: PipelineData) -> list[OpenLoopRun]:
     model = load_model(study.context.artifacts / "identify", study.rig, study.effects)
     stated = study.context.config.scenarios
     if not stated:
-        return default_runs(model, study.experiments)
+        return default_free_runs(model, study.experiments)
     by_name = {e.recording.name: e for e in study.experiments}
     where = f"{study.context.path}, key scenarios"
     return [
@@ -45,7 +45,7 @@ def _open_loop(study: Study) -> list[OpenLoopRun]:
     ]
 
 
-def _write(study: Study, runs: Sequence[OpenLoopRun]) -> None:
+def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
     texts: dict[str, list[str]] = {"scenario": [], "channel": [], "unit": []}
     numbers: dict[str, list[Any]] = {"time": [], "value": [], "measured": []}
     for one in runs:

@@ -13,7 +13,7 @@ array([0.25, 0.75])
 
 from pneucli.tp.hosvd import Hosvd, Spectrum, hosvd
 from pneucli.tp.model import TPModel, check, transform
-from pneucli.tp.sampling import Gridded, gather, sample
+from pneucli.tp.sampling import Gridded, fit_samples, sample
 from pneucli.tp.weights import Violation, WeightType
 
 __all__ = [
@@ -24,7 +24,7 @@ __all__ = [
     "Violation",
     "WeightType",
     "check",
-    "gather",
+    "fit_samples",
     "hosvd",
     "sample",
     "transform",

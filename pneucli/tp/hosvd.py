@@ -22,8 +22,10 @@ from pneucli.errors import InputError
 
 Array = NDArray[np.float64]
 
-COMPACT = 1e-10  # singular values below this share of the first are zero, unless the caller says otherwise
-_LOSSLESS = 1e-14  # cut on the way: about 50 roundings, below what double precision resolves in a long unfolding
+DEFAULT_TOLERANCE = 1e-10  # singular values below this share of the first are zero, unless the caller says otherwise
+_ROUNDING_TOLERANCE = (
+    1e-14  # cut on the way: about 50 roundings, below what double precision resolves in a long unfolding
+)
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -62,7 +64,9 @@ class Hosvd:
     spectra: tuple[Spectrum, ...]
 
 
-def hosvd(samples: Array, parameters: int, rank: Sequence[int] | None = None, tolerance: float = COMPACT) -> Hosvd:
+def hosvd(
+    samples: Array, parameters: int, rank: Sequence[int] | None = None, tolerance: float = DEFAULT_TOLERANCE
+) -> Hosvd:
     """Decompose samples of shape ``(n_1, ..., n_N, ...)`` along their first ``parameters`` = N axes.
 
     Compact by default: singular values above ``tolerance`` times the first of their mode are kept. ``tolerance = 0``
@@ -71,13 +75,13 @@ def hosvd(samples: Array, parameters: int, rank: Sequence[int] | None = None, to
     """
     if rank is not None and (len(rank) != parameters or min(rank) < 1):
         raise InputError("rank", f"{tuple(rank)}", f"{parameters} whole numbers from 1")
-    floor = min(_LOSSLESS, tolerance)
+    floor = min(_ROUNDING_TOLERANCE, tolerance)
     core, bases, values = samples, {}, {}
     for mode in sorted(range(parameters), key=samples.shape.__getitem__):
         basis, values[mode] = left_svd(core, mode)
-        bases[mode] = basis[:, : _above(values[mode], floor)]
+        bases[mode] = basis[:, : _count_above(values[mode], floor)]
         core = contract(core, bases[mode].T, mode)
-    ranks = [_above(values[k], tolerance) for k in range(parameters)]
+    ranks = [_count_above(values[k], tolerance) for k in range(parameters)]
     if rank is not None:
         ranks = [min(pair) for pair in zip(ranks, rank, strict=True)]
     return Hosvd(
@@ -134,5 +138,5 @@ def _fibres(tensor: Array, mode: int) -> Array:
     return tensor.reshape(math.prod(tensor.shape[:mode]), tensor.shape[mode], -1)
 
 
-def _above(values: Array, share: float) -> int:
+def _count_above(values: Array, share: float) -> int:
     return max(1, int(np.count_nonzero(values > share * values[0])))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from pneucli.errors import InputError
-from pneucli.tp.hosvd import COMPACT, Hosvd, Spectrum, contract, hosvd
+from pneucli.tp.hosvd import DEFAULT_TOLERANCE, Hosvd, Spectrum, contract, hosvd
 from pneucli.tp.sampling import as_grids, locate, require_finite
 from pneucli.tp.simplex import affine_frame
 from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
@@ -21,7 +21,7 @@ from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
 Array = NDArray[np.float64]
 Scaling = Literal["peak", "none"]
 
-_CHUNK = 2**22  # numbers of one reconstructed piece while errors are taken
+_MAX_CHUNK = 2**22  # numbers of one reconstructed piece while errors are taken
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def transform(
     grids: Sequence[ArrayLike],
     weight_type: WeightType = "cno",
     rank: Sequence[int] | None = None,
-    tolerance: float = COMPACT,
+    tolerance: float = DEFAULT_TOLERANCE,
     scaling: Scaling | ArrayLike = "peak",
 ) -> TPModel:
     """Transform samples of shape ``(n_1, ..., n_N, ...)`` on ``grids`` into a TP model.
@@ -108,7 +108,7 @@ def transform(
     scaled = values / scale
     parts = hosvd(scaled, len(sizes), rank, tolerance)
     weights, core = _convex(parts, weight_type, tolerance)
-    errors = _largest_errors(scaled, weights, core) * scale
+    errors = _max_errors(scaled, weights, core) * scale
     return TPModel(axes, weights, core * scale, weight_type, scale, errors, parts.spectra)
 
 
@@ -120,7 +120,7 @@ def check(model: TPModel) -> list[Violation]:
     """
     found = [v for k, w in enumerate(model.weights) for v in violations(w, model.weight_type, k)]
     first = max(float(s.singular_values[0]) for s in model.spectra)
-    limit = math.hypot(*(s.discarded for s in model.spectra)) + COMPACT * first
+    limit = math.hypot(*(s.discarded for s in model.spectra)) + DEFAULT_TOLERANCE * first
     error = float(np.max(model.errors / model.scale, initial=0.0))
     if not error <= limit:
         found.append(Violation(None, "reconstruction within the discarded singular values", error, limit))
@@ -151,13 +151,13 @@ def _scale(values: Array, parameters: int, scaling: Scaling | ArrayLike) -> Arra
     return np.array(np.broadcast_to(given, shape))
 
 
-def _largest_errors(samples: Array, weights: Sequence[Array], vertices: Array) -> Array:
+def _max_errors(samples: Array, weights: Sequence[Array], vertices: Array) -> Array:
     """Largest absolute error of each entry over the nodes, piece by piece along the first parameter."""
     parameters = len(weights)
     partial = vertices
     for mode in range(1, parameters):
         partial = contract(partial, weights[mode], mode)
-    step = max(1, _CHUNK // max(1, samples[0].size))
+    step = max(1, _MAX_CHUNK // max(1, samples[0].size))
     worst = np.zeros(samples.shape[parameters:])
     for i in range(0, len(samples), step):
         piece = contract(partial, weights[0][i : i + step], 0) - samples[i : i + step]

@@ -61,7 +61,7 @@ def require_finite(samples: Array, grids: Sequence[Array]) -> None:
         raise InputError(f"sample at ({node})", f"{samples[tuple(index)]}", "a finite value", "supply the limit there")
 
 
-def gather(
+def fit_samples(
     points: ArrayLike,
     values: ArrayLike,
     grids: Sequence[ArrayLike],
@@ -84,20 +84,22 @@ def gather(
         raise InputError("measurements", "points and values of unequal length or not finite", mend="leave those out")
     if smoothing <= 0:
         raise InputError("smoothing", f"{smoothing}", "above 0: nodes without a measurement need it")
-    basis = _row_products([_hats(g, where[:, k], k) for k, g in enumerate(axes)])
-    trust = np.ones(len(where)) if sigma is None else _trust(np.asarray(sigma, dtype=np.float64))
-    nodes = _smooth_fit(basis, trust, measured.reshape(len(where), -1), np.sqrt(smoothing) * _bending(axes))
+    basis = _row_products([_linear_basis(g, where[:, k], k) for k, g in enumerate(axes)])
+    trust = np.ones(len(where)) if sigma is None else _relative_weights(np.asarray(sigma, dtype=np.float64))
+    nodes = _smooth_fit(
+        basis, trust, measured.reshape(len(where), -1), np.sqrt(smoothing) * _second_difference_matrix(axes)
+    )
     sizes = tuple(g.size for g in axes)
     return Gridded(nodes.reshape(sizes + measured.shape[1:]), (basis.T @ trust).reshape(sizes))
 
 
-def _trust(sigma: Array) -> Array:
+def _relative_weights(sigma: Array) -> Array:
     if not np.all(sigma > 0):
         raise InputError("sigma", f"{sigma.min()}", "above 0")
     return np.asarray((np.median(sigma) / sigma) ** 2)
 
 
-def _hats(grid: Array, at: Array, parameter: int) -> sparse.csr_array:
+def _linear_basis(grid: Array, at: Array, parameter: int) -> sparse.csr_array:
     """Linear interpolation as a matrix, shape ``(m, n)``."""
     if at.min() < grid[0] or at.max() > grid[-1]:
         found, wanted = f"[{at.min():g}, {at.max():g}]", f"within [{grid[0]:g}, {grid[-1]:g}]"
@@ -126,17 +128,19 @@ def _row_products(factors: list[sparse.csr_array]) -> sparse.csr_array:
     return reduce(pair, factors)
 
 
-def _bending(grids: Sequence[Array]) -> sparse.csr_array:
+def _second_difference_matrix(grids: Sequence[Array]) -> sparse.csr_array:
     """Second differences along every axis; 0 where the samples are linear in each parameter."""
     rows = []
     for k, grid in enumerate(grids):
         before = int(np.prod([g.size for g in grids[:k]]))
         after = int(np.prod([g.size for g in grids[k + 1 :]]))
-        rows.append(sparse.kron(sparse.eye_array(before), sparse.kron(_second(grid), sparse.eye_array(after))))
+        rows.append(
+            sparse.kron(sparse.eye_array(before), sparse.kron(_second_differences(grid), sparse.eye_array(after)))
+        )
     return sparse.csr_array(sparse.vstack(rows))
 
 
-def _second(grid: Array) -> sparse.csr_array:
+def _second_differences(grid: Array) -> sparse.csr_array:
     """Deviation of each inner node from the line between its neighbours, twice: 1, -2, 1 where equidistant."""
     if grid.size < 3:
         return sparse.csr_array((0, grid.size))

@@ -23,7 +23,7 @@ _HULL_DIMENSIONS = 5  # beyond, the hull costs more than it saves
 
 
 @dataclass(frozen=True)
-class Frame:
+class AffineFrame:
     """The rows of a basis in coordinates of their own affine hull: ``basis = [points 1] @ back``.
 
     ``points``: shape ``(n, d)``, centred and white. ``back``: shape ``(d + 1, r)``.
@@ -33,7 +33,7 @@ class Frame:
     back: Array
 
 
-def affine_frame(basis: Array, values: Array, tolerance: float) -> Frame:
+def affine_frame(basis: Array, values: Array, tolerance: float) -> AffineFrame:
     """Place the rows of ``basis`` (n, r), whose columns weigh ``values`` (r,), in their affine hull.
 
     Directions that carry less than ``tolerance`` of the first singular value, or that rounding hides, are left out:
@@ -46,7 +46,7 @@ def affine_frame(basis: Array, values: Array, tolerance: float) -> Frame:
     d = int(np.count_nonzero(spread > max(tolerance, _ROUNDING) * safe[0]))
     unit = np.sqrt(len(basis))
     back = np.vstack((spread[:d, None] * right[:d] / unit, mean)) / safe
-    return Frame(left[:, :d] * unit, back)
+    return AffineFrame(left[:, :d] * unit, back)
 
 
 def homogeneous(points: Array) -> Array:
@@ -92,7 +92,7 @@ def smallest_simplices(h: Array) -> list[Array]:
     several starts; it is not concave, so the first is the best found, not proven smallest.
     """
     extreme = h[_hull(h[:, :-1])]
-    found = [_ascend(_reciprocal_volume, start, extreme) for start in _starts(extreme)]
+    found = [_maximise(_reciprocal_volume, start, extreme) for start in _initial_simplices(extreme)]
     return sorted((tighten(h, m) for m in found), key=lambda m: -log_reciprocal_volume(m))
 
 
@@ -108,7 +108,7 @@ def closest_simplex(h: Array) -> Array:
     every locally smallest simplex.
     """
     extreme = h[_hull(h[:, :-1])]
-    found = [tighten(h, _approach(start, extreme)) for start in _distinct(smallest_simplices(h))]
+    found = [tighten(h, _alternate_minimisation(start, extreme)) for start in _distinct_volumes(smallest_simplices(h))]
     return min(found, key=lambda m: distance_to_vertices(h @ m))
 
 
@@ -117,16 +117,16 @@ def distance_to_vertices(weights: Array) -> float:
     return float(np.abs(np.log(weights.max(axis=0))).sum())
 
 
-def equal_simplex(h: Array) -> Array | None:
+def equal_maxima_simplex(h: Array) -> Array | None:
     """Return the enclosing simplex whose coordinates all range from 0 to one common maximum: IRNO.
 
     Not unique: the largest maximum found, from every locally smallest simplex. None where no start converges.
     """
-    found = [m for start in _distinct(smallest_simplices(h)) if (m := _equalise(h, start)) is not None]
+    found = [m for start in _distinct_volumes(smallest_simplices(h)) if (m := _equalise_maxima(h, start)) is not None]
     return max(found, key=lambda m: float((h @ m).max()), default=None)
 
 
-def _equalise(h: Array, simplex: Array, iterations: int = 500) -> Array | None:
+def _equalise_maxima(h: Array, simplex: Array, iterations: int = 500) -> Array | None:
     gradients = simplex[:-1]
     for _ in range(iterations):
         gradients = gradients / np.ptp(h[:, :-1] @ gradients, axis=0)
@@ -138,11 +138,11 @@ def _equalise(h: Array, simplex: Array, iterations: int = 500) -> Array | None:
     return None
 
 
-def _approach(simplex: Array, extreme: Array) -> Array:
+def _alternate_minimisation(simplex: Array, extreme: Array) -> Array:
     """Improve the simplex and the points nearest its vertices in turn, until these stay."""
     for _ in range(20):
         nearest = extreme[np.argmax(extreme @ simplex, axis=0)]
-        better = _ascend(partial(_closeness, nearest), simplex, extreme)
+        better = _maximise(partial(_closeness, nearest), simplex, extreme)
         gain = distance_to_vertices(extreme @ simplex) - distance_to_vertices(extreme @ better)
         if gain < 1e-9:
             return simplex
@@ -166,7 +166,7 @@ def _closeness(nearest: Array, simplex: Array) -> tuple[float, Array]:
     return float(np.log(np.maximum(at, 1e-300)).sum()), (nearest / at[:, None]).T
 
 
-def _ascend(objective: Objective, start: Array, h: Array) -> Array:
+def _maximise(objective: Objective, start: Array, h: Array) -> Array:
     """Maximise over simplices that enclose ``h``, from one that does; the last column follows from the others.
 
     All points stay constraints throughout: adding them only as they are violated was measured, and is slower.
@@ -194,7 +194,7 @@ def _ascend(objective: Objective, start: Array, h: Array) -> Array:
     return tighten(h, whole(best.x))
 
 
-def _starts(h: Array) -> list[Array]:
+def _initial_simplices(h: Array) -> list[Array]:
     """Enclosing simplices, from spanned ones; stirred, since those of symmetric points may be saddles.
 
     The stirring mixes coordinates of the simplex, not of the points, so turning the points changes nothing.
@@ -203,14 +203,14 @@ def _starts(h: Array) -> list[Array]:
     picks = np.unique(np.linspace(0, len(h) - 1, min(_STARTS, len(h))).round().astype(int))
     d = h.shape[1] - 1
     starts = []
-    for spanned in _distinct([spanned_simplex(h, int(i)) for i in picks]):
+    for spanned in _distinct_volumes([spanned_simplex(h, int(i)) for i in picks]):
         free = spanned[:, :d] @ (np.eye(d) + 0.1 * rng.standard_normal((d, d)))
         last = np.eye(d + 1)[-1] - free.sum(axis=1)
         starts.append(tighten(h, np.concatenate((free, last[:, None]), axis=1)))
     return starts
 
 
-def _distinct(simplices: list[Array]) -> list[Array]:
+def _distinct_volumes(simplices: list[Array]) -> list[Array]:
     """Drop those of the same volume as one before."""
     volumes = [round(log_reciprocal_volume(m), 6) for m in simplices]
     return [m for i, m in enumerate(simplices) if volumes[i] not in volumes[:i]]

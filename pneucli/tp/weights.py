@@ -32,9 +32,9 @@ from pneucli.tp import simplex as sx
 Array = NDArray[np.float64]
 WeightType = Literal["snnn", "ino", "no", "cno", "irno", "mvs"]
 
-ROUNDING = 1e-12  # to which sums, signs, minima and maxima hold
-_DIMENSIONS = 8  # measured: 3 s at 5, 8 s at 6
-_CONTACT = 1e-7  # a sample this near a facet touches it
+INVARIANT_TOLERANCE = 1e-12  # to which sums, signs, minima and maxima hold
+_MAX_SEARCH_DIMENSION = 8  # measured: 3 s at 5, 8 s at 6
+_CONTACT_TOLERANCE = 1e-7  # a sample this near a facet touches it
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Violation:
     limit: float
 
 
-def convex_weights(frame: sx.Frame, weight_type: WeightType) -> tuple[Array, Array]:
+def convex_weights(frame: sx.AffineFrame, weight_type: WeightType) -> tuple[Array, Array]:
     """Return weights ``(n, d + 1)`` and the vertices ``(d + 1, r)`` with ``weights @ vertices = basis`` of the frame.
 
     Raises ``InputError`` where the type is unknown or does not exist for these points (``no``, rarely ``irno``),
@@ -67,8 +67,8 @@ def _simplex(h: Array, weight_type: WeightType) -> Array:
         return np.ones((1, 1))
     if d == 1:
         return sx.tighten(h, sx.spanned_simplex(h))
-    if d > _DIMENSIONS and weight_type in ("cno", "irno", "mvs"):
-        wanted = f"at most {_DIMENSIONS + 1}: the search would not end"
+    if d > _MAX_SEARCH_DIMENSION and weight_type in ("cno", "irno", "mvs"):
+        wanted = f"at most {_MAX_SEARCH_DIMENSION + 1}: the search would not end"
         raise InputError(
             f"weight type {weight_type}", f"{d + 1} vertices", wanted, "bound the rank (noise has full rank)"
         )
@@ -93,7 +93,7 @@ def _normal(h: Array) -> Array:
 
 
 def _relaxed_normal(h: Array) -> Array:
-    simplex = sx.equal_simplex(h)
+    simplex = sx.equal_maxima_simplex(h)
     if simplex is None:
         raise InputError("weight type irno", "no simplex with equal maxima was found", mend="take cno or mvs")
     return simplex
@@ -110,9 +110,9 @@ def violations(weights: Array, weight_type: WeightType, parameter: int) -> list[
         found |= _tightness(weights, weight_type, largest, least)
     limits = {"MVS: facet centroids supported": 1e-3}
     return [
-        Violation(parameter, name, value, limits.get(name, ROUNDING))
+        Violation(parameter, name, value, limits.get(name, INVARIANT_TOLERANCE))
         for name, value in found.items()
-        if not value <= limits.get(name, ROUNDING)
+        if not value <= limits.get(name, INVARIANT_TOLERANCE)
     ]
 
 
@@ -134,7 +134,7 @@ def _unsupported(weights: Array, facet: int) -> float:
 
     It is 0 for every facet of a smallest enclosing simplex: else a tilt of the facet about them makes it smaller.
     """
-    touching = weights[weights[:, facet] < _CONTACT]
+    touching = weights[weights[:, facet] < _CONTACT_TOLERANCE]
     centroid = np.full(weights.shape[1], 1.0 / (weights.shape[1] - 1))
     centroid[facet] = 0.0
     return float(nnls(touching.T, centroid)[1])

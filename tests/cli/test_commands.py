@@ -53,7 +53,7 @@ def test_without_a_terminal_what_is_soon_done_is_said_in_one_line(pneucli: Comma
 def test_without_a_terminal_a_long_work_says_now_and_then_how_far_it_is(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress, "SILENCE", 0.05)
+    monkeypatch.setattr(progress, "LINE_INTERVAL", 0.05)
     with progress.progress(quiet=False) as show:
         for percent in range(20):
             show("fitting", percent / 100)
@@ -293,7 +293,7 @@ def test_too_little_memory_is_exit_2(pneucli: Command, bench: Path, monkeypatch:
 def test_what_a_stage_tells_of_raw_files_does_not_act_on_the_terminal(
     pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pneucli.messages.of", lambda *what, **how: "column \x1b[2J\nsecond line")
+    monkeypatch.setattr("pneucli.messages.render", lambda *what, **how: "column \x1b[2J\nsecond line")
     assert pneucli("ingest", bench).out == "column \\x1b[2J\nsecond line\n"
 
 

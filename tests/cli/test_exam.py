@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.exam.workflow import seed_of
+from pneucli.exam.workflow import seed_from_program
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.manifest import program_digest
 from tests.cli.conftest import Command
@@ -139,7 +139,7 @@ def test_without_a_seed_it_follows_from_the_program_and_both_are_sealed_and_grad
     pneucli("exam", exam, "--cases", 0, "--nulls", 1)
     sealed = json.loads((exam / ".sealed" / "exam.json").read_text())
     assert sealed["program"] == program_digest()
-    assert sealed["seed"] == seed_of(program_digest()) != seed_of(program_digest() + "changed")
+    assert sealed["seed"] == seed_from_program(program_digest()) != seed_from_program(program_digest() + "changed")
     answered(exam, "case-001", ADEQUATE | {"program": program_digest()})
     page = pneucli("exam", exam, "--grade").out
     assert f"Seed {sealed['seed']}, from the hash of the program that answers" in page

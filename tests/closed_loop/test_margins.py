@@ -9,38 +9,45 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import linearisation, simulation
-from pneucli.closed_loop.discrete_system import System, impulse, realised
-from pneucli.closed_loop.linearisation import Linear, linearised, smooth
-from pneucli.closed_loop.margins import closed, cut_open, look, margins_of, poles_of, ratio
-from pneucli.closed_loop.simulation import run
+from pneucli.closed_loop.discrete_system import DiscreteSystem, impulse_response, realise_impulse_response
+from pneucli.closed_loop.linearisation import LinearisedLoop, linearise, without_nonsmooth_effects
+from pneucli.closed_loop.margins import (
+    analyse_margins,
+    closed_loop_matrix,
+    closed_loop_poles,
+    cut_loops,
+    return_ratio,
+    stability_margins,
+)
+from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout
-from pneucli.design.cascade_design import corners_of, design_cascade
+from pneucli.design.cascade_design import choose_bandwidths, design_cascade
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.design import axis
 
 W = np.geomspace(1e-2, 1e3, 4000)
 MODEL, CONTROLLER = axis.model(), axis.controller()
-CORNER = corners_of(MODEL, axis.REQUIREMENTS, CONTROLLER.values).position
+CORNER = choose_bandwidths(MODEL, axis.REQUIREMENTS, CONTROLLER.values).position
 
 
 def test_margins_of_a_textbook_loop() -> None:
     """2 / (s (s + 1) (s + 2)): gain 3 at sqrt(2) rad/s; a delay that is its delay margin leaves no phase."""
     s = 1j * W
-    found = margins_of(W, 2.0 / (s * (s + 1.0) * (s + 2.0)))
+    found = stability_margins(W, 2.0 / (s * (s + 1.0) * (s + 2.0)))
     assert found.gain_up == pytest.approx(3.0, rel=1e-3)
     assert found.gain_down == 0.0
     assert found.crossover == pytest.approx(0.749, rel=1e-2)
     assert math.degrees(found.phase) == pytest.approx(32.6, abs=0.2)
-    late = margins_of(W, 2.0 / (s * (s + 1.0) * (s + 2.0)) * np.exp(-s * found.delay))
+    late = stability_margins(W, 2.0 / (s * (s + 1.0) * (s + 2.0)) * np.exp(-s * found.delay))
     assert late.phase == pytest.approx(0.0, abs=1e-3)
     assert late.modulus == pytest.approx(0.0, abs=5e-3)
 
 
 def test_a_loop_about_an_axis_that_falls_over_needs_its_gain() -> None:
     """4 / (s - 1) is closed to s + 3: a quarter of the gain is the least, any more will do."""
-    found = margins_of(W, 4.0 / (1j * W - 1.0))
+    found = stability_margins(W, 4.0 / (1j * W - 1.0))
     assert found.gain_down == pytest.approx(0.25, rel=1e-3)
     assert found.gain_up == math.inf
 
@@ -48,44 +55,44 @@ def test_a_loop_about_an_axis_that_falls_over_needs_its_gain() -> None:
 def test_one_loop_of_two_is_cut_with_the_other_closed() -> None:
     """Of loops that act on each other, by the states: u1 -> y1 with y2 fed back."""
     loops = np.array([[[2.0, 1.0], [3.0, 4.0]]], dtype=complex)
-    assert ratio(loops, 0)[0] == pytest.approx(2.0 - 1.0 * 3.0 / (1.0 + 4.0))
+    assert return_ratio(loops, 0)[0] == pytest.approx(2.0 - 1.0 * 3.0 / (1.0 + 4.0))
 
 
 def test_a_realisation_gives_the_answer_back_in_as_many_states() -> None:
     rng = np.random.default_rng(0)
     A = np.diag([0.9, 0.5, 1.02])
-    markov = impulse(A, rng.standard_normal((3, 2)), rng.standard_normal((2, 3)), 40)
-    found, missed = realised(markov)
+    markov = impulse_response(A, rng.standard_normal((3, 2)), rng.standard_normal((2, 3)), 40)
+    found, missed = realise_impulse_response(markov)
     assert np.sort(np.linalg.eigvals(found.A).real) == pytest.approx([0.5, 0.9, 1.02], abs=1e-9)
     assert missed < 1e-9
 
 
 def with_effect(name: str, delay: float = 0.0):
     """The axis with one more effect at its smallest typical size, known to the controller, and a delay."""
-    effect, facts = catalogue()[name], facts_of(MODEL)
-    sizes = {f"{name}.{p.name}": p.on(facts).typical[0] for p in effect.parameters}
+    effect, facts = catalogue()[name], rig_quantities(MODEL)
+    sizes = {f"{name}.{p.name}": p.range_on(facts).typical[0] for p in effect.parameters}
     model = replace(MODEL, effects=(*MODEL.effects, effect)).with_values(sizes)
     wanted = replace(axis.REQUIREMENTS, delay=delay)
     controller = design_cascade(model, wanted, axis.SEALED)
-    corner = corners_of(model, wanted, controller.values).position
+    corner = choose_bandwidths(model, wanted, controller.values).position
     bench = replace(axis.BENCH, delay=round(delay / 1e-3), noise_p=0.0, quantum_x=0.0)
     return model, controller, bench, corner
 
 
-def shaken(monkeypatch: pytest.MonkeyPatch, model, controller, bench, corner, one: Linear):
+def shaken(monkeypatch: pytest.MonkeyPatch, model, controller, bench, corner, one: LinearisedLoop):
     """The simulated loop's answer in x to an impulse on the position's reading, per m."""
-    size, before = 1e-9, math.ceil(linearisation.SETTLED / corner / controller.period)
+    size, before = 1e-9, math.ceil(linearisation.SETTLING_TIME_CONSTANTS / corner / controller.period)
     ramp = linearisation._ramp(controller, one.x, one.speed, before, 100)
-    plain = run(model, controller, ramp, bench)
-    rows = simulation.sensor_rows
+    plain = simulate(model, controller, ramp, bench)
+    rows = simulation.initial_log
 
     def pushed(*of):
         found = rows(*of)
         found[before, layout.L_NOISE_X] = size
         return found
 
-    monkeypatch.setattr(simulation, "sensor_rows", pushed)
-    moved = run(model, controller, ramp, bench)
+    monkeypatch.setattr(simulation, "initial_log", pushed)
+    moved = simulate(model, controller, ramp, bench)
     monkeypatch.undo()
     return (moved.model[before + 1 :, at.X] - plain.model[before + 1 :, at.X]) / size
 
@@ -97,25 +104,25 @@ def test_the_linear_loop_answers_as_the_simulated_one_does(
     monkeypatch: pytest.MonkeyPatch, name: str, delay: float
 ) -> None:
     model, controller, bench, corner = with_effect(name, delay)
-    one = linearised(model, controller, bench, corner, 0.1, 1.0)
+    one = linearise(model, controller, bench, corner, 0.1, 1.0)
     assert one is not None
-    whole = closed(one)
-    enters = np.vstack([one.axis.B @ one.law.D[:, :1], one.law.B[:, :1]])
-    seen = np.hstack([one.axis.C[:1], np.zeros((1, len(one.law.A)))])
-    told = impulse(whole, enters, seen, 100)[:, 0, 0]
+    whole = closed_loop_matrix(one)
+    enters = np.vstack([one.axis.B @ one.controller.D[:, :1], one.controller.B[:, :1]])
+    seen = np.hstack([one.axis.C[:1], np.zeros((1, len(one.controller.A)))])
+    told = impulse_response(whole, enters, seen, 100)[:, 0, 0]
     came = shaken(monkeypatch, model, controller, bench, corner, one)
     assert np.max(np.abs(told - came)) < 0.15 * np.max(np.abs(came))
 
 
 def test_a_gain_at_its_margin_puts_a_pole_on_the_imaginary_axis() -> None:
-    one = linearised(MODEL, CONTROLLER, axis.BENCH, CORNER, 0.1, 1.0)
+    one = linearise(MODEL, CONTROLLER, axis.BENCH, CORNER, 0.1, 1.0)
     assert one is not None
-    margins = cut_open(one, 0.05 * CORNER)[0].margins
-    assert np.max(poles_of(one).real) < 0.05 * CORNER
+    margins = cut_loops(one, 0.05 * CORNER)[0].margins
+    assert np.max(closed_loop_poles(one).real) < 0.05 * CORNER
 
     def fastest(gain: float) -> float:
-        law = System(one.law.A, one.law.B, gain * one.law.C, gain * one.law.D)
-        poles = poles_of(replace(one, law=law))
+        law = DiscreteSystem(one.controller.A, one.controller.B, gain * one.controller.C, gain * one.controller.D)
+        poles = closed_loop_poles(replace(one, law=law))
         return float(np.max(poles[np.abs(poles) > CORNER].real))
 
     assert margins.gain_up > 1.2
@@ -125,9 +132,9 @@ def test_a_gain_at_its_margin_puts_a_pole_on_the_imaginary_axis() -> None:
 def test_a_delay_takes_its_time_off_the_margin() -> None:
     wanted = replace(axis.REQUIREMENTS, pressure_bandwidth=20.0)
     controller = design_cascade(MODEL, wanted, axis.SEALED)
-    corner = corners_of(MODEL, wanted, controller.values).position
+    corner = choose_bandwidths(MODEL, wanted, controller.values).position
     found = [
-        cut_open(linearised(MODEL, controller, replace(axis.BENCH, delay=n), corner, 0.1, 1.0), 0.05 * corner)[0]
+        cut_loops(linearise(MODEL, controller, replace(axis.BENCH, delay=n), corner, 0.1, 1.0), 0.05 * corner)[0]
         for n in (0, 2)
     ]
     assert found[0].margins.delay - found[1].margins.delay == pytest.approx(2e-3, rel=0.1)
@@ -138,7 +145,7 @@ def test_a_play_and_two_branches_of_friction_are_left_out_and_named() -> None:
     model = replace(model, effects=(*model.effects, catalogue()["friction-hysteresis"])).with_values(
         {"valve-hysteresis.half_width": 0.1, "valve-lag.time_constant": 5e-3, "friction-hysteresis.drop": 0.2}
     )
-    kept, left = smooth(model)
+    kept, left = without_nonsmooth_effects(model)
     assert [e.name for e in kept.effects] == ["stribeck", "valve-lag"]
     assert len(left) == 2
 
@@ -147,9 +154,9 @@ def test_a_play_and_two_branches_of_friction_are_left_out_and_named() -> None:
 def test_every_arrangement_is_looked_at_all_over_the_stroke_and_both_ways(arrangement: str) -> None:
     model, wanted = axis.arranged(arrangement)
     controller = design_cascade(model, wanted, axis.SEALED)
-    found = look(model, controller, axis.BENCH, corners_of(model, wanted, controller.values).position)
-    assert len(found.poles) + len(found.stuck) == 6
-    assert not any(found.unstable(point) for point in found.poles)
+    found = analyse_margins(model, controller, axis.BENCH, choose_bandwidths(model, wanted, controller.values).position)
+    assert len(found.poles) + len(found.sticking_points) == 6
+    assert not any(found.is_unstable(point) for point in found.poles)
     loops = {cut.loop for cut in found.cuts}
     assert loops == {"command", "position"} | ({"command 2"} if arrangement == "two" else set())
     assert all(cut.margins.phase > math.radians(10.0) for cut in found.cuts)

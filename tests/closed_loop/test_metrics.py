@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import metrics
-from pneucli.closed_loop.metrics import Metrics, measure
+from pneucli.closed_loop.metrics import Metrics, evaluate_run
 from pneucli.closed_loop.simulation import Run, Scenario
 from pneucli.controller import layout
 from pneucli.simulate import layout as at
@@ -31,7 +31,7 @@ def made_up(x: Any, reference: Any = 0.1, force: Any = 0.0, u: Any = 0.0, load: 
 
 
 def judged(*args: Any, **more: Any) -> Metrics:
-    return measure(made_up(*args, **more), MODEL, CONTROLLER)
+    return evaluate_run(made_up(*args, **more), MODEL, CONTROLLER)
 
 
 def late(reference: np.ndarray) -> np.ndarray:
@@ -166,12 +166,12 @@ def test_chattering_is_what_the_command_has_above_50_hz() -> None:
 
 def test_air_is_drawn_while_a_valve_fills_by_the_flow_law() -> None:
     """Choked at 3 bar of 7: 6 s at 5 V, through either valve; none while venting."""
-    base = MODEL.base()
+    base = MODEL.base_values()
     k = np.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"]))
     choked = axis.area(5.0) * SUPPLY * k * 0.484 * 6.0
     assert judged(0.1, u=5.0).air_kg == pytest.approx(choked, rel=2e-3)
     two = CONTROLLER.with_values(C_TWO_VALVES=1.0)
-    assert measure(made_up(0.1, u2=5.0), MODEL, two).air_kg == pytest.approx(choked, rel=2e-3)
+    assert evaluate_run(made_up(0.1, u2=5.0), MODEL, two).air_kg == pytest.approx(choked, rel=2e-3)
     assert judged(0.1, u2=5.0).air_kg == 0.0
     assert judged(0.1, u=-5.0).air_kg == 0.0
     ratio, b = 0.8, base["valve.critical_ratio"]

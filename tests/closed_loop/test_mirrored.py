@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.scenarios import scenarios_from
-from pneucli.closed_loop.simulation import Bench, Run, run
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, simulate
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
 from pneucli.physics.effects import catalogue
@@ -33,15 +33,15 @@ def moved(request: pytest.FixtureRequest) -> tuple[Model, Run]:
     model = axis(request.param)
     wanted = Requirements(chamber_2="valve", quantum_x=1e-6)
     controller = design_cascade(model, wanted)
-    (steps,) = (s for s in scenarios_from([], controller, "") if s.name == "steps")
-    return model, run(model, controller, steps, Bench(0.0, 0.0, 1e-6, 0.0, 0))
+    (steps,) = (s for s in read_scenarios([], controller, "") if s.name == "steps")
+    return model, simulate(model, controller, steps, ClosedLoopSetup(0.0, 0.0, 1e-6, 0.0, 0))
 
 
 def test_the_piston_arrives_and_rests(moved: tuple[Model, Run]):
     """20 um is twice what the design tolerates by default. The null command of 5 V is part of what goes out."""
     model, done = moved
     controller = design_cascade(model, Requirements(chamber_2="valve", quantum_x=1e-6))
-    assert measure(done, model, controller).steady_um < 20.0
+    assert evaluate_run(done, model, controller).steady_um < 20.0
 
 
 def test_one_command_moves_both_pressures_apart(moved: tuple[Model, Run]):

@@ -11,25 +11,25 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import robustness
-from pneucli.closed_loop.robustness import Axes, Study, run_study, success_rates
+from pneucli.closed_loop.robustness import AxisDistribution, MonteCarloStudy, run_study, success_rates
 from pneucli.errors import InputError
-from pneucli.executors import Threads, engine_from
+from pneucli.executors import ThreadEngine, engine_from
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
 TIME = 1e-3 * np.arange(3000)
 SCENE = axis.scenario(CONTROLLER, np.full(TIME.size, 0.1), -50.0 * (TIME >= 1.0))
 EFFECTS = tuple(catalogue()[n] for n in ("constant-force", "valve-lag"))
-AXES = Axes(MODEL, {"friction.coulomb": 0.1}, robustness.TOLERANCES, EFFECTS)
+AXES = AxisDistribution(MODEL, {"friction.coulomb": 0.1}, robustness.TOLERANCES, EFFECTS)
 
 
-def study(**more: object) -> Study:
-    known = {"runs": 20, "seed": 3, "checks": robustness.CHECKS} | more
-    return Study(AXES, CONTROLLER, (SCENE,), axis.BENCH, **known)  # type: ignore[arg-type]
+def study(**more: object) -> MonteCarloStudy:
+    known = {"runs": 20, "seed": 3, "checks": robustness.DEFAULT_LIMITS} | more
+    return MonteCarloStudy(AXES, CONTROLLER, (SCENE,), axis.BENCH, **known)  # type: ignore[arg-type]
 
 
 def test_a_draw_depends_on_seed_and_number_alone() -> None:
@@ -40,7 +40,7 @@ def test_a_draw_depends_on_seed_and_number_alone() -> None:
 
 def test_draws_have_the_spread_that_was_asked_for() -> None:
     """1000 draws: the standard deviation is within 10 % (4 standard errors) of what intervals and tolerances say."""
-    drawn = [AXES.draw(0, k)[0].base() for k in range(1000)]
+    drawn = [AXES.draw(0, k)[0].base_values() for k in range(1000)]
     assert np.std([d["friction.coulomb"] for d in drawn]) == pytest.approx(0.1, rel=0.1)
     assert np.std([d["rig.moving_mass"] for d in drawn]) == pytest.approx(0.02 * axis.TRUTH["mass"], rel=0.1)
 
@@ -52,15 +52,17 @@ def test_every_effect_takes_its_turn_at_a_plausible_size() -> None:
         for name, size in AXES.draw(0, k)[2].items():
             effect, parameter = name.split(".")
             declared = next(p for p in catalogue()[effect].parameters if p.name == parameter)
-            bounds = declared.on(facts_of(AXES.model))
+            bounds = declared.range_on(rig_quantities(AXES.model))
             assert bounds.lower <= size <= bounds.upper
 
 
 def test_threads_give_the_same_rows_as_one_after_the_other(tmp_path: Path) -> None:
-    assert run_study(study(), Threads(2), tmp_path / "two") == run_study(study(), Threads(1), tmp_path / "one")
+    assert run_study(study(), ThreadEngine(2), tmp_path / "two") == run_study(
+        study(), ThreadEngine(1), tmp_path / "one"
+    )
 
 
-class Counting(Threads):
+class Counting(ThreadEngine):
     """Counts what it is given; breaks down at the chunk that it is told to."""
 
     def __init__(self, breaks_at: int | None = None) -> None:
@@ -100,7 +102,7 @@ def test_on_a_dask_cluster_the_rows_are_the_same(tmp_path: Path) -> None:
         address = cluster.scheduler_address.replace("tcp://", "dask://")
         with engine_from(address) as engine:
             there = run_study(few, engine, tmp_path / "dask")
-    here = run_study(few, Threads(2), tmp_path / "threads")
+    here = run_study(few, ThreadEngine(2), tmp_path / "threads")
     assert there == here
 
 
@@ -116,9 +118,13 @@ def test_rates_count_what_held_and_name_the_worst_run() -> None:
 
 
 def test_the_controller_holds_on_axes_within_tolerances(tmp_path: Path) -> None:
-    plain = Axes(MODEL, {}, robustness.TOLERANCES, ())
-    rows = run_study(Study(plain, CONTROLLER, (SCENE,), axis.BENCH, 24, 0, robustness.CHECKS), Threads(2), tmp_path)
-    overall = {r.check: r for r in success_rates(rows, robustness.CHECKS) if r.effect == "all"}
+    plain = AxisDistribution(MODEL, {}, robustness.TOLERANCES, ())
+    rows = run_study(
+        MonteCarloStudy(plain, CONTROLLER, (SCENE,), axis.BENCH, 24, 0, robustness.DEFAULT_LIMITS),
+        ThreadEngine(2),
+        tmp_path,
+    )
+    overall = {r.check: r for r in success_rates(rows, robustness.DEFAULT_LIMITS) if r.effect == "all"}
     assert overall["steady_um"].held >= 20
 
 
@@ -136,15 +142,15 @@ def test_the_controller_holds_on_axes_within_tolerances(tmp_path: Path) -> None:
 )
 def test_settings_that_cannot_be_read_say_how_to_mend_them(table: dict[str, object], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        robustness.settings_from(table, "here")
+        robustness.read_settings(table, "here")
 
 
 def test_what_is_stated_of_a_study_goes_over_what_is_usual() -> None:
-    found = robustness.settings_from({"kind": "monte-carlo", "runs": 7, "tolerances": {"valve.areas": 0.1}}, "here")
-    assert (found.runs, found.seed, found.checks) == (7, 0, robustness.CHECKS)
+    found = robustness.read_settings({"kind": "monte-carlo", "runs": 7, "tolerances": {"valve.areas": 0.1}}, "here")
+    assert (found.runs, found.seed, found.checks) == (7, 0, robustness.DEFAULT_LIMITS)
     assert found.tolerances == robustness.TOLERANCES | {"valve.areas": 0.1}
 
 
 def test_an_effect_whose_size_the_rig_does_not_tell_is_refused() -> None:
     with pytest.raises(InputError, match="supply forces"):
-        robustness.plausible(catalogue()["constant-force"], Model(Rig()), np.random.default_rng(0))
+        robustness.draw_effect_size(catalogue()["constant-force"], Model(Rig()), np.random.default_rng(0))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.scenarios import read_table, scenarios_from, start_at
-from pneucli.closed_loop.simulation import Bench, _flags, _inputs, sensor_rows
+from pneucli.closed_loop.scenarios import equilibrium_at, read_scenario, read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup, _flags, _inputs, initial_log
 from pneucli.controller import layout
 from pneucli.errors import InputError
 from pneucli.simulate import layout as at
@@ -21,7 +21,7 @@ ABOVE = SUPPLY - CONTROLLER.values["C_AMBIENT"]
 
 
 def scene(**table: Any):
-    return scenarios_from([table], CONTROLLER, "file, scenarios")[0]
+    return read_scenarios([table], CONTROLLER, "file, scenarios")[0]
 
 
 def test_steps_go_up_down_and_back_about_the_middle() -> None:
@@ -57,7 +57,7 @@ def test_a_hold_stays() -> None:
     assert np.all(found.reference == 0.5 * STROKE)
     assert np.all(found.force == 0.0)
     assert np.all(found.supply == SUPPLY)
-    assert found.lost == ()
+    assert found.dropouts == ()
 
 
 def test_loads_and_drops_have_their_time() -> None:
@@ -70,8 +70,8 @@ def test_loads_and_drops_have_their_time() -> None:
 
 
 def test_a_sensor_is_lost_for_50_ms_from_one_second_on_unless_stated() -> None:
-    assert scene(lost="p2").lost == (("p2", 1.0, 1.05),)
-    assert scene(lost="x", lost_from="2 s", lost_to="2.5 s").lost == (("x", 2.0, 2.5),)
+    assert scene(lost="p2").dropouts == (("p2", 1.0, 1.05),)
+    assert scene(lost="x", lost_from="2 s", lost_to="2.5 s").dropouts == (("x", 2.0, 2.5),)
 
 
 def test_it_starts_in_balance_where_the_reference_does() -> None:
@@ -81,21 +81,21 @@ def test_it_starts_in_balance_where_the_reference_does() -> None:
     c = CONTROLLER.values
     force = c["C_AREA_1"] * (p1 - c["C_AMBIENT"]) - c["C_AREA_2"] * (p2 - c["C_AMBIENT"])
     assert force == pytest.approx(0.0, abs=1e-9)
-    assert p2 < start_at(c, 0.12)[2]
+    assert p2 < equilibrium_at(c, 0.12)[2]
 
 
 def test_the_defaults() -> None:
-    steps, sine, curve, load, drop, dropout, points, pressure = found = scenarios_from([], CONTROLLER, "here")
+    steps, sine, curve, load, drop, dropout, points, pressure = found = read_scenarios([], CONTROLLER, "here")
     assert [s.reference.size for s in found] == [8000, 6000, 5000, 6000, 8000, 8000, 8000, 6000]
     assert np.ptp(steps.reference) == np.ptp(drop.reference) == np.ptp(dropout.reference) == pytest.approx(0.3 * STROKE)
     assert np.argmax(sine.reference) == 1000
     push = 0.1 * CONTROLLER.values["C_AREA_1"] * ABOVE
     assert load.force[[999, 1000, 3499, 3500]] == pytest.approx([0.0, -push, -push, 0.0])
     assert drop.supply[[1499, 1500, 4999, 5000]] - SUPPLY == pytest.approx([0.0, -ABOVE / 6, -ABOVE / 6, 0.0])
-    assert dropout.lost == (("p1", 3.2, 3.3),)
-    assert not any(s.lost for s in (steps, sine, curve, load, drop))
+    assert dropout.dropouts == (("p1", 3.2, 3.3),)
+    assert not any(s.dropouts for s in (steps, sine, curve, load, drop))
     assert points.reference[[0, 501, 2001, 3501, 5001]] / STROKE == pytest.approx([0.5, 0.515, 0.44, 0.4385, 0.62])
-    assert [s.name for s in found if s.pressed] == ["pressure"]
+    assert [s.name for s in found if s.controls_pressure] == ["pressure"]
     assert np.ptp(pressure.reference) == pytest.approx(0.2 * ABOVE)
     assert pressure.reference[0] == pytest.approx(pressure.start[1])
 
@@ -104,7 +104,7 @@ def test_sizes_that_are_not_stated_suit_the_rig() -> None:
     """A sine is as fast as the reference may be, at most, an S-curve takes the time that it needs for that."""
     slow = CONTROLLER.with_values(C_V_MAX=0.02, C_AREA_1=2e-3)
     sine, curve, load = (
-        scenarios_from([table], slow, "here")[0]
+        read_scenarios([table], slow, "here")[0]
         for table in (
             {"reference": "sine", "frequency": 0.5},
             {"reference": "s-curve", "duration": 12.0},
@@ -123,12 +123,12 @@ def test_points_are_visited_in_turn() -> None:
 
 def test_a_pressure_may_be_asked_for_and_its_sizes_are_pressures() -> None:
     found = scene(control="pressure", reference="sine", centre="3 bar", amplitude="20 kPa", frequency="1 Hz")
-    assert found.pressed
+    assert found.controls_pressure
     assert found.start[0] == 0.5 * STROKE
     assert found.reference[[0, 750, 1250]] == pytest.approx([3e5, 3.2e5, 2.8e5])
     asked = {"axis_1, pressure": (np.array([0.0, 10.0]), np.array([2e5, 4e5])), "axis_1": (np.zeros(1), np.ones(1))}
     table = {"control": "pressure", "reference": "recorded", "recording": "axis_1", "duration": 10.0}
-    assert scenarios_from([table], CONTROLLER, "here", asked)[0].reference[5000] == pytest.approx(3e5)
+    assert read_scenarios([table], CONTROLLER, "here", asked)[0].reference[5000] == pytest.approx(3e5)
 
 
 @pytest.mark.parametrize(
@@ -149,12 +149,12 @@ def test_a_pressure_may_be_asked_for_and_its_sizes_are_pressures() -> None:
 )
 def test_a_table_that_cannot_be_read_says_how_to_mend_it(table: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=f"(?s){says}"):
-        read_table(table, "here")
+        read_scenario(table, "here")
 
 
 @pytest.mark.parametrize("lost", ["x", "p1", "p2"])
 def test_each_of_three_sensors_may_be_lost(lost: str) -> None:
-    assert read_table({"lost": lost}, "here")["lost"] == lost
+    assert read_scenario({"lost": lost}, "here")["lost"] == lost
 
 
 def test_a_scenario_too_long_is_refused() -> None:
@@ -172,7 +172,7 @@ def test_a_scenario_too_long_is_refused() -> None:
 def test_sensors_rows_hold_their_noise_and_what_is_missing() -> None:
     found = scene(reference="hold", lost="p1", lost_from="2 s", lost_to="3 s")
     time = 1e-3 * np.arange(6000)
-    rows = sensor_rows(found, Bench(noise_x=1e-5, noise_p=300.0), time, 1)
+    rows = initial_log(found, ClosedLoopSetup(noise_x=1e-5, noise_p=300.0), time, 1)
     assert rows.shape == (6000, layout.L_ROW)
     assert np.nanstd(rows[:, :3], axis=0) == pytest.approx([1e-5, 300.0, 300.0], rel=0.05)
     assert np.flatnonzero(np.isnan(rows[:, 1])).tolist() == list(range(2000, 3000))

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.law_comparison import without
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.scenarios import scenarios_from
-from pneucli.closed_loop.simulation import Bench, loop_kernel, run
+from pneucli.closed_loop.law_comparison import without_component
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup, closed_loop_kernel, simulate
 from pneucli.controller import layout
-from pneucli.controller.codegen import controller_text
+from pneucli.controller.codegen import controller_source
 from pneucli.controller.parameters import Controller
 from pneucli.controller.plant import valve_command
 from pneucli.design.cascade_design import design_cascade
@@ -21,11 +21,11 @@ from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
-from pneucli.simulate.kernel_settings import longest_step
+from pneucli.simulate.kernel_settings import max_motion_step
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
-ALONE = without(CONTROLLER, "all but the map")
+ALONE = without_component(CONTROLLER, "all but the map")
 TIME = 1e-3 * np.arange(6000)
 STEPS = 0.1 + 0.03 * (TIME >= 0.5) - 0.06 * (TIME >= 3.0)
 SINE = 0.1 + 0.03 * np.sin(2 * np.pi * 0.5 * np.maximum(TIME - 0.5, 0.0))
@@ -33,8 +33,8 @@ LOAD = -50.0 * ((TIME >= 1.0) & (TIME < 3.5))
 
 
 def figures(reference, force=0.0, controller=CONTROLLER, bench=axis.BENCH, seed=0, **more):
-    result = run(MODEL, controller, axis.scenario(controller, reference, force, **more), bench, seed)
-    return measure(result, MODEL, controller)
+    result = simulate(MODEL, controller, axis.scenario(controller, reference, force, **more), bench, seed)
+    return evaluate_run(result, MODEL, controller)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -56,7 +56,7 @@ def test_compensation_makes_the_tracking_error_of_a_sine_five_times_smaller() ->
 
 
 def test_held_it_leaves_the_valve_alone() -> None:
-    result = run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, np.full(2000, 0.1)), axis.BENCH)
+    result = simulate(MODEL, CONTROLLER, axis.scenario(CONTROLLER, np.full(2000, 0.1)), axis.BENCH)
     shut = np.abs(result.log[500:, layout.L_U1]) <= axis.TRUTH["overlap"]
     assert shut.mean() > 0.99
 
@@ -64,7 +64,7 @@ def test_held_it_leaves_the_valve_alone() -> None:
 def test_what_the_valve_cannot_do_saturates_and_is_recovered_from() -> None:
     """100 N pull the piston where the air spring and the supply cannot hold it; afterwards it comes back."""
     pull = 1000.0 * ((TIME >= 1.0) & (TIME < 2.0))
-    result = run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, np.full(TIME.size, 0.1), pull), axis.BENCH)
+    result = simulate(MODEL, CONTROLLER, axis.scenario(CONTROLLER, np.full(TIME.size, 0.1), pull), axis.BENCH)
     assert np.abs(result.log[:, layout.L_U1]).max() == CONTROLLER.values["C_U_MAX"]
     assert result.model[1900, at.X] > 0.12
     assert np.abs(result.model[-500:, at.X] - 0.1).max() <= 10e-6
@@ -84,8 +84,8 @@ def test_without_a_sensor_of_p2_it_still_rests_on_the_reference() -> None:
 
 def test_it_rests_too_where_two_valves_drive_the_piston() -> None:
     two = axis.controller(replace(axis.REQUIREMENTS, chamber_2="valve"))
-    result = run(MODEL, two, axis.scenario(two, STEPS), axis.BENCH)
-    assert measure(result, MODEL, two).steady_um <= 10.0
+    result = simulate(MODEL, two, axis.scenario(two, STEPS), axis.BENCH)
+    assert evaluate_run(result, MODEL, two).steady_um <= 10.0
     assert np.abs(result.log[:, layout.L_U2]).max() > axis.TRUTH["overlap"]
 
 
@@ -95,16 +95,16 @@ def test_it_rests_where_a_spring_pulls_the_piston_back_from_an_open_chamber() ->
     model = replace(MODEL, effects=(*MODEL.effects, catalogue()["spring-force"]))
     model = replace(model, values=MODEL.values | spring)
     controller = design_cascade(model, replace(axis.REQUIREMENTS, chamber_2="open"))
-    result = run(model, controller, axis.scenario(controller, STEPS), axis.BENCH)
+    result = simulate(model, controller, axis.scenario(controller, STEPS), axis.BENCH)
     assert np.ptp(result.model[:, at.P2]) == 0.0
-    assert measure(result, model, controller).steady_um <= 10.0
+    assert evaluate_run(result, model, controller).steady_um <= 10.0
     alone = design_cascade(MODEL, replace(axis.REQUIREMENTS, chamber_2="open"))
     assert controller.values["C_V_MAX"] > alone.values["C_V_MAX"]
 
 
 def test_a_run_repeats_bit_for_bit_and_another_seed_differs() -> None:
     scene = axis.scenario(CONTROLLER, STEPS)
-    once, again, other = (run(MODEL, CONTROLLER, scene, axis.BENCH, seed).model for seed in (7, 7, 8))
+    once, again, other = (simulate(MODEL, CONTROLLER, scene, axis.BENCH, seed).model for seed in (7, 7, 8))
     assert np.array_equal(once, again)
     assert not np.array_equal(once, other)
 
@@ -112,19 +112,22 @@ def test_a_run_repeats_bit_for_bit_and_another_seed_differs() -> None:
 def test_a_command_takes_effect_only_after_its_delay() -> None:
     """A step of reference moves the pressure first in the sample after the command arrives."""
     reference = 0.1 + 0.03 * (TIME[:1000] >= 0.1)
-    late = Bench(delay=5)
+    late = ClosedLoopSetup(delay=5)
     begin = [
         np.argmax(
-            np.abs(np.diff(run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, reference), b).model[:, at.P1])) > 1.0
+            np.abs(np.diff(simulate(MODEL, CONTROLLER, axis.scenario(CONTROLLER, reference), b).model[:, at.P1])) > 1.0
         )
-        for b in (Bench(), late)
+        for b in (ClosedLoopSetup(), late)
     ]
     assert begin[1] - begin[0] == late.delay
 
 
 def test_what_the_controller_reads_is_rounded_to_the_sensors_quanta() -> None:
-    result = run(
-        MODEL, CONTROLLER, axis.scenario(CONTROLLER, STEPS), Bench(noise_p=400.0, quantum_x=1e-5, quantum_p=10.0)
+    result = simulate(
+        MODEL,
+        CONTROLLER,
+        axis.scenario(CONTROLLER, STEPS),
+        ClosedLoopSetup(noise_p=400.0, quantum_x=1e-5, quantum_p=10.0),
     )
     for column, quantum in ((layout.L_READ_X, 1e-5), (layout.L_READ_P1, 10.0)):
         counts = result.log[:, column] / quantum
@@ -136,20 +139,20 @@ def test_the_compiled_loop_is_the_python_text() -> None:
     from pneucli.closed_loop import simulation
 
     scene = axis.scenario(CONTROLLER, 0.1 + 0.01 * (TIME[:200] >= 0.05))
-    plain = build((), compiled=False, control=controller_text())
+    plain = build((), compiled=False, control=controller_source())
     outs = []
-    for kernel in (plain, loop_kernel(())):
+    for kernel in (plain, closed_loop_kernel(())):
         state = np.concatenate(
-            [np.zeros(layout.L_STATES), simulation.sensor_rows(scene, axis.BENCH, TIME[:200], 0).ravel()]
+            [np.zeros(layout.L_STATES), simulation.initial_log(scene, axis.BENCH, TIME[:200], 0).ravel()]
         )
         out = np.zeros((200, at.OUTPUTS))
-        base = np.array([MODEL.base()[name] for name in at.BASE])
+        base = np.array([MODEL.base_values()[name] for name in at.BASE_NAMES])
         cp = np.concatenate([CONTROLLER.vector(), [1e-6, 0.0, 0, 0]])
         flags = simulation._flags(CONTROLLER)
         kernel.run(
-            TIME[:200], simulation._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.vector({}),
-            kernel.switches(()), flags, *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.second)),
-            longest_step(MODEL.rig, CONTROLLER.period), state, cp, out,
+            TIME[:200], simulation._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.effect_vector({}),
+            kernel.effect_switches(()), flags, *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.chamber_2_valve)),
+            max_motion_step(MODEL.rig, CONTROLLER.period), state, cp, out,
         )  # fmt: skip
         outs.append(out)
     assert np.allclose(outs[0], outs[1], rtol=1e-9, atol=1e-12)
@@ -188,11 +191,11 @@ def test_a_slower_pressure_loop_makes_every_gain_smaller() -> None:
 def test_a_lag_that_the_model_knows_slows_the_loops_by_what_is_left_of_it() -> None:
     known = replace(MODEL, effects=(*MODEL.effects, catalogue()["valve-lag"]))
     lagging = known.with_values({"valve-lag.time_constant": 0.02})
-    from pneucli.design.bandwidths import HASTE, UNTOLD
+    from pneucli.design.bandwidths import SPOOL_LEAD, UNMODELLED_DELAY
     from pneucli.design.cascade_design import design_cascade
 
     assert design_cascade(lagging, axis.REQUIREMENTS).values["C_P_KP"] == pytest.approx(
-        0.7 / (0.02 / HASTE + UNTOLD + 0.5e-3), rel=0.01
+        0.7 / (0.02 / SPOOL_LEAD + UNMODELLED_DELAY + 0.5e-3), rel=0.01
     )
 
 
@@ -205,7 +208,7 @@ def test_what_is_missing_for_a_design_is_named(missing: str) -> None:
 
 
 def test_default_scenarios_show_each_kind_of_trouble() -> None:
-    names = [s.name for s in scenarios_from([], CONTROLLER, "pipeline.toml, scenarios")]
+    names = [s.name for s in read_scenarios([], CONTROLLER, "pipeline.toml, scenarios")]
     assert names == ["steps", "sine", "s-curve", "load", "supply-drop", "sensor-dropout", "points", "pressure"]
 
 
@@ -215,11 +218,11 @@ def test_default_scenarios_show_each_kind_of_trouble() -> None:
 )
 def test_a_scenario_that_cannot_be_read_says_how_to_mend_it(table: dict[str, str], word: str) -> None:
     with pytest.raises(InputError, match=word):
-        scenarios_from([table], CONTROLLER, "pipeline.toml, scenarios")
+        read_scenarios([table], CONTROLLER, "pipeline.toml, scenarios")
 
 
 def test_a_recorded_reference_is_followed_as_recorded() -> None:
     recorded = {"axis_1": (np.array([5.0, 6.0, 7.0]), np.array([0.08, 0.1, 0.09]))}
     table = {"reference": "recorded", "recording": "axis_1", "duration": "2 s"}
-    scene = scenarios_from([table], CONTROLLER, "here", recorded)[0]
+    scene = read_scenarios([table], CONTROLLER, "here", recorded)[0]
     assert scene.reference[[0, 500, 1000]] == pytest.approx([0.08, 0.09, 0.1])

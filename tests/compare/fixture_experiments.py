@@ -17,10 +17,10 @@ from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.stages import ingest
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
-Bench = tuple[Model, list[Experiment]]
+FixtureExperiments = tuple[Model, list[Experiment]]
 
 
-def bench(name: str, factory: pytest.TempPathFactory) -> Bench:
+def load_fixture(name: str, factory: pytest.TempPathFactory) -> FixtureExperiments:
     """Return the true model of a fixture and its recordings, with the pipeline's horizon."""
     path, out = FIXTURES / name / "pipeline.toml", factory.mktemp(name)
     config = load(path)

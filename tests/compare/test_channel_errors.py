@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.compare import Comparison, find_regions, overall_error
+from pneucli.compare import Comparison, find_error_regions, overall_error
 from pneucli.compare.channel_errors import ChannelResult, compare
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
@@ -71,7 +71,7 @@ def test_the_region_of_an_error_is_found_in_its_own_signal() -> None:
     error = np.random.default_rng(2).standard_normal(TIME.size)
     bumpy = (X > 0.12) & (X < 0.13)
     error[bumpy] += 5.0
-    regions = find_regions([comparison(error)])
+    regions = find_error_regions([comparison(error)])
     worst = regions[0]
     assert (worst.signal, worst.channel, worst.recording, worst.unit) == ("x", "force", "given", "m")
     assert worst.from_ == pytest.approx(0.12, abs=0.006)
@@ -84,26 +84,26 @@ def test_the_region_of_an_error_is_found_in_its_own_signal() -> None:
 def test_regions_come_worst_first() -> None:
     error = np.random.default_rng(3).standard_normal(TIME.size)
     error[(X > 0.12) & (X < 0.13)] += 5.0
-    excess = [r.share_of_error - r.share_of_samples for r in find_regions([comparison(error)])]
+    excess = [r.share_of_error - r.share_of_samples for r in find_error_regions([comparison(error)])]
     assert len(excess) > 1
     assert excess == sorted(excess, reverse=True)
 
 
 def test_noise_has_no_region() -> None:
     error = np.random.default_rng(4).standard_normal(TIME.size)
-    assert find_regions([comparison(error)]) == []
-    assert find_regions([comparison(2.0 * error)]) == []  # too much, but nowhere in particular
+    assert find_error_regions([comparison(error)]) == []
+    assert find_error_regions([comparison(2.0 * error)]) == []  # too much, but nowhere in particular
 
 
 def test_one_error_seen_over_several_signals_is_one_event_and_another_one_is_another() -> None:
     error = np.random.default_rng(3).standard_normal(TIME.size)
     first, second = (TIME > 0.3) & (TIME < 0.4), (TIME > 1.5) & (TIME < 1.52)
-    one = find_regions([comparison(error + 9.0 * first)])
+    one = find_error_regions([comparison(error + 9.0 * first)])
     assert len(one) > 2
     assert {r.event for r in one} == {0}
     other = comparison(error + 30.0 * second)
     renamed = replace(other.results[0], recording="another")
-    both = find_regions([comparison(error + 9.0 * first), replace(other, results=(renamed,))])
+    both = find_error_regions([comparison(error + 9.0 * first), replace(other, results=(renamed,))])
     assert {r.event for r in both if r.recording == "given"}.isdisjoint(
         r.event for r in both if r.recording == "another"
     )

@@ -13,14 +13,14 @@ from pneucli.compare.channel_errors import Comparison
 from pneucli.noise import NoiseModel
 from pneucli.simulate import layout as at
 from pneucli.simulate import noise_propagation
-from tests.simulate.synthetic_experiments import bench, clock, model
+from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
 Y = np.array([1.0, 2.0, 3.0, 6.0, np.nan])
 
 
 def figures(measured: np.ndarray, modelled: np.ndarray, noise: float = 0.5) -> channel_errors.ChannelResult:
-    e = bench("axis", clock(0.1), {"u": 0.0})
-    return channel_errors.channel_result(e, "p1", measured, modelled, noise)
+    e = make_experiment("axis", time_grid(0.1), {"u": 0.0})
+    return channel_errors.evaluate_channel(e, "p1", measured, modelled, noise)
 
 
 def test_figures_by_hand() -> None:
@@ -49,18 +49,18 @@ def test_figures_that_have_no_measure_are_not_numbers() -> None:
 
 
 def test_every_sample_knows_the_restart_that_it_follows() -> None:
-    e = bench("axis", clock(0.006), {"u": 0.0}, restarts=(0, 3, 5))
+    e = make_experiment("axis", time_grid(0.006), {"u": 0.0}, restarts=(0, 3, 5))
     assert Comparison(e, (), {}, {}).segment.tolist() == [0, 0, 0, 1, 1, 2, 2]
 
 
 def test_the_residual_is_measured_minus_modelled() -> None:
-    e = bench("axis", clock(0.001), {"u": 0.0})
+    e = make_experiment("axis", time_grid(0.001), {"u": 0.0})
     found = Comparison(e, (), {"x": np.array([3.0, np.nan])}, {"x": np.array([1.0, 1.0])})
     np.testing.assert_array_equal(found.residual("x"), [2.0, np.nan])
 
 
 def test_the_noise_of_a_correct_model_is_drawn_where_it_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    e = bench("valve", clock(0.01), {"u": 0.0, "p1": 3e5})
+    e = make_experiment("valve", time_grid(0.01), {"u": 0.0, "p1": 3e5})
     monkeypatch.setattr(
         channel_errors, "expected_rms", lambda model, experiment: dict.fromkeys(experiment.channels, 0.25)
     )
@@ -70,9 +70,11 @@ def test_the_noise_of_a_correct_model_is_drawn_where_it_is_not_given(monkeypatch
 
 def test_motion_is_not_compared_where_an_end_decides_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first ten samples, as far as the ends know; pressures are compared all along."""
-    e = bench("axis", clock(0.1), {"u": 0.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "v": 0.0, "a": 0.0})
+    e = make_experiment("axis", time_grid(0.1), {"u": 0.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "v": 0.0, "a": 0.0})
     held = np.arange(e.time.size) < 10
-    monkeypatch.setattr(channel_errors, "at_ends", lambda experiment, x, channel: held & (channel != "v") & (x < 0.2))
+    monkeypatch.setattr(
+        channel_errors, "in_end_contact", lambda experiment, x, channel: held & (channel != "v") & (x < 0.2)
+    )
     found = channel_errors.compare(model(), e, dict.fromkeys(e.channels, 1.0)).measured
     lost = {c: int(np.isnan(values).sum()) for c, values in found.items()}
     assert lost == {c: 10 if c in ("x", "a") else 0 for c in e.channels}
@@ -90,7 +92,7 @@ def of_all(monkeypatch: pytest.MonkeyPatch, found: list[tuple[str, str | None, d
     ]
     monkeypatch.setattr(expected_error, "expected_rms", lambda model, e: e.own)
     heard: list[int] = []
-    out = expected_error.expected_of_all(model(), experiments, heard.append)
+    out = expected_error.expected_rms_of_all(model(), experiments, heard.append)
     assert heard == list(range(len(found)))
     return out
 
@@ -118,7 +120,7 @@ def test_motion_is_pooled_over_recordings_of_its_kind_and_pressures_are_not(monk
 
 def still(noise: dict[str, float], low_pass: float | None = None) -> Any:
     """A piston that sticks: what is read differs from the model by the sensors' noise alone."""
-    e = bench("friction", clock(0.2), {"p1": 2e5, "p2": 2e5, "x": 0.1})
+    e = make_experiment("friction", time_grid(0.2), {"p1": 2e5, "p2": 2e5, "x": 0.1})
     e.noise.update({name: NoiseModel(rms) for name, rms in noise.items()})
     object.__setattr__(e, "low_pass", low_pass)
     return e
@@ -126,7 +128,7 @@ def still(noise: dict[str, float], low_pass: float | None = None) -> Any:
 
 def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
-    drawn = noise_propagation.deviations(model(), e, draws=5)
+    drawn = noise_propagation.sample_deviations(model(), e, draws=5)
     assert drawn["x"].shape == (5, e.time.size)
     # the state at the restart is read too, with the same sensor
     rms = expected_error.expected_rms(model(), e)["x"]
@@ -136,7 +138,7 @@ def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -
 def test_what_shows_is_not_less_than_the_sensors_noise_unless_it_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
     quiet = {c: np.full(e.time.size, 1e-9) for c in e.channels}
-    monkeypatch.setattr(expected_error, "drawn", lambda *_: iter([quiet, quiet]))
+    monkeypatch.setattr(expected_error, "iterate_deviations", lambda *_: iter([quiet, quiet]))
     assert expected_error.expected_rms(model(), e)["x"] == 2e-6
     object.__setattr__(e, "low_pass", 10.0)
     assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(1e-9)
@@ -148,7 +150,7 @@ def test_what_shows_is_not_less_than_the_sensors_noise_unless_it_is_smoothed(mon
 def test_the_level_is_the_root_of_the_mean_square_over_all_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({"p1": 1e-9, "p2": 1e-9, "x": 1e-9})
     draws = [{c: np.full(e.time.size, level) for c in e.channels} for level in (3.0, 4.0)]
-    monkeypatch.setattr(expected_error, "drawn", lambda *_: iter(draws))
+    monkeypatch.setattr(expected_error, "iterate_deviations", lambda *_: iter(draws))
     assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(np.sqrt(12.5))
 
 

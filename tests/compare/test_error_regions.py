@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pneucli.compare.channel_errors import ChannelResult
-from pneucli.compare.error_regions import find_regions, locators, worst_stretch
+from pneucli.compare.error_regions import error_concentration, find_error_regions, locator_signals
 from pneucli.simulate import layout as at
-from tests.simulate.synthetic_experiments import RIG, bench, clock
+from tests.simulate.synthetic_experiments import RIG, make_experiment, time_grid
 
 N = 2000
 LINE = np.linspace(0.0, 1.0, N)
@@ -20,7 +20,7 @@ LINE = np.linspace(0.0, 1.0, N)
 def test_the_worst_stretch_is_where_the_error_exceeds_its_share() -> None:
     """Bins of 0.05: all the error lies in three of the twenty."""
     squared = ((LINE > 0.3) & (LINE < 0.45)).astype(float)
-    low, high, error, samples = worst_stretch(LINE, squared)  # type: ignore[misc]
+    low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high) == (pytest.approx(0.3), pytest.approx(0.45))
     assert error == pytest.approx(1.0, abs=0.01)
     assert samples == pytest.approx(0.15, abs=0.005)
@@ -28,7 +28,7 @@ def test_the_worst_stretch_is_where_the_error_exceeds_its_share() -> None:
 
 def test_two_neighbouring_humps_with_little_between_are_one_stretch() -> None:
     squared = np.where(((LINE > 0.2) & (LINE < 0.3)) | ((LINE > 0.35) & (LINE < 0.45)), 1.0, 0.0)
-    low, high, error, samples = worst_stretch(LINE, squared)  # type: ignore[misc]
+    low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high) == (pytest.approx(0.2), pytest.approx(0.45))
     assert (error, samples) == (pytest.approx(1.0, abs=0.01), pytest.approx(0.25, abs=0.005))
 
@@ -36,7 +36,7 @@ def test_two_neighbouring_humps_with_little_between_are_one_stretch() -> None:
 def test_the_shares_are_those_of_the_stretch_alone() -> None:
     """A hump of 9 in a tenth of the samples above a level of 1: 0.9 of 1.8."""
     squared = np.where((LINE > 0.4) & (LINE < 0.5), 9.0, 1.0)
-    low, high, error, samples = worst_stretch(LINE, squared)  # type: ignore[misc]
+    low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high) == (pytest.approx(0.4), pytest.approx(0.5))
     assert error == pytest.approx(0.5, abs=0.005)
     assert samples == pytest.approx(0.1, abs=0.002)
@@ -44,7 +44,7 @@ def test_the_shares_are_those_of_the_stretch_alone() -> None:
 
 def test_a_hump_far_from_a_larger_one_is_left_out() -> None:
     squared = np.where((LINE > 0.1) & (LINE < 0.15), 1.0, np.where((LINE > 0.7) & (LINE < 0.8), 2.0, 0.0))
-    low, high, error, _ = worst_stretch(LINE, squared)  # type: ignore[misc]
+    low, high, error, _ = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high) == (pytest.approx(0.7), pytest.approx(0.8))
     assert error == pytest.approx(0.8, abs=0.01)
 
@@ -53,13 +53,13 @@ def test_a_hump_far_from_a_larger_one_is_left_out() -> None:
 def test_less_than_twice_its_share_is_not_remarkable(height: float, found: bool) -> None:
     """Half of the samples hold ``h / (1 + h)`` of the error over 1/2; a quarter may hold twice its share from 3 on."""
     squared = np.where(LINE < 0.25, height, 1.0)
-    assert (worst_stretch(LINE, squared) is not None) == found
+    assert (error_concentration(LINE, squared) is not None) == found
 
 
 def test_twice_its_share_is_remarkable() -> None:
     """Twenty samples in a bin each: a quarter of them holds 15 of 30."""
     values = np.arange(20.0)
-    found = worst_stretch(values, np.where(values < 5, 3.0, 1.0))
+    found = error_concentration(values, np.where(values < 5, 3.0, 1.0))
     assert found is not None
     assert found[2:] == (0.5, 0.25)
 
@@ -69,7 +69,7 @@ def test_what_is_not_known_of_a_signal_belongs_to_no_stretch() -> None:
     values[:1000] = np.nan
     squared[:1000] = 0.02
     squared[1200:1300] = 1.0
-    low, high, error, samples = worst_stretch(values, squared)  # type: ignore[misc]
+    low, high, error, samples = error_concentration(values, squared)  # type: ignore[misc]
     assert low == pytest.approx(0.6, abs=0.03)
     assert high == pytest.approx(0.65, abs=0.03)
     assert error == pytest.approx(100 / 120, abs=0.02)
@@ -82,13 +82,13 @@ def test_what_is_not_known_of_a_signal_belongs_to_no_stretch() -> None:
     ids=["a constant signal", "no error", "an unknown signal"],
 )
 def test_there_is_no_stretch_without_a_range_or_an_error(values: np.ndarray, squared: np.ndarray) -> None:
-    assert worst_stretch(values, squared) is None
+    assert error_concentration(values, squared) is None
 
 
 def test_the_largest_value_belongs_to_the_last_bin() -> None:
     squared = np.zeros(N)
     squared[-1] = 1.0
-    low, high, error, _ = worst_stretch(LINE, squared)  # type: ignore[misc]
+    low, high, error, _ = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high, error) == (pytest.approx(0.95), pytest.approx(1.0), pytest.approx(1.0))
 
 
@@ -96,19 +96,19 @@ def test_the_largest_value_belongs_to_the_last_bin() -> None:
 
 
 def axis(**signals: Any) -> Any:
-    time = clock(1.0)
-    return bench("axis", time, {name: np.broadcast_to(value, time.shape) for name, value in signals.items()})
+    time = time_grid(1.0)
+    return make_experiment("axis", time, {name: np.broadcast_to(value, time.shape) for name, value in signals.items()})
 
 
 def test_signals_that_were_not_recorded_locate_nothing() -> None:
-    e = bench("valve", clock(1.0), {})
+    e = make_experiment("valve", time_grid(1.0), {})
     e = SimpleNamespace(time=e.time, inputs=e.inputs, raw={"p1": e.raw["p1"]}, recording=e.recording, rig=RIG)
-    assert list(locators(e)) == ["time", "p1"]  # type: ignore[arg-type]
+    assert list(locator_signals(e)) == ["time", "p1"]  # type: ignore[arg-type]
 
 
 def test_every_recorded_signal_is_taken_from_its_own_column() -> None:
     e = axis(u=1.0, p1=2e5, p2=3e5, x=0.12, v=0.5, a=7.0)
-    found = locators(e)
+    found = locator_signals(e)
     assert {n: found[n][0] for n in ("u", "p1", "p2", "x", "v", "a")} == {
         "u": 1.0, "p1": 2e5, "p2": 3e5, "x": 0.12, "v": 0.5, "a": 7.0,
     }  # fmt: skip
@@ -119,27 +119,27 @@ def test_a_recorded_position_tells_the_velocity() -> None:
     e = axis(x=0.1)
     e.raw.pop("v", None)
     e.inputs[:, at.IN_V] = 0.25
-    assert locators(e)["v"][0] == 0.25
+    assert locator_signals(e)["v"][0] == 0.25
 
 
 def test_the_direction_of_motion_is_none_below_a_thousandth_of_the_largest_speed() -> None:
     e = axis(x=0.1, v=0.0)
     e.inputs[:4, at.IN_V] = [1.0, -1e-2, 0.9e-3, -0.9e-3]
-    assert locators(e)["direction"][:5].tolist() == [1.0, -1.0, 0.0, 0.0, 0.0]
+    assert locator_signals(e)["direction"][:5].tolist() == [1.0, -1.0, 0.0, 0.0, 0.0]
 
 
 def test_the_pressure_ratio_is_over_the_supply_while_filling_and_of_the_ambient_while_venting() -> None:
     e = axis(u=0.0, p1=3.5e5, x=0.1)
     e.inputs[:3, at.IN_U] = [2.0, -2.0, 0.0]
-    ratio = locators(e)["p_ratio"]
+    ratio = locator_signals(e)["p_ratio"]
     assert ratio[:2] == pytest.approx([0.5, RIG.ambient_pressure / 3.5e5])
     assert np.isnan(ratio[2])
 
 
 def test_a_valve_that_is_shut_has_no_pressure_ratio() -> None:
-    time = clock(1.0)
-    e = bench("axis", time, {"u": 1.0 + 0 * time, "p1": 3e5 + 0 * time}, valve_shut=True)
-    assert "p_ratio" not in locators(e)
+    time = time_grid(1.0)
+    e = make_experiment("axis", time, {"u": 1.0 + 0 * time, "p1": 3e5 + 0 * time}, valve_shut=True)
+    assert "p_ratio" not in locator_signals(e)
 
 
 # --- regions
@@ -154,17 +154,17 @@ def comparison(error: np.ndarray, ratio: float, recording: str = "one", **signal
     return SimpleNamespace(experiment=e, results=(result,), residual=lambda channel: error)
 
 
-HUMP = np.where((clock(1.0) > 0.4) & (clock(1.0) < 0.5), 1.0, 0.0)
+HUMP = np.where((time_grid(1.0) > 0.4) & (time_grid(1.0) < 0.5), 1.0, 0.0)
 
 
 @pytest.mark.parametrize(("ratio", "found"), [(1.19, False), (1.2, True), (5.0, True)])
 def test_what_is_near_the_noise_has_no_region(ratio: float, found: bool) -> None:
-    regions = find_regions([comparison(HUMP, ratio)])
+    regions = find_error_regions([comparison(HUMP, ratio)])
     assert bool(regions) == found
 
 
 def test_a_region_names_its_channel_signal_and_unit() -> None:
-    (region,) = find_regions([comparison(HUMP, 3.0, "run")])
+    (region,) = find_error_regions([comparison(HUMP, 3.0, "run")])
     assert (region.recording, region.channel, region.signal, region.unit, region.event) == ("run", "p1", "time", "s", 0)
     assert (region.from_, region.to) == (pytest.approx(0.4, abs=0.01), pytest.approx(0.5, abs=0.01))
     assert region.share_of_error == pytest.approx(1.0, abs=0.01)
@@ -172,31 +172,31 @@ def test_a_region_names_its_channel_signal_and_unit() -> None:
 
 
 def test_the_direction_of_motion_has_the_unit_one() -> None:
-    time = clock(1.0)
+    time = time_grid(1.0)
     v = np.where(time < 0.9, -1.0, 1.0)
-    regions = find_regions([comparison(np.where(v > 0, 1.0, 0.0), 3.0, v=v)])
+    regions = find_error_regions([comparison(np.where(v > 0, 1.0, 0.0), 3.0, v=v)])
     assert {r.signal: r.unit for r in regions}.get("direction", "1") == "1"
     assert {r.event for r in regions} == {0}
 
 
 def test_the_recording_that_errs_more_comes_first_and_is_an_event_of_its_own() -> None:
     mild, bad = comparison(HUMP, 2.0, "mild"), comparison(HUMP, 6.0, "bad")
-    assert [(r.recording, r.event) for r in find_regions([mild, bad])] == [("bad", 0), ("mild", 1)]
+    assert [(r.recording, r.event) for r in find_error_regions([mild, bad])] == [("bad", 0), ("mild", 1)]
 
 
 def test_the_last_sample_belongs_to_the_stretch_that_ends_there() -> None:
     """Over time and over a signal that grows, its error is one event."""
-    time = clock(1.0)
-    regions = find_regions([comparison(np.where(time == time[-1], 1.0, 0.0), 3.0, u=time)])
+    time = time_grid(1.0)
+    regions = find_error_regions([comparison(np.where(time == time[-1], 1.0, 0.0), 3.0, u=time)])
     assert {(r.signal, r.event) for r in regions} == {("time", 0), ("u", 0)}
 
 
 def test_samples_that_were_not_measured_hold_no_error() -> None:
     error = HUMP.copy()
     error[:100] = np.nan
-    (region,) = find_regions([comparison(error, 3.0)])
+    (region,) = find_error_regions([comparison(error, 3.0)])
     assert region.share_of_error == pytest.approx(1.0, abs=0.01)
 
 
 def test_no_more_than_forty_regions_are_told() -> None:
-    assert len(find_regions([comparison(HUMP, 2.0, str(k)) for k in range(45)])) == 40
+    assert len(find_error_regions([comparison(HUMP, 2.0, str(k)) for k in range(45)])) == 40

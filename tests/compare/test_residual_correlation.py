@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneucli.compare.residual_correlation import Correlation, bound, correlations
+from pneucli.compare.residual_correlation import Correlation, confidence_bound, residual_correlations
 from tests.compare.test_channel_errors import TIME, comparison
 
 N = 4000
@@ -32,7 +32,7 @@ def of(residual: np.ndarray, other: np.ndarray) -> dict[str, Correlation]:
     recording = SimpleNamespace(name="r", use="test", period=1e-3, time=np.arange(residual.size) * 1e-3)
     experiment = SimpleNamespace(recording=recording, raw={"u": other, "p1": residual}, channels=("p1",))
     made: Any = SimpleNamespace(experiment=experiment, residual=lambda channel: residual)
-    return {c.against: c for c in correlations(made, 0.1)}
+    return {c.against: c for c in residual_correlations(made, 0.1)}
 
 
 def test_a_residual_that_follows_the_input_late_shows_at_that_lag() -> None:
@@ -59,7 +59,7 @@ def test_the_bound_holds_for_series_that_change_slowly() -> None:
     inside = white = 0
     for _ in range(400):
         a, b = slow(rng, 0.98), slow(rng, 0.98)
-        inside += abs(a @ b) < bound(full(a, a), full(b, b))
+        inside += abs(a @ b) < confidence_bound(full(a, a), full(b, b))
         white += abs(a @ b) < 1.96 / np.sqrt(N)
     assert 0.90 <= inside / 400 <= 0.99
     assert white / 400 < 0.5
@@ -70,7 +70,7 @@ def test_every_channel_is_held_against_every_input() -> None:
     found = comparison(rng.standard_normal(TIME.size))
     raw = {**found.experiment.raw, "u": rng.standard_normal(TIME.size)}
     given = replace(found, experiment=replace(found.experiment, raw=raw))
-    assert [(c.channel, c.against) for c in correlations(given, 0.5)] == [
+    assert [(c.channel, c.against) for c in residual_correlations(given, 0.5)] == [
         ("force", "force"),
         ("force", "x"),
         ("force", "u"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pneucli.config import load, sources
+from pneucli.config import load, recording_sources
 from pneucli.config.effect_edit import set_effects
 from pneucli.errors import InputError
 
@@ -59,7 +59,7 @@ def test_quantities_are_si_and_gauge_stands_on_the_files_own_ambient(tmp_path: P
     assert rig.piston_area_1 == pytest.approx(9.5e-4)
     assert rig.stroke is None
     recording = config.recordings[0]
-    assert (recording.from_, recording.to, recording.constants) == (0.1, 0.5, {"u": 3.0})
+    assert (recording.from_, recording.to, recording.held_constant) == (0.1, 0.5, {"u": 3.0})
     assert config.compare.horizon == 0.5
     assert config.checks["compare.error.test"].max == 1.5
 
@@ -74,23 +74,23 @@ def test_the_grid_of_the_friction_models_may_be_stated(tmp_path: Path) -> None:
 
 
 def test_a_glob_makes_numbered_recordings_in_natural_order(tmp_path: Path) -> None:
-    found = sources(load(write(tmp_path)))
+    found = recording_sources(load(write(tmp_path)))
     assert [(one.name, one.path.name) for one in found] == [("step_1", "a_2.csv"), ("step_2", "a_10.csv")]
     assert found[0].signals["p1"].column == 2  # the recording's own entry replaces that of [signals]
     assert set(found[0].signals) == {"time", "p1"}  # u is a constant here, and was not taken
 
 
 def test_without_a_name_the_files_name_the_recordings(tmp_path: Path) -> None:
-    found = sources(load(write(tmp_path, BASE.replace('name = "step"\n', ""))))
+    found = recording_sources(load(write(tmp_path, BASE.replace('name = "step"\n', ""))))
     assert [one.name for one in found] == ["a_2", "a_10"]
 
 
 def test_environment_variables_lead_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, BASE.replace("raw/*.csv", "${PNEUCLI_TEST_RAW}/a_2.csv"))
     with pytest.raises(InputError, match="PNEUCLI_TEST_RAW is not set"):
-        sources(load(path))
+        recording_sources(load(path))
     monkeypatch.setenv("PNEUCLI_TEST_RAW", str(tmp_path / "raw"))
-    assert [one.name for one in sources(load(path))] == ["step"]
+    assert [one.name for one in recording_sources(load(path))] == ["step"]
 
 
 @pytest.mark.parametrize(
@@ -177,13 +177,13 @@ def test_what_is_found_is_shown_in_part_where_it_is_long_and_never_acts_on_the_t
 )
 def test_what_is_no_file_is_not_opened(tmp_path: Path, file: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        sources(load(write(tmp_path, BASE.replace("raw/*.csv", file))))
+        recording_sources(load(write(tmp_path, BASE.replace("raw/*.csv", file))))
 
 
 @pytest.mark.parametrize("name", ["a\nb.csv", "a\udcff.csv"])
 def test_a_file_whose_name_cannot_be_printed_is_refused_and_shown_with_escapes(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="rename the file") as error:
-        sources(load(write(tmp_path, raw=(name,))))
+        recording_sources(load(write(tmp_path, raw=(name,))))
     assert str(error.value).isprintable() == ("\n" not in str(error.value))
     assert repr(name)[1:-1] in str(error.value)
 
@@ -209,10 +209,10 @@ def test_two_recordings_of_one_name_and_missing_files_are_refused(tmp_path: Path
         "[model]", '[[recordings]]\nname="step_1"\nfile="raw/a_2.csv"\nexperiment="valve"\nuse="test"\n[model]'
     )
     with pytest.raises(InputError, match='two recordings are called "step_1"'):
-        sources(load(write(tmp_path, twice)))
+        recording_sources(load(write(tmp_path, twice)))
     (tmp_path / "pipeline.toml").write_text(BASE.replace("raw/*.csv", "raw/a_3.csv"))
     with pytest.raises(InputError, match=r'did you mean "a_2\.csv"'):
-        sources(load(tmp_path / "pipeline.toml"))
+        recording_sources(load(tmp_path / "pipeline.toml"))
 
 
 @pytest.mark.parametrize("mark", ["", "\ufeff"])
@@ -247,16 +247,16 @@ def test_setting_effects_changes_nothing_else(tmp_path: Path) -> None:
 
 
 def test_many_recordings_cost_one_look_at_the_file(tmp_path: Path) -> None:
-    from pneucli.config.load import _lines
+    from pneucli.config.load import _line_numbers
 
     recordings = "".join(
         f'[[recordings]]\nname = "r{k}"\nfile = "raw/a_2.csv"\nexperiment = "valve"\nuse = "train"\n'
         for k in range(300)
     )
     config = load(write(tmp_path, BASE.replace("[model]", recordings + "[model]")))
-    _lines.cache_clear()
-    found = sources(config)
-    assert _lines.cache_info().misses == 1
+    _line_numbers.cache_clear()
+    found = recording_sources(config)
+    assert _line_numbers.cache_info().misses == 1
     text = config.path.read_text().splitlines()
     for k, source in enumerate(found[-300:]):
         line = int(source.where.split("line ")[1].split(",")[0])
@@ -355,4 +355,4 @@ def test_a_log_names_its_controller_and_nothing_else_does(table: str, wanted: st
 
 def test_the_controller_of_a_log_stands_in_its_table(tmp_path: Path) -> None:
     path = write(tmp_path, BASE.replace('experiment = "valve"\n', AXIS + 'controller = "a.json"\n'))
-    assert [source.table.controller for source in sources(load(path))] == ["a.json", "a.json"]
+    assert [source.table.controller for source in recording_sources(load(path))] == ["a.json", "a.json"]

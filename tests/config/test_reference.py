@@ -9,19 +9,19 @@ from typing import Any
 
 import pytest
 
-from pneucli.closed_loop.robustness import settings_from
-from pneucli.closed_loop.scenarios import read_table as closed_loop
-from pneucli.config import checked, load
-from pneucli.config.json_schema import schema, value_of
-from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, keys, said
+from pneucli.closed_loop.robustness import read_settings
+from pneucli.closed_loop.scenarios import read_scenario as closed_loop
+from pneucli.config import load, validate
+from pneucli.config.json_schema import json_schema, parse_toml_value
+from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, all_keys, key_texts
 from pneucli.config.pipeline_tables import PipelineConfig
-from pneucli.design.requirements import requirements_from
+from pneucli.design.requirements import read_requirements
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.open_loop import read_table as open_loop
+from pneucli.simulate.open_loop import parse_scenario as open_loop
 from pneucli.units import same_dimension
 
-KEYS = keys()
+KEYS = all_keys()
 ROOT = Path(__file__).parents[2]
 LEAST: dict[str, Any] = {
     "pipeline": {"name": "p"},
@@ -32,7 +32,7 @@ LEAST: dict[str, Any] = {
 def placed(key: Key) -> dict[str, Any]:
     """Return a pipeline file with the key at its example, and what it cannot be without."""
     document = json.loads(json.dumps(LEAST))
-    value = value_of(key.example)
+    value = parse_toml_value(key.example)
     first = document["recordings"][0]
     axis = {"experiment": "friction", "chamber_2": "open"} if key.name in ("imposed",) else {}
     axis |= {"experiment": "closed-loop", "chamber_2": "closed"} if key.name == "controller" else {}
@@ -59,18 +59,18 @@ def placed(key: Key) -> dict[str, Any]:
 
 
 STAGES = {
-    "design": lambda table: requirements_from(table, "design"),
+    "design": lambda table: read_requirements(table, "design"),
     OPEN_LOOP: lambda table: open_loop({"recording": "r", **table}, "scenarios"),
     CLOSED_LOOP: lambda table: closed_loop({k: v for k, v in table.items() if k != "kind"}, "scenarios"),
-    MONTE_CARLO: lambda table: settings_from(table, "scenarios"),
+    MONTE_CARLO: lambda table: read_settings(table, "scenarios"),
 }
 
 
 def read(key: Key) -> None:
     if key.table in STAGES:
-        STAGES[key.table]({key.name: value_of(key.example)})
+        STAGES[key.table]({key.name: parse_toml_value(key.example)})
     else:
-        checked(Path("pipeline.toml"), placed(key))
+        validate(Path("pipeline.toml"), placed(key))
 
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.table}.{key.name}")
@@ -97,7 +97,7 @@ def test_every_table_of_the_file_is_listed() -> None:
 
 def test_nothing_is_said_of_keys_that_are_gone() -> None:
     known = {(key.table, key.name) for key in KEYS}
-    assert {(table, name) for table, own in said().items() for name in own} == known
+    assert {(table, name) for table, own in key_texts().items() for name in own} == known
 
 
 def test_units_are_those_that_the_example_is_read_in() -> None:
@@ -112,7 +112,7 @@ def test_units_are_those_that_the_example_is_read_in() -> None:
 
 
 def test_defaults_are_those_of_the_file_that_says_nothing() -> None:
-    empty = checked(Path("pipeline.toml"), LEAST)
+    empty = validate(Path("pipeline.toml"), LEAST)
     by_name = {(key.table, key.name): key.default for key in KEYS}
     assert float(by_name["rig", "gas_temperature"]) == empty.rig.gas_temperature
     assert float(by_name["compare", "horizon"]) == empty.compare.horizon
@@ -121,7 +121,7 @@ def test_defaults_are_those_of_the_file_that_says_nothing() -> None:
 
 def test_the_schema_accepts_what_the_program_accepts_and_marks_what_it_does_not() -> None:
     jsonschema = pytest.importorskip("jsonschema", reason="no jsonschema (extra dev)")
-    check = jsonschema.Draft202012Validator(schema(catalogue()))
+    check = jsonschema.Draft202012Validator(json_schema(catalogue()))
     for path in (*ROOT.glob("pipelines/*.toml"), *ROOT.glob("fixtures/*/*.toml")):
         load(path)
         assert list(check.iter_errors(json.loads(json.dumps(load(path).document, default=str)))) == [], path
@@ -131,7 +131,7 @@ def test_the_schema_accepts_what_the_program_accepts_and_marks_what_it_does_not(
 
 
 def test_the_schema_offers_effects_and_says_what_keys_are() -> None:
-    made = schema(["stribeck"])
+    made = json_schema(["stribeck"])
     assert made["$defs"]["ModelTable"]["properties"]["effects"]["items"]["anyOf"][0] == {"enum": ["stribeck"]}
     pressure = made["$defs"]["RigTable"]["properties"]["supply_pressure"]
     assert pressure["description"].startswith("absolute supply pressure")

@@ -56,7 +56,7 @@ def state(**given: float) -> np.ndarray:
     known |= {"SEEN1": 3e5, "SEEN2": 3e5, "P1_REF": 3e5, "P2_REF": 3e5, "STILL": 1.0}
     for name, value in (known | given).items():
         s[at.STATE.index(f"S_{name}")] = value
-    observers.as_it_is(s)
+    observers.reset_prediction(s)
     return s
 
 
@@ -86,7 +86,7 @@ def test_a_sign_is_none_at_zero(value: float, wanted: float) -> None:
     [(1.0, True), (2.0, True), (0.99, False), (2.01, False), (math.nan, False), (math.inf, False)],
 )
 def test_a_reading_is_usable_within_its_range(reading: float, can_be: bool) -> None:
-    assert plant.usable(reading, 1.0, 2.0) == can_be
+    assert plant.is_plausible(reading, 1.0, 2.0) == can_be
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def rate(filling: bool, p: float) -> float:
 @pytest.mark.parametrize("p", [1.5e5, 3e5, 5.6e5])
 @pytest.mark.parametrize("filling", [True, False])
 def test_an_open_valve_makes_a_gradient_by_the_flow_law(p: float, filling: bool) -> None:
-    assert plant.per_area(filling, p, 1e-4, state(), C) == pytest.approx(rate(filling, p))
+    assert plant.pressure_rate_per_area(filling, p, 1e-4, state(), C) == pytest.approx(rate(filling, p))
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_an_open_valve_makes_a_gradient_by_the_flow_law(p: float, filling: bool)
     [(0.0, 1.0), (1 / 16, 2.0), (1 / 64, 1.5), (0.25, 4.0), (9 / 16, 7.0), (1.0, 10.0), (0.765625, 8.5)],
 )
 def test_an_area_is_looked_up_between_nodes_that_are_even_over_its_root(share: float, volts: float) -> None:
-    assert plant.opening(share * 2e-6, 2e-6, at.C_TABLE, C) == pytest.approx(volts)
+    assert plant.command_for_area(share * 2e-6, 2e-6, at.C_TABLE, C) == pytest.approx(volts)
 
 
 @pytest.mark.parametrize(
@@ -131,10 +131,10 @@ def test_no_gradient_is_the_middle_between_both_closing_edges() -> None:
 
 def test_what_the_valve_cannot_reach_is_cut_in_both_directions() -> None:
     fill, vent = 2e-6 * rate(True, 3e5), -1e-6 * rate(False, 3e5)
-    assert plant.reached(2.0 * fill, 3e5, 1e-4, state(), C) == pytest.approx(fill)
-    assert plant.reached(0.5 * fill, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * fill)
-    assert plant.reached(2.0 * vent, 3e5, 1e-4, state(), C) == pytest.approx(vent)
-    assert plant.reached(0.5 * vent, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * vent)
+    assert plant.limit_gradient_1(2.0 * fill, 3e5, 1e-4, state(), C) == pytest.approx(fill)
+    assert plant.limit_gradient_1(0.5 * fill, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * fill)
+    assert plant.limit_gradient_1(2.0 * vent, 3e5, 1e-4, state(), C) == pytest.approx(vent)
+    assert plant.limit_gradient_1(0.5 * vent, 3e5, 1e-4, state(), C) == pytest.approx(0.5 * vent)
 
 
 MIRRORED = settings(MIRRORED=1.0, AREA_FILL_2=1.5e-6, AREA_VENT_2=3e-6)
@@ -149,7 +149,7 @@ def test_one_command_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(share:
     two = other * rate(not filling, 2.5e5) * 1e-4 / (3e-5 + 6e-4 * 0.08)
     both, s = one + 0.75 * two, state(X=0.12, P1=4e5, P2=2.5e5)
     made, opened = (
-        plant.both_ways(share * both, 0.12, 4e5, 2.5e5, s, MIRRORED),
+        plant.drive_mirrored_valve(share * both, 0.12, 4e5, 2.5e5, s, MIRRORED),
         math.copysign(min(abs(share), 1.0), share),
     )
     assert made == pytest.approx(opened * both)
@@ -158,7 +158,7 @@ def test_one_command_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(share:
 
 def test_a_5_3_valve_that_shall_do_nothing_stands_between_both_closing_edges() -> None:
     s = state(RATE1=1.0, RATE2=1.0)
-    assert plant.both_ways(0.0, 0.1, 3e5, 3e5, s, MIRRORED) == 0.0
+    assert plant.drive_mirrored_valve(0.0, 0.1, 3e5, 3e5, s, MIRRORED) == 0.0
     assert of(s, "RATE1", "RATE2", "U1") == [0.0, 0.0, -0.5]
 
 
@@ -167,7 +167,7 @@ def test_a_5_3_valve_that_shall_do_nothing_stands_between_both_closing_edges() -
 
 def started(x: float, p1: float, p2: float) -> np.ndarray:
     s = np.zeros(len(at.STATE))
-    observers.start(0.15, x, p1, p2, s, C)
+    observers.initialise_state(0.15, x, p1, p2, s, C)
     return s
 
 
@@ -405,15 +405,15 @@ def test_positions_a_little_beyond_the_stroke_can_be(x: float, used: bool) -> No
 
 
 def test_the_sector_is_the_mean_sign_of_both_lines_weighted_by_their_size() -> None:
-    assert stiction.switching(1e-3, 0.0, C) == 1.0
-    assert stiction.switching(-1e-3, -0.01, C) == -1.0
-    assert stiction.switching(1e-3, -0.025, C) == pytest.approx((-5.0 + 15.0) / 20.0)
-    assert stiction.switching(0.0, 0.0, C) == 0.0
+    assert stiction.sector_switching_term(1e-3, 0.0, C) == 1.0
+    assert stiction.sector_switching_term(-1e-3, -0.01, C) == -1.0
+    assert stiction.sector_switching_term(1e-3, -0.025, C) == pytest.approx((-5.0 + 15.0) / 20.0)
+    assert stiction.sector_switching_term(0.0, 0.0, C) == 0.0
 
 
 def loosened(error: float, **given: float) -> np.ndarray:
     s = balanced(**({"force": 0.0, "STIRS": 0.0, "EAGER": 1.0, "SIDE": 1.0} | given))
-    stiction.loosen(error, s, C)
+    stiction.breakaway_ramp(error, s, C)
     return s
 
 
@@ -488,13 +488,13 @@ COASTING = settings(
 def test_what_nothing_drives_coasts_until_friction_has_taken_its_speed(way: float) -> None:
     """From 0.1 m/s against 10 N: 2 kg x (0.1 m/s)^2 / (2 x 10 N) = 1 mm."""
     s = balanced(0.0, V=0.1 * way, BREAK=10.0)
-    assert stiction.coasts(s, COASTING) == pytest.approx(1e-3 * way, rel=1e-3)
+    assert stiction.stopping_distance(s, COASTING) == pytest.approx(1e-3 * way, rel=1e-3)
 
 
 def test_the_way_until_a_command_arrives_counts() -> None:
     s = balanced(0.0, V=0.1, BREAK=10.0)
-    s[at.S_AHEAD_X] += 2e-3
-    assert stiction.coasts(s, COASTING) == pytest.approx(3e-3, rel=1e-3)
+    s[at.S_PREDICTED_X] += 2e-3
+    assert stiction.stopping_distance(s, COASTING) == pytest.approx(3e-3, rel=1e-3)
 
 
 def test_what_drives_it_fades_as_the_pressures_follow() -> None:
@@ -505,7 +505,7 @@ def test_what_drives_it_fades_as_the_pressures_follow() -> None:
     q = 3.92069
     way = (4e-3 * (q - 1.0 + math.exp(-q)) - 5e-4 * q * q) / 2.0
     assert 4.0 * (1.0 - math.exp(-q)) == pytest.approx(q, rel=1e-4)
-    assert stiction.coasts(balanced(40.0, V=0.0, BREAK=10.0), COASTING) == pytest.approx(way, rel=0.12)
+    assert stiction.stopping_distance(balanced(40.0, V=0.0, BREAK=10.0), COASTING) == pytest.approx(way, rel=0.12)
 
 
 def coasted(rate: float, stiff: float, lag: float) -> float:
@@ -537,7 +537,7 @@ def test_what_drives_it_is_taken_away_no_faster_than_spool_valve_and_expanding_g
     p1, p2 = of(s, "P1", "P2")
     stiff = gamma * (8e-4**2 * p1 / VOLUME_1 + 6e-4**2 * p2 / VOLUME_2)
     wanted = way * coasted(800.0, stiff, 1e-3 * (1.0 / share - 1.0))
-    assert stiction.coasts(s, c) == pytest.approx(wanted, rel=0.1)
+    assert stiction.stopping_distance(s, c) == pytest.approx(wanted, rel=0.1)
 
 
 def test_valves_that_open_fully_relieve_both_chambers() -> None:
@@ -547,18 +547,18 @@ def test_valves_that_open_fully_relieve_both_chambers() -> None:
     first = {1.0: 8e-4 * fill / VOLUME_1, -1.0: 8e-4 * vent / VOLUME_1}
     second = {1.0: 6e-4 * vent / VOLUME_2, -1.0: 6e-4 * fill / VOLUME_2}
     for way in (1.0, -1.0):
-        assert stiction.relief(way, s, settings(LEVEL_RATE=0.0)) == pytest.approx(first[way])
+        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0)) == pytest.approx(first[way])
         both = first[way] + second[way]
-        assert stiction.relief(way, s, settings(LEVEL_RATE=0.0, MIRRORED=1.0)) == pytest.approx(both)
-        assert stiction.relief(way, s, settings(LEVEL_RATE=0.0, TWO_VALVES=1.0)) == pytest.approx(both)
-        assert stiction.relief(way, s, settings(LEVEL_RATE=1e7)) == pytest.approx(8e3)
+        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, MIRRORED=1.0)) == pytest.approx(both)
+        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, TWO_VALVES=1.0)) == pytest.approx(both)
+        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=1e7)) == pytest.approx(8e3)
 
 
 def test_near_breaking_away_is_what_the_force_comes_to_when_a_command_arrives() -> None:
     """18 N now, 18.5 N when what is under way has arrived: 92 % of 20 N lie between."""
     s = balanced(force=18.0, STIRS=0.0, EAGER=1.0, SIDE=1.0)
-    s[at.S_AHEAD_P1] += 0.5 / 8e-4
-    stiction.loosen(1e-3, s, C)
+    s[at.S_PREDICTED_P1] += 0.5 / 8e-4
+    stiction.breakaway_ramp(1e-3, s, C)
     assert of(s, "STICK") == pytest.approx([0.1])
 
 
@@ -566,9 +566,9 @@ def test_a_freed_piston_is_let_go_where_it_coasts_to_its_reference() -> None:
     """It coasts 1 mm; within twice the reach of 10 um of that its force is taken away."""
     s = {"V": 0.1, "force": 0.0, "STICK": 15.0, "STIRS": 2.0, "BREAK": 10.0}
     for error, kept in ((1.03e-3, 15.0), (1.01e-3, 0.0), (-1e-3, 0.0)):
-        stiction.loosen(error, found := balanced(**s), COASTING)
+        stiction.breakaway_ramp(error, found := balanced(**s), COASTING)
         assert of(found, "STICK") == [kept]
-        assert of(found, "BRAKE") == pytest.approx([0.0 if kept else COASTING[at.C_LINGER]])
+        assert of(found, "BRAKE") == pytest.approx([0.0 if kept else COASTING[at.C_MOTION_WINDOW]])
 
 
 @pytest.mark.parametrize(
@@ -580,7 +580,7 @@ def test_half_of_a_jump_that_half_the_pace_did_not_shorten_is_put_up_with_by_and
 ) -> None:
     """It landed 0.1 mm from where it was set free; not where it went less far than before, or is further off yet."""
     s = state(X=0.1001, FREED=0.1, JUMP=before, EAGER=eager, SIDE=1.0, STIRS=0.0, BRAKE=1e-3)
-    stiction.loosen(error, s, C)
+    stiction.breakaway_ramp(error, s, C)
     assert of(s, "WIDE", "JUMP") == pytest.approx([wide, 1e-4])
 
 
@@ -591,7 +591,7 @@ def test_no_force_is_piled_up_that_the_pressures_cannot_make() -> None:
     two = settings(TWO_VALVES=1.0)
     for p2, stick in ((3e5, 0.5), (1.05e5, 0.0)):
         s = balanced(force=0.0, STIRS=0.0, EAGER=1.0, SIDE=1.0, P1_REF=6.5e5, P2_REF=p2)
-        stiction.loosen(1e-3, s, two)
+        stiction.breakaway_ramp(1e-3, s, two)
         assert of(s, "STICK") == pytest.approx([stick])
 
 
@@ -606,7 +606,7 @@ def test_a_freed_piston_that_creeps_is_pushed_by_the_integral_of_its_error(way: 
     s = freed(1e-3 * way, 2.0, V=0.0099 * way, STICK=15.0 * way, SIDE=way)
     assert of(s, "STICK", "BRAKE") == pytest.approx([15.04 * way, 0.0])
     far = freed(0.1 * way, 2.0, V=0.0099 * way, STICK=15.0 * way, SIDE=way)
-    assert of(far, "STICK") == pytest.approx([15.0 * way + 1e-3 * way * C[at.C_SECTOR_FAST]])
+    assert of(far, "STICK") == pytest.approx([15.0 * way + 1e-3 * way * C[at.C_RAMP_RATE_MAX]])
 
 
 @pytest.mark.parametrize("error", [1.9e-5, -1e-3])
@@ -625,7 +625,7 @@ def test_a_piston_that_moves_against_its_push_is_not_freed_by_it() -> None:
 
 def held(x_ref: float = 0.1, **given: float) -> tuple[bool, np.ndarray]:
     s = balanced(**({"force": 30.0, "STILL": 0.0, "REST": 0.06, "LOAD": 4.0, "STICK": 9.0, "EAGER": 1.0} | given))
-    return bool(stiction.hold(x_ref, s, C)), s
+    return bool(stiction.update_hold(x_ref, s, C)), s
 
 
 def test_near_a_resting_reference_it_is_held_and_half_of_its_force_is_loosened() -> None:
@@ -663,7 +663,7 @@ def test_held_it_is_let_go_as_it_moves() -> None:
 
 def asked(x_ref: float = 0.15, off: tuple[str, ...] = (), **given: float) -> tuple[float, np.ndarray]:
     s = state(**({"X_SHAPED": 0.1 + 1e-4, "V_SHAPED": 0.02, "A_SHAPED": 0.3, "V": 0.01, "LOAD": 5.0} | given))
-    return float(cascade.position_law(x_ref, s, settings(**dict.fromkeys(off, 0.0)))), s
+    return float(cascade.position_control(x_ref, s, settings(**dict.fromkeys(off, 0.0)))), s
 
 
 PID = 2.0 * (0.3 + 60.0 * 0.01 + 900.0 * 1e-4) + 50.0 * 0.02
@@ -691,13 +691,13 @@ def test_friction_ahead_is_of_the_shaped_speed_within_a_factor_of_two_of_the_pis
     stays behind at: where it is ahead it need not be freed."""
     s = state(X_SHAPED=0.1 + way * behind, V_SHAPED=0.02 * way, V=v * way, BREAK=20.0)
     level *= way
-    assert cascade.dry_ahead(s, settings(COULOMB=10.0, STRIBECK=0.01)) == pytest.approx(level)
+    assert cascade.friction_feedforward(s, settings(COULOMB=10.0, STRIBECK=0.01)) == pytest.approx(level)
 
 
 def test_friction_in_proportion_to_the_speed_is_that_of_when_the_force_arrives() -> None:
     """Without dry friction: 50 N s/m at the 20 mm/s that become 23 mm/s within 10 ms."""
     s = state(X_SHAPED=0.1, V_SHAPED=0.02, A_SHAPED=0.3, V=0.02, BREAK=0.0)
-    force = cascade.position_law(0.15, s, settings(LEAD=0.01, COULOMB=0.0))
+    force = cascade.position_control(0.15, s, settings(LEAD=0.01, COULOMB=0.0))
     assert force == pytest.approx(2.0 * 0.3 + 50.0 * 0.023)
 
 
@@ -748,7 +748,7 @@ def test_without_switching_a_piston_that_sticks_off_the_reference_is_not_freed()
 
 def references(force: float, two: float = 0.0, **given: float) -> np.ndarray:
     s = state(**given)
-    cascade.pressure_references(force, s, settings(TWO_VALVES=two))
+    cascade.set_pressure_references(force, s, settings(TWO_VALVES=two))
     return s
 
 
@@ -809,12 +809,14 @@ def test_anti_windup_takes_back_from_the_integral_what_was_not_reachable(
 def test_a_valve_stays_shut_while_the_piston_is_held_and_its_pressure_near(
     hold: float, error: float, shut: bool
 ) -> None:
-    assert bool(cascade.quiet(error, state(HOLD=hold), C)) == shut
+    assert bool(cascade.valve_stays_shut(error, state(HOLD=hold), C)) == shut
 
 
 def driven(number: int = 1, off: tuple[str, ...] = (), two: float = 0.0, **given: float) -> np.ndarray:
     s = state(**({"P1_REF": 3e5, "P2_REF": 3e5} | given))
-    (cascade.chamber_1 if number == 1 else cascade.chamber_2)(s, settings(TWO_VALVES=two, **dict.fromkeys(off, 0.0)))
+    (cascade.control_chamber_1 if number == 1 else cascade.control_chamber_2)(
+        s, settings(TWO_VALVES=two, **dict.fromkeys(off, 0.0))
+    )
     return s
 
 
@@ -869,7 +871,7 @@ def test_the_motion_alone_or_the_other_flows_alone_are_made_up_for() -> None:
 @pytest.mark.parametrize(("share", "u"), [(0.25, 2.125), (-0.5, -4.75), (3.0, 10.0), (0.0, -0.5)])
 def test_without_the_inverse_map_the_command_is_in_proportion(share: float, u: float) -> None:
     """All of what the open valve makes at mean pressure takes all of the command, whose null is -0.5 V here."""
-    whole = plant.per_area(share > 0.0, 3e5, VOLUME_1, state(), C) * (2e-6 if share > 0.0 else 1e-6)
+    whole = plant.pressure_rate_per_area(share > 0.0, 3e5, VOLUME_1, state(), C) * (2e-6 if share > 0.0 else 1e-6)
     assert plant.valve_command(share * whole, 5e5, VOLUME_1, state(), settings(INVERSE=0.0)) == pytest.approx(u)
 
 
@@ -878,10 +880,10 @@ def test_without_the_inverse_map_the_command_is_in_proportion(share: float, u: f
 
 def test_the_first_sample_starts_it_and_a_missing_reference_is_where_it_stands() -> None:
     s = np.zeros(len(at.STATE))
-    cascade.step(math.nan, 0.12, 3e5, 3e5, s, C)
+    cascade.cascade_step(math.nan, 0.12, 3e5, 3e5, s, C)
     assert of(s, "STARTED", "X_REF") == [1.0, 0.12]
-    cascade.step(0.15, 0.12, 3e5, 3e5, s, C)
-    cascade.step(math.nan, 0.12, 3e5, 3e5, s, C)
+    cascade.cascade_step(0.15, 0.12, 3e5, 3e5, s, C)
+    cascade.cascade_step(math.nan, 0.12, 3e5, 3e5, s, C)
     assert of(s, "X_REF") == [0.15]
 
 
@@ -890,7 +892,7 @@ def test_a_step_of_the_reference_opens_the_valve_toward_it() -> None:
     for x_ref in (0.15, 0.05):
         s = np.zeros(len(at.STATE))
         for _ in range(12):
-            cascade.step(x_ref, 0.1, 3e5, 3.6666667e5, s, C)
+            cascade.cascade_step(x_ref, 0.1, 3e5, 3.6666667e5, s, C)
         commands[x_ref] = of(s, "U1")[0]
     assert commands[0.15] > 1.0
     assert commands[0.05] < -2.0
@@ -904,11 +906,11 @@ def test_a_step_of_the_reference_opens_the_valve_toward_it() -> None:
     [(0.126, 0.05, 0.15), (0.124, 0.05, 0.1), (-0.126, 0.05, -0.15), (0.126, 0.0, 0.126)],
 )
 def test_readings_are_rounded_to_the_nearest_quantum(value: float, quantum: float, wanted: float) -> None:
-    assert codegen.rounded(value, quantum) == pytest.approx(wanted)
+    assert codegen.quantize(value, quantum) == pytest.approx(wanted)
 
 
 def test_a_missing_reading_stays_missing() -> None:
-    assert math.isnan(codegen.rounded(math.nan, 0.05))
+    assert math.isnan(codegen.quantize(math.nan, 0.05))
 
 
 def test_a_sample_reads_logs_and_commands_late() -> None:
@@ -921,7 +923,7 @@ def test_a_sample_reads_logs_and_commands_late() -> None:
     assert codegen.control(1, 0.15, 0.1, 3e5, 3.7e5, cs, cp) == (cs[first + at.L_U1], cs[first + at.L_U2])
     logged = {
         "U1": at.L_U1, "U2": at.L_U2, "LOAD": at.L_LOAD, "P1_REF": at.L_P1_REF, "P2_REF": at.L_P2_REF,
-        "FLOW1": at.L_FLOW1, "X_SHAPED": at.L_SHAPED, "V": at.L_V, "FORCE": at.L_FORCE,
+        "FLOW1": at.L_FLOW1, "X_SHAPED": at.L_X_SHAPED, "V": at.L_V, "FORCE": at.L_FORCE,
     }  # fmt: skip
     for name, column in logged.items():
         assert cs[second + column] == of(cs, name)[0]

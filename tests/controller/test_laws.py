@@ -8,18 +8,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.law_comparison import COMPONENTS, controllers, surfaces, trial, without
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.scenarios import scenarios_from
-from pneucli.closed_loop.simulation import run
+from pneucli.closed_loop.law_comparison import (
+    COMPONENTS,
+    compare_laws,
+    design_controllers,
+    sliding_surfaces,
+    without_component,
+)
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
-from pneucli.controller.laws import LAWS, compensated, law_named, pdc, pid, relay, sector, shared_blocks
-from pneucli.controller.laws.base import Plan
-from pneucli.design.bandwidths import corners_of
-from pneucli.design.requirements import requirements_from
+from pneucli.controller.laws import LAWS, compensated, find_law, pdc, pid, relay, sector, shared_blocks
+from pneucli.controller.laws.base import DesignData
+from pneucli.design.bandwidths import choose_bandwidths
+from pneucli.design.requirements import read_requirements
 from pneucli.design.sliding import axis_systems
 from pneucli.errors import InputError
-from pneucli.physics.vectorised import stribeck
+from pneucli.physics.vectorised import stribeck_friction
 from pneucli.simulate import layout as out
 from tests.design import axis
 
@@ -45,7 +51,7 @@ def numbers(law: str, **changed: float) -> np.ndarray:
 
 def by_equation(v: float) -> float:
     """Friction in N at a speed (3.6), by the physics' own function; its sign fades as the law's does."""
-    level = stribeck(np.array([abs(v)]), V["C_COULOMB"], 0.0, V["C_STATIC"], V["C_STRIBECK"])[0]
+    level = stribeck_friction(np.array([abs(v)]), V["C_COULOMB"], 0.0, V["C_STATIC"], V["C_STRIBECK"])[0]
     return float(level * np.clip(v / V["C_V_FLOOR"], -1, 1) + V["C_VISCOUS"] * v)
 
 
@@ -59,18 +65,20 @@ def test_the_table_has_the_laws_of_the_interface_and_the_projects_own_is_the_def
 
 def test_a_law_that_is_misspelt_is_mended() -> None:
     with pytest.raises(InputError, match=r"(?s)--compare: 'realy'.*relay"):
-        law_named("realy", "--compare")
+        find_law("realy", "--compare")
     with pytest.raises(InputError, match=r"design\.controller"):
-        requirements_from({"controller": "pd"}, "file, key design")
+        read_requirements({"controller": "pd"}, "file, key design")
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_every_law_has_a_place_for_each_of_its_own_numbers_and_states(law: str) -> None:
     one = LAWS[law]
     places = [one.constants[name] for name in one.parameters]
-    assert places == list(range(at.OWN_NUMBER, at.OWN_NUMBER + len(places)))
-    assert [one.constants[n] for n in one.states] == list(range(at.OWN_STATE, at.OWN_STATE + len(one.states)))
-    assert len(one.states) <= at.MOST_OWN
+    assert places == list(range(at.FIRST_LAW_PARAMETER, at.FIRST_LAW_PARAMETER + len(places)))
+    assert [one.constants[n] for n in one.states] == list(
+        range(at.FIRST_LAW_STATE, at.FIRST_LAW_STATE + len(one.states))
+    )
+    assert len(one.states) <= at.MAX_LAW_STATES
     assert len(MADE[law].own) >= len(places)
     assert MADE[law].law == law
 
@@ -81,7 +89,7 @@ def test_best_is_the_cascade_as_it_was() -> None:
 
 def test_what_a_plan_lacks_is_said_and_the_other_laws_are_made() -> None:
     poor = replace(PLAN, vertices=(), scheduled=None, missing={"scheduled": "cvxpy is not installed"})
-    made, failed = controllers(poor)
+    made, failed = design_controllers(poor)
     assert set(failed) == {"sector", "pdc"}
     assert "cvxpy is not installed" in failed["pdc"]
     assert set(made) == set(LAWS) - set(failed)
@@ -107,7 +115,7 @@ def test_with_feed_forward_the_references_own_force_comes_on_top() -> None:
 
 def test_on_the_line_the_relay_gives_the_equivalent_control_alone() -> None:
     """ds/dt = 0 (5.9): the force that keeps x2 + lambda x1 = 0, friction included."""
-    slope, x2 = PLAN.surface, 0.01
+    slope, x2 = PLAN.surface_slope, 0.01
     s = state(X_SHAPED=0.1 - x2 / slope, V_SHAPED=0.03 + x2, V=0.03, A_SHAPED=0.4)
     assert relay.relay_force(s, numbers("relay")) == pytest.approx(MASS * (0.4 + slope * x2) + by_equation(0.03))
 
@@ -117,21 +125,21 @@ def test_off_the_line_the_relay_is_all_of_m_and_near_it_what_one_sample_needs(si
     """The implicit sign: s+ = s - T w / m is zero where |w| < M allows it."""
     c = numbers("relay")
     far, near = (relay.relay_force(state(X_SHAPED=0.1 + side * off), c) for off in (0.1, 1e-5))
-    assert far == pytest.approx(side * PLAN.most)
-    assert PLAN.surface * side * 1e-5 - T * near / MASS == pytest.approx(0.0, abs=1e-15)
+    assert far == pytest.approx(side * PLAN.switching_force)
+    assert PLAN.surface_slope * side * 1e-5 - T * near / MASS == pytest.approx(0.0, abs=1e-15)
 
 
 def test_a_relay_without_equivalent_control_is_the_sign_alone() -> None:
-    plan = replace(PLAN, wanted=replace(PLAN.wanted, equivalent_control=False))
+    plan = replace(PLAN, wanted=replace(PLAN.requirements, equivalent_control=False))
     c = LAWS["relay"].controller(plan).vector()
-    assert relay.relay_force(state(X_SHAPED=0.2, V_SHAPED=0.3, A_SHAPED=2.0), c) == pytest.approx(PLAN.most)
+    assert relay.relay_force(state(X_SHAPED=0.2, V_SHAPED=0.3, A_SHAPED=2.0), c) == pytest.approx(PLAN.switching_force)
 
 
 def test_the_line_of_the_relay_is_by_poles_or_by_stated_weights() -> None:
     mechanical = axis_systems(V, 0.1, 3e5, 3e5)["mechanical"]
-    corners = corners_of(MODEL, PLAN.wanted, V)
-    wanted = replace(PLAN.wanted, surface="lq", surface_weights=(2500.0, 1.0))
-    poles, lq = surfaces(mechanical, corners, wanted)
+    corners = choose_bandwidths(MODEL, PLAN.requirements, V)
+    wanted = replace(PLAN.requirements, surface="lq", surface_weights=(2500.0, 1.0))
+    poles, lq = sliding_surfaces(mechanical, corners, wanted)
     assert (poles["taken"], lq["taken"]) == (False, True)
     assert poles["slope"] == pytest.approx(corners.position)
     assert lq["slope"] == pytest.approx(math.sqrt(2500.0))  # x1' = x2: the root of the weights' ratio
@@ -139,20 +147,20 @@ def test_the_line_of_the_relay_is_by_poles_or_by_stated_weights() -> None:
 
 def test_the_sectors_lines_lie_as_far_apart_as_the_vertices() -> None:
     own = dict(zip(LAWS["sector"].parameters, MADE["sector"].own, strict=True))
-    assert own["C_SLIDE_2"] - own["C_SLIDE_1"] == pytest.approx(axis.VERTICES[1] - axis.VERTICES[0])  # (6.17)
-    assert own["C_SLIDE_2"] / own["C_SLIDE_1"] == pytest.approx(PLAN.wanted.sector_ratio)
-    assert own["C_SLIDE_A"] == axis.VERTICES[0]
+    assert own["C_LAMBDA_2"] - own["C_LAMBDA_1"] == pytest.approx(axis.VERTICES[1] - axis.VERTICES[0])  # (6.17)
+    assert own["C_LAMBDA_2"] / own["C_LAMBDA_1"] == pytest.approx(PLAN.requirements.sector_ratio)
+    assert own["C_VERTEX_1"] == axis.VERTICES[0]
 
 
 @pytest.mark.parametrize(("x1", "v"), [(1e-3, 0.05), (-2e-4, 0.1), (5e-6, -1e-4), (-3e-2, 0.0), (1e-7, 1e-6)])
 def test_the_sectors_force_is_its_law_at_the_end_of_the_sample(x1: float, v: float) -> None:
     """With the rate y that the force leads to, the force is equivalent (6.16) plus switching (5.13) of y."""
     c, s = numbers("sector"), state(X=0.1 + x1, V=v)
-    y = sector.rate_after(x1, v, s, c)
-    lower, upper = (c[LAWS["sector"].constants[n]] for n in ("C_SLIDE_1", "C_SLIDE_2"))
-    force = sector.slide_force(s, c)
+    y = sector.implicit_error_rate(x1, v, s, c)
+    lower, upper = (c[LAWS["sector"].constants[n]] for n in ("C_LAMBDA_1", "C_LAMBDA_2"))
+    force = sector.sector_force(s, c)
     s1, s2 = (y + line * (x1 + T * y) for line in (lower, upper))
-    switching = -PLAN.most * (s1 + s2) / (abs(s1) + abs(s2))
+    switching = -PLAN.switching_force * (s1 + s2) / (abs(s1) + abs(s2))
     assert force == pytest.approx(MASS * (axis.VERTICES[0] - lower) * y + switching, rel=1e-6, abs=1e-6)
     friction = MASS * (v - y) / T + force - MASS * axis.VERTICES[0] * y  # what the piston's balance leaves for it
     level = sector.dry_friction(abs(v), s, c)
@@ -162,31 +170,31 @@ def test_the_sectors_force_is_its_law_at_the_end_of_the_sample(x1: float, v: flo
 
 
 def test_a_sector_pushes_a_piston_that_sticks_with_all_of_m() -> None:
-    c = LAWS["sector"].controller(replace(PLAN, wanted=replace(PLAN.wanted, switching_gain=0.1))).vector()
-    assert sector.slide_force(state(X=0.1 - 1e-3), c) == pytest.approx(PLAN.most / 15.0, rel=1e-6)
+    c = LAWS["sector"].controller(replace(PLAN, wanted=replace(PLAN.requirements, switching_gain=0.1))).vector()
+    assert sector.sector_force(state(X=0.1 - 1e-3), c) == pytest.approx(PLAN.switching_force / 15.0, rel=1e-6)
 
 
 def test_the_observer_takes_what_acts_beside_the_pressures_for_load_within_m_a_sample() -> None:
     """The reading moves as 7 N more would move it: in the end these 7 N are the equivalent value (5.20)."""
-    c, rate = numbers("compensated"), LAWS["compensated"].constants["S_RATE"]
+    c, rate = numbers("compensated"), LAWS["compensated"].constants["S_UNFILTERED_SPEED"]
     s = state(P1=V["C_AMBIENT"], P2=V["C_AMBIENT"])
     for k in range(400):
         s[rate] = 7.0 / V["C_VISCOUS"] * (1.0 - math.exp(-V["C_VISCOUS"] / MASS * T * k))
-        compensated.compensate_load(s, c)
+        compensated.observe_load(s, c)
     assert s[at.S_LOAD] == pytest.approx(7.0, rel=0.01)
     s = state(P1=V["C_AMBIENT"], P2=V["C_AMBIENT"])
     s[rate] = 100.0
-    compensated.compensate_load(s, c)
-    share = 1.0 - math.exp(-PLAN.corners.position * T)
-    assert s[at.S_LOAD] == pytest.approx(share * V["C_LOAD_STEP"])  # (5.21)
+    compensated.observe_load(s, c)
+    share = 1.0 - math.exp(-PLAN.bandwidths.position * T)
+    assert s[at.S_LOAD] == pytest.approx(share * V["C_LOAD_STEP_MAX"])  # (5.21)
 
 
 def test_the_pressures_observer_finds_a_foreign_flow() -> None:
-    c, seen = numbers("compensated"), LAWS["compensated"].constants["S_SEEN_P1"]
+    c, seen = numbers("compensated"), LAWS["compensated"].constants["S_OBSERVED_P1"]
     s = state()
     s[seen] = 3e5
     for k in range(1, 600):
-        compensated.compensate_flow(3e5 + T * k * 5e4, 2e4, seen, at.S_FLOW1, s, c)
+        compensated.observe_flow(3e5 + T * k * 5e4, 2e4, seen, at.S_FLOW1, s, c)
     assert s[at.S_FLOW1] == pytest.approx(3e4, rel=0.01)
 
 
@@ -209,12 +217,12 @@ def test_every_vertex_loop_of_the_pdc_decays_at_the_rate_that_is_told() -> None:
 
 def test_the_speed_is_the_filtered_rate_of_position_and_a_lost_reading_is_bridged() -> None:
     c, s = numbers("pid"), state(V=0.2)
-    shared_blocks.readings(0.1, 0.1001, 3.1e5, 2.9e5, s, c)
-    share = 1.0 - math.exp(-PLAN.corners.motion_observer * T)
+    shared_blocks.read_sensors(0.1, 0.1001, 3.1e5, 2.9e5, s, c)
+    share = 1.0 - math.exp(-PLAN.bandwidths.motion_observer * T)
     assert s[at.S_V] == pytest.approx(0.2 + share * (0.1 - 0.2))
     assert (s[at.S_X], s[at.S_P1], s[at.S_P2]) == (0.1001, 3.1e5, 2.9e5)
     speed = s[at.S_V]
-    shared_blocks.readings(0.1, math.nan, math.nan, -1.0, s, c)
+    shared_blocks.read_sensors(0.1, math.nan, math.nan, -1.0, s, c)
     assert s[at.S_X] == pytest.approx(0.1001 + T * speed)
     assert (s[at.S_P1], s[at.S_P2]) == (3.1e5, 2.9e5)
 
@@ -229,44 +237,44 @@ def test_every_law_moves_the_piston_the_right_way_whatever_the_valves(law: str, 
     model, made = axis.bench_of_laws(arrangement)
     time = 1e-3 * np.arange(2500)
     for side in (1.0, -1.0):
-        moved = run(model, made[law], axis.scenario(made[law], 0.1 + side * 0.03 * (time > 0.1)), axis.BENCH)
+        moved = simulate(model, made[law], axis.scenario(made[law], 0.1 + side * 0.03 * (time > 0.1)), axis.BENCH)
         assert side * (moved.model[-1, out.X] - 0.1) > (1e-3 if law == "sector" else 0.015)
         assert np.isfinite(moved.model[:, out.X]).all()
     assert (np.abs(moved.log[:, at.L_U2]).max() > 0.0) == (arrangement == "two")
 
 
 def test_the_pressure_loop_alone_follows_a_pressure_with_the_piston_clamped() -> None:
-    (scene,) = (s for s in scenarios_from([], MADE["pid"], "") if s.pressed)
-    for law in (name for name, one in LAWS.items() if one.pressure):
-        result = run(MODEL, MADE[law], scene, axis.BENCH)
+    (scene,) = (s for s in read_scenarios([], MADE["pid"], "") if s.controls_pressure)
+    for law in (name for name, one in LAWS.items() if one.controls_pressure):
+        result = simulate(MODEL, MADE[law], scene, axis.BENCH)
         assert np.ptp(result.model[:, out.X]) == 0.0
-        found = measure(result, MODEL, MADE[law])
+        found = evaluate_run(result, MODEL, MADE[law])
         assert found.pressure_rest_pa < 1500.0
         assert np.isnan(found.steady_um)
         assert found.air_kg > 0.0
 
 
 def test_a_law_without_pressure_loop_has_no_figures_of_it() -> None:
-    scenes = [s for s in scenarios_from([], MADE["pid"], "") if s.name in ("s-curve", "pressure")]
-    found = trial(MODEL, {n: MADE[n] for n in ("pid", "pdc")}, scenes, axis.BENCH)
+    scenes = [s for s in read_scenarios([], MADE["pid"], "") if s.name in ("s-curve", "pressure")]
+    found = compare_laws(MODEL, {n: MADE[n] for n in ("pid", "pdc")}, scenes, axis.BENCH)
     assert [list(by) for by in found.values()] == [["s-curve", "pressure"], ["s-curve"]]
 
 
 def test_only_laws_with_an_estimate_are_judged_by_it() -> None:
-    (scene,) = (s for s in scenarios_from([], MADE["pid"], "") if s.name == "load")
-    told = {n: measure(run(MODEL, c, scene, axis.BENCH), MODEL, c).load_error for n, c in MADE.items()}
+    (scene,) = (s for s in read_scenarios([], MADE["pid"], "") if s.name == "load")
+    told = {n: evaluate_run(simulate(MODEL, c, scene, axis.BENCH), MODEL, c).load_error for n, c in MADE.items()}
     assert {n for n, value in told.items() if not math.isnan(value)} == {"best", "compensated"}
 
 
 def test_each_component_is_taken_out_alone() -> None:
     whole = MADE["best"]
     for name, switches in COMPONENTS.items():
-        left = without(whole, name)
+        left = without_component(whole, name)
         assert {n for n in whole.values if left.values[n] != whole.values[n]} == set(switches)
-    assert without(whole, "nothing") == whole
+    assert without_component(whole, "nothing") == whole
 
 
 def test_a_plan_takes_the_sliding_force_from_friction_and_a_usual_load() -> None:
-    plan = Plan(PLAN.cascade, replace(PLAN.wanted, switching_gain=2.0), 1.0, 1.0, 1.0, 1.0)
+    plan = DesignData(PLAN.cascade, replace(PLAN.requirements, switching_gain=2.0), 1.0, 1.0, 1.0, 1.0)
     supply = 0.1 * V["C_AREA_1"] * (V["C_SUPPLY"] - V["C_AMBIENT"])
-    assert plan.most == pytest.approx(2.0 * (V["C_STATIC"] + supply))
+    assert plan.switching_force == pytest.approx(2.0 * (V["C_STATIC"] + supply))

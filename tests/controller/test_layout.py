@@ -27,15 +27,19 @@ def commands(readings: np.ndarray, scales: dict[str, float], *, rested: float = 
     """Commands in V and the force in N that is asked for, (n, 3), at readings (n, 4), calculated in other units."""
     here = CONTROLLER.with_values(**values)
     scaled = {name: value * factor(UNITS.get(name, "1"), scales) for name, value in here.values.items()}
-    tables = np.concatenate([factor(at.ALONG.get(n, "V"), scales) * np.array(t) for n, t in here.tables().items()])
+    tables = np.concatenate(
+        [factor(at.STROKE_TABLES.get(n, "V"), scales) * np.array(t) for n, t in here.tables().items()]
+    )
     c, s, out = np.concatenate([here.with_values(**scaled).vector()[: at.C_TABLE], tables]), np.zeros(len(at.STATE)), []
     units = [factor(unit, scales) for unit in READ]
     for row in readings * units:
-        cascade.step(*map(float, row), s, c)
+        cascade.cascade_step(*map(float, row), s, c)
         out.append(
             [s[at.S_U1] / factor("V", scales), s[at.S_U2] / factor("V", scales), s[at.S_FORCE] / factor("N", scales)]
         )
-        s[at.S_REST] = max(s[at.S_REST], rested)  # in s: the step itself knows one time, from which on it is at rest
+        s[at.S_REF_REST_TIME] = max(
+            s[at.S_REF_REST_TIME], rested
+        )  # in s: the step itself knows one time, from which on it is at rest
     return np.array(out)
 
 
@@ -58,7 +62,7 @@ def sticking(samples: int) -> np.ndarray:
     return np.column_stack([np.full(samples, 0.1), x, p])
 
 
-VARIANTS = [{}, {"C_TWO_VALVES": 1.0}, {"C_MIRRORED": 1.0}, *({name: 0.0} for name in at.SWITCHES)]
+VARIANTS = [{}, {"C_TWO_VALVES": 1.0}, {"C_MIRRORED": 1.0}, *({name: 0.0} for name in at.COMPONENT_SWITCHES)]
 
 
 @pytest.mark.parametrize("values", VARIANTS)
@@ -77,9 +81,17 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
 
 
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
-    late = {"C_SPOOL", "C_SPOOL_MEAN", "C_HURRY", "C_WAIT", "C_SENSE", "C_SENSE_WAIT", "C_OBS_SEEN"}
+    late = {
+        "C_SPOOL_SHARE",
+        "C_SPOOL_MEAN_SHARE",
+        "C_SPOOL_LEAD",
+        "C_FLOW_DELAY",
+        "C_SENSOR_SHARE",
+        "C_SENSOR_DELAY",
+        "C_OBS_SENSOR",
+    }
     none = (
-        {"C_NODES", "C_PLACES", "C_SLOWING", "C_WIDEST", "C_PRESSURE"}
+        {"C_TABLE_NODES", "C_STROKE_NODES", "C_DECELERATION_RATIO", "C_DEADBAND_GAIN_MAX", "C_PRESSURE_MODE"}
         | late
         | {
             "C_SCALE_1",
@@ -87,19 +99,19 @@ def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
             "C_TWO_VALVES",
             "C_MIRRORED",
             "C_GAMMA",
-            "C_CRITICAL",
+            "C_CRITICAL_RATIO",
             "C_OBS_X",
             "C_OBS_P",
-            "C_NODES",
-            "C_PRESSURE",
+            "C_TABLE_NODES",
+            "C_PRESSURE_MODE",
         }
     )
-    assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE", *at.SWITCHES}
+    assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE", *at.COMPONENT_SWITCHES}
 
 
 def test_every_column_of_a_rows_log_has_one_name() -> None:
     """Beside these there are the number of states, which go before, and that of the columns."""
     columns = {getattr(at, name) for name in dir(at) if name.startswith("L_") and name not in ("L_STATES", "L_ROW")}
     assert columns == set(range(at.L_ROW))
-    assert len(at.STATE) + at.MOST_OWN == at.L_STATES
+    assert len(at.STATE) + at.MAX_LAW_STATES == at.L_STATES
     assert UNITS["C_U_MAX"] == "V"  # the step clips by the tables

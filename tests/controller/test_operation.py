@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.simulation import Run, run
+from pneucli.closed_loop.simulation import Run, simulate
 from pneucli.controller import layout as at
 from pneucli.controller import operation, plant, valve_dynamics
 from pneucli.controller.laws import LAWS
@@ -21,16 +21,16 @@ TWO = settings(TWO_VALVES=1.0)
 
 
 def states(**given: float) -> np.ndarray:
-    return np.concatenate([state(**given), np.zeros(at.MOST_OWN)])
+    return np.concatenate([state(**given), np.zeros(at.MAX_LAW_STATES)])
 
 
 def driven(law: str, arrangement: str, duties: dict[str, slice], load: float = 0.0) -> Run:
     model, made = axis.bench_of_laws(arrangement)
     duty = np.zeros(TIME.size)
     for name, when in duties.items():
-        duty[when] = at.DUTIES.index(name)
+        duty[when] = at.OPERATING_MODES.index(name)
     reference = np.where(TIME < 0.2, 0.1, 0.13)
-    return run(model, made[law], axis.scenario(made[law], reference, load, duty=duty), axis.BENCH)
+    return simulate(model, made[law], axis.scenario(made[law], reference, load, duty=duty), axis.BENCH)
 
 
 # --- the measured supply
@@ -38,11 +38,11 @@ def driven(law: str, arrangement: str, duties: dict[str, slice], load: float = 0
 
 def test_the_inverse_takes_the_supply_that_is_measured() -> None:
     """Choked, half of the pressure takes twice the area."""
-    s, full = states(), 2e-6 * plant.per_area(True, 1.5e5, 1e-4, states(), C)
+    s, full = states(), 2e-6 * plant.pressure_rate_per_area(True, 1.5e5, 1e-4, states(), C)
     operation.set_supply(3.5e5, s, C)
     assert plant.valve_command(full / 8, 1.5e5, 1e-4, s, C) == pytest.approx(4.0)
     assert plant.valve_command(full / 4, 1.5e5, 1e-4, states(), C) == pytest.approx(4.0)
-    assert plant.highest(s, C) == pytest.approx(0.5 * 6.5e5)
+    assert plant.max_pressure_reference(s, C) == pytest.approx(0.5 * 6.5e5)
 
 
 @pytest.mark.parametrize("reading", [np.nan, 0.0, 1.05e5, 3e6, -1.0])
@@ -59,7 +59,7 @@ def test_a_supply_that_sags_costs_less_where_it_is_measured(supply: float) -> No
     sine = 0.1 + 0.02 * np.sin(np.pi * TIME)
     scenario = replace(axis.scenario(c, sine), supply=np.full(TIME.size, supply))
     errors = [
-        [float(np.sqrt(np.mean((run(model, c, scenario, bench, seed).model[1000:, sim.X] - sine[1000:]) ** 2)))
+        [float(np.sqrt(np.mean((simulate(model, c, scenario, bench, seed).model[1000:, sim.X] - sine[1000:]) ** 2)))
          for seed in range(6)]  # of the noise, which decides how it sticks as it turns
         for bench in (replace(axis.BENCH, supply=told) for told in (True, False))
     ]  # fmt: skip
@@ -70,7 +70,7 @@ def test_a_position_that_is_read_every_fourth_sample_is_enough() -> None:
     """The pressures go on at every sample; between its readings the position is missing."""
     c = axis.bench_of_laws()[1]["best"]
     gaps = tuple(("x", 1e-3 * k + 5e-4, 1e-3 * k + 3.5e-3) for k in range(0, TIME.size, 4))
-    found = run(axis.model(), c, axis.scenario(c, np.where(TIME < 0.5, 0.1, 0.13), lost=gaps), axis.BENCH)
+    found = simulate(axis.model(), c, axis.scenario(c, np.where(TIME < 0.5, 0.1, 0.13), lost=gaps), axis.BENCH)
     assert np.isfinite(found.log[:, at.L_READ_X]).sum() == TIME.size // 4
     assert np.abs(found.model[-400:, sim.X] - 0.13).max() < 10e-6
 
@@ -81,18 +81,18 @@ def test_a_position_that_is_read_every_fourth_sample_is_enough() -> None:
 def test_what_is_not_enabled_keeps_its_valves_shut_and_begins_from_rest_again() -> None:
     s = states(U1=3.0, U2=2.0, V_SHAPED=0.4, FLOW1=1e4)
     operation.enable(0.0, s)
-    operation.shut(s, TWO)
+    operation.close_valves(s, TWO)
     assert [s[at.S_U1], s[at.S_U2]] == [NULL, NULL]
     operation.enable(1.0, s)
-    assert s[at.S_OFF] == 0.0
-    assert operation.asked(0.15, 0.12, 3e5, 3e5, s, C) == 0.15
+    assert s[at.S_DISABLED] == 0.0
+    assert operation.active_reference(0.15, 0.12, 3e5, 3e5, s, C) == 0.15
     assert [s[at.S_X], s[at.S_X_SHAPED], s[at.S_V_SHAPED], s[at.S_FLOW1]] == [0.12, 0.12, 0.0, 0.0]
 
 
 def test_a_controller_that_stays_enabled_does_not_begin_again() -> None:
     s = states(FLOW1=1e4)
     operation.enable(1.0, s)
-    operation.asked(0.15, 0.12, 3e5, 3e5, s, C)
+    operation.active_reference(0.15, 0.12, 3e5, 3e5, s, C)
     assert s[at.S_FLOW1] == 1e4
 
 
@@ -100,25 +100,25 @@ def test_held_it_stops_as_fast_as_the_reference_may_and_then_goes_on() -> None:
     """From 0.4 m/s at 5 m/s^2 that takes 16 mm."""
     s = states(X_SHAPED=0.1, V_SHAPED=0.4)
     operation.pause(1.0, s)
-    assert operation.asked(0.19, 0.1, 3e5, 3e5, s, C) == pytest.approx(0.116)
+    assert operation.active_reference(0.19, 0.1, 3e5, 3e5, s, C) == pytest.approx(0.116)
     s[at.S_X_SHAPED] = 0.11
     operation.pause(1.0, s)
-    assert operation.asked(0.01, 0.1, 3e5, 3e5, s, C) == pytest.approx(0.116)
+    assert operation.active_reference(0.01, 0.1, 3e5, 3e5, s, C) == pytest.approx(0.116)
     operation.pause(0.0, s)
-    assert operation.asked(0.19, 0.1, 3e5, 3e5, s, C) == 0.19
+    assert operation.active_reference(0.19, 0.1, 3e5, 3e5, s, C) == 0.19
 
 
 def test_hold_waits_for_a_reading_that_is_one() -> None:
     s = np.zeros(at.L_STATES)
     operation.pause(1.0, s)
-    operation.asked(0.19, np.nan, 3e5, 3e5, s, C)
-    assert operation.asked(0.19, 0.07, 3e5, 3e5, s, C) == 0.07
+    operation.active_reference(0.19, np.nan, 3e5, 3e5, s, C)
+    assert operation.active_reference(0.19, 0.07, 3e5, 3e5, s, C) == 0.07
 
 
 def test_a_pressure_is_held_where_it_was_asked_for() -> None:
     s = states(P1_REF=2.5e5)
     operation.pause(1.0, s)
-    assert operation.asked(4e5, 0.1, 3e5, 3e5, s, settings(PRESSURE=1.0)) == 2.5e5
+    assert operation.active_reference(4e5, 0.1, 3e5, 3e5, s, settings(PRESSURE=1.0)) == 2.5e5
 
 
 def test_a_moving_axis_that_is_held_comes_to_rest() -> None:
@@ -134,7 +134,7 @@ def test_a_moving_axis_that_is_held_comes_to_rest() -> None:
 
 @pytest.mark.parametrize("u", [-9.0, -4.0, -2.0, 1.0, 3.3, 10.0])
 def test_what_a_command_makes_is_what_its_inverse_takes(u: float) -> None:
-    made = valve_dynamics.gradient_1(u, 3e5, 1e-4, states(), C)
+    made = valve_dynamics.valve_gradient_1(u, 3e5, 1e-4, states(), C)
     assert plant.valve_command(made, 3e5, 1e-4, states(), C) == pytest.approx(u if made else NULL)
     assert (made == 0.0) == (u in (-2.0, 1.0))
 
@@ -145,8 +145,8 @@ def test_an_axis_at_rest_is_taken_as_in_balance() -> None:
     operation.reset(0.1, 4e5, 3e5, 4.0, 7.0, s, TWO)
     assert s[at.S_LOAD] == pytest.approx(-120.0)
     assert s[at.S_INTEGRAL] == pytest.approx(120.0)
-    assert s[at.S_RATE1] == pytest.approx(valve_dynamics.gradient_1(4.0, 4e5, 1e-4, s, TWO))
-    assert s[at.S_RATE2] == pytest.approx(valve_dynamics.gradient_2(7.0, 3e5, 9e-5, s, TWO))
+    assert s[at.S_RATE1] == pytest.approx(valve_dynamics.valve_gradient_1(4.0, 4e5, 1e-4, s, TWO))
+    assert s[at.S_RATE2] == pytest.approx(valve_dynamics.valve_gradient_2(7.0, 3e5, 9e-5, s, TWO))
     assert [s[at.S_FLOW1], s[at.S_FLOW2]] == pytest.approx([-s[at.S_RATE1], -s[at.S_RATE2]])
     assert [s[at.S_X], s[at.S_X_SHAPED], s[at.S_V_SHAPED]] == [0.1, 0.1, 0.0]
 
@@ -163,24 +163,24 @@ def test_one_spool_drives_the_other_chamber_against_the_first() -> None:
     for u, rate in ((4.0, -0.25 * 1e-6), (-5.0, 0.25 * 2e-6)):
         s = states()
         operation.reset(0.1, 4e5, 3e5, u, 0.0, s, mirrored)
-        assert s[at.S_RATE2] == pytest.approx(rate * plant.per_area(u < 0.0, 3e5, 9e-5, s, C))
+        assert s[at.S_RATE2] == pytest.approx(rate * plant.pressure_rate_per_area(u < 0.0, 3e5, 9e-5, s, C))
 
 
 def test_what_is_forgotten_leaves_the_supply_and_what_was_switched() -> None:
     s = states(SUPPLY=6e5, PAUSED=2.0, FLOW2=3.0, INTEGRAL=3.0)
-    operation.forget(s)
-    assert [s[at.S_SUPPLY], s[at.S_PAUSED]] == [6e5, 1.0]
+    operation.clear_state(s)
+    assert [s[at.S_SUPPLY], s[at.S_HOLD_REQUEST]] == [6e5, 1.0]
     assert np.count_nonzero(s) == 2
 
 
 def test_the_carried_command_fades_and_stays_within_the_valves_range() -> None:
     s = states(U1=9.0)
-    s[at.S_RESET], s[at.S_CARRY1] = 1.0, 2.0
-    operation.finish(s, C)
+    s[at.S_RESET_PHASE], s[at.S_BUMPLESS_OFFSET1] = 1.0, 2.0
+    operation.finish_commands(s, C)
     assert s[at.S_U1] == 2.0
-    assert s[at.S_CARRY1] == pytest.approx(-7.0 * (1.0 - 0.25 * 1e-3 * 100.0))
+    assert s[at.S_BUMPLESS_OFFSET1] == pytest.approx(-7.0 * (1.0 - 0.25 * 1e-3 * 100.0))
     s[at.S_U1] = -8.0
-    operation.finish(s, C)
+    operation.finish_commands(s, C)
     assert s[at.S_U1] == -9.0
 
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.acceptance import NOMINAL, gate
-from pneucli.closed_loop.metrics import measure
-from pneucli.closed_loop.scenarios import scenarios_from
-from pneucli.closed_loop.simulation import run
+from pneucli.closed_loop.acceptance import NOMINAL_AXIS, check_acceptance
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
 from pneucli.controller import pressure_level
-from pneucli.design.air_spring import level_for, per_pressure
+from pneucli.design.air_spring import level_for_stiffness, stiffness_per_pressure
 from pneucli.design.cascade_design import design_cascade
 from pneucli.messages import acceptance as words
 from pneucli.simulate import layout as out
@@ -29,21 +29,21 @@ def controller(**stated: float):
 
 
 def stiffness(c, x: np.ndarray, p1: np.ndarray, p2: np.ndarray) -> np.ndarray:
-    one, two = per_pressure(c.values, x)
+    one, two = stiffness_per_pressure(c.values, x)
     return one * p1 + two * p2
 
 
 def driven(c, reference=0.1, level_set=None, force=0.0):
     reference = np.broadcast_to(reference, TIME.shape).astype(float)
     scenario = replace(axis.scenario(c, reference, force), level=level_set)
-    return run(MODEL, c, scenario, axis.BENCH, seed=1)
+    return simulate(MODEL, c, scenario, axis.BENCH, seed=1)
 
 
 @pytest.mark.parametrize("force", [0.0, 60.0, -60.0])
 def test_the_level_asked_for_makes_the_pressures_as_stiff_as_wished(force: float) -> None:
     c, s = settings(TWO_VALVES=1.0, AIR_STIFFNESS=8e3), state()
     total, bias = 8e-4 + 6e-4, (8e-4 - 6e-4) * 1e5
-    wanted = pressure_level.level_asked((force + bias) / total, s, c)
+    wanted = pressure_level.requested_level((force + bias) / total, s, c)
     both = (force + bias - 2e-4 * wanted) / total
     p1, p2 = wanted + both, wanted - both
     assert 8e-4 * p1 - 6e-4 * p2 - bias == pytest.approx(force)
@@ -54,9 +54,9 @@ def test_the_level_asked_for_makes_the_pressures_as_stiff_as_wished(force: float
 def test_it_moves_at_its_rate_and_within_what_supply_allows() -> None:
     c, s = settings(TWO_VALVES=1.0, LEVEL_RATE=1e6), state()
     pressure_level.set_level(6.9e5, s, c)
-    assert pressure_level.level_kept(0.0, s, c) == pytest.approx(3e5 + 1e3)  # from the pressures as they are
+    assert pressure_level.update_level(0.0, s, c) == pytest.approx(3e5 + 1e3)  # from the pressures as they are
     for _ in range(1000):
-        pressure_level.level_kept(0.0, s, c)
+        pressure_level.update_level(0.0, s, c)
     assert of(s, "LEVEL") == [pytest.approx(6.5e5)]
 
 
@@ -73,7 +73,7 @@ def test_a_stated_level_is_kept_while_the_piston_moves() -> None:
     found = driven(c, reference)
     mean = 0.5 * (found.model[-300:, out.P1] + found.model[-300:, out.P2])
     assert np.mean(mean) == pytest.approx(4.5e5, rel=0.03)
-    assert measure(found, MODEL, c).steady_um <= 10.0
+    assert evaluate_run(found, MODEL, c).steady_um <= 10.0
 
 
 def test_a_stated_stiffness_is_there_at_either_end_of_the_stroke() -> None:
@@ -100,11 +100,11 @@ def test_a_higher_level_lets_a_load_move_the_piston_less() -> None:
 def test_a_reset_keeps_the_level() -> None:
     c = controller()
     duty = np.zeros(TIME.size)
-    duty[2000] = at.DUTIES.index("reset")
+    duty[2000] = at.OPERATING_MODES.index("reset")
     scenario = replace(axis.scenario(c, np.full(TIME.size, 0.1)), level=np.where(TIME < 1.5, 5e5, 0.0), duty=duty)
     kept = replace(scenario, level=np.full(TIME.size, 5e5))
     for one, wanted in ((scenario, c.values["C_P_MEAN"]), (kept, 5e5)):
-        found = run(MODEL, c, one, axis.BENCH, seed=1).model[-100:]
+        found = simulate(MODEL, c, one, axis.BENCH, seed=1).model[-100:]
         assert np.mean(0.5 * (found[:, out.P1] + found[:, out.P2])) == pytest.approx(wanted, rel=0.05)
 
 
@@ -124,19 +124,19 @@ def test_what_cannot_be_had_is_said_with_its_cause(
     model, wanted = axis.arranged(arrangement)
     wanted = replace(wanted, **stated)
     c = design_cascade(model, wanted, axis.SEALED)
-    still = [s for s in scenarios_from([], c, "") if s.name == "steps"]
-    found = gate(c, wanted, still, axis.BENCH, [(NOMINAL, model)])
-    assert [m.demand for m in found.missed] == [name] * bool(name)
-    assert all(why in m.cause for m in found.missed)
-    assert [d.name for d in found.asked][2:] == list(stated)
-    rows = [m.__dict__ for m in found.missed]
-    told = list(words.doubts({"missed": rows, "model_error": None, "model_error_limit": 2.0}))
+    still = [s for s in read_scenarios([], c, "") if s.name == "steps"]
+    found = check_acceptance(c, wanted, still, axis.BENCH, [(NOMINAL_AXIS, model)])
+    assert [m.demand for m in found.violations] == [name] * bool(name)
+    assert all(why in m.cause for m in found.violations)
+    assert [d.name for d in found.criteria][2:] == list(stated)
+    rows = [m.__dict__ for m in found.violations]
+    told = list(words.violations({"missed": rows, "model_error": None, "model_error_limit": 2.0}))
     assert len(told) == len(rows)
 
 
 def test_the_level_of_a_stiffness_is_the_formula_turned_round() -> None:
     c = controller()
     x = np.array([0.04, 0.1, 0.16])
-    mean = level_for(c.values, 1.5e4, x)
-    one, two = per_pressure(c.values, x)
+    mean = level_for_stiffness(c.values, 1.5e4, x)
+    one, two = stiffness_per_pressure(c.values, x)
     assert (one + two) * mean == pytest.approx(np.full(3, 1.5e4))  # of equal areas

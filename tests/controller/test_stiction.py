@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.simulation import run
+from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
 from pneucli.controller import observers, stiction
 from pneucli.controller import stiction as still
@@ -22,7 +22,7 @@ COULOMB, REACH = 10.0, 1e-5
 
 def stirred(force: float, way: float, **given: float) -> np.ndarray:
     s = state(**({"REST": 1.0, "V": 1e-3, "WAY": way, "X_SHAPED": 0.1} | given))
-    observers.stir(force, s, C)
+    observers.detect_motion(force, s, C)
     return s
 
 
@@ -54,7 +54,7 @@ def test_no_more_force_is_put_on_while_the_pressures_are_behind() -> None:
     for ahead, grows in ((26e3, False), (24e3, True)):
         s = balanced(8.0, REST=1.0, V=0.0, STIRS=0.0, ELASTIC=1.0, STICK=3.0)
         s[at.STATE.index("S_P1_REF")] = of(s, "P1")[0] + ahead
-        stiction.carry(1e-4, s, C)
+        stiction.drive_elastic_piston(1e-4, s, C)
         assert (of(s, "STICK")[0] > 3.0) == grows
 
 
@@ -94,25 +94,25 @@ def test_how_long_it_had_not_stirred_is_kept_for_the_first_sample_in_which_it_do
     ],
 )
 def test_an_elastic_piston_near_its_rest_tells_no_load(given: dict[str, float], tells: bool) -> None:
-    assert bool(observers.tells(state(**({"ELASTIC": 1.0, "X_SHAPED": 0.1} | given)))) == tells
+    assert bool(observers.load_observable(state(**({"ELASTIC": 1.0, "X_SHAPED": 0.1} | given)))) == tells
 
 
 def test_the_force_on_one_that_sticks_grows_in_proportion_to_what_it_has_grown_by() -> None:
     """10 1/s of 8 N, and at least twice static friction a second."""
     s = state(STIRS=0.0, TRIED=8.0)
-    stiction.carry(2e-5, s, C)
+    stiction.drive_elastic_piston(2e-5, s, C)
     assert of(s, "STICK", "TRIED") == pytest.approx([0.08, 8.08])
     s = state(STIRS=0.0)
-    stiction.carry(-2e-5, s, C)
+    stiction.drive_elastic_piston(-2e-5, s, C)
     assert of(s, "STICK") == pytest.approx([-0.04])
 
 
 def test_each_landing_on_the_other_side_puts_up_with_half_as_much_again() -> None:
     s = state(SIDE=1.0)
-    stiction.carry(-2e-5, s, C)
+    stiction.drive_elastic_piston(-2e-5, s, C)
     assert of(s, "WIDE") == [1.5]
     s = state(SIDE=1.0, WIDE=9.0)
-    stiction.carry(-2e-5, s, C)
+    stiction.drive_elastic_piston(-2e-5, s, C)
     assert of(s, "WIDE") == [10.0]
 
 
@@ -120,21 +120,21 @@ def test_a_rigid_piston_that_lands_on_the_other_side_again_and_again_is_put_up_w
     """From the third landing on, so that a break-away that grows with the rest keeps up no limit cycle."""
     s, wide = state(SIDE=-1.0, STIRS=0.0), []
     for k in range(12):
-        still.loosen((-1.0) ** k * 1e-3, s, C)
+        still.breakaway_ramp((-1.0) ** k * 1e-3, s, C)
         wide += of(s, "WIDE")
     assert wide[:4] == [1.0, 1.0, 1.5, 2.25]
     assert wide[-1] == 10.0
 
 
 def test_what_moves_past_closing_in_is_braked_by_no_more_than_twice_dry_friction() -> None:
-    assert stiction.braking(1e-4, state(V=5e-4), C) == 0.0  # slower than 10 1/s x 0.1 mm
-    assert stiction.braking(1e-4, state(V=3e-3), C) == pytest.approx(-100.0 * 2e-3)
-    assert stiction.braking(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
+    assert stiction.braking_force(1e-4, state(V=5e-4), C) == 0.0  # slower than 10 1/s x 0.1 mm
+    assert stiction.braking_force(1e-4, state(V=3e-3), C) == pytest.approx(-100.0 * 2e-3)
+    assert stiction.braking_force(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
 
 
 def test_held_an_elastic_piston_keeps_its_force() -> None:
     s = balanced(8.0, REST=1.0, V=0.0, ELASTIC=1.0, STICK=3.0)
-    assert still.hold(0.1, s, C)
+    assert still.update_hold(0.1, s, C)
     assert of(s, "FORCE", "STICK") == pytest.approx([8.0, 3.0])
 
 
@@ -145,7 +145,7 @@ def test_an_axis_with_elastic_seals_comes_to_rest_known_or_not(known: bool) -> N
     values = {"presliding.stiffness": 4e4, "presliding.damping": 80.0}
     actual = replace(model, effects=(*model.effects, catalogue()["presliding"])).with_values(values)
     c = design_cascade(actual if known else model, axis.REQUIREMENTS, axis.SEALED)
-    found = run(actual, c, axis.scenario(c, np.where(time < 0.5, 0.1, 0.13)), axis.BENCH)
+    found = simulate(actual, c, axis.scenario(c, np.where(time < 0.5, 0.1, 0.13)), axis.BENCH)
     x = found.model[-500:, sim.X]
     assert np.abs(x - 0.13).max() < 50e-6
     assert np.ptp(x) < 5e-6

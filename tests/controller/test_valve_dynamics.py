@@ -42,11 +42,13 @@ def test_an_effect_of_mechanics_or_pneumatics_changes_the_controller(effect: str
 
 
 def test_play_lag_and_overlap_are_found_by_driving_the_command() -> None:
-    assert effect_compensation.spool(having("valve-hysteresis")).half_width == pytest.approx(0.2, rel=1e-6)
-    assert effect_compensation.spool(having("valve-lag")).lag == pytest.approx(0.017, rel=1e-3)
-    found = effect_compensation.spool(having("valve-deadband"))
+    assert effect_compensation.identify_spool(having("valve-hysteresis")).play_half_width == pytest.approx(
+        0.2, rel=1e-6
+    )
+    assert effect_compensation.identify_spool(having("valve-lag")).lag == pytest.approx(0.017, rel=1e-3)
+    found = effect_compensation.identify_spool(having("valve-deadband"))
     assert np.interp([0.3, 1.4], found.commands, found.openings) == pytest.approx([0.0, 1.0], abs=1e-9)
-    assert (found.half_width, found.lag) == (0.0, pytest.approx(0.0, abs=1e-9))
+    assert (found.play_half_width, found.lag) == (0.0, pytest.approx(0.0, abs=1e-9))
 
 
 @pytest.mark.parametrize("effect", ["valve-lag", "valve-hysteresis"])
@@ -54,15 +56,18 @@ def test_the_command_undoes_lag_and_play_as_far_as_it_is_asked_to(effect: str) -
     c, s = numbers(effect), np.zeros(at.L_STATES)
     for wanted in (0.5, -0.3, 0.1, 0.8):
         before = s[at.S_SPOOL1]
-        u = valve_dynamics.commanded(wanted, 0.0, at.S_PLAY1, at.S_SPOOL1, -10.0, 10.0, s, c)
-        valve_dynamics.opened(u, at.S_PLAY1, at.S_SPOOL1, s, c)
-        assert s[at.S_SPOOL1] - before == pytest.approx(c[at.C_HURRY] * (wanted - before), abs=1e-12)
+        u = valve_dynamics.compensate_valve_dynamics(wanted, 0.0, at.S_PLAY1, at.S_SPOOL1, -10.0, 10.0, s, c)
+        valve_dynamics.apply_valve_dynamics(u, at.S_PLAY1, at.S_SPOOL1, s, c)
+        assert s[at.S_SPOOL1] - before == pytest.approx(c[at.C_SPOOL_LEAD] * (wanted - before), abs=1e-12)
 
 
 def test_little_does_not_move_the_play() -> None:
     c, s = numbers("valve-hysteresis"), np.zeros(at.L_STATES)
     assert (
-        valve_dynamics.commanded(0.9 * c[at.C_PLAY_LEAST], 0.123, at.S_PLAY1, at.S_SPOOL1, -10.0, 10.0, s, c) == 0.123
+        valve_dynamics.compensate_valve_dynamics(
+            0.9 * c[at.C_PLAY_DEADBAND], 0.123, at.S_PLAY1, at.S_SPOOL1, -10.0, 10.0, s, c
+        )
+        == 0.123
     )
 
 
@@ -70,52 +75,52 @@ def test_little_does_not_move_the_play() -> None:
 def test_a_row_gives_back_what_was_put_in_so_many_samples_ago(wait: float) -> None:
     s = np.zeros(at.L_STATES)
     out = []
-    for k in range(2 * at.LINE):
-        valve_dynamics.turn(s)
-        out.append(valve_dynamics.passed(float(k), at.S_LINE1, wait, s))
-    assert out[10:] == pytest.approx([k - wait for k in range(10, 2 * at.LINE)])
+    for k in range(2 * at.DELAY_LINE_SAMPLES):
+        valve_dynamics.delay_line_advance(s)
+        out.append(valve_dynamics.delay_line_update(float(k), at.S_OPENING_LINE1, wait, s))
+    assert out[10:] == pytest.approx([k - wait for k in range(10, 2 * at.DELAY_LINE_SAMPLES)])
 
 
 def test_what_is_under_way_in_the_hose_is_looked_ahead_to() -> None:
     c, s = numbers("line-delay"), np.zeros(at.L_STATES)
-    observers.start(0.1, 0.1, 3e5, 3e5, s, c)
-    valve_dynamics.filled(at.S_LINE1, 1.0, s)  # filling, and nothing of it has arrived
-    observers.look_ahead(s, c)
-    made = 0.011 * valve_dynamics.gradient_1(1.0, 3e5, valve_dynamics.space_1(0.1, c), s, c)
-    assert s[at.S_AHEAD_P1] - 3e5 == pytest.approx(made, rel=0.15)
+    observers.initialise_state(0.1, 0.1, 3e5, 3e5, s, c)
+    valve_dynamics.delay_line_fill(at.S_OPENING_LINE1, 1.0, s)  # filling, and nothing of it has arrived
+    observers.predict_to_arrival(s, c)
+    made = 0.011 * valve_dynamics.valve_gradient_1(1.0, 3e5, valve_dynamics.chamber_volume_1(0.1, c), s, c)
+    assert s[at.S_PREDICTED_P1] - 3e5 == pytest.approx(made, rel=0.15)
     assert s[at.S_P1] == 3e5
 
 
 def test_an_observer_behind_a_lagging_sensor_has_the_poles_that_are_asked_for() -> None:
     forward, poles = np.array([[0.9, 0.1, 1e-4], [0.0, 1.0, 1e-3], [0.0, 0.0, 1.0]]), (0.8, 0.8, 0.95)
-    gains = np.array(bandwidths.observer_gains(forward, poles))
+    gains = np.array(bandwidths.ackermann_gains(forward, poles))
     left = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ forward
     assert np.poly(left) == pytest.approx(np.poly(poles), rel=1e-6)
 
 
 def test_dry_friction_knows_place_pressure_and_direction() -> None:
     s = np.zeros(at.L_STATES)
-    assert plant.dry_share(0.09, 1.0, s, numbers("position-friction")) == pytest.approx(2.5)
-    assert plant.dry_share(0.15, 1.0, s, numbers("position-friction")) == 1.0
+    assert plant.dry_friction_factor(0.09, 1.0, s, numbers("position-friction")) == pytest.approx(2.5)
+    assert plant.dry_friction_factor(0.15, 1.0, s, numbers("position-friction")) == 1.0
     s[at.S_P1], s[at.S_P2] = MODEL.rig.ambient_pressure + 2e5, MODEL.rig.ambient_pressure + 1e5
-    assert plant.dry_share(0.1, 1.0, s, numbers("pressure-friction")) == pytest.approx(1.6)
+    assert plant.dry_friction_factor(0.1, 1.0, s, numbers("pressure-friction")) == pytest.approx(1.6)
     asymmetric = numbers("friction-asymmetry")
-    assert [plant.dry_share(0.1, way, s, asymmetric) for way in (1.0, -1.0)] == pytest.approx([1.2, 0.8])
+    assert [plant.dry_friction_factor(0.1, way, s, asymmetric) for way in (1.0, -1.0)] == pytest.approx([1.2, 0.8])
 
 
 def test_between_both_branches_of_friction_the_speed_stays() -> None:
     c, s = numbers("friction-hysteresis"), np.zeros(at.L_STATES)
     coulomb, v = c[at.C_COULOMB], 1.0
     between = 0.8 * coulomb + c[at.C_VISCOUS] * v
-    assert plant.slid(0.1, v, between, 1e-3, s, c) == v
-    assert plant.slid(0.1, v, between - 0.5 * coulomb, 1e-3, s, c) < v
-    assert plant.slid(0.1, 0.0, 0.9 * coulomb, 1e-3, s, c) == 0.0
+    assert plant.speed_after(0.1, v, between, 1e-3, s, c) == v
+    assert plant.speed_after(0.1, v, between - 0.5 * coulomb, 1e-3, s, c) < v
+    assert plant.speed_after(0.1, 0.0, 0.9 * coulomb, 1e-3, s, c) == 0.0
 
 
 def test_springs_and_weights_push_and_a_cushion_brakes_toward_its_end() -> None:
     spring, cushion = numbers("spring-force"), numbers("end-cushion")
-    assert plant.along(0.15, 4, spring) == pytest.approx(-200.0 * 0.05, rel=1e-6)
-    assert plant.along(0.0, 4, spring) == pytest.approx(200.0 * 0.1, rel=1e-6)
-    stroke, viscous = MODEL.rig.stroke, MODEL.base()["friction.viscous"]
+    assert plant.stroke_table(0.15, 4, spring) == pytest.approx(-200.0 * 0.05, rel=1e-6)
+    assert plant.stroke_table(0.0, 4, spring) == pytest.approx(200.0 * 0.1, rel=1e-6)
+    stroke, viscous = MODEL.rig.stroke, MODEL.base_values()["friction.viscous"]
     assert plant.damping(stroke, 1.0, cushion) == pytest.approx(viscous + 200.0, rel=1e-6)
     assert plant.damping(stroke, -1.0, cushion) == pytest.approx(viscous)

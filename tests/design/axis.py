@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pneucli.closed_loop.law_comparison import controllers, plan_of, surfaces
-from pneucli.closed_loop.scenarios import start_at
-from pneucli.closed_loop.simulation import Bench, Scenario
-from pneucli.controller.laws.base import Plan
+from pneucli.closed_loop.law_comparison import collect_design_data, design_controllers, sliding_surfaces
+from pneucli.closed_loop.scenarios import equilibrium_at
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
+from pneucli.controller.laws.base import DesignData
 from pneucli.controller.parameters import Controller
-from pneucli.design.bandwidths import corners_of
+from pneucli.design.bandwidths import choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.requirements import Requirements
@@ -26,7 +26,7 @@ from pneucli.simulate.valve_forms.area import ValveArea
 
 TRUTH = json.loads((Path(__file__).parents[2] / "fixtures/truth.json").read_text())["demo"]["parameters"]
 COMMANDS = (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)
-BENCH = Bench(noise_p=400.0, quantum_x=1e-6)  # the fixture's sensors
+BENCH = ClosedLoopSetup(noise_p=400.0, quantum_x=1e-6)  # the fixture's sensors
 REQUIREMENTS = Requirements(quantum_x=1e-6, noise_p=400.0)
 SEALED = 300e3  # Pa, with which the fixture's axis recordings start in the middle
 RIG = Rig(
@@ -78,20 +78,22 @@ def arranged(arrangement: str) -> tuple[Model, Requirements]:
 
 
 @cache
-def plan(arrangement: str = "one-chamber") -> Plan:
+def plan(arrangement: str = "one-chamber") -> DesignData:
     """What every law is designed from; the PDC has the smallest weight type that is quickly found."""
     one, wanted = arranged(arrangement)
     cascade = design_cascade(one, wanted, SEALED)
-    corners, c = corners_of(one, wanted, cascade.values), cascade.values
+    corners, c = choose_bandwidths(one, wanted, cascade.values), cascade.values
     mechanical = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])["mechanical"]
     weights = compare_weight_types(c, 0.05, ("cno",))
-    return plan_of(cascade, corners, wanted, surfaces(mechanical, corners, wanted), VERTICES, weights, {})
+    return collect_design_data(
+        cascade, corners, wanted, sliding_surfaces(mechanical, corners, wanted), VERTICES, weights, {}
+    )
 
 
 @cache
 def bench_of_laws(arrangement: str = "one-chamber") -> tuple[Model, dict[str, Controller]]:
     """The axis and every law's controller for it."""
-    made, failed = controllers(plan(arrangement))
+    made, failed = design_controllers(plan(arrangement))
     assert not failed
     return arranged(arrangement)[0], made
 
@@ -99,6 +101,6 @@ def bench_of_laws(arrangement: str = "one-chamber") -> tuple[Model, dict[str, Co
 def scenario(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0, **more: object) -> Scenario:
     """A scenario of the axis that begins in balance."""
     n = reference.size
-    start = start_at(c.values, float(reference[0]))
+    start = equilibrium_at(c.values, float(reference[0]))
     supply = np.full(n, c.values["C_SUPPLY"])
     return Scenario("test", reference, np.broadcast_to(force, n).astype(float), supply, start, **more)

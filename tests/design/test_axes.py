@@ -16,25 +16,28 @@ from scipy.linalg import expm
 from scipy.signal import place_poles
 
 from pneucli.closed_loop import robustness
-from pneucli.closed_loop.robustness import Axes, plausible, sigma_of, success_rates
-from pneucli.closed_loop.simulation import Bench
+from pneucli.closed_loop.robustness import AxisDistribution, draw_effect_size, sigma_from_intervals, success_rates
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
-from pneucli.controller.codegen import controller_text
+from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.design import lpv, pdc
 from pneucli.design.pdc import Pdc
 from pneucli.design.sliding import axis_systems
-from pneucli.design.sliding_sector import Sector, resolved, sector_from_vertices, speed_floor
+from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices, speed_floor
 from pneucli.errors import InputError
-from pneucli.executors.engine import Threads
+from pneucli.executors.engine import ThreadEngine
 from pneucli.physics.declaration import Parameter
 from pneucli.physics.effects import catalogue
 from tests.design import axis
 
 C = axis.controller().values
 MODEL = axis.model()
-VOLUME_1, VOLUME_2 = C["C_DEAD_1"] + C["C_AREA_1"] * 0.08, C["C_DEAD_2"] + C["C_AREA_2"] * (C["C_STROKE"] - 0.08)
+VOLUME_1, VOLUME_2 = (
+    C["C_DEAD_VOLUME_1"] + C["C_AREA_1"] * 0.08,
+    C["C_DEAD_VOLUME_2"] + C["C_AREA_2"] * (C["C_STROKE"] - 0.08),
+)
 
 
 def test_the_whole_axis_is_the_derivative_of_motion_and_gas() -> None:
@@ -69,7 +72,7 @@ def test_the_parameter_varying_axis_is_friction_over_speed_and_the_stiffness_of_
     found = lpv.axis_matrices(C, np.array(v), np.array(x), floor)
     speed = 0.05
     friction = C["C_COULOMB"] + (C["C_STATIC"] - C["C_COULOMB"]) / (1 + (speed / C["C_STRIBECK"]) ** 2)
-    half = C["C_DEAD_2"] + 0.5 * C["C_AREA_2"] * C["C_STROKE"]
+    half = C["C_DEAD_VOLUME_2"] + 0.5 * C["C_AREA_2"] * C["C_STROKE"]
     p2 = C["C_P_MEAN"] * (half / VOLUME_2) ** C["C_GAMMA"]
     p1 = C["C_AMBIENT"] + C["C_AREA_2"] / C["C_AREA_1"] * (p2 - C["C_AMBIENT"])
     stiffness = C["C_GAMMA"] * (p1 * C["C_AREA_1"] ** 2 / VOLUME_1 + p2 * C["C_AREA_2"] ** 2 / VOLUME_2)
@@ -95,7 +98,7 @@ def test_a_study_starts_15_percent_off_with_half_the_flow_of_the_slower_directio
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seen: list[Any] = []
-    monkeypatch.setattr(lpv, "_study", lambda *a: seen.append(a) or "done")
+    monkeypatch.setattr(lpv, "_weight_study", lambda *a: seen.append(a) or "done")
     assert lpv.compare_weight_types(C, 0.3, ("cno", "ino")) == ["done", "done"]
     _, floor, kind, x0, scale, most = seen[0]
     assert (floor, kind) == (0.3, "cno")
@@ -115,7 +118,7 @@ def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
     )
     x0, scale = np.array([1e-9, 0.0, 0.0]), np.array([1.0, 1e-2, 1e-4])
     found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0, np.zeros((1, 2), complex))
-    peak, decayed = lpv.verify(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
+    peak, decayed = lpv.simulate_pdc(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
     step, states = expm((both[:, :3] - both[:, 3:] @ gains) * 2e-4), [x0]
     for _ in range(int(0.2 / 2e-4) - 1):
         states.append(step @ states[-1])
@@ -183,8 +186,8 @@ def test_a_width_not_above_one_is_no_sector(width: float) -> None:
 
 def test_a_sector_too_steep_is_resolved_less_and_a_flat_one_left_alone() -> None:
     found = sector_from_vertices([10.0, 50.0], 2.0, 1e-3, 20.0, 3.0)
-    assert resolved(found, 20.0, 60.0) is found
-    less = resolved(found, 20.0, 30.0)
+    assert limit_slope(found, 20.0, 60.0) is found
+    less = limit_slope(found, 20.0, 30.0)
     assert (less.lambda_1, less.lambda_2, less.a_1, less.a_2) == (pytest.approx(10.0), 30.0, 10.0, pytest.approx(30.0))
     assert less.speed_floor == pytest.approx(20.0 / (2.0 * 20.0))
     assert speed_floor(10.0, 2.0, 20.0, 10.0) == math.inf
@@ -192,37 +195,37 @@ def test_a_sector_too_steep_is_resolved_less_and_a_flat_one_left_alone() -> None
 
 def test_the_equivalent_force_leads_along_the_middle_and_knows_the_reference() -> None:
     """(6.16): m (mean a v - middle x2 + acceleration)."""
-    s = Sector(10.0, 50.0, 20.0, 60.0, 2.0, 1e-3, 0.1)
-    assert s.equivalent(0.1, 0.2, 3.0) == pytest.approx(2.0 * (30.0 * 0.1 - 40.0 * 0.2 + 3.0))
-    assert s.reach(8.0) == pytest.approx(8.0 * 1e-3 / (2.0 * 20.0))
-    near = 0.5 * s.reach(8.0)
-    assert float(s.switching(near, 0.0, s.reach(8.0))) == pytest.approx(-0.5)
-    assert float(s.switching(-1.0, 0.0)) == 1.0
-    assert s.force(near, 0.0, 0.1, 8.0) == pytest.approx(float(s.equivalent(0.1, 0.0)) - 4.0)
+    s = SlidingSector(10.0, 50.0, 20.0, 60.0, 2.0, 1e-3, 0.1)
+    assert s.equivalent_force(0.1, 0.2, 3.0) == pytest.approx(2.0 * (30.0 * 0.1 - 40.0 * 0.2 + 3.0))
+    assert s.boundary_layer(8.0) == pytest.approx(8.0 * 1e-3 / (2.0 * 20.0))
+    near = 0.5 * s.boundary_layer(8.0)
+    assert float(s.switching_term(near, 0.0, s.boundary_layer(8.0))) == pytest.approx(-0.5)
+    assert float(s.switching_term(-1.0, 0.0)) == 1.0
+    assert s.force(near, 0.0, 0.1, 8.0) == pytest.approx(float(s.equivalent_force(0.1, 0.0)) - 4.0)
 
 
 @pytest.mark.parametrize(("slope", "warned"), [(200.0, False), (201.0, True)])
 def test_a_sector_is_too_steep_beyond_a_fifth_a_sample(slope: float, warned: bool) -> None:
-    assert bool(Sector(10.0, 50.0, 20.0, slope, 2.0, 1e-3, 0.1).warning) == warned
+    assert bool(SlidingSector(10.0, 50.0, 20.0, slope, 2.0, 1e-3, 0.1).warning) == warned
 
 
 # --- drawn axes
 
 
 def test_a_draw_without_spread_is_the_model() -> None:
-    model, effect, sizes = Axes(MODEL, {}, {}, ()).draw(1, 5)
+    model, effect, sizes = AxisDistribution(MODEL, {}, {}, ()).draw(1, 5)
     assert (effect, sizes) == ("", {})
     assert model.valve == MODEL.valve
     assert dict(model.values) == dict(MODEL.values)
 
 
 def test_all_areas_of_a_valve_vary_together_and_volumes_by_their_tolerance() -> None:
-    axes = Axes(MODEL, {"no.such": 1.0}, {"valve.areas": 0.02, "rig.dead_volume_1": 0.1}, ())
+    axes = AxisDistribution(MODEL, {"no.such": 1.0}, {"valve.areas": 0.02, "rig.dead_volume_1": 0.1}, ())
     drawn = [axes.draw(1, k)[0] for k in range(400)]
     factors = np.array([np.array(m.valve.areas) / np.array(MODEL.valve.areas) for m in drawn])
     assert np.ptp(factors, axis=1).max() < 1e-12
     assert np.std(factors[:, 0]) == pytest.approx(0.02, rel=0.1)
-    volumes = [m.base()["rig.dead_volume_1"] / axis.RIG.dead_volume_1 for m in drawn]
+    volumes = [m.base_values()["rig.dead_volume_1"] / axis.RIG.dead_volume_1 for m in drawn]
     assert np.mean(volumes) == pytest.approx(1.0, abs=0.02)
     assert np.std(volumes) == pytest.approx(0.1, rel=0.1)
     assert "no.such" not in drawn[0].values
@@ -230,7 +233,7 @@ def test_all_areas_of_a_valve_vary_together_and_volumes_by_their_tolerance() -> 
 
 def test_a_drawn_effect_is_added_to_the_model() -> None:
     lag = catalogue()["valve-lag"]
-    model, name, sizes = Axes(MODEL, {}, {}, (lag,)).draw(1, 1)
+    model, name, sizes = AxisDistribution(MODEL, {}, {}, (lag,)).draw(1, 1)
     assert name == "valve-lag"
     assert [e.name for e in model.effects] == ["stribeck", "valve-lag"]
     assert model.values["valve-lag.time_constant"] == sizes["valve-lag.time_constant"]
@@ -252,24 +255,24 @@ def test_a_plausible_size_lies_between_the_typical_ones(
     parameter = Parameter("size", unit, None, -1e9, 1e9, typical)
     effect: Any = SimpleNamespace(name="e", parameters=(parameter,))
     model = replace(MODEL.with_values({"friction.coulomb": 15.0}), rig=replace(axis.RIG, stroke=0.2))
-    sizes = np.array([plausible(effect, model, np.random.default_rng(k))["e.size"] for k in range(500)])
+    sizes = np.array([draw_effect_size(effect, model, np.random.default_rng(k))["e.size"] for k in range(500)])
     assert low <= sizes.min() < low + 0.03 * (high - low)
     assert high - 0.03 * (high - low) < sizes.max() <= high
     middle = math.sqrt(low * high) if low * high > 0 else 0.5 * (low + high)
     assert np.median(sizes) == pytest.approx(middle, abs=0.12 * (high - low))
     tight: Any = SimpleNamespace(name="e", parameters=(replace(parameter, lower=middle, upper=middle),))
-    assert plausible(tight, model, np.random.default_rng(1))["e.size"] == middle
+    assert draw_effect_size(tight, model, np.random.default_rng(1))["e.size"] == middle
 
 
 def test_sigma_is_an_interval_over_twice_1_96() -> None:
-    found = sigma_of(
+    found = sigma_from_intervals(
         {"friction.coulomb": (10.0, 20.0), "no.such": (0.0, 1.0), "friction.viscous": (0.0, np.inf)}, MODEL
     )
     assert found == {"friction.coulomb": pytest.approx(10.0 / 3.919928)}
 
 
 def test_settings_have_usual_values_and_bounds() -> None:
-    usual = robustness.settings_from({}, "here")
+    usual = robustness.read_settings({}, "here")
     assert (usual.runs, usual.seed) == (112, 0)
     assert usual.checks == {"steady_um": 10.0, "cycle_um": 10.0, "recovery_s": 0.5, "load_error": 0.1}
     assert usual.tolerances == {
@@ -277,10 +280,10 @@ def test_settings_have_usual_values_and_bounds() -> None:
         "valve.areas": 0.02,
     }  # fmt: skip
     least, most = (
-        robustness.settings_from({"runs": r, "seed": s}, "here") for r, s in ((1, 0), (1_000_000, 1_000_000))
+        robustness.read_settings({"runs": r, "seed": s}, "here") for r, s in ((1, 0), (1_000_000, 1_000_000))
     )
     assert (least.runs, most.seed) == (1, 1_000_000)
-    stated = robustness.settings_from({"name": "mc", "kind": "x", "checks": {"rise_s": 0}}, "here")
+    stated = robustness.read_settings({"name": "mc", "kind": "x", "checks": {"rise_s": 0}}, "here")
     assert stated.checks["rise_s"] == 0.0
 
 
@@ -297,30 +300,30 @@ def test_settings_have_usual_values_and_bounds() -> None:
 )
 def test_settings_that_cannot_be_read_are_named(table: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=f"(?s){says}"):
-        robustness.settings_from(table, "here")
+        robustness.read_settings(table, "here")
 
 
-AXES = Axes(MODEL, {"friction.coulomb": 0.1}, {"valve.areas": 0.1}, (catalogue()["valve-lag"],))
+AXES = AxisDistribution(MODEL, {"friction.coulomb": 0.1}, {"valve.areas": 0.1}, (catalogue()["valve-lag"],))
 
 
-def study(**changed: Any) -> robustness.Study:
+def study(**changed: Any) -> robustness.MonteCarloStudy:
     scene = axis.scenario(axis.controller(), np.full(50, 0.1))
     known = {
         "axes": AXES,
         "controller": axis.controller(),
         "scenarios": (scene,),
-        "bench": Bench(),
+        "bench": ClosedLoopSetup(),
         "runs": 40,
         "seed": 1,
     }
-    return robustness.Study(**{**known, "checks": {"steady_um": 10.0}, **changed})
+    return robustness.MonteCarloStudy(**{**known, "checks": {"steady_um": 10.0}, **changed})
 
 
 @pytest.mark.parametrize(
     "changed",
     [
         {"seed": 2},
-        {"bench": Bench(noise_x=1e-6)},
+        {"bench": ClosedLoopSetup(noise_x=1e-6)},
         {"controller": axis.controller().with_values(C_KP=1.0)},
         {"scenarios": (axis.scenario(axis.controller(), np.full(50, 0.11)),)},
         {"scenarios": (axis.scenario(axis.controller(), np.full(50, 0.1), 1.0),)},
@@ -341,9 +344,9 @@ def test_the_number_of_runs_and_the_limits_do_not() -> None:
 def test_runs_go_in_chunks_of_sixteen_in_order_and_progress_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(robustness, "run_one", lambda study, k: [{"run": k}])
+    monkeypatch.setattr(robustness, "run_draw", lambda study, k: [{"run": k}])
     told: list[tuple[str, float]] = []
-    with closing(Threads(1)) as one:
+    with closing(ThreadEngine(1)) as one:
         rows = robustness.run_study(study(), one, tmp_path, lambda message, share: told.append((message, share)))
     assert [r["run"] for r in rows] == list(range(40))
     assert told == [("1 of 3 chunks", 1 / 3), ("2 of 3 chunks", 2 / 3), ("3 of 3 chunks", 1.0)]
@@ -356,14 +359,14 @@ def test_a_row_says_what_was_drawn_and_which_checks_it_held(monkeypatch: pytest.
     from pneucli.closed_loop.metrics import Metrics
 
     seen: list[Any] = []
-    monkeypatch.setattr(robustness, "run", lambda *a, **k: seen.append((a, k)))
+    monkeypatch.setattr(robustness, "simulate", lambda *a, **k: seen.append((a, k)))
     figures = dict.fromkeys(Metrics.__dataclass_fields__, 1.0) | {
         "load_error": np.nan,
         "cycle_um": 10.0,
         "steady_um": 10.1,
     }
-    monkeypatch.setattr(robustness, "measure", lambda *_: Metrics(**figures))
-    (row,) = robustness.run_one(study(checks={"steady_um": 10.0, "cycle_um": 10.0, "load_error": 0.1}), 3)
+    monkeypatch.setattr(robustness, "evaluate_run", lambda *_: Metrics(**figures))
+    (row,) = robustness.run_draw(study(checks={"steady_um": 10.0, "cycle_um": 10.0, "load_error": 0.1}), 3)
     assert row["held"] == {"steady_um": False, "cycle_um": True}
     assert (row["run"], row["scenario"], row["effect"]) == (3, "test", "valve-lag")
     assert set(row["sizes"]) == {"valve-lag.time_constant"}
@@ -382,7 +385,7 @@ def test_a_check_that_no_run_shows_has_no_rate() -> None:
 
 def test_every_number_of_the_controller_has_its_place() -> None:
     vector = axis.controller().vector()
-    assert vector.size == len(layout.PARAMETERS) - 1 + 4 * 201 + len(layout.ALONG) * layout.PLACES
+    assert vector.size == len(layout.PARAMETERS) - 1 + 4 * 201 + len(layout.STROKE_TABLES) * layout.STROKE_NODES
     for name in layout.PARAMETERS[:-1]:
         assert vector[getattr(layout, name)] == C[name]
     assert tuple(vector[layout.C_TABLE : layout.C_TABLE + 201]) == axis.controller().fill
@@ -396,25 +399,25 @@ def test_every_number_with_a_unit_has_one() -> None:
     none = {
         "C_MIRRORED",
         "C_TWO_VALVES",
-        *layout.SWITCHES,
-        "C_PRESSURE",
+        *layout.COMPONENT_SWITCHES,
+        "C_PRESSURE_MODE",
         "C_GAMMA",
-        "C_CRITICAL",
+        "C_CRITICAL_RATIO",
         "C_OBS_X",
         "C_OBS_P",
-        "C_OBS_SEEN",
-        "C_HURRY",
-        "C_SPOOL",
-        "C_SPOOL_MEAN",
-        "C_SENSE",
-        "C_SENSE_WAIT",
-        "C_WAIT",
+        "C_OBS_SENSOR",
+        "C_SPOOL_LEAD",
+        "C_SPOOL_SHARE",
+        "C_SPOOL_MEAN_SHARE",
+        "C_SENSOR_SHARE",
+        "C_SENSOR_DELAY",
+        "C_FLOW_DELAY",
         "C_SCALE_1",
         "C_SCALE_2",
-        "C_NODES",
-        "C_PLACES",
-        "C_SLOWING",
-        "C_WIDEST",
+        "C_TABLE_NODES",
+        "C_STROKE_NODES",
+        "C_DECELERATION_RATIO",
+        "C_DEADBAND_GAIN_MAX",
         "C_TABLE",
     }
     assert set(layout.PARAMETERS) - set(layout.UNITS) == none
@@ -422,7 +425,7 @@ def test_every_number_with_a_unit_has_one() -> None:
         "C_PERIOD": "s",
         "C_AREA_1": "m^2",
         "C_STROKE": "m",
-        "C_DEAD_2": "m^3",
+        "C_DEAD_VOLUME_2": "m^3",
         "C_AMBIENT": "Pa",
         "C_COULOMB": "N",
     }
@@ -432,13 +435,13 @@ def test_every_number_with_a_unit_has_one() -> None:
         "C_KD": "1/s",
         "C_KI": "1/s^3",
         "C_OBS_LOAD": "N/m",
-        "C_FLOW_STEP": "Pa/s",
+        "C_FLOW_STEP_MAX": "Pa/s",
     }
     last = {
         "C_VISCOUS": "N s/m",
         "C_A_MAX": "m/s^2",
-        "C_SECTOR_RATE": "N/(s m)",
-        "C_SECTOR_SLOW": "N/s",
+        "C_RAMP_RATE_PER_ERROR": "N/(s m)",
+        "C_RAMP_RATE_MIN": "N/s",
         "C_U_MAX": "V",
         "C_MASS": "kg",
     }
@@ -455,7 +458,7 @@ def test_replaced_numbers_are_replaced_alone_and_text_keeps_all() -> None:
 
 
 def test_the_kernel_gets_the_controllers_constants_and_functions_as_text() -> None:
-    text = controller_text()
+    text = controller_source()
     names: dict[str, Any] = {"math": math}
     exec(text.replace("flow_function", "abs"), names)
     for name in (*(n for n in layout.STATE if hasattr(layout, n)), *layout.PARAMETERS, "L_U1", "L_ROW"):

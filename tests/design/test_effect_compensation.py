@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from pneucli.design.effect_compensation import (
-    breakaway,
+    breakaway_friction,
     critical_ratio,
     dead_volumes,
     flow_delay,
+    has_restoring_force,
+    identify_spool,
     moving_mass,
-    pull,
-    pulls_back,
+    restoring_force,
     sensor_delay,
     sensor_lag,
-    spool,
 )
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
@@ -51,7 +51,7 @@ OWN = Effect(
 
 def test_a_mass_counts_whatever_the_effect_is_called():
     own = replace(model(), effects=(OWN,)).with_values({"my-payload.mass": 3.0})
-    bare = model().base()["rig.moving_mass"]
+    bare = model().base_values()["rig.moving_mass"]
     assert moving_mass(own) == pytest.approx(bare + 3.0)
     assert moving_mass(with_("extra-mass", mass=3.0)) == moving_mass(own)
 
@@ -67,13 +67,13 @@ def test_the_critical_ratio_is_that_of_the_effect():
 
 
 def test_break_away_and_half_speed_are_static_friction_and_stribeck_velocity():
-    coulomb = model().base()["friction.coulomb"]
-    static, fallen = breakaway(with_("stribeck", static=coulomb + 7.0, velocity=0.013))
+    coulomb = model().base_values()["friction.coulomb"]
+    static, fallen = breakaway_friction(with_("stribeck", static=coulomb + 7.0, velocity=0.013))
     assert static == pytest.approx(coulomb + 7.0)
     assert fallen == pytest.approx(0.013, rel=1e-6)
-    slow = breakaway(with_("stribeck", static=coulomb + 0.2, velocity=5e-5))[1]
+    slow = breakaway_friction(with_("stribeck", static=coulomb + 0.2, velocity=5e-5))[1]
     assert slow == pytest.approx(5e-5, rel=1e-8)
-    assert breakaway(model()) == (coulomb, 1.0)
+    assert breakaway_friction(model()) == (coulomb, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -89,14 +89,16 @@ def test_break_away_and_half_speed_are_static_friction_and_stribeck_velocity():
 def test_what_is_late_between_command_and_reading(effect, values, late):
     """2 %: the answer of the valve is summed in steps of 1 ms."""
     known = with_(effect, **values)
-    found = (spool(known).lag, flow_delay(known), sensor_lag(known), sensor_delay(known))
+    found = (identify_spool(known).lag, flow_delay(known), sensor_lag(known), sensor_delay(known))
     assert found == pytest.approx(late, rel=0.02, abs=1e-5)
 
 
 def test_springs_and_weights_pull_toward_the_start_of_the_stroke() -> None:
     spring = with_("spring-force", stiffness=1000.0, rest_position=-0.05)
-    assert pull(spring, np.array([0.0, 0.1])) == pytest.approx([50.0, 150.0])
-    assert pulls_back(spring)
-    assert pulls_back(with_("constant-force", force=20.0))
-    assert not pulls_back(model())
-    assert not pulls_back(with_("spring-force", stiffness=1000.0, rest_position=0.01))  # pushes outward at the start
+    assert restoring_force(spring, np.array([0.0, 0.1])) == pytest.approx([50.0, 150.0])
+    assert has_restoring_force(spring)
+    assert has_restoring_force(with_("constant-force", force=20.0))
+    assert not has_restoring_force(model())
+    assert not has_restoring_force(
+        with_("spring-force", stiffness=1000.0, rest_position=0.01)
+    )  # pushes outward at the start

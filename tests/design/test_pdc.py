@@ -54,8 +54,8 @@ def test_tighter_weights_let_the_axis_decay_faster_and_simulation_keeps_what_the
     for study in (loose, tight):
         assert study.pdc is not None
         assert study.pdc.verified
-        assert study.peak <= 1.0
-        assert study.decayed <= 1.0 + 1e-6
+        assert study.peak_input_ratio <= 1.0
+        assert study.lyapunov_ratio <= 1.0 + 1e-6
 
 
 def test_a_type_that_does_not_exist_for_these_samples_says_so() -> None:

@@ -15,7 +15,7 @@ from pneucli.design.sliding import (
     require_matching,
     surface_by_lq,
     surface_by_poles,
-    unmatched,
+    unmatched_disturbances,
 )
 from pneucli.errors import InputError
 from tests.design import axis
@@ -38,9 +38,9 @@ def test_in_regular_form_the_inputs_act_on_the_last_states_alone_and_the_poles_s
 
 def test_the_whole_pneumatic_system_breaks_the_matching_condition_and_its_subsystems_keep_it() -> None:
     """Thesis 7.1: the valve acts on p1, friction and load on v."""
-    assert unmatched(SYSTEMS["whole"]) == {"friction and load": ["v"]}
-    assert not unmatched(SYSTEMS["mechanical"])
-    assert not unmatched(SYSTEMS["pneumatic"])
+    assert unmatched_disturbances(SYSTEMS["whole"]) == {"friction and load": ["v"]}
+    assert not unmatched_disturbances(SYSTEMS["mechanical"])
+    assert not unmatched_disturbances(SYSTEMS["pneumatic"])
     with pytest.raises(InputError, match=r"friction and load acts on v[\s\S]*cascade"):
         require_matching(SYSTEMS["whole"], "axis")
     require_matching(SYSTEMS["mechanical"], "axis")

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.controller.stiction import switching
-from pneucli.design.sliding_sector import Sector, resolved, sector_from_vertices
+from pneucli.controller.stiction import sector_switching_term
+from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
 from tests.design import axis
 
 MASS, STATIC, PERIOD = axis.TRUTH["mass"], axis.TRUTH["static"], 1e-3
 STEEP = sector_from_vertices([7738.0, 32.0], MASS, PERIOD, STATIC)  # the vertices of model B of fixtures/demo
-SECTOR = resolved(STEEP, STATIC, 60.0)
+SECTOR = limit_slope(STEEP, STATIC, 60.0)
 NUMBERS = st.floats(-1.0, 1.0).filter(lambda x: abs(x) > 1e-6)
 
 
@@ -23,13 +23,13 @@ def test_for_a_constant_reference_both_lines_have_the_same_equivalent_force(v: f
     """F_eq,i = m (a_i - lambda_i) x2 (6.16), which the choice of the lines makes equal (6.17, 6.18)."""
     forces = [MASS * (a - line) * v for a, line in ((STEEP.a_1, STEEP.lambda_1), (STEEP.a_2, STEEP.lambda_2))]
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
-    assert STEEP.equivalent(v, v) == pytest.approx(forces[0], rel=1e-9)
+    assert STEEP.equivalent_force(v, v) == pytest.approx(forces[0], rel=1e-9)
 
 
 @given(NUMBERS, NUMBERS)
 def test_outside_the_sector_it_is_a_relay_inside_it_lies_between(x1: float, x2: float) -> None:
     s1, s2 = x2 + SECTOR.lambda_1 * x1, x2 + SECTOR.lambda_2 * x1
-    u = float(SECTOR.switching(x1, x2))
+    u = float(SECTOR.switching_term(x1, x2))
     if s1 * s2 > 0:
         assert u == pytest.approx(-np.sign(s1))
     assert -1.0 <= u <= 1.0
@@ -38,20 +38,20 @@ def test_outside_the_sector_it_is_a_relay_inside_it_lies_between(x1: float, x2: 
 @given(st.floats(0.01, 1.0))
 def test_it_is_continuous_over_both_lines(x1: float) -> None:
     for line in (SECTOR.lambda_1, SECTOR.lambda_2):
-        sides = SECTOR.switching(x1, -line * x1 * np.array([1 - 1e-9, 1 + 1e-9]))
+        sides = SECTOR.switching_term(x1, -line * x1 * np.array([1 - 1e-9, 1 + 1e-9]))
         assert sides[0] == pytest.approx(sides[1], abs=1e-6)
 
 
 def test_it_is_zero_at_the_origin_and_near_the_middle_line() -> None:
-    assert SECTOR.switching(0.0, 0.0) == 0.0
-    assert abs(float(SECTOR.switching(1.0, -SECTOR.middle))) < 1e-12
+    assert SECTOR.switching_term(0.0, 0.0) == 0.0
+    assert abs(float(SECTOR.switching_term(1.0, -SECTOR.middle))) < 1e-12
 
 
 @given(NUMBERS, NUMBERS)
 def test_the_controller_switches_by_the_same_term(x1: float, x2: float) -> None:
     """The step counts errors as reference minus position, hence the sign."""
     c = axis.controller().vector()
-    assert switching(-x1, -x2, c) == pytest.approx(float(SECTOR.switching(x1, x2)), abs=1e-12)
+    assert sector_switching_term(-x1, -x2, c) == pytest.approx(float(SECTOR.switching_term(x1, x2)), abs=1e-12)
 
 
 def test_vertices_that_the_sample_time_cannot_follow_lead_to_a_remark_that_states_the_choice() -> None:
@@ -91,7 +91,7 @@ def test_the_sector_chatters_ten_times_less_than_the_plain_relay_and_ends_within
     sector = piston(lambda x, v: SECTOR.force(x, v, v, most))
     chattering = [np.abs(np.diff(f)).mean() for _, f in (relay, sector)]
     assert 10.0 * chattering[1] <= chattering[0]
-    assert np.abs(sector[0][-100:]).max() <= SECTOR.reach(most)
+    assert np.abs(sector[0][-100:]).max() <= SECTOR.boundary_layer(most)
 
 
 def test_the_sector_follows_a_moving_reference() -> None:
@@ -118,5 +118,5 @@ def test_the_sector_follows_a_moving_reference() -> None:
 
 
 def test_a_sector_keeps_its_numbers() -> None:
-    assert isinstance(SECTOR, Sector)
+    assert isinstance(SECTOR, SlidingSector)
     assert SECTOR.steepness == pytest.approx(0.06)

@@ -10,28 +10,28 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import posterior
-from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import Bench
-from pneucli.diagnose.equivalence import Place
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.posterior import (
-    agreement,
-    evidence_of,
-    examined,
-    explained,
-    imposed,
-    told,
-    unseen_force,
-    weighed,
-    without_refused,
+    acts_only_under_imposed_motion,
+    collect_evidence,
+    decide,
+    disagreement_between_recordings,
+    explained_excess_cost,
+    has_calibration,
+    has_unmeasured_force,
+    passes_fallback,
+    retest_without_refused,
 )
-from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.physics.effects import catalogue
 from tests.diagnose import trials
 from tests.diagnose.trials import bench, trial
-from tests.simulate.synthetic_experiments import bench as recorded
-from tests.simulate.synthetic_experiments import clock
+from tests.simulate.synthetic_experiments import make_experiment as recorded
+from tests.simulate.synthetic_experiments import time_grid
 
 STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
 WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
@@ -59,16 +59,18 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
         read: float | None = None,
         law: bool = False,
     ) -> str:
-        place = None if read is None else Place(TRIED, ())
-        monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(read, 100.0)])
-        monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: evidence._replace(complete=complete))
-        monkeypatch.setattr(posterior, "contradicted", lambda model, effect, views: contradicted)
-        monkeypatch.setattr(posterior, "outdone", lambda bench, one: "a law" if law and one is place else None)
-        errors = [(TRIED.before, 10.0, 10.0), (TRIED.state, *((5.0, 5.0) if falls else (10.5, 10.5)))]
-        left = [Remainder(Forces, "force", 5.0, 5.0, ())] * unknown
-        monkeypatch.setattr(posterior, "examined", lambda bench, effect: True)
-        decision, rests_on = weighed(bench(errors), TRIED.state, TRIED, left, place)
-        assert (decision.effect, decision.trial) == (TRIED.effect, TRIED)
+        place = None if read is None else Term(TRIED, ())
+        monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: [(read, 100.0)])
+        monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
+        monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, views: contradicted)
+        monkeypatch.setattr(
+            posterior, "nonparametric_rival", lambda bench, one: "a law" if law and one is place else None
+        )
+        errors = [(TRIED.reduced, 10.0, 10.0), (TRIED.full, *((5.0, 5.0) if falls else (10.5, 10.5)))]
+        left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
+        monkeypatch.setattr(posterior, "has_calibration", lambda bench, effect: True)
+        decision, rests_on = decide(bench(errors), TRIED.full, TRIED, left, place)
+        assert (decision.effect, decision.candidate) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
         return decision.reason
 
@@ -117,10 +119,10 @@ def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unk
 @pytest.mark.parametrize("unseen", [True, False])
 def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
     """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
-    view = object.__new__(Forces)
+    view = object.__new__(ForceBalance)
     object.__setattr__(view, "experiment", SimpleNamespace(lacks_p2=unseen, parts={"cylinder"}))
-    assert unseen_force([view], catalogue()["spring-force"]) == unseen
-    assert not unseen_force([], catalogue()["spring-force"])
+    assert has_unmeasured_force([view], catalogue()["spring-force"]) == unseen
+    assert not has_unmeasured_force([], catalogue()["spring-force"])
 
 
 # --- where no exam tells
@@ -141,18 +143,18 @@ def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
 def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
     share: float, disagreement: float, ratio: float, held_out: bool, named: bool
 ) -> None:
-    left = [Remainder(Forces, "force", ratio, ratio, ())]
-    assert told(bench(held_out=held_out), share, disagreement, left) == named
+    left = [LackOfFit(ForceBalance, "force", ratio, ratio, ())]
+    assert passes_fallback(bench(held_out=held_out), share, disagreement, left) == named
 
 
 @pytest.mark.parametrize(
     ("kind", "held_out", "known"),
-    [(Forces, True, True), (Imposed, True, True), (Whole, True, False), (Forces, False, False)],
+    [(ForceBalance, True, True), (ImposedMotion, True, True), (FreeRun, True, False), (ForceBalance, False, False)],
 )
 def test_exams_hold_recordings_out_and_have_what_each_subsystem_needs(kind: Any, held_out: bool, known: bool) -> None:
-    seen = kind(recorded("friction", clock(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    seen = kind(recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
     where: Any = SimpleNamespace(train=[seen], checked=held_out)
-    assert examined(where, catalogue()["stribeck"]) == known
+    assert has_calibration(where, catalogue()["stribeck"]) == known
 
 
 # --- what it rests on
@@ -163,8 +165,8 @@ def state(squares: float, samples: int = 100, **more: Any) -> Any:
 
 
 def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
-    assert explained(state(300.0), state(150.0)) == pytest.approx(0.75)
-    assert explained(state(300.0), state(350.0)) == pytest.approx(-0.25)
+    assert explained_excess_cost(state(300.0), state(150.0)) == pytest.approx(0.75)
+    assert explained_excess_cost(state(300.0), state(350.0)) == pytest.approx(-0.25)
 
 
 def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
@@ -172,15 +174,15 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     tried: Any = SimpleNamespace(
         before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
-    where: Any = SimpleNamespace(train=kinds(Forces), shown=shown)
-    monkeypatch.setattr(posterior, "facts_of", lambda model, experiments: (model, *experiments))
+    where: Any = SimpleNamespace(train=kinds(ForceBalance), shown=shown)
+    monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
     monkeypatch.setattr(
         posterior, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
-    monkeypatch.setattr(posterior, "magnitude", lambda fit, effect, facts: sizes[fit, effect.name, facts])
+    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: sizes[fit, effect.name, facts])
     stood: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
-    return evidence_of(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
+    return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,22 +206,24 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
 ) -> None:
     """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
     tried, other = trial("time-skew", before=trials.state()), trial("valve-lag")
-    errors = {id(tried.before.model): 4.0, id(tried.state.model): 2.0}
+    errors = {id(tried.reduced.model): 4.0, id(tried.full.model): 2.0}
     where = replace(
         bench(held_out=False),
-        train=kinds(Imposed, Forces),
+        train=kinds(ImposedMotion, ForceBalance),
         shown=lambda model: {"train": 9.0, "test": errors[id(model)]},
     )
     monkeypatch.setattr(
-        posterior, "facts_of", lambda model, experiments: "facts" if model is tried.state.model else None
+        posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
     )
-    monkeypatch.setattr(posterior, "significance", lambda fit, effect: 20.0 if fit is tried.state.fit else 0.0)
-    monkeypatch.setattr(posterior, "magnitude", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
-    monkeypatch.setattr(Place, "left", lambda self, bench: 0.3 if self.named is tried else None)
-    monkeypatch.setattr(Place, "alike", lambda self, bench, complete: () if complete else self.rivals)
+    monkeypatch.setattr(posterior, "significance", lambda fit, effect: 20.0 if fit is tried.full.fit else 0.0)
+    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
+    monkeypatch.setattr(Term, "left", lambda self, bench: 0.3 if self.named is tried else None)
+    monkeypatch.setattr(Term, "equivalents", lambda self, bench, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
-    assert posterior.likely(where, Place(tried, ())) == probability(known._replace(effects=("time-skew",)))
-    assert posterior.likely(where, Place(tried, (other,))) == probability(
+    assert posterior.posterior_probability(where, Term(tried, ())) == probability(
+        known._replace(effects=("time-skew",))
+    )
+    assert posterior.posterior_probability(where, Term(tried, (other,))) == probability(
         known._replace(effects=("time-skew", "valve-lag"))
     )
 
@@ -236,20 +240,24 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: WEAK)
+    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: WEAK)
     monkeypatch.setattr(posterior, "probability", lambda evidence: 0.75)
     where = replace(bench(held_out=False), shown=None if errors is None else lambda model: errors)
-    assert posterior.standing(where, trial("stribeck", before=trials.state())) == pytest.approx(expected)
+    assert posterior.log_odds_among_equivalents(where, trial("stribeck", before=trials.state())) == pytest.approx(
+        expected
+    )
     monkeypatch.setattr(posterior, "probability", lambda evidence: 1.0)
-    assert np.isfinite(posterior.standing(where, trial("stribeck", before=trials.state())))
+    assert np.isfinite(posterior.log_odds_among_equivalents(where, trial("stribeck", before=trials.state())))
 
 
 def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """The unknown that one of them resembles, all of them do."""
     where = replace(bench(held_out=False), shown=None)
-    monkeypatch.setattr(posterior, "_sure_and_size", lambda bench, state, effect: (20.0, 0.5))
-    monkeypatch.setattr(Place, "left", lambda self, bench: 0.3)
-    clock, spool = (posterior.standing(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag"))
+    monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, 0.5))
+    monkeypatch.setattr(Term, "left", lambda self, bench: 0.3)
+    clock, spool = (
+        posterior.log_odds_among_equivalents(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag")
+    )
     assert clock == spool
 
 
@@ -260,17 +268,17 @@ def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
     """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
     where = replace(bench(held_out=False), shown=None)
     sizes = {"constant-force": 1.0, "pressure-offset": size}
-    monkeypatch.setattr(posterior, "_sure_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
-    monkeypatch.setattr(Place, "left", lambda self, bench: 0.3)
-    force, offset = (posterior.standing(where, trial(name, before=trials.state())) for name in sizes)
+    monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
+    monkeypatch.setattr(Term, "left", lambda self, bench: 0.3)
+    force, offset = (posterior.log_odds_among_equivalents(where, trial(name, before=trials.state())) for name in sizes)
     assert offset < force if less else offset == force
 
 
 def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:
     effect = catalogue()["extra-mass"]
-    unfelt = kinds(Chambers, feels=False)
-    assert imposed(replace(bench(), train=[*kinds(Imposed), *unfelt]), effect)
-    assert not imposed(replace(bench(), train=kinds(Imposed, Forces)), effect)
+    unfelt = kinds(ChamberPressures, feels=False)
+    assert acts_only_under_imposed_motion(replace(bench(), train=[*kinds(ImposedMotion), *unfelt]), effect)
+    assert not acts_only_under_imposed_motion(replace(bench(), train=kinds(ImposedMotion, ForceBalance)), effect)
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -286,7 +294,7 @@ def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPa
     where: Any = SimpleNamespace(
         train=[view("b", 2, "p1", "p2"), view("a", 3, "p1"), view("b", 1, "force")], effects=catalogue()
     )
-    fit, name, recordings = agreement(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
+    fit, name, recordings = disagreement_between_recordings(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
     assert (fit, name, recordings) == ("fit", "extra-mass", [1] * 4 + [0] * 3 + [1])
 
 
@@ -305,22 +313,22 @@ def test_only_what_passes_without_the_effects_that_are_refused_is_named(
     mass, offset = (trial(n) for n in ("extra-mass", "pressure-offset"))
     last, alone, neither = (trials.state(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
     ways = {(id(last), "pressure-offset"): alone, (id(alone), "extra-mass"): neither}
-    monkeypatch.setattr(Bench, "without", lambda self, one, effects: [ways[id(one), effects[0].name]])
+    monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     step = replace(mass, before=neither, state=alone)
-    monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: step)
-    monkeypatch.setattr(posterior, "supported", lambda bench, before, tried: tried if passes else [])
+    monkeypatch.setattr(DiagnosisData, "candidate", lambda self, before, after, effect: step)
+    monkeypatch.setattr(posterior, "passing_candidates", lambda bench, before, tried: tried if passes else [])
     there = STRONG if passes else WEAK
-    monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(posterior, "examined", lambda bench, effect: True)
-    monkeypatch.setattr(posterior, "contradicted", lambda model, effect, views: False)
+    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(posterior, "has_calibration", lambda bench, effect: True)
+    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, views: False)
     found = bench([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
-    left = [Remainder(Forces, "force", 5.0, 5.0, ())]
+    left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())]
     weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, "at-bound", offset), WEAK)]
-    (first, _), (second, _) = without_refused(found, last, weights, left)
+    (first, _), (second, _) = retest_without_refused(found, last, weights, left)
     assert (first.reason, second.reason) == (named, "at-bound")
-    assert without_refused(found, last, weights, []) == weights  # noise alone is left
-    assert without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
-    assert without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named
+    assert retest_without_refused(found, last, weights, []) == weights  # noise alone is left
+    assert retest_without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
+    assert retest_without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named
 
 
 @pytest.mark.parametrize(("left", "likely", "named"), [(5.0, False, False), (5.0, True, True), (1.0, False, True)])
@@ -331,24 +339,26 @@ def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
     mass, spring = (trial(n) for n in ("extra-mass", "spring-force"))
     last, alone, neither = (trials.state(n) for n in (["extra-mass", "spring-force"], ["extra-mass"], []))
     ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
-    monkeypatch.setattr(Bench, "without", lambda self, one, effects: [ways[id(one), effects[0].name]])
-    monkeypatch.setattr(Bench, "trial", lambda self, before, after, effect: replace(mass, before=before, state=after))
-    monkeypatch.setattr(posterior, "supported", lambda bench, before, tried: tried)
+    monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
+    monkeypatch.setattr(
+        DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, before=before, state=after)
+    )
+    monkeypatch.setattr(posterior, "passing_candidates", lambda bench, before, tried: tried)
     monkeypatch.setattr(
         posterior,
-        "remains",
-        lambda bench, one: ([Remainder(Forces, "force", left, left, ())] * (one.model is alone.model), []),
+        "lack_of_fit",
+        lambda bench, one: ([LackOfFit(ForceBalance, "force", left, left, ())] * (one.model is alone.model), []),
     )
     there = STRONG if likely else WEAK
-    monkeypatch.setattr(posterior, "evidence_of", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(posterior, "examined", lambda bench, effect: True)
-    monkeypatch.setattr(posterior, "contradicted", lambda model, effect, views: False)
-    monkeypatch.setattr(posterior, "outdone", lambda bench, one: None)
+    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(posterior, "has_calibration", lambda bench, effect: True)
+    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, views: False)
+    monkeypatch.setattr(posterior, "nonparametric_rival", lambda bench, one: None)
     found = bench([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
     weights = [
         (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),
         (Decision(spring.effect, "explained-by-signal", spring), STRONG),
     ]
-    (first, evidence), (second, _) = without_refused(found, last, weights, [])
+    (first, evidence), (second, _) = retest_without_refused(found, last, weights, [])
     assert (first.supported, second.reason) == (named, "explained-by-signal")
     assert evidence.complete == (left == 1.0)

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.detectability import Detectable, cannot_show
-from pneucli.diagnose.diagnosis import _one_each
+from pneucli.diagnose.detectability import MinimumDetectableEffect, undetectable_effects
+from pneucli.diagnose.diagnosis import _first_decision_each
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import VIEW, bench, trial
 
@@ -20,10 +20,12 @@ def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
     names = ("valve-lag", "extra-mass", "stribeck")
     where = replace(bench(), train=[deaf], effects={n: KNOWN[n] for n in names})
     sizes = [
-        Detectable(KNOWN["extra-mass"], KNOWN["extra-mass"].parameters[0], 90.0, plausible=False, typical=False),
-        Detectable(KNOWN["stribeck"], KNOWN["stribeck"].parameters[0], 0.1, plausible=True, typical=True),
+        MinimumDetectableEffect(
+            KNOWN["extra-mass"], KNOWN["extra-mass"].parameters[0], 90.0, plausible=False, typical=False
+        ),
+        MinimumDetectableEffect(KNOWN["stribeck"], KNOWN["stribeck"].parameters[0], 0.1, plausible=True, typical=True),
     ]
-    found = cannot_show(where, sizes)
+    found = undetectable_effects(where, sizes)
     assert {d.effect.name: d.reason for d in found} == {"valve-lag": "cannot-show", "extra-mass": "cannot-show"}
 
 
@@ -35,4 +37,7 @@ def test_that_it_cannot_show_says_more_than_that_the_screen_left_it_out_and_less
         Decision(mass, "cannot-show"),
         Decision(lag, "cannot-show"),
     ]
-    assert {d.effect.name: d.reason for d in _one_each(said)} == {"extra-mass": "cannot-show", "valve-lag": "vanishes"}
+    assert {d.effect.name: d.reason for d in _first_decision_each(said)} == {
+        "extra-mass": "cannot-show",
+        "valve-lag": "vanishes",
+    }

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pneucli.changes.baseline import Coordinate, Reference, Start, aligned
+from pneucli.changes.baseline import Baseline, Coordinate, TypicalEffect, align
 from pneucli.changes.comparison import Comparison, Hypothesis
 
 BLOCKS = 60
 Array = NDArray[np.float64]
 
 
-def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float = 0.0, noise: float = 1.0) -> Reference:
+def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float = 0.0, noise: float = 1.0) -> Baseline:
     """A straight line through noisy readings, two parameters and one effect (a parabola) that the model lacks."""
     t = np.linspace(-1.0, 1.0, 20 * BLOCKS)
     jacobian, parabola = np.column_stack([np.ones_like(t), t]), t**2 + 0.3
@@ -29,9 +29,9 @@ def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float =
     def by_block(values: Array) -> Array:
         return np.bincount(block, values)
 
-    return Reference(
+    return Baseline(
         tuple(Coordinate(n, "N", float(v), False, False) for n, v in zip("ab", found, strict=True)),
-        (Start("bend", {"bend.size": 1.0}),),
+        (TypicalEffect("bend", {"bend.size": 1.0}),),
         -np.column_stack([by_block(c * residual) for c in jacobian.T]) @ bread,
         bread,
         np.array([-float(new @ residual) / power]),
@@ -50,7 +50,7 @@ def test_where_nothing_changed_the_chances_are_what_they_say() -> None:
     rng = np.random.default_rng(1)
     pairs = [Comparison(linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))) for _ in range(400)]
     for name in ("a", "b", "bend"):
-        chances = [next(t.p_value for t in c.tested() if t.hypothesis.name == name) for c in pairs]
+        chances = [next(t.p_value for t in c.test_all() if t.hypothesis.name == name) for c in pairs]
         assert np.mean(np.array(chances) < 0.05) == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 400))
 
 
@@ -60,7 +60,7 @@ def test_the_one_thing_that_changed_stands_first_with_its_size(
     theta: tuple[float, float], effect: float, name: str
 ) -> None:
     rng = np.random.default_rng(2)
-    first = Comparison(linear(rng, (1.0, 2.0)), linear(rng, theta, effect)).tested()[0]
+    first = Comparison(linear(rng, (1.0, 2.0)), linear(rng, theta, effect)).test_all()[0]
     size = {"a": 0.3, "b": 0.5, "bend": 1.0}[name]
     assert (first.hypothesis.name, first.p_value < 1e-6) == (name, True)
     assert first.size == pytest.approx(size, abs=4 * first.error)
@@ -68,7 +68,7 @@ def test_the_one_thing_that_changed_stands_first_with_its_size(
 
 def test_what_the_model_lacks_on_both_sides_is_no_change() -> None:
     rng = np.random.default_rng(3)
-    tested = Comparison(linear(rng, (1.0, 2.0), 5.0), linear(rng, (1.0, 2.0), 5.0)).tested()
+    tested = Comparison(linear(rng, (1.0, 2.0), 5.0), linear(rng, (1.0, 2.0), 5.0)).test_all()
     assert min(t.p_value for t in tested) > 1e-3
 
 
@@ -76,17 +76,17 @@ def test_a_second_change_shows_beside_the_first() -> None:
     rng = np.random.default_rng(4)
     both = Comparison(linear(rng, (1.0, 2.0)), linear(rng, (1.5, 2.6)))
     (a,) = [h for h in both.hypotheses if h.name == "a"]
-    beside = both.because(a).tested()[0]
+    beside = both.with_accepted(a).test_all()[0]
     assert (beside.hypothesis.name, beside.size) == ("b", pytest.approx(0.6, abs=4 * beside.error))
 
 
 def test_a_residual_that_grew_is_seen_and_a_noise_that_is_estimated_a_little_otherwise_is_not() -> None:
     rng = np.random.default_rng(5)
     old = linear(rng, (1.0, 2.0))
-    assert Comparison(old, linear(rng, (1.0, 2.0), noise=2.0)).level().p_value < 1e-6
-    assert Comparison(old, linear(rng, (1.0, 2.0), noise=1.04)).level().p_value > 0.05
+    assert Comparison(old, linear(rng, (1.0, 2.0), noise=2.0)).residual_level_test().p_value < 1e-6
+    assert Comparison(old, linear(rng, (1.0, 2.0), noise=1.04)).residual_level_test().p_value > 0.05
     fewer = replace(old, levels=old.levels[:30])
-    assert Comparison(fewer, linear(rng, (1.0, 2.0), noise=2.0)).level().p_value < 1e-6
+    assert Comparison(fewer, linear(rng, (1.0, 2.0), noise=2.0)).residual_level_test().p_value < 1e-6
 
 
 def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
@@ -97,7 +97,7 @@ def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
     share[7] = 1.0 - 1e-9
     only = np.where(share > 0.5, 8.0, 0.0)
     lone = replace(new, steps=np.array([8.0]), step_influence=only, share=share)
-    tested = Comparison(old, lone).test(Hypothesis("bend", start=0))
+    tested = Comparison(old, lone).test(Hypothesis("bend", effect_index=0))
     assert tested is not None
     assert tested.p_value > 1e-3
 
@@ -105,11 +105,11 @@ def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
 def test_what_only_one_side_has_is_left_out() -> None:
     rng = np.random.default_rng(7)
     old, new = linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))
-    fewer = new.only(["b"], [])
-    one, other = aligned(old, fewer)
+    fewer = new.restricted_to(["b"], [])
+    one, other = align(old, fewer)
     assert [c.name for c in one.coordinates] == [c.name for c in other.coordinates] == ["b"]
     assert one.steps.size == other.steps.size == 0
-    assert Comparison(one, other).tested()[0].p_value > 1e-3
+    assert Comparison(one, other).test_all()[0].p_value > 1e-3
 
 
 def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_together() -> None:
@@ -128,10 +128,10 @@ def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_togeth
 def test_an_effect_that_cannot_fall_below_none_is_not_named_for_doing_so() -> None:
     rng = np.random.default_rng(9)
     sides = [linear(rng, (1.0, 2.0), effect) for effect in (0.0, -1.0, 1.0)]
-    none, below, there = (replace(s, starts=(replace(s.starts[0], one_sided=True),)) for s in sides)
+    none, below, there = (replace(s, starts=(replace(s.typical_effects[0], one_sided=True),)) for s in sides)
 
-    def chance(old: Reference, new: Reference) -> float:
-        return next(t.p_value for t in Comparison(old, new).tested() if t.hypothesis.name == "bend")
+    def chance(old: Baseline, new: Baseline) -> float:
+        return next(t.p_value for t in Comparison(old, new).test_all() if t.hypothesis.name == "bend")
 
     assert chance(none, below) == 1.0
     assert chance(none, there) < 1e-6
@@ -144,21 +144,21 @@ def test_a_reference_with_an_effect_in_it_is_as_if_the_model_had_had_it() -> Non
     old, noise = two_bends(rng, (0.0, 0.0)), rng.standard_normal(20 * BLOCKS)
     for i, size in ((0, 2.0), (1, 1.0)):
         whole, inside = two_bends(noise, (1.0, 2.0)), two_bends(noise, (1.0, 2.0), inside=i)
-        one, beside = (r.only(["a", "b"], inside.starts) for r in (inside, whole.beside(i)))
-        assert beside.places == pytest.approx(one.places)
+        one, beside = (r.restricted_to(["a", "b"], inside.typical_effects) for r in (inside, whole.with_effect_free(i)))
+        assert beside.estimates == pytest.approx(one.estimates)
         assert beside.steps == pytest.approx(one.steps)
-        assert beside.working == pytest.approx(one.working)
+        assert beside.white_noise_covariance == pytest.approx(one.white_noise_covariance)
         assert beside.power == pytest.approx(one.power)
-        comparison = Comparison(*aligned(old.beside(i), one))
-        tested = comparison.test(Hypothesis("other", start=0))
+        comparison = Comparison(*align(old.with_effect_free(i), one))
+        tested = comparison.test(Hypothesis("other", effect_index=0))
         assert tested is not None
         assert tested.size == pytest.approx(size, abs=4 * tested.error)
         assert tested.p_value < 1e-6
     unknown = replace(old, gram=None)  # an older version kept less
-    assert unknown.beside(0) is unknown
+    assert unknown.with_effect_free(0) is unknown
 
 
-def two_bends(rng: np.random.Generator | Array, sizes: tuple[float, float], inside: int | None = None) -> Reference:
+def two_bends(rng: np.random.Generator | Array, sizes: tuple[float, float], inside: int | None = None) -> Baseline:
     """As :func:`linear`, with a parabola and a cubic that overlap, one of which the model may have."""
     t = np.linspace(-1.0, 1.0, 20 * BLOCKS)
     jacobian, bends = np.column_stack([np.ones_like(t), t]), np.column_stack([t**2 + 0.3, t**2 + t**3])
@@ -175,9 +175,9 @@ def two_bends(rng: np.random.Generator | Array, sizes: tuple[float, float], insi
     def by_block(rows: Array) -> Array:
         return np.array([rows[block == b].sum(axis=0) for b in range(BLOCKS)])
 
-    return Reference(
+    return Baseline(
         tuple(Coordinate(n, "N", float(v), False, False) for n, v in zip("abc", found, strict=False)),
-        tuple(Start(f"bend{i}", {f"bend{i}.size": 1.0}) for i in lacking),
+        tuple(TypicalEffect(f"bend{i}", {f"bend{i}.size": 1.0}) for i in lacking),
         -by_block(jacobian * residual[:, None]) @ bread,
         bread,
         -(new.T @ residual) / power,

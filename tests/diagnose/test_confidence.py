@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import calibration
-from pneucli.diagnose.calibration import NAMED, UNLIKE, Evidence, probability, refused, shares, unlike
+from pneucli.diagnose.calibration import (
+    EFFECT_INTERCEPTS,
+    MIN_NAMED_PROBABILITY,
+    Evidence,
+    likelihood_shares,
+    mean_effect_intercept,
+    presence_rate,
+    probability,
+)
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.data import State
+from pneucli.diagnose.data import FittedModel
 from pneucli.exam.hidden_effects import CATALOGUE
 from tests.diagnose.trials import costing
 
@@ -76,7 +84,10 @@ def test_more_than_the_usual_size_is_surer_but_not_where_effects_that_resemble_g
     assert probability(COMPLETE._replace(imposed=True, **large)) == probability(COMPLETE._replace(**large))
 
 
-@pytest.mark.parametrize(("evidence", "weights"), [(MIDDLING, calibration.BESIDE), (COMPLETE, calibration.COMPLETE)])
+@pytest.mark.parametrize(
+    ("evidence", "weights"),
+    [(MIDDLING, calibration.WEIGHTS_DISCREPANCY), (COMPLETE, calibration.WEIGHTS_WHITE_RESIDUAL)],
+)
 def test_each_feature_has_its_weight(evidence: Evidence, weights: tuple[float, ...]) -> None:
     assert len(evidence.features) == len(weights)
 
@@ -86,12 +97,12 @@ def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
     worst = Evidence(share=0.02, significance=2.0, size=0.1, left=0.98)
     for complete in (True, False):
         assert 1.0 > probability(best._replace(complete=complete)) > 0.9
-        assert NAMED > 0.1 > probability(worst._replace(complete=complete)) > 0.0
+        assert MIN_NAMED_PROBABILITY > 0.1 > probability(worst._replace(complete=complete)) > 0.0
 
 
 @pytest.mark.parametrize("reason", sorted(set(get_args(Reason)) - {"supported"}))
 def test_what_is_refused_is_more_likely_absent(reason: Reason) -> None:
-    assert 0.0 < refused(reason) < NAMED
+    assert 0.0 < presence_rate(reason) < MIN_NAMED_PROBABILITY
 
 
 # --- among equals
@@ -100,7 +111,7 @@ def test_what_is_refused_is_more_likely_absent(reason: Reason) -> None:
 BLOCKS = 40
 
 
-def leaving(*costs: np.ndarray) -> list[State]:
+def leaving(*costs: np.ndarray) -> list[FittedModel]:
     return [costing(None, cost) for cost in costs]
 
 
@@ -110,26 +121,26 @@ def scattered(seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("number", [1, 2, 3, 5])
 def test_shares_of_equals_sum_to_one(number: int) -> None:
-    assert sum(shares(leaving(*(scattered(k) for k in range(number))))) == pytest.approx(1.0)
+    assert sum(likelihood_shares(leaving(*(scattered(k) for k in range(number))))) == pytest.approx(1.0)
 
 
 def test_one_that_is_better_in_every_block_has_all() -> None:
-    assert shares(leaving(scattered(1), scattered(1) - 5.0)) == pytest.approx([0.0, 1.0], abs=1e-3)
+    assert likelihood_shares(leaving(scattered(1), scattered(1) - 5.0)) == pytest.approx([0.0, 1.0], abs=1e-3)
 
 
 def test_of_two_that_lead_in_other_blocks_the_better_in_all_has_more() -> None:
     lead = np.where(np.arange(BLOCKS) % 2, 20.0, -20.0)
-    one, other = shares(leaving(scattered(1), scattered(1) + lead - 2.0))
+    one, other = likelihood_shares(leaving(scattered(1), scattered(1) + lead - 2.0))
     assert 0.02 < one < 0.5 < other < 0.98
 
 
 def test_twins_share_equally() -> None:
-    assert shares(leaving(scattered(1), scattered(1))) == pytest.approx([0.5, 0.5])
+    assert likelihood_shares(leaving(scattered(1), scattered(1))) == pytest.approx([0.5, 0.5])
 
 
 def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
     """A total of a hundredth, of the same sign in every block: far less than a chi-square of one parameter."""
-    assert shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
+    assert likelihood_shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
 
 
 def of(*effects: str, evidence: Evidence = MIDDLING) -> float:
@@ -151,10 +162,10 @@ def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_i
     """Sensors that lag seldom stand in, a slow spool often: where nobody can tell them apart it may be either."""
     sensors, spool = of("pressure-lag"), of("valve-lag")
     assert spool < of("pressure-lag", "valve-lag") == of("valve-lag", "pressure-lag") < sensors
-    both = 0.5 * (UNLIKE["valve-leak"] + UNLIKE["valve-lag"])
-    assert unlike(["valve-leak", "valve-lag"]) == pytest.approx(both)
-    assert unlike(["valve-leak", "of-a-plugin"]) == pytest.approx(0.5 * UNLIKE["valve-leak"])
+    both = 0.5 * (EFFECT_INTERCEPTS["valve-leak"] + EFFECT_INTERCEPTS["valve-lag"])
+    assert mean_effect_intercept(["valve-leak", "valve-lag"]) == pytest.approx(both)
+    assert mean_effect_intercept(["valve-leak", "of-a-plugin"]) == pytest.approx(0.5 * EFFECT_INTERCEPTS["valve-leak"])
 
 
 def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
-    assert set(UNLIKE) <= {effect.name for effect in CATALOGUE}
+    assert set(EFFECT_INTERCEPTS) <= {effect.name for effect in CATALOGUE}

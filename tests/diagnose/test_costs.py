@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import score as counted
-from pneucli.diagnose.flow_gain_variance import most_likely, with_flow
-from pneucli.diagnose.score import allowed, costs, fitted_costs, unseen_costs
-from pneucli.identify.residuals import Chambers
+from pneucli.diagnose.flow_gain_variance import flow_gain_deviation, with_flow_gain_errors
+from pneucli.diagnose.score import correct_for_model_noise, fitted_costs, held_out_costs, likelihood_costs
+from pneucli.identify.residuals import ChamberPressures
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import simulate
-from tests.simulate.synthetic_experiments import bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 
 NOISE = 500.0  # Pa
 
@@ -30,7 +30,7 @@ def view_of(n: int = 500) -> Any:
 def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by() -> None:
     """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
     residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
-    found = costs([view_of()], [{"p1": 1.0, "p2": 1.0}], residual, [{}])
+    found = likelihood_costs([view_of()], [{"p1": 1.0, "p2": 1.0}], residual, [{}])
     assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
 
 
@@ -46,14 +46,14 @@ def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by()
 )
 def test_residuals_are_allowed_what_the_model_makes_of_the_noise(drawn: float, level: float, left: float) -> None:
     residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
-    found = allowed([view_of()], [{"p1": drawn, "p2": 1.0}], residual)
+    found = correct_for_model_noise([view_of()], [{"p1": drawn, "p2": 1.0}], residual)
     assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
     assert np.ptp(found[:500]) == pytest.approx(0.0)
     assert found[500:] == pytest.approx(np.full(500, 7.0))
 
 
 def test_what_is_zero_stays_zero() -> None:
-    assert not allowed([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
+    assert not correct_for_model_noise([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
 
 
 def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not(
@@ -72,26 +72,26 @@ def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not
 # --- the flow in recordings that were not fitted
 
 
-def chamber(fill: float = 1.0, vent: float = 1.0) -> Chambers:
+def chamber(fill: float = 1.0, vent: float = 1.0) -> ChamberPressures:
     """A chamber that is filled and vented by commands so many times those recorded, restarted every 0.5 s."""
-    time, rng = clock(2.0), np.random.default_rng(2)
-    stated = steps_of_command(time, [2.0, -2.0, 1.0, -1.0], 0.5)
+    time, rng = time_grid(2.0), np.random.default_rng(2)
+    stated = held_commands(time, [2.0, -2.0, 1.0, -1.0], 0.5)
     acting = np.where(stated > 0.0, fill, vent) * stated
     given = {"x": np.full(time.size, 0.1)}
-    exact = bench("axis", time, {**given, "u": acting, "v": np.zeros(time.size), "p1": 2e5}, chamber_2="open")
+    exact = make_experiment("axis", time, {**given, "u": acting, "v": np.zeros(time.size), "p1": 2e5}, chamber_2="open")
     exact.flags[at.MECHANICS] = 0.0
     readings = simulate(model(), exact)["p1"] + rng.normal(scale=NOISE, size=time.size)
     recording = replace(exact.recording, signals={**given, "u": stated, "p1": readings})
     ready = prepare(recording, exact.rig, 0.5)
     ready.flags[at.MECHANICS] = 0.0
-    return Chambers(ready, whitened=True)
+    return ChamberPressures(ready, whiten_initial_state=True)
 
 
-def size_of_flow(view: Chambers, of: Model) -> float:
+def size_of_flow(view: ChamberPressures, of: Model) -> float:
     """The standard deviation of the flow's relative error over that by which a command of its own size errs."""
-    starts = [view.carried(of)]
-    (errors,) = with_flow([of], [view], [view.residual(of, {})], starts)
-    flow = view.flow_errors(of)["p1"]
+    starts = [view.initial_state_sensitivity(of)]
+    (errors,) = with_flow_gain_errors([of], [view], [view.residual(of, {})], starts)
+    flow = view.flow_gain_sensitivity(of)["p1"]
     return float(np.linalg.norm(errors["p1"][1:]) / np.linalg.norm(flow)) if len(errors["p1"]) > 1 else 0.0
 
 
@@ -108,7 +108,7 @@ def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: py
     """Noise costs 1 a sample; 5 % of the gain cost more than 10 of them without the allowance."""
     view = chamber(1.05)
     monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
-    found, counts = unseen_costs([model()], [view], [view.carried(model())])
+    found, counts = held_out_costs([model()], [view], [view.initial_state_sensitivity(model())])
     samples = counts.sum()
     assert samples == 2001
     assert counts.size == found.size
@@ -123,7 +123,7 @@ def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.Mo
     monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
     drifting = view.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * view.experiment.time)
     view.experiment.raw["p1"][:] = drifting
-    found, counts = unseen_costs([model()], [view], [view.carried(model())])
+    found, counts = held_out_costs([model()], [view], [view.initial_state_sensitivity(model())])
     assert found.sum() > 100.0 * counts.sum()
 
 
@@ -131,9 +131,9 @@ def test_the_most_likely_size_is_that_of_what_was_drawn() -> None:
     """Powers of 1e4, sizes of 0.1: the residual along them varies by P + s^2 P^2."""
     rng, power = np.random.default_rng(4), np.full(4000, 1e4)
     along = rng.normal(size=4000) * np.sqrt(power + 0.01 * power**2)
-    assert most_likely(np.array([power, along])) == pytest.approx(0.1, rel=0.04)
-    assert most_likely(np.array([power, np.sqrt(0.5 * power)])) == 0.0
-    assert most_likely(np.zeros((2, 0))) == 0.0
+    assert flow_gain_deviation(np.array([power, along])) == pytest.approx(0.1, rel=0.04)
+    assert flow_gain_deviation(np.array([power, np.sqrt(0.5 * power)])) == 0.0
+    assert flow_gain_deviation(np.zeros((2, 0))) == 0.0
 
 
 TIME = np.arange(4000) * 1e-3
@@ -158,7 +158,7 @@ VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME
 def test_what_noise_explains_is_taken_off(rms: float, expected: float, left: float):
     """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
     residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
-    seen = allowed([VIEW], [{"force": expected}], residual)
+    seen = correct_for_model_noise([VIEW], [{"force": expected}], residual)
     assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
 
 
@@ -166,10 +166,10 @@ def test_each_channel_of_each_view_has_its_own_allowance() -> None:
     """Four channels of two views, one after the other; only the last one's noise is allowed for."""
     one, two = (SimpleNamespace(channels=c, experiment=VIEW.experiment) for c in (("p1", "p2", "x"), ("force",)))
     residual = 3.0 * np.where(np.arange(4 * TIME.size) % 2, 1.0, -1.0)
-    seen = allowed([one, two], [{"p1": 1.0, "p2": 1.0, "x": 1.0}, {"force": 2.0}], residual)  # type: ignore[list-item]
+    seen = correct_for_model_noise([one, two], [{"p1": 1.0, "p2": 1.0, "x": 1.0}, {"force": 2.0}], residual)  # type: ignore[list-item]
     parts = np.sqrt(np.mean(seen.reshape(4, -1) ** 2, axis=1))
     assert parts == pytest.approx([3.0, 3.0, 3.0, np.sqrt(6.0)])
 
 
 def test_samples_that_do_not_count_stay_out():
-    assert not allowed([VIEW], [{"force": 2.0}], np.zeros(TIME.size)).any()
+    assert not correct_for_model_noise([VIEW], [{"force": 2.0}], np.zeros(TIME.size)).any()

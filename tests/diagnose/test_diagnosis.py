@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import diagnosis, free_run_error
-from pneucli.diagnose.adequacy import Remainder
-from pneucli.diagnose.calibration import Evidence, probability, refused
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.calibration import Evidence, presence_rate, probability
 from pneucli.diagnose.candidate import Decision, Reason
-from pneucli.diagnose.data import Trial
-from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.selection import Search
-from pneucli.identify.residuals import Forces, Whole
+from pneucli.diagnose.data import Candidate
+from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.selection import SelectionPath
+from pneucli.identify.residuals import ForceBalance, FreeRun
 from tests.diagnose.toys import Toys, adding, effect
 
 A, B, C, D = (effect(name) for name in "abcd")
 RESTS_ON = {"a": Evidence(0.8, 50.0, 1.0), "b": Evidence(0.2, 9.0, 0.3)}
 SURE = {name: probability(evidence) for name, evidence in RESTS_ON.items()}
-MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
-ASTRAY = Remainder(Whole, "x", 3.0, 3.0, ())
+MUCH = LackOfFit(ForceBalance, "force", 5.0, 5.0, ())
+ASTRAY = LackOfFit(FreeRun, "x", 3.0, 3.0, ())
 
 
 class Diagnosed:
@@ -35,25 +35,27 @@ class Diagnosed:
         for rung in self.rungs:
             rung.fit.estimates[:] = []  # type: ignore[index]
         self.steps: list[tuple[str, list[str], list[str], bool]] = []
-        self.described: list[tuple[list[str], Remainder]] = []
-        none, left = Gain(1.0, 0.0, 1.0, 1.0), given.get("left", [])
-        rival = Trial(given.get("equals", A), self.rungs[0], self.rungs[-1], none, none, 0.0)
+        self.described: list[tuple[list[str], LackOfFit]] = []
+        none, left = ScoreGain(1.0, 0.0, 1.0, 1.0), given.get("left", [])
+        rival = Candidate(given.get("equals", A), self.rungs[0], self.rungs[-1], none, none, 0.0)
         unknown = bool(left or given.get("astray"))
 
-        def place(one: Any, rivals: list[Trial]) -> Any:
+        def place(one: Any, rivals: list[Candidate]) -> Any:
             return SimpleNamespace(
-                named=Trial(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
+                named=Candidate(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
                 alike=lambda bench, *, complete: rivals if complete != unknown else None,
             )
 
         places = {"a": place(A, []), "b": place(B, [rival])}
-        found = Search(self.rungs, places, tuple(given.get("refused", ())), tuple(left), ())
+        found = SelectionPath(self.rungs, places, tuple(given.get("refused", ())), tuple(left), ())
         standing = given.get("standing", {"a", "b"})
 
-        def weighed(bench: Any, last: Any, step: Trial, left: Any, place: Any, alike: Any) -> tuple[Decision, Evidence]:
+        def weighed(
+            bench: Any, last: Any, step: Candidate, left: Any, place: Any, alike: Any
+        ) -> tuple[Decision, Evidence]:
             assert place is places[step.effect.name]
             assert alike == (() if place is places["a"] else (rival.effect.name,))
-            self.steps.append((step.effect.name, step.before.names, step.state.names, bool(left)))
+            self.steps.append((step.effect.name, step.reduced.effect_names, step.full.effect_names, bool(left)))
             stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
             reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")
             return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
@@ -63,23 +65,27 @@ class Diagnosed:
             falls = given.get("falls", ())
             return [(replace(d, reason="raises-error") if d.effect.name in falls else d, e) for d, e in weights]
 
-        def describe(bench: Any, fit: Any, worst: Remainder) -> str:
+        def describe(bench: Any, fit: Any, worst: LackOfFit) -> str:
             self.described.append(([e.name for e in fit.model.effects], worst))
             return "unknown"
 
-        monkeypatch.setattr(diagnosis, "search", lambda bench, start: found)
-        monkeypatch.setattr(diagnosis, "astray", lambda model, views: given.get("astray", []))
-        monkeypatch.setattr(diagnosis, "remains", lambda bench, state: (given.get("remains", [MUCH]), []))
-        monkeypatch.setattr(diagnosis, "weighed", weighed)
-        monkeypatch.setattr(diagnosis, "without_refused", without_refused)
+        monkeypatch.setattr(diagnosis, "select_effects", lambda bench, start: found)
+        monkeypatch.setattr(diagnosis, "free_run_lack_of_fit", lambda model, views: given.get("astray", []))
+        monkeypatch.setattr(diagnosis, "lack_of_fit", lambda bench, state: (given.get("remains", [MUCH]), []))
+        monkeypatch.setattr(diagnosis, "decide", weighed)
+        monkeypatch.setattr(diagnosis, "retest_without_refused", without_refused)
         odds = np.log([1.0, 9.0])
-        monkeypatch.setattr(diagnosis, "standing", lambda bench, one: odds[0] if one is rival else odds[1])
-        monkeypatch.setattr(diagnosis, "examined", lambda bench, effect: given.get("examined", True))
-        monkeypatch.setattr(diagnosis, "describe", describe)
+        monkeypatch.setattr(
+            diagnosis, "log_odds_among_equivalents", lambda bench, one: odds[0] if one is rival else odds[1]
+        )
+        monkeypatch.setattr(diagnosis, "has_calibration", lambda bench, effect: given.get("examined", True))
+        monkeypatch.setattr(diagnosis, "describe_lack_of_fit", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
-        monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: self.sizes if state is found.last else [])
-        monkeypatch.setattr(diagnosis, "discrepancies", lambda bench, fit, left: [(fit.model, len(left))])
-        monkeypatch.setattr(diagnosis, "cannot_show", lambda bench, sizes: [])
+        monkeypatch.setattr(
+            diagnosis, "minimum_detectable_effects", lambda bench, state: self.sizes if state is found.last else []
+        )
+        monkeypatch.setattr(diagnosis, "describe_discrepancies", lambda bench, fit, left: [(fit.model, len(left))])
+        monkeypatch.setattr(diagnosis, "undetectable_effects", lambda bench, sizes: [])
         self.bench: Any = SimpleNamespace(
             state=lambda base: self.rungs[0], train=given.get("train", []), held_out=[],
             effects=self.toys.effects, trial=self.toys.trial, implausible=given.get("implausible", False),
@@ -88,9 +94,9 @@ class Diagnosed:
 
     def of_nothing(self, monkeypatch: pytest.MonkeyPatch) -> diagnosis.Diagnosis:
         """The diagnosis where the search added nothing."""
-        alone = Search(self.rungs[:1], {}, (), (), ())
-        monkeypatch.setattr(diagnosis, "search", lambda bench, start: alone)
-        monkeypatch.setattr(diagnosis, "detectable", lambda bench, state: self.sizes)
+        alone = SelectionPath(self.rungs[:1], {}, (), (), ())
+        monkeypatch.setattr(diagnosis, "select_effects", lambda bench, start: alone)
+        monkeypatch.setattr(diagnosis, "minimum_detectable_effects", lambda bench, state: self.sizes)
         return diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
 
     @property
@@ -100,8 +106,8 @@ class Diagnosed:
 
 def test_where_noise_is_left_all_that_was_found_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     d = Diagnosed(monkeypatch)
-    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("missing-effect", ("a", "b"), None)
-    assert d.result.equals == {"a": (), "b": ("a",)}
+    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("missing-effect", ("a", "b"), None)
+    assert d.result.equivalents == {"a": (), "b": ("a",)}
     assert d.result.detectable == tuple(d.sizes)
     assert d.steps == [("a", [], ["a"], False), ("b", ["a"], ["a", "b"], False)]
     assert d.reasons == {"a": "supported", "b": "supported"}
@@ -112,7 +118,7 @@ def test_beside_something_unknown_only_what_stands_is_named(
     monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]
 ) -> None:
     d = Diagnosed(monkeypatch, standing={"b"}, **given)
-    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", ("b",), "unknown")
+    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", ("b",), "unknown")
     assert d.steps == [("a", [], ["a"], True), ("b", ["a"], ["a", "b"], True)]
     assert d.reasons == {"a": "explained-by-unknown", "b": "supported"}
     assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
@@ -120,15 +126,15 @@ def test_beside_something_unknown_only_what_stands_is_named(
 
 def test_what_a_law_outdoes_leaves_something_unknown_however_faint(monkeypatch: pytest.MonkeyPatch) -> None:
     """The model without it passed for noise; what the effect acted in is described, the largest there."""
-    faint = [Remainder(Forces, c, r, r, ()) for c, r in (("a", 1.01), ("force", 1.04))]
-    elsewhere = Remainder(Whole, "x", 1.05, 1.05, ())
-    felt = object.__new__(Forces)
+    faint = [LackOfFit(ForceBalance, c, r, r, ()) for c, r in (("a", 1.01), ("force", 1.04))]
+    elsewhere = LackOfFit(FreeRun, "x", 1.05, 1.05, ())
+    felt = object.__new__(ForceBalance)
     felt.__dict__["feels"] = lambda effect: effect is B
     left = [elsewhere, *faint]
     d = Diagnosed(monkeypatch, doubted={"b"}, standing={"a"}, why="explained-by-signal", remains=left, train=[felt])
-    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", ("a",), "unknown")
+    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", ("a",), "unknown")
     assert d.described == [(["a"], faint[1])]
-    assert d.result.confidence["b"].of_set == refused("explained-by-signal")
+    assert d.result.confidence["b"].of_set == presence_rate("explained-by-signal")
     assert "b" not in d.result.evidence
 
 
@@ -149,13 +155,13 @@ def test_what_an_effect_took_that_is_not_named_is_unexplained(
 ) -> None:
     """With it nothing but noise is left; without it, as the answer has it, the model errs."""
     d = Diagnosed(monkeypatch, standing=set(), doubted=doubted)
-    assert (d.result.verdict, d.result.missing, d.result.unknown) == ("unexplained", missing, "unknown")
+    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", missing, "unknown")
     assert [names for names, _ in d.described] == [described]
 
 
 def test_nothing_found_and_nothing_left_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
     found = Diagnosed(monkeypatch).of_nothing(monkeypatch)
-    assert (found.verdict, found.missing, found.unknown, dict(found.equals)) == ("adequate", (), None, {})
+    assert (found.verdict, found.missing, found.unexplained, dict(found.equivalents)) == ("adequate", (), None, {})
 
 
 @pytest.mark.parametrize(
@@ -171,12 +177,12 @@ def test_what_could_not_have_shown_is_not_adequate(
     monkeypatch: pytest.MonkeyPatch, typical: list[bool], implausible: bool, verdict: str
 ) -> None:
     found = Diagnosed(monkeypatch, typical=typical, implausible=implausible).of_nothing(monkeypatch)
-    assert (found.verdict, found.missing, found.unknown) == (verdict, (), None)
+    assert (found.verdict, found.missing, found.unexplained) == (verdict, (), None)
 
 
 @pytest.mark.parametrize(("left", "verdict"), [([], "missing-effect"), ([MUCH], "unexplained")])
 def test_what_was_found_or_is_left_over_is_told_however_blind_the_recordings_are(
-    monkeypatch: pytest.MonkeyPatch, left: list[Remainder], verdict: str
+    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], verdict: str
 ) -> None:
     assert Diagnosed(monkeypatch, left=left, typical=[False], implausible=True).result.verdict == verdict
 
@@ -189,7 +195,7 @@ def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.M
     assert sure["a"] == (SURE["a"], SURE["a"])
     assert sure["b"].of_set == sure["c"].of_set == SURE["b"]
     assert sure["b"].alone + sure["c"].alone == pytest.approx(SURE["b"])
-    assert sure["d"] == (refused("vanishes"), refused("vanishes"))
+    assert sure["d"] == (presence_rate("vanishes"), presence_rate("vanishes"))
 
 
 def test_beside_something_unknown_equals_share_by_what_each_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -206,7 +212,7 @@ def test_an_effect_that_is_not_named_has_its_probability_all_the_same(monkeypatc
 def test_what_stays_beside_the_last_model_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Remainders of fitted recordings and of those held out."""
     d = Diagnosed(monkeypatch, left=[MUCH])
-    assert d.result.left == ((d.rungs[-1].model, 1),)
+    assert d.result.discrepancies == ((d.rungs[-1].model, 1),)
 
 
 def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,20 +229,20 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
         return [{"x": 2.0 if use == "train" else 4.0} for use in experiments]
 
     monkeypatch.setattr(free_run_error, "compare", compare)
-    monkeypatch.setattr(free_run_error, "expected_of_all", expected)
-    shown: Any = free_run_error.ShownErrors(["train", "test", "train"])  # type: ignore[list-item]
+    monkeypatch.setattr(free_run_error, "expected_rms_of_all", expected)
+    shown: Any = free_run_error.FreeRunErrors(["train", "test", "train"])  # type: ignore[list-item]
     first, other = 6.0, 8.0
     assert shown(first) == {"train": 3.0, "test": 1.5}
     assert shown(other) == {"train": 4.0, "test": 2.0}
     assert shown(first) == {"train": 3.0, "test": 1.5}
     assert drawn == [6.0, 8.0]  # noise is drawn once for each model
-    alone: Any = free_run_error.ShownErrors(["train"])  # type: ignore[list-item]
+    alone: Any = free_run_error.FreeRunErrors(["train"])  # type: ignore[list-item]
     assert alone(first) == {"train": 3.0, "test": None}
 
 
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
     results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
     monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
-    monkeypatch.setattr(free_run_error, "expected_of_all", lambda model, experiments: [{}])
-    shown: Any = free_run_error.ShownErrors([None])  # type: ignore[list-item]
+    monkeypatch.setattr(free_run_error, "expected_rms_of_all", lambda model, experiments: [{}])
+    shown: Any = free_run_error.FreeRunErrors([None])  # type: ignore[list-item]
     assert shown(None)["train"] == pytest.approx(np.sqrt(12.5))

@@ -11,9 +11,9 @@ import pytest
 from scipy.signal import lfilter
 
 from pneucli.diagnose import discrepancy
-from pneucli.diagnose.adequacy import Remainder
-from pneucli.diagnose.discrepancy import Discrepancy, discrepancies
-from pneucli.identify.residuals import Chambers, Forces, Whole
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.discrepancy import Discrepancy, describe_discrepancies
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun
 
 N = 20_000
 
@@ -25,7 +25,7 @@ def drifting(time_constant: float, period: float = 1e-3, size: float = 10.0, see
     return np.asarray(size * slow + rng.standard_normal(N))
 
 
-class Gas(Chambers):
+class Gas(ChamberPressures):
     """A view whose residuals are stated in units of their noise, which is 50 SI units."""
 
     channels = ()
@@ -40,16 +40,16 @@ class Gas(Chambers):
         return {c: 50.0 * r for c, r in self.__dict__["left"].items()}
 
 
-class Mechanics(Gas, Forces):  # type: ignore[misc]
-    title = Forces.title
+class Mechanics(Gas, ForceBalance):  # type: ignore[misc]
+    title = ForceBalance.title
 
 
-class Axis(Gas, Whole):  # type: ignore[misc]
-    title = Whole.title
+class Axis(Gas, FreeRun):  # type: ignore[misc]
+    title = FreeRun.title
 
 
-def left(kind: Any = Gas, channel: str = "p1", ratio: float = 3.0) -> Remainder:
-    return Remainder(kind, channel, ratio, ratio, ())
+def left(kind: Any = Gas, channel: str = "p1", ratio: float = 3.0) -> LackOfFit:
+    return LackOfFit(kind, channel, ratio, ratio, ())
 
 
 @pytest.fixture(autouse=True)
@@ -57,12 +57,12 @@ def over(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """Of which signal each channel's remainder is a function: what is told of it is tested by itself."""
     known: dict[str, str] = {}
     told = lambda bench, fit, one: SimpleNamespace(variable=known.get(one.channel))  # noqa: E731
-    monkeypatch.setattr(discrepancy, "describe", told)
+    monkeypatch.setattr(discrepancy, "describe_lack_of_fit", told)
     return known
 
 
-def remaining(views: Sequence[Gas], left: Sequence[Remainder]) -> list[Discrepancy]:
-    return discrepancies(SimpleNamespace(views=views), SimpleNamespace(model=None), left)  # type: ignore[arg-type]
+def remaining(views: Sequence[Gas], left: Sequence[LackOfFit]) -> list[Discrepancy]:
+    return describe_discrepancies(SimpleNamespace(views=views), SimpleNamespace(model=None), left)  # type: ignore[arg-type]
 
 
 def memory(*views: Gas) -> float | None:
@@ -139,14 +139,14 @@ def test_shares_are_of_all_squares_beyond_noise_and_sum_to_one() -> None:
     mechanics = Mechanics(force=5.0 * flat)
     found = remaining([gas, mechanics], [left(), left(channel="p2"), left(Mechanics, "force")])
     assert [(d.subsystem, d.channel) for d in found] == [
-        (Forces.title, "force"), (Chambers.title, "p2"), (Chambers.title, "p1"),
+        (ForceBalance.title, "force"), (ChamberPressures.title, "p2"), (ChamberPressures.title, "p1"),
     ]  # fmt: skip
     assert [d.share for d in found] == pytest.approx([24 / 44, 12 / 44, 8 / 44])
 
 
 def test_subsystems_that_share_a_channel_are_told_apart() -> None:
     found = remaining([Gas(p1=3.0 * np.ones(N)), Axis(p1=5.0 * np.ones(N))], [left(), left(Axis)])
-    assert [(d.subsystem, d.share) for d in found] == [(Whole.title, 0.75), (Chambers.title, 0.25)]
+    assert [(d.subsystem, d.share) for d in found] == [(FreeRun.title, 0.75), (ChamberPressures.title, 0.25)]
 
 
 def test_what_is_hardly_more_than_noise_is_not_told() -> None:

@@ -15,17 +15,17 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import executor_refit
-from pneucli.diagnose.data import Refit, here
+from pneucli.diagnose.data import Refit, run_locally
 from pneucli.diagnose.diagnosis import diagnose
-from pneucli.diagnose.executor_refit import Elsewhere
+from pneucli.diagnose.executor_refit import ExecutorRefits
 from pneucli.errors import InputError
-from pneucli.exam.fleet import TEMPLATE, write_fleet
-from pneucli.executors import Processes, Threads
+from pneucli.exam.fleet import TEMPLATE_FILE, write_fleet
+from pneucli.executors import ProcessEngine, ThreadEngine
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages import diagnose as stage
-from pneucli.stages.pipeline_file import load
+from pneucli.stages.pipeline_file import load_pipeline_file
 
 NAMES = ("extra-mass", "stribeck", "line-delay", "pressure-lag")
 
@@ -47,12 +47,12 @@ class Slow:
     seconds: float
     effects: Any = field(default_factory=dict)
     progress: Callable[[str], None] = print
-    refits: Any = here
+    refits: Any = run_locally
     shown: Any = None
 
     def fitted(self, one: Refit) -> Ended:
         time.sleep(self.seconds)
-        state: Any = one.state
+        state: Any = one.base
         return Ended(f"{state.done}, {one.kind} {one.effect.name}", os.getpid(), one.effect)
 
 
@@ -62,9 +62,9 @@ def asked(names: Sequence[str] = NAMES) -> list[Refit]:
 
 
 def done(seconds: float, folder: Path, rounds: int = 1) -> list[list[Any]]:
-    engine = Processes(2)
+    engine = ProcessEngine(2)
     try:
-        refits = Elsewhere(engine, folder, [])
+        refits = ExecutorRefits(engine, folder, [])
         bench: Any = Slow(seconds)
         return [refits(bench, asked()) for _ in range(rounds)]
     finally:
@@ -74,8 +74,8 @@ def done(seconds: float, folder: Path, rounds: int = 1) -> list[list[Any]]:
 def test_long_ones_are_done_by_workers_and_come_back_in_their_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(executor_refit, "START", 0.02)
-    monkeypatch.setattr(executor_refit, "TURN", 0.02)
+    monkeypatch.setattr(executor_refit, "MIN_FIRST_SAVING", 0.02)
+    monkeypatch.setattr(executor_refit, "MIN_SAVING", 0.02)
     first, second = done(0.05, tmp_path, rounds=2)
     assert [e.done for e in second] == [f"as it is, with {n}" for n in NAMES]
     assert all(e.effect is catalogue()[n] for e, n in zip(second, NAMES, strict=True))
@@ -92,9 +92,9 @@ def test_short_ones_stay_here(tmp_path: Path) -> None:
 def test_an_effect_of_the_users_that_differs_on_a_worker_is_refused(tmp_path: Path) -> None:
     plugin = tmp_path / "own.py"
     plugin.write_text("EFFECT = None\n", encoding="utf-8")
-    job = executor_refit.Job("", "", "", "with", "own", None, ((str(plugin), "0" * 64),))
+    job = executor_refit.RefitJob("", "", "", "with", "own", None, ((str(plugin), "0" * 64),))
     with pytest.raises(InputError, match="on a worker"):
-        executor_refit.work(job)
+        executor_refit.run_refit_job(job)
 
 
 def test_a_diagnosis_through_workers_is_that_of_this_process_bit_by_bit(
@@ -103,15 +103,15 @@ def test_a_diagnosis_through_workers_is_that_of_this_process_bit_by_bit(
     write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=8)
     (raw,) = (tmp_path / "raw").glob("*/2026-01-02")
     pipeline = tmp_path / "pipeline.toml"
-    text = (tmp_path / TEMPLATE).read_text(encoding="utf-8")
+    text = (tmp_path / TEMPLATE_FILE).read_text(encoding="utf-8")
     pipeline.write_text(text.replace('file = "raw/', f'file = "{raw.as_posix()}/'), encoding="utf-8")
     for name in ("START", "TURN"):
         monkeypatch.setattr(executor_refit, name, 0.0)
     found = []
-    monkeypatch.setattr(executor_refit, "engine_from", lambda *_, **__: closing(Threads(2)))
+    monkeypatch.setattr(executor_refit, "engine_from", lambda *_, **__: closing(ThreadEngine(2)))
     monkeypatch.setattr(stage, "diagnose", lambda *given: found.append(diagnose(*given)) or found[-1])
     for name, options in {"here": {}, "there": {"executor": "local"}}.items():
-        open_pipeline(pipeline, load, tmp_path / name).bring_up(["diagnose"], {"diagnose": options})
+        open_pipeline(pipeline, load_pipeline_file, tmp_path / name).update(["diagnose"], {"diagnose": options})
     one, other = ([d.trial for d in each.decisions if d.trial is not None] for each in found)
     assert len(one) > 2
     for a, b in zip(one, other, strict=True):

@@ -8,18 +8,18 @@ import pytest
 from pneucli.diagnose.evidence import (
     block_costs,
     disagreement,
-    effective_number,
-    from_null,
-    gain,
-    holm,
+    effective_degrees_of_freedom,
+    holm_adjusted,
+    offset_from_null,
+    score_gain,
     significance,
-    wald,
+    wald_p_value,
 )
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import effect_parameters
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
 N, BLOCK = 6000, 50
@@ -28,7 +28,7 @@ N, BLOCK = 6000, 50
 def fitted(effect: Effect, values: dict[str, float], columns: np.ndarray, seed: int = 1) -> Fit:
     """A fit that ended at values, with white noise left over; columns (N, k) are its derivatives."""
     ended = model([effect.name], {f"{effect.name}.{n}": v for n, v in values.items()})
-    free = tuple(effect_parameters(effect, ended, facts_of(ended)))
+    free = tuple(effect_parameters(effect, ended, rig_quantities(ended)))
     noise = np.random.default_rng(seed).normal(size=N)
     left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
     unused = np.zeros((len(free), len(free)))
@@ -42,9 +42,9 @@ def test_the_cost_of_a_block_is_its_sum_of_squares():
 
 def test_a_fall_in_every_block_is_certain():
     before = np.full(40, 100.0) + np.arange(40) % 5
-    found = gain(before, before - 10.0 - np.arange(40) % 3)
+    found = score_gain(before, before - 10.0 - np.arange(40) % 3)
     assert found.total == pytest.approx(10.0 * 40 + np.sum(np.arange(40) % 3))
-    assert found.certain
+    assert found.significant
     assert found.p_value < 1e-6
 
 
@@ -52,32 +52,32 @@ def test_a_fall_in_one_block_alone_is_not_certain():
     before = np.full(40, 100.0)
     after = before.copy()
     after[7] = 0.0
-    found = gain(before, after)
+    found = score_gain(before, after)
     assert found.total == 100.0
-    assert not found.certain or found.p_value > 0.05
+    assert not found.significant or found.p_value > 0.05
 
 
 def test_no_change_is_no_gain():
-    found = gain(np.ones(30), np.ones(30))
-    assert (found.total, found.certain, found.p_value) == (0.0, False, 1.0)
+    found = score_gain(np.ones(30), np.ones(30))
+    assert (found.total, found.significant, found.p_value) == (0.0, False, 1.0)
 
 
 def test_noise_is_called_certain_as_often_as_its_bound_says():
     """One-sided 95 %: 5 % of data sets without any difference pass, here 400 of them: 20 +- 13 (3 sigma)."""
     rng = np.random.default_rng(1)
-    passed = sum(gain(rng.normal(size=60), rng.normal(size=60)).certain for _ in range(400))
+    passed = sum(score_gain(rng.normal(size=60), rng.normal(size=60)).significant for _ in range(400))
     assert 7 <= passed <= 38
 
 
 def test_equal_parts_count_fully_and_one_large_part_counts_as_one():
-    assert effective_number(np.random.default_rng(2).normal(size=1000)) == pytest.approx(1000, rel=0.15)
-    assert effective_number(np.array([1000.0, 1.0, 1.0, 1.0])) == pytest.approx(1.0, abs=0.01)
+    assert effective_degrees_of_freedom(np.random.default_rng(2).normal(size=1000)) == pytest.approx(1000, rel=0.15)
+    assert effective_degrees_of_freedom(np.array([1000.0, 1.0, 1.0, 1.0])) == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_larger_family_costs_more():
-    assert holm([0.01], 20) == [pytest.approx(0.2)]
-    assert holm([0.01, 0.04], 2) == pytest.approx([0.02, 0.04])
-    assert holm([], 5) == []
+    assert holm_adjusted([0.01], 20) == [pytest.approx(0.2)]
+    assert holm_adjusted([0.01, 0.04], 2) == pytest.approx([0.02, 0.04])
+    assert holm_adjusted([], 5) == []
 
 
 def test_what_has_no_meaning_without_the_effect_does_not_hide_it():
@@ -85,7 +85,7 @@ def test_what_has_no_meaning_without_the_effect_does_not_hide_it():
     dwell = catalogue()["dwell-breakaway"]
     wave = np.sin(np.arange(N) / 40.0)
     traded = fitted(dwell, {"gain": 0.5, "time_constant": 0.3}, np.column_stack([wave, -wave]))
-    assert wald(traded, dwell) < 1e-12
+    assert wald_p_value(traded, dwell) < 1e-12
     assert significance(traded, dwell) > 20.0
 
 
@@ -95,7 +95,7 @@ def test_an_effect_that_vanishes_as_a_parameter_grows_is_tested_by_the_reciproca
     presliding = catalogue()["presliding"]
     column = (np.arange(N) % 40 == 0) * sensitivity
     found = fitted(presliding, {"stiffness": 2e4, "damping": 50.0}, np.column_stack([column, np.zeros(N)]))
-    assert (wald(found, presliding) < 1e-3) == seen
+    assert (wald_p_value(found, presliding) < 1e-3) == seen
 
 
 def test_recordings_that_want_another_size_disagree():
@@ -112,7 +112,7 @@ def test_recordings_that_want_another_size_disagree():
 def test_where_an_effect_is_absent_is_so_far_in_the_coordinates_of_the_fit():
     force = catalogue()["constant-force"]
     found = fitted(force, {"force": 10.0}, np.ones((N, 1)))
-    away = from_null(found, force)
+    away = offset_from_null(found, force)
     assert away is not None
     assert away.tolist() == [10.0 / found.free[0].scale]
 
@@ -121,4 +121,4 @@ def test_what_no_value_makes_absent_is_nowhere_absent():
     """Rigid bristles have an infinite stiffness."""
     bristles = catalogue()["presliding"]
     found = fitted(bristles, {"stiffness": 1e5, "damping": 100.0}, np.ones((N, 2)))
-    assert from_null(found, bristles) is None
+    assert offset_from_null(found, bristles) is None

@@ -5,25 +5,25 @@ from __future__ import annotations
 import pytest
 
 from pneucli.diagnose import hypothesis_tests
-from pneucli.diagnose.adequacy import Remainder
-from pneucli.diagnose.data import Bench
-from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.hypothesis_tests import judged, supported
-from pneucli.identify.residuals import Forces
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.hypothesis_tests import apply_tests, passing_candidates
+from pneucli.identify.residuals import ForceBalance
 from tests.diagnose.trials import UNSURE, bench, state, trial
 
-MUCH = Remainder(Forces, "force", 5.0, 5.0, ())
+MUCH = LackOfFit(ForceBalance, "force", 5.0, 5.0, ())
 INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
 
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hypothesis_tests, "remains", lambda bench, state: ([], []))
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda bench, state: ([], []))
 
 
 def reason(*args, before=None, held_out=True, **how):
     before = before or state()
-    (decision,) = judged(bench(held_out=held_out), before, [trial(*args, before=before, **how)])
+    (decision,) = apply_tests(bench(held_out=held_out), before, [trial(*args, before=before, **how)])
     return decision.reason
 
 
@@ -60,7 +60,9 @@ def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float,
 
 def test_what_a_reading_refutes_does_not_stand_in_the_way_of_its_twin(monkeypatch: pytest.MonkeyPatch):
     """A force that looks like an offset of a pressure: were the offset refused only at the end, none was named."""
-    monkeypatch.setattr(hypothesis_tests, "contradicted", lambda model, effect, views: effect.name == "pressure-offset")
+    monkeypatch.setattr(
+        hypothesis_tests, "refuted_by_reading", lambda model, effect, views: effect.name == "pressure-offset"
+    )
     assert reason("pressure-offset", ends={"offset": (16e3, False)}) == "contradicted-by-reading"
     assert reason("constant-force", ends={"force": (17.0, False)}) == "supported"
 
@@ -89,7 +91,7 @@ def test_where_noise_is_left_two_hundredths_matter_for_the_first_effect_too(fall
 def test_what_matters_is_a_share_of_what_the_effect_acts_in(monkeypatch: pytest.MonkeyPatch):
     """31 of 8000 are too little; of 1000 in the views that feel it they are not, but where noise is left there, 2 %."""
     for felt, said in (((1000.0, 500), "supported"), ((1500.0, 1500), "supported"), ((1600.0, 1600), "immaterial")):
-        monkeypatch.setattr(Bench, "felt", lambda *_, felt=felt: felt)
+        monkeypatch.setattr(DiagnosisData, "felt", lambda *_, felt=felt: felt)
         assert reason("friction-asymmetry", 8000.0 - 31.0, ends=INSIDE) == said
 
 
@@ -103,18 +105,18 @@ def test_what_does_not_hold_on_data_not_seen_says_so():
     [([MUCH], 90.0, "supported"), ([MUCH], -90.0, "not-on-held-out"), ([], 90.0, "not-on-held-out")],
 )
 def test_beside_something_unknown_it_is_enough_that_the_cost_of_data_not_seen_falls(
-    monkeypatch: pytest.MonkeyPatch, left: list[Remainder], fall: float, said: str
+    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], fall: float, said: str
 ):
-    monkeypatch.setattr(hypothesis_tests, "remains", lambda bench, state: (left, []))
-    assert reason("friction-asymmetry", ends=INSIDE, test=Gain(fall, -100.0, 0.3, 30.0)) == said
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda bench, state: (left, []))
+    assert reason("friction-asymmetry", ends=INSIDE, test=ScoreGain(fall, -100.0, 0.3, 30.0)) == said
 
 
 def test_turns_are_data_not_seen():
     by_turns = bench(held_out=False, turns=(0,))
-    (decision,) = judged(by_turns, state(), [trial("friction-asymmetry", ends=INSIDE, test=UNSURE)])
+    (decision,) = apply_tests(by_turns, state(), [trial("friction-asymmetry", ends=INSIDE, test=UNSURE)])
     assert decision.reason == "not-on-held-out"
 
 
 def test_supported_are_those_with_that_reason():
     good, bad = trial("friction-asymmetry", ends=INSIDE), trial("extra-mass", p_value=0.3)
-    assert supported(bench(), state(), [bad, good]) == [good]
+    assert passing_candidates(bench(), state(), [bad, good]) == [good]

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose.validity import contradicted, rests_at_ambient
+from pneucli.diagnose.validity import refuted_by_reading, rests_at_ambient
 from pneucli.noise.model import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.experiment import Experiment
-from tests.simulate.synthetic_experiments import RIG, bench, model
+from tests.simulate.synthetic_experiments import RIG, make_experiment, model
 
 AMBIENT = RIG.ambient_pressure
 NOISE = 300.0  # Pa
@@ -28,7 +28,7 @@ def read(level: np.ndarray, seed: int = 1) -> np.ndarray:
 
 
 def recorded(noise: float = NOISE, **pressures: np.ndarray) -> Experiment:
-    e = bench("axis", TIME, {"x": 0.1, **pressures})
+    e = make_experiment("axis", TIME, {"x": 0.1, **pressures})
     return replace(e, noise={name: NoiseModel(noise) for name in pressures})
 
 
@@ -37,7 +37,7 @@ def views(**pressures: np.ndarray) -> Any:
 
 
 def refuted(offset: float, seen: Any) -> bool:
-    return contradicted(model(["pressure-offset"], {"pressure-offset.offset": offset}), OFFSET, seen)
+    return refuted_by_reading(model(["pressure-offset"], {"pressure-offset.offset": offset}), OFFSET, seen)
 
 
 @pytest.mark.parametrize("offset", [9500.0, -9500.0, 3100.0])
@@ -70,17 +70,17 @@ def test_a_fault_of_p2s_sensor_is_held_against_p2() -> None:
     """No effect of the catalogue offsets p2 alone; one of both has both ports."""
     of_p2 = replace(OFFSET, ports={"read_p2": OFFSET.ports["read_p1"]})
     faulty = replace(model(["pressure-offset"], {"pressure-offset.offset": 9500.0}), effects=(of_p2,))
-    assert contradicted(faulty, of_p2, views(p1=read(NEVER), p2=read(VENTED)))
-    assert not contradicted(faulty, of_p2, views(p1=read(VENTED), p2=read(NEVER)))
+    assert refuted_by_reading(faulty, of_p2, views(p1=read(NEVER), p2=read(VENTED)))
+    assert not refuted_by_reading(faulty, of_p2, views(p1=read(VENTED), p2=read(NEVER)))
 
 
 def test_a_scale_of_what_exceeds_ambient_pressure_reads_that_right() -> None:
     scaled = model(["pressure-scale"], {"pressure-scale.scale": 1.2})
-    assert not contradicted(scaled, catalogue()["pressure-scale"], views(p1=read(VENTED)))
+    assert not refuted_by_reading(scaled, catalogue()["pressure-scale"], views(p1=read(VENTED)))
 
 
 def test_what_is_no_reading_of_a_pressure_cannot_be_contradicted() -> None:
-    assert not contradicted(model(["extra-mass"]), catalogue()["extra-mass"], views(p1=read(VENTED)))
+    assert not refuted_by_reading(model(["extra-mass"]), catalogue()["extra-mass"], views(p1=read(VENTED)))
 
 
 # --- where a chamber rests

@@ -10,32 +10,32 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import smooth_term
-from pneucli.diagnose.smooth_term import KNOTS, Channel, Law, hats
-from pneucli.identify.residuals import Forces
-from pneucli.identify.residuals.base import Way
-from tests.simulate.synthetic_experiments import bench, clock, model
+from pneucli.diagnose.smooth_term import KNOTS, SmoothTerm, SplineRegression, linear_bspline_basis
+from pneucli.identify.residuals import ForceBalance
+from pneucli.identify.residuals.base import DiscrepancyTerm
+from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
-TIME = clock(6.0)
+TIME = time_grid(6.0)
 Force = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def runs(number: int = 3) -> list[Forces]:
+def runs(number: int = 3) -> list[ForceBalance]:
     """Balances of forces of motions that differ in pace, and wander over the whole stroke; noise of 1 N."""
     return [run(phase) for phase in range(number)]
 
 
-def run(phase: float, time: np.ndarray = TIME) -> Forces:
+def run(phase: float, time: np.ndarray = TIME) -> ForceBalance:
     """One of them."""
     pace = 2.1 + 0.3 * phase
     x = 0.1 + 0.06 * np.sin(pace * time + phase) + 0.03 * np.sin(3.7 * time - phase)
     v = 0.06 * pace * np.cos(pace * time + phase) + 0.111 * np.cos(3.7 * time - phase)
     p1 = 3e5 + 5e4 * np.sin(1.3 * time + 2.0 * phase) + 2e4 * np.sin(5.3 * time)
-    view = Forces(bench("friction", time, {"x": x, "v": v, "p1": p1}))
+    view = ForceBalance(make_experiment("friction", time, {"x": x, "v": v, "p1": p1}))
     view.__dict__.update(noise={"force": 1.0}, channels=("force",))
     return view
 
 
-def left_by(views: Sequence[Forces], force: Force, seed: int = 1, noise: float = 1.0) -> list[np.ndarray]:
+def left_by(views: Sequence[ForceBalance], force: Force, seed: int = 1, noise: float = 1.0) -> list[np.ndarray]:
     """What a force of (x, v, time) leaves over in each view, beside noise."""
     rng, left = np.random.default_rng(seed), []
     for view in views:
@@ -51,29 +51,37 @@ def fitted(left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> Any:
     return SimpleNamespace(model=model(), residual=residual, jacobian=jacobian, errors=[{}] * len(left))
 
 
-def rival(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> tuple[Any, Channel]:
+def rival(
+    views: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()
+) -> tuple[Any, SplineRegression]:
     """The same fit, its residuals in blocks of 0.25 s, and its channel."""
     fit = fitted(left, own)
     fit.blocks = np.arange(fit.residual.size) // 250
-    return fit, Channel(fit, views, Forces, "force")
+    return fit, SplineRegression(fit, views, ForceBalance, "force")
 
 
-def ranked(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> list[Law]:
+def ranked(
+    views: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()
+) -> list[SmoothTerm]:
     """The laws of what is left, the best first."""
     fit = fitted(left, own)
-    return Channel(fit, views, Forces, "force").ranked(fit)
+    return SplineRegression(fit, views, ForceBalance, "force").ranked_terms(fit)
 
 
-def best(views: Sequence[Forces], left: Sequence[np.ndarray]) -> Law:
+def best(views: Sequence[ForceBalance], left: Sequence[np.ndarray]) -> SmoothTerm:
     """The law that explains most."""
     return ranked(views, left)[0]
 
 
-def simple(views: Sequence[Forces], left: Sequence[np.ndarray], own: Sequence[np.ndarray], signal: str) -> str | None:
+def simple(
+    views: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray], signal: str
+) -> str | None:
     """The simple course of a force of a signal."""
     fit = fitted(left, own)
-    channel = Channel(fit, views, Forces, "force")
-    return channel.simple(fit, next(w for w in channel.ranked(fit) if (w.signal, w.way) == (signal, "force")))
+    channel = SplineRegression(fit, views, ForceBalance, "force")
+    return channel.simplest_shape(
+        fit, next(w for w in channel.ranked_terms(fit) if (w.signal, w.acts_as) == (signal, "force"))
+    )
 
 
 def cogging(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -115,7 +123,7 @@ def test_a_law_is_found_over_its_own_signal_and_as_what_it_acts(force: Force, si
     views = runs()
     found = best(views, left_by(views, force))
     assert found.signal == signal
-    assert found.way in ways
+    assert found.acts_as in ways
 
 
 def test_its_share_is_that_of_the_squares_that_are_no_noise() -> None:
@@ -156,7 +164,7 @@ def test_what_the_model_can_do_itself_is_beside_it() -> None:
     design, target = np.concatenate(own), np.concatenate(left)
     target = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
     law = ranked(views, np.split(target, len(views)), own)[0]
-    assert (law.signal, law.way) == ("p1", "force")
+    assert (law.signal, law.acts_as) == ("p1", "force")
     assert simple(views, np.split(target, len(views)), own, "p1") == "a parabola"
 
 
@@ -183,9 +191,9 @@ def test_what_was_not_read_says_nothing() -> None:
 def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     views = runs()
     whole = best(views, left_by(views, cogging))
-    monkeypatch.setattr(smooth_term, "ENOUGH", 3000)
+    monkeypatch.setattr(smooth_term, "MAX_SAMPLES", 3000)
     few = best(views, left_by(views, cogging))
-    assert (few.signal, few.way) == (whole.signal, whole.way)
+    assert (few.signal, few.acts_as) == (whole.signal, whole.acts_as)
     assert few.share == pytest.approx(whole.share, abs=0.02)
 
 
@@ -214,15 +222,15 @@ def test_a_signal_that_is_never_known_has_no_law() -> None:
 
 def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
-    monkeypatch.setattr(smooth_term, "ENOUGH", 20_000)
+    monkeypatch.setattr(smooth_term, "MAX_SAMPLES", 20_000)
     views = runs()
     left = left_by(views, cogging)
     left[0][:500] = 0.0
     fit, channel = rival(views, left)
-    law = channel.ranked(fit)[0]
-    costs, unseen = channel.costs(fit), channel.unseen(fit, law)
+    law = channel.ranked_terms(fit)[0]
+    costs, unseen = channel.block_costs(fit), channel.held_out_costs(fit, law)
     assert costs == pytest.approx(np.bincount(fit.blocks, np.concatenate(left) ** 2))
-    assert channel.readings(fit) == 3 * TIME.size - 500
+    assert channel.residual_count(fit) == 3 * TIME.size - 500
     assert np.all(unseen[:2] == 0.0)
     assert unseen.sum() == pytest.approx((1.0 - law.share) * costs.sum())
 
@@ -230,12 +238,12 @@ def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypa
 def test_a_law_of_a_simple_course_has_few_parts() -> None:
     views = runs()
     fit, channel = rival(views, left_by(views, lambda x, v, t: 100.0 * (x - 0.1)))
-    law = next(one for one in channel.ranked(fit) if (one.signal, one.way) == ("x", "force"))
-    line = next(one for one in channel.courses(fit, law) if one.course == "a straight line")
-    assert (line.signal, line.way, line.parts.shape) == ("x", "force", (2, KNOTS))
+    law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
+    line = next(one for one in channel.simple_terms(fit, law) if one.simple_shape == "a straight line")
+    assert (line.signal, line.acts_as, line.basis.shape) == ("x", "force", (2, KNOTS))
     x = np.linspace(line.low, line.high, KNOTS)
     assert line.values == pytest.approx(100.0 * (x - 0.1), abs=0.3)  # 3000 readings of 1 N and more
-    assert channel.unseen(fit, line).sum() == pytest.approx((1.0 - line.share) * channel.costs(fit).sum())
+    assert channel.held_out_costs(fit, line).sum() == pytest.approx((1.0 - line.share) * channel.block_costs(fit).sum())
 
 
 def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
@@ -244,7 +252,7 @@ def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
     own = [np.ones((TIME.size, 1)) for _ in views]
     fit, channel = rival(views, left_by(views, cogging), own)
     line = np.concatenate([100.0 * (v.experiment.raw["x"] - 0.1) + 30.0 for v in views])
-    of = {(law.signal, law.way): channel.lacks(fit, law, line) for law in channel.ranked(fit)}
+    of = {(law.signal, law.acts_as): channel.unrepresented_share(fit, law, line) for law in channel.ranked_terms(fit)}
     assert of["x", "force"] < 1e-3
     assert of["time", "force"] > 0.8
 
@@ -253,20 +261,20 @@ def test_a_law_must_be_nothing_where_the_change_is_nothing() -> None:
     """A force over the position is a law of it, not so if it is there in the first second alone."""
     views = runs()
     fit, channel = rival(views, left_by(views, cogging))
-    law = next(one for one in channel.ranked(fit) if (one.signal, one.way) == ("x", "force"))
+    law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
     change = np.concatenate([cogging(v.experiment.raw["x"], TIME, TIME) for v in views])
     once = np.concatenate([np.where(TIME < 1.0, 1.0, 0.0) for _ in views]) * change
-    assert channel.lacks(fit, law, change) < 0.01
-    assert channel.lacks(fit, law, once) > 0.5
-    assert channel.lacks(fit, law, np.zeros(change.size)) == 0.0
+    assert channel.unrepresented_share(fit, law, change) < 0.01
+    assert channel.unrepresented_share(fit, law, once) > 0.5
+    assert channel.unrepresented_share(fit, law, np.zeros(change.size)) == 0.0
 
 
 def test_where_nothing_was_read_a_law_leaves_nothing() -> None:
     views = runs()
     fit, channel = rival(views, left_by(views, cogging))
-    law = channel.ranked(fit)[0]
+    law = channel.ranked_terms(fit)[0]
     fit.residual = np.zeros(fit.residual.size)
-    assert not np.any(channel.unseen(fit, law))
+    assert not np.any(channel.held_out_costs(fit, law))
 
 
 # --- splines
@@ -274,14 +282,14 @@ def test_where_nothing_was_read_a_law_leaves_nothing() -> None:
 
 def test_splines_sum_to_one_and_keep_straight_lines() -> None:
     place = np.linspace(-0.1, 1.1, 1001)
-    made = hats(place)
+    made = linear_bspline_basis(place)
     assert made.shape == (KNOTS, place.size)
     assert made.sum(axis=0) == pytest.approx(1.0)
     assert np.linspace(0.0, 1.0, KNOTS) @ made == pytest.approx(np.clip(place, 0.0, 1.0))
 
 
 def test_where_a_signal_is_not_known_nothing_is_made_of_it() -> None:
-    assert np.all(hats(np.array([np.nan, 0.5]))[:, 0] == 0.0)
+    assert np.all(linear_bspline_basis(np.array([np.nan, 0.5]))[:, 0] == 0.0)
 
 
 def test_what_a_way_has_of_the_model_is_the_signal_of_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -289,10 +297,10 @@ def test_what_a_way_has_of_the_model_is_the_signal_of_its_law(monkeypatch: pytes
     views = runs()
     late = {id(view): np.roll(view.experiment.raw["x"], 250) for view in views}
 
-    def lacking(view: Forces, *_: object) -> list[Way]:
-        return [Way("error of its sensor", "m", np.ones(TIME.size), lambda q: q, "x", late[id(view)])]
+    def lacking(view: ForceBalance, *_: object) -> list[DiscrepancyTerm]:
+        return [DiscrepancyTerm("error of its sensor", "m", np.ones(TIME.size), lambda q: q, "x", late[id(view)])]
 
-    monkeypatch.setattr(Forces, "lacking", lacking)
+    monkeypatch.setattr(ForceBalance, "discrepancy_terms", lacking)
     left = [cogging(x, x, x) + np.random.default_rng(1).standard_normal(TIME.size) for x in late.values()]
     (law,) = ranked(views, left)
     assert law.signal == "x"

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from pneucli.diagnose.evidence import magnitude
+from pneucli.diagnose.evidence import relative_effect_size
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
-FACTS = replace(facts_of(model()), coulomb=10.0)
+FACTS = replace(rig_quantities(model()), coulomb=10.0)
 
 
 def size(effect: Effect, base: dict[str, float] | None = None, **values: float) -> float:
@@ -24,7 +24,7 @@ def size(effect: Effect, base: dict[str, float] | None = None, **values: float) 
     names = {f"{effect.name}.{name}": value for name, value in values.items()}
     estimates = [Estimate(name, "", value, 0.1, (0.0, 0.0), False) for name, value in names.items()]
     fitted: Any = SimpleNamespace(estimates=estimates, model=model([effect.name], (base or {}) | names))
-    return magnitude(fitted, effect, FACTS)
+    return relative_effect_size(fitted, effect, FACTS)
 
 
 def test_an_effect_that_vanishes_at_nothing_stands_over_its_typical_value() -> None:

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneucli.diagnose.periodic_term import Period, period
-from pneucli.identify.residuals import Chambers
+from pneucli.diagnose.periodic_term import PeriodicTerm, find_period
+from pneucli.identify.residuals import ChamberPressures
 from pneucli.simulate import layout as at
 
 STEP = 1e-3
 TIME = np.arange(0.0, 8.0, STEP)
 
 
-class Seen(Chambers):
+class Seen(ChamberPressures):
     """What a view shows, without a rig behind it: residuals in units of noise; restarts every 0.5 s."""
 
     channels = ("p1",)
@@ -43,9 +43,9 @@ class Balance(Seen):
     replayed = False
 
 
-def found(*views: Seen) -> Period | None:
+def found(*views: Seen) -> PeriodicTerm | None:
     """The period of p1."""
-    return period(None, views, "p1")  # type: ignore[arg-type]
+    return find_period(None, views, "p1")  # type: ignore[arg-type]
 
 
 def noise(seed: int, n: int = TIME.size) -> np.ndarray:
@@ -53,7 +53,7 @@ def noise(seed: int, n: int = TIME.size) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(n)
 
 
-def told(*views: Seen) -> Period:
+def told(*views: Seen) -> PeriodicTerm:
     """The period, where there is one."""
     one = found(*views)
     assert one is not None

@@ -7,41 +7,41 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.data import Bench, State, Trial
-from pneucli.diagnose.equivalence import LEAST, Place
+from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.equivalence import MIN_REMAINING_SHARE, Term
 from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
 
 BENCH = bench(held_out=False)
 BEFORE = state(cost=SAMPLES + 10000.0)  # 10000 beyond noise
 
 
-def leaving(effect: str, beyond: float) -> Trial:
+def leaving(effect: str, beyond: float) -> Candidate:
     """A trial that leaves so much beyond noise."""
     return trial(effect, SAMPLES + beyond, before=BEFORE)
 
 
-def place(beyond: float, **rivals: float) -> Place:
+def place(beyond: float, **rivals: float) -> Term:
     """Stribeck friction that leaves so much, and what passed in its place with what that leaves."""
-    return Place(leaving("stribeck", beyond), tuple(leaving(n.replace("_", "-"), much) for n, much in rivals.items()))
+    return Term(leaving("stribeck", beyond), tuple(leaving(n.replace("_", "-"), much) for n, much in rivals.items()))
 
 
 def test_what_is_left_is_a_part_of_what_there_was_beyond_noise() -> None:
-    assert place(2500.0).left(BENCH) == pytest.approx(0.25)
-    assert place(0.0).left(BENCH) == LEAST
-    assert place(-500.0).left(BENCH) == LEAST
+    assert place(2500.0).remaining_share(BENCH) == pytest.approx(0.25)
+    assert place(0.0).remaining_share(BENCH) == MIN_REMAINING_SHARE
+    assert place(-500.0).remaining_share(BENCH) == MIN_REMAINING_SHARE
 
 
 def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_which_more_is() -> None:
     """A stand-in takes all of the ones and half of the others; where no more than noise was, nothing is asked."""
 
-    def costing(fitted: float, held_out: float) -> Trial:
+    def costing(fitted: float, held_out: float) -> Candidate:
         costs = np.repeat([100.0 + fitted, 100.0 + held_out], BLOCKS)
         counts = np.full(2 * BLOCKS, 100.0)
         one = leaving("stribeck", 0.0)
-        return replace(one, state=State(one.state.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
+        return replace(one, state=FittedModel(one.full.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
 
     def left(before: tuple[float, float], after: tuple[float, float]) -> float:
-        return Place(replace(costing(*after), before=costing(*before).state), ()).left(bench())
+        return Term(replace(costing(*after), before=costing(*before).full), ()).remaining_share(bench())
 
     assert left((50.0, 50.0), (0.0, 25.0)) == pytest.approx(0.5)
     assert left((50.0, 50.0), (25.0, 5.0)) == pytest.approx(0.5)
@@ -55,24 +55,24 @@ def test_what_readings_show_alone_counts_where_they_show_it(
 ) -> None:
     """Of 100 readings 200 beyond noise, of which 20 stay; of hardly more than noise the forces tell: a quarter."""
     found = place(2500.0)
-    read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.named.state): [(after, 100.0), (0.0, 0.0)]}
-    monkeypatch.setattr(Bench, "alone", lambda self, state, effect: read[id(state)])
-    assert found.left(BENCH) == pytest.approx(left)
+    read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.candidate.full): [(after, 100.0), (0.0, 0.0)]}
+    monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: read[id(state)])
+    assert found.remaining_share(BENCH) == pytest.approx(left)
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.48, False), (1.45, True)])
 def test_beside_something_unknown_what_leaves_about_as_much_is_not_told_from_it(ratio: float, told: bool) -> None:
     """Ten readings: a ratio of exp(3.84 / 10) = 1.468 is exceeded by chance once in twenty."""
     found = place(1000.0, extra_mass=ratio * 1000.0, presliding=9000.0)
-    assert [t.effect.name for t in found.alike(BENCH, complete=False)] == ["extra-mass"] * told
+    assert [t.effect.name for t in found.equivalents(BENCH, complete=False)] == ["extra-mass"] * told
 
 
 @pytest.mark.parametrize(("beyond", "told"), [(8600.0, True), (8700.0, False)])
 def test_nor_what_takes_about_as_much(beyond: float, told: bool) -> None:
     """Of 10000 the one takes 2000; what takes 1362 or more, that over exp(3.84 / 10), is not told from it."""
     found = place(8000.0, extra_mass=beyond)
-    assert [t.effect.name for t in found.alike(BENCH, complete=False)] == ["extra-mass"] * told
+    assert [t.effect.name for t in found.equivalents(BENCH, complete=False)] == ["extra-mass"] * told
 
 
 def test_where_noise_alone_is_left_a_difference_of_as_much_tells() -> None:
-    assert place(1000.0, extra_mass=1400.0).alike(BENCH, complete=True) == []
+    assert place(1000.0, extra_mass=1400.0).equivalents(BENCH, complete=True) == []

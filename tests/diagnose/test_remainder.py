@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pneucli.diagnose.adequacy import shape
+from pneucli.diagnose.adequacy import binned_shape
 
 RNG = np.random.default_rng(3)
 N = 8000
@@ -17,7 +17,7 @@ def coloured(n=N, pole=0.9):
 
 
 def test_white_noise_has_no_shape():
-    shares = [shape("x", RNG.uniform(size=N), RNG.normal(size=N), BLOCKS).share for _ in range(20)]
+    shares = [binned_shape("x", RNG.uniform(size=N), RNG.normal(size=N), BLOCKS).share for _ in range(20)]
     assert max(shares) < 0.01
 
 
@@ -28,24 +28,24 @@ def test_coloured_noise_has_no_shape():
     chance of 0.001, of 200 five or more once in ten thousand times; taken for normal 7 % would be.
     """
     x = np.sin(np.arange(N) / 300.0)
-    found = [shape("x", x, coloured(), BLOCKS) for _ in range(200)]
+    found = [binned_shape("x", x, coloured(), BLOCKS) for _ in range(200)]
     assert np.mean([f.share for f in found]) < 0.03
     assert sum(f.p_value < 0.001 for f in found) < 5
 
 
 def test_a_square_law_is_found_over_its_variable():
     v = np.sin(np.arange(N) / 250.0)
-    found = shape("v", v, RNG.normal(size=N) + 2.0 * v * np.abs(v), BLOCKS)
+    found = binned_shape("v", v, RNG.normal(size=N) + 2.0 * v * np.abs(v), BLOCKS)
     assert found.share > 0.4
     assert found.p_value < 1e-6
 
 
 def test_a_constant_variable_has_no_shape():
-    assert shape("u", np.ones(N), RNG.normal(size=N), BLOCKS) is None
+    assert binned_shape("u", np.ones(N), RNG.normal(size=N), BLOCKS) is None
 
 
 def test_what_does_not_count_is_left_out():
     """Half of the samples are zero for it: the step of 1 stands in the other half, and is all that there is."""
     x = np.linspace(0.0, 1.0, N)
     residual = np.where(x < 0.5, 0.0, 1.0)
-    assert shape("x", x, residual, BLOCKS).share == 1.0
+    assert binned_shape("x", x, residual, BLOCKS).share == 1.0

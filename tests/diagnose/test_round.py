@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pneucli.diagnose import screening as rounds
-from pneucli.diagnose.data import Bench
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import bench, state, trial
 
@@ -23,19 +23,21 @@ def signature(gain: float) -> Any:
 def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
     """Beside a promise of 5000 one of 40 is no start worth a fit."""
     ranked = [(catalogue()["extra-mass"], [signature(5000.0)]), (catalogue()["stribeck"], [signature(40.0)])]
-    monkeypatch.setattr(Bench, "screen", lambda self, state: ranked)
+    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, state: ranked)
     monkeypatch.setattr(
-        Bench, "added", lambda self, before, effects, found: [trial(e.name, before=before) for e in effects]
+        DiagnosisData,
+        "refit_with",
+        lambda self, before, effects, found: [trial(e.name, before=before) for e in effects],
     )
-    monkeypatch.setattr(Bench, "polished", lambda self, tried: tried)
+    monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, tried: tried)
     where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
     where.__dict__["hypotheses"] = 50
-    assert {d.effect.name: d.reason for d in rounds.tried(where, BEFORE)} == {
+    assert {d.effect.name: d.reason for d in rounds.screen_and_refit(where, BEFORE)} == {
         "extra-mass": "supported",
         "stribeck": "not-promising",
         "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
     }
-    beside = rounds.tried(where, BEFORE, ["extra-mass"])
+    beside = rounds.screen_and_refit(where, BEFORE, ["extra-mass"])
     assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}
 
 
@@ -45,9 +47,9 @@ def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
 ):
     """A rival that leaves 4000: it is the best of its round, and far from what leaves 3000."""
     rival, polished = trial("extra-mass", 4000.0, before=BEFORE), []
-    monkeypatch.setattr(Bench, "screen", lambda self, state: [(rival.effect, [signature(5000.0)])])
-    monkeypatch.setattr(Bench, "added", lambda *_: [rival])
-    monkeypatch.setattr(Bench, "polished", lambda self, trials: polished.extend(trials) or trials)
+    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, state: [(rival.effect, [signature(5000.0)])])
+    monkeypatch.setattr(DiagnosisData, "refit_with", lambda *_: [rival])
+    monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, trials: polished.extend(trials) or trials)
     where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
-    rounds.tried(where, BEFORE, ["stribeck"], None if named is None else state(["stribeck"], named))
+    rounds.screen_and_refit(where, BEFORE, ["stribeck"], None if named is None else state(["stribeck"], named))
     assert len(polished) == ended

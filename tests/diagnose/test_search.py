@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import hypothesis_tests
-from pneucli.diagnose.data import State, Trial
-from pneucli.diagnose.evidence import Gain, gain
-from pneucli.diagnose.hypothesis_tests import supported
+from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.evidence import ScoreGain, score_gain
+from pneucli.diagnose.hypothesis_tests import passing_candidates
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 
@@ -20,21 +20,21 @@ BENCH: Any = SimpleNamespace(
     hypotheses=50, checked=True, train=[VIEW], given=(), felt=lambda state, _: (float(state.train.sum()), 2000)
 )
 BEFORE: Any = SimpleNamespace(train=np.full(40, 100.0), cost=8000.0, samples=4000, names=[])
-SURELY = Gain(400.0, 300.0, 1e-9, 30.0)
-RARELY = Gain(90.0, 0.0, 0.16, 1.0)  # one block of many
-OFTEN = Gain(90.0, -10.0, 0.16, 30.0)
-WORSE = Gain(-5.0, -20.0, 0.8, 1.0)
+SURELY = ScoreGain(400.0, 300.0, 1e-9, 30.0)
+RARELY = ScoreGain(90.0, 0.0, 0.16, 1.0)  # one block of many
+OFTEN = ScoreGain(90.0, -10.0, 0.16, 30.0)
+WORSE = ScoreGain(-5.0, -20.0, 0.8, 1.0)
 
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hypothesis_tests, "remains", lambda bench, state: ([], []))
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda bench, state: ([], []))
 
 
-def trial(test: Gain, p_value: float) -> Trial:
+def trial(test: ScoreGain, p_value: float) -> Candidate:
     fitted: Any = SimpleNamespace(estimates=(), free=(), model=model(["dwell-breakaway"]))
-    state = State(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), np.full(40, 100.0))
-    return Trial(catalogue()["dwell-breakaway"], BEFORE, state, SURELY, test, p_value)
+    state = FittedModel(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), np.full(40, 100.0))
+    return Candidate(catalogue()["dwell-breakaway"], BEFORE, state, SURELY, test, p_value)
 
 
 @pytest.mark.parametrize(
@@ -47,14 +47,14 @@ def trial(test: Gain, p_value: float) -> Trial:
         (WORSE, 1e-12, False),  # the data held out speak against it
     ],
 )
-def test_data_held_out_must_be_certain_unless_they_show_the_effect_rarely(test: Gain, p_value: float, named: bool):
+def test_data_held_out_must_be_certain_unless_they_show_the_effect_rarely(test: ScoreGain, p_value: float, named: bool):
     """50 hypotheses: a chance of 1e-5 is one of 5e-4 for the family, beyond the 1e-4 asked of what is rarely shown."""
-    assert bool(supported(BENCH, BEFORE, [trial(test, p_value)])) == named
+    assert bool(passing_candidates(BENCH, BEFORE, [trial(test, p_value)])) == named
 
 
 def test_the_number_of_a_gain_counts_the_blocks_in_which_it_shows():
     before, once = np.full(40, 100.0), np.full(40, 100.0)
     once[7] = 0.0
     all_over = 90.0 + np.random.default_rng(1).normal(size=40)
-    assert gain(before, once).number < 2.0
-    assert gain(before, all_over).number > 10.0
+    assert score_gain(before, once).effective_blocks < 2.0
+    assert score_gain(before, all_over).effective_blocks > 10.0

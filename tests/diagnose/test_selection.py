@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import evidence, hypothesis_tests, next_term, selection
-from pneucli.diagnose.adequacy import Remainder
-from pneucli.diagnose.data import State, Trial
-from pneucli.diagnose.evidence import Gain
-from pneucli.diagnose.selection import Search, search, tried
-from pneucli.identify.residuals import Forces
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.selection import SelectionPath, screen_and_refit, select_effects
+from pneucli.identify.residuals import ForceBalance
 from tests.diagnose.toys import Toys, adding, effect
 
 
@@ -23,8 +23,10 @@ def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """How likely each effect is beside something unknown; 0.9 unless stated."""
     known: dict[str, float] = {}
     for module in (selection, next_term):
-        monkeypatch.setattr(module, "likely", lambda bench, place: known.get(place.named.effect.name, 0.9))
-    monkeypatch.setattr(next_term, "standing", lambda bench, trial: known.get(trial.effect.name, 0.9))
+        monkeypatch.setattr(
+            module, "posterior_probability", lambda bench, place: known.get(place.named.effect.name, 0.9)
+        )
+    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, trial: known.get(trial.effect.name, 0.9))
     return known
 
 
@@ -32,20 +34,20 @@ def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
 def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left of a state is its cost over its samples."""
 
-    def left(bench: Any, state: State) -> tuple[list[Remainder], list[Remainder]]:
-        ratio = float(np.sqrt(state.cost / state.samples))
-        return [Remainder(Forces, "force", ratio, ratio, ())], []
+    def left(bench: Any, state: FittedModel) -> tuple[list[LackOfFit], list[LackOfFit]]:
+        ratio = float(np.sqrt(state.cost / state.residual_count))
+        return [LackOfFit(ForceBalance, "force", ratio, ratio, ())], []
 
     for module in (selection, next_term, hypothesis_tests):
-        monkeypatch.setattr(module, "remains", left)
+        monkeypatch.setattr(module, "lack_of_fit", left)
     monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
 
 
-def found(bench: Toys, *base: str) -> Search:
-    return search(bench, bench.state(base))  # type: ignore[arg-type]
+def found(bench: Toys, *base: str) -> SelectionPath:
+    return select_effects(bench, bench.state(base))  # type: ignore[arg-type]
 
 
-def names(result: Search) -> set[str]:
+def names(result: SelectionPath) -> set[str]:
     return set(result.added)
 
 
@@ -56,8 +58,8 @@ def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
     result = found(Toys([A, B, C], adding(a=1.0)))
     assert result.added == ["a"]
     assert result.adequate
-    assert [s.names for s in result.rungs] == [[], ["a"]]
-    assert result.last.names == ["a"]
+    assert [s.effect_names for s in result.models] == [[], ["a"]]
+    assert result.last.effect_names == ["a"]
 
 
 def test_what_was_tried_from_the_model_as_it_is_is_not_tried_again() -> None:
@@ -70,7 +72,7 @@ def test_where_noise_alone_is_left_nothing_is_found() -> None:
     result = found(Toys([A, B, C], adding(), excess=0.0))
     assert result.added == []
     assert result.adequate
-    assert len(result.rungs) == 1
+    assert len(result.models) == 1
 
 
 def test_two_effects_are_found_the_larger_one_first() -> None:
@@ -82,7 +84,7 @@ def test_two_effects_are_found_the_larger_one_first() -> None:
 def test_effects_that_the_model_has_are_not_found_again() -> None:
     result = found(Toys([A, B, C], adding(a=0.5, b=0.5)), "a")
     assert result.added == ["b"]
-    assert [s.names for s in result.rungs] == [["a"], ["a", "b"]]
+    assert [s.effect_names for s in result.models] == [["a"], ["a", "b"]]
 
 
 def test_what_no_effect_explains_is_left_over() -> None:
@@ -147,7 +149,7 @@ def test_what_is_likelier_absent_goes_where_something_unknown_is_left(sure: dict
     sure.update(b=0.4, c=0.3)
     result = found(Toys([A, B, C], adding(a=0.4, b=0.2, c=0.2), excess=2.0))
     assert result.added == ["a"]
-    assert [t.effect.name for t in result.doubted] == ["c", "b"]
+    assert [t.effect.name for t in result.improbable] == ["c", "b"]
     assert {d.effect.name: d.reason for d in result.decisions} == dict.fromkeys("bc", "explained-by-unknown")
     assert found(Toys([B, C], adding(b=0.4), excess=2.0)).added == ["b"]
     assert names(found(Toys([A, B, C], adding(a=0.8, b=0.6, c=0.6), excess=2.0))) == {"a", "b", "c"}
@@ -162,7 +164,7 @@ def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[s
 
     bench = Toys([A, B], takes, excess=2.0)
     kept, refused, _ = selection._without_needless(bench, bench.state(()), bench.state(("a", "b")))  # type: ignore[arg-type]
-    assert kept.names == ["a"]
+    assert kept.effect_names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "explained-by-unknown")]
 
 
@@ -185,7 +187,7 @@ def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
     bench = Toys([A, B], takes, worse={"b"})
     rungs = [bench.state(()), *(bench.state(names) for names in way)]
     kept, _, refused = selection._revise(bench, rungs, [[]])  # type: ignore[arg-type]
-    assert kept[-1].names == ["a"]
+    assert kept[-1].effect_names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
 
 
@@ -195,7 +197,7 @@ def test_equals_of_an_effect_are_its_rivals() -> None:
 
     result = found(Toys([A, B, C], takes))
     (name,) = result.added
-    assert {t.effect.name for t in result.places[name].rivals} == {"a", "b"} - {name}
+    assert {t.effect.name for t in result.terms[name].rivals} == {"a", "b"} - {name}
 
 
 def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
@@ -235,12 +237,12 @@ def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
 # --- what is tried
 
 
-CERTAIN = Gain(400.0, 300.0, 1e-9, 30.0)
+CERTAIN = ScoreGain(400.0, 300.0, 1e-9, 30.0)
 
 
-def costing(cost: float) -> State:
+def costing(cost: float) -> FittedModel:
     fit: Any = SimpleNamespace(estimates=[], free=(), model=SimpleNamespace(values={}, effects=()))
-    return State(fit, np.full(40, cost / 40.0), np.zeros(0), np.full(40, cost / 40.0), np.full(40, 250.0))
+    return FittedModel(fit, np.full(40, cost / 40.0), np.zeros(0), np.full(40, cost / 40.0), np.full(40, 250.0))
 
 
 BEFORE = costing(10000.0)
@@ -253,19 +255,21 @@ class Screened(Toys):
         super().__init__([effect(n) for n in promised], adding())
         self.promised, self.costs = promised, costs or {}
 
-    def screen(self, state: State) -> list[Any]:
+    def screen(self, state: FittedModel) -> list[Any]:
         ranked = sorted(self.promised.items(), key=lambda pair: -pair[1])
         return [(self.effects[n], [SimpleNamespace(gain=g)]) for n, g in ranked]
 
-    def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
+    def added(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
         costs = [self.costs.get(one.name, 9000.0) for one in effects]
-        gains = [Gain(10000.0 - cost, 1.0, 1e-9, 30.0) for cost in costs]
-        return [Trial(e, BEFORE, costing(c), g, CERTAIN, 1e-9) for e, c, g in zip(effects, costs, gains, strict=True)]
+        gains = [ScoreGain(10000.0 - cost, 1.0, 1e-9, 30.0) for cost in costs]
+        return [
+            Candidate(e, BEFORE, costing(c), g, CERTAIN, 1e-9) for e, c, g in zip(effects, costs, gains, strict=True)
+        ]
 
 
 def order(bench: Screened, without: tuple[str, ...] = ()) -> list[str]:
     """The effects that were fitted."""
-    return [d.effect.name for d in tried(bench, BEFORE, without) if d.trial is not None]  # type: ignore[arg-type]
+    return [d.effect.name for d in screen_and_refit(bench, BEFORE, without) if d.candidate is not None]  # type: ignore[arg-type]
 
 
 def test_no_more_than_six_are_refitted_those_that_promise_most() -> None:
@@ -286,7 +290,7 @@ def test_of_the_share_that_the_best_promises_of_what_it_acts_in() -> None:
     """A tenth of little counts as much as a tenth of much that it does not act in."""
 
     class Apart(Screened):
-        def felt(self, state: State, one: Any) -> tuple[float, int]:
+        def felt(self, state: FittedModel, one: Any) -> tuple[float, int]:
             return (1e6, 100) if one.name == "a" else (1e3, 100)
 
     assert set(order(Apart({"a": 1e5, "b": 100.0, "c": 13.0}))) == {"a", "b", "c"}
@@ -310,6 +314,6 @@ def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to
 def test_a_search_knows_what_was_added_to_what() -> None:
     toys = Toys([A, B, C], adding())
     rungs = tuple(toys.state(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
-    result = Search(rungs, (), {}, (), ())
+    result = SelectionPath(rungs, (), {}, (), ())
     assert result.added == ["b", "c"]
     assert result.adequate

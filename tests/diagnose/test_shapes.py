@@ -10,19 +10,19 @@ import pytest
 
 from pneucli.diagnose import adequacy, experiment_design
 from pneucli.diagnose.adequacy import (
-    Remainder,
+    LackOfFit,
     Shape,
-    _remainder,
-    allowed_for,
-    bulk_rms,
-    held_out_remainders,
-    shape,
-    too_much,
+    _channel_lack_of_fit,
+    binned_shape,
+    held_out_lack_of_fit,
+    significant_lack_of_fit,
+    trimmed_rms,
+    within_parameter_uncertainty,
 )
 from pneucli.identify.estimation.fit import fit
 from pneucli.identify.estimation.parameters import base_parameters
-from pneucli.identify.residuals import Chambers, Forces
-from tests.simulate.synthetic_experiments import RIG, bench, clock, model
+from pneucli.identify.residuals import ChamberPressures, ForceBalance
+from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
 N = 8000
@@ -34,8 +34,8 @@ SWING = np.sin(2 * np.pi * 0.9 * TIME)
 # --- how much
 
 
-def left(ratio: float, bulk: float, *shapes: Shape) -> Remainder:
-    return Remainder(Forces, "force", ratio, bulk, shapes)
+def left(ratio: float, bulk: float, *shapes: Shape) -> LackOfFit:
+    return LackOfFit(ForceBalance, "force", ratio, bulk, shapes)
 
 
 def shaped(share: float, p_value: float) -> Shape:
@@ -57,23 +57,27 @@ def shaped(share: float, p_value: float) -> Shape:
         (left(1.1, 1.07, shaped(0.1, 1e-7), shaped(0.5, 1e-9)), False, False),  # the first is the one with most
     ],
 )
-def test_what_is_more_than_noise_on_fitted_and_on_held_out_data(one: Remainder, train: bool, test: bool) -> None:
-    assert bool(too_much([one], [])) == train
-    assert bool(too_much([], [one])) == test
+def test_what_is_more_than_noise_on_fitted_and_on_held_out_data(one: LackOfFit, train: bool, test: bool) -> None:
+    assert bool(significant_lack_of_fit([one], [])) == train
+    assert bool(significant_lack_of_fit([], [one])) == test
 
 
 def test_the_worst_comes_first() -> None:
-    assert [r.ratio for r in too_much([left(1.5, 1.5), left(3.0, 1.3)], [left(2.0, 2.0)])] == [3.0, 2.0, 1.5]
+    assert [r.ratio for r in significant_lack_of_fit([left(1.5, 1.5), left(3.0, 1.3)], [left(2.0, 2.0)])] == [
+        3.0,
+        2.0,
+        1.5,
+    ]
 
 
 def test_the_bulk_of_normal_noise_is_its_deviation_and_ignores_the_worst() -> None:
     noise = 3.0 * RNG(1).standard_normal(20_000)
-    assert bulk_rms(noise) == pytest.approx(3.0, rel=0.02)
+    assert trimmed_rms(noise) == pytest.approx(3.0, rel=0.02)
     spoiled = noise.copy()
     spoiled[:80] = 1e6
-    assert bulk_rms(spoiled) == pytest.approx(3.0, rel=0.05)
+    assert trimmed_rms(spoiled) == pytest.approx(3.0, rel=0.05)
     spoiled[:400] = 1e6
-    assert bulk_rms(spoiled) > 1e4
+    assert trimmed_rms(spoiled) > 1e4
 
 
 # --- its shape
@@ -82,7 +86,7 @@ def test_the_bulk_of_normal_noise_is_its_deviation_and_ignores_the_worst() -> No
 def test_a_step_over_a_signal_is_its_share_of_the_squares() -> None:
     """Steps of 2 to both sides beside noise of 1: 4 of 5."""
     x = RNG(1).permutation(np.linspace(0.0, 1.0, N))
-    found = shape("x", x, np.where(x > 0.5, 2.0, -2.0) + RNG(2).standard_normal(N), BLOCKS)
+    found = binned_shape("x", x, np.where(x > 0.5, 2.0, -2.0) + RNG(2).standard_normal(N), BLOCKS)
     assert found is not None
     assert (found.variable, found.share) == ("x", pytest.approx(0.8, abs=0.03))
     assert found.p_value < 1e-12
@@ -91,7 +95,7 @@ def test_a_step_over_a_signal_is_its_share_of_the_squares() -> None:
 def test_few_levels_are_bins_of_their_own() -> None:
     """They hold all of a law of three levels, beside noise of 1: 0.5 of 1.5; two bins would hold less."""
     u = np.repeat([0.0, 1.0, 2.0, 1.0], N // 4)
-    found = shape("u", u, u - 1.0 + RNG(3).standard_normal(N), BLOCKS)
+    found = binned_shape("u", u, u - 1.0 + RNG(3).standard_normal(N), BLOCKS)
     assert found is not None
     assert found.share == pytest.approx(1.0 / 3.0, abs=0.03)
 
@@ -99,26 +103,26 @@ def test_few_levels_are_bins_of_their_own() -> None:
 def test_unknown_places_are_left_out() -> None:
     """What stands there, of whichever size, is in no bin and counts for nothing."""
     x, slope = np.where(TIME < 4.0, np.nan, TIME), np.where(TIME < 4.0, 100.0, TIME - 6.0)
-    found = shape("x", x, slope, BLOCKS)
+    found = binned_shape("x", x, slope, BLOCKS)
     assert found is not None
     assert found.share > 0.95
 
 
 @pytest.mark.parametrize("values", [np.full(N, np.nan), np.zeros(N)])
 def test_what_is_unknown_or_constant_has_no_shape(values: np.ndarray) -> None:
-    assert shape("x", values, RNG(5).standard_normal(N), BLOCKS) is None
+    assert binned_shape("x", values, RNG(5).standard_normal(N), BLOCKS) is None
 
 
 # --- what parameters leave open
 
 
-def moved(speed: float, viscous: float, seed: int) -> Forces:
+def moved(speed: float, viscous: float, seed: int) -> ForceBalance:
     """A piston moved to and fro at up to ``speed``, with pressures that balance such friction; noise of 1 N."""
-    time = clock(20.0)
+    time = time_grid(20.0)
     v, x = speed * np.cos(2 * np.pi * time), 0.1 + speed / (2 * np.pi) * np.sin(2 * np.pi * time)
 
-    def read(p1: np.ndarray | float) -> Forces:
-        view = Forces(bench("friction", time, {"x": x, "v": v, "p1": p1}))
+    def read(p1: np.ndarray | float) -> ForceBalance:
+        view = ForceBalance(make_experiment("friction", time, {"x": x, "v": v, "p1": p1}))
         view.__dict__.update(noise={"force": 1.0}, channels=("force",))
         return view
 
@@ -137,21 +141,21 @@ def test_what_slow_motions_leave_open_is_not_held_against_a_fast_one() -> None:
     for seed in range(30):
         slow = moved(0.003, 45.0, seed)
         found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
-        left = held_out_remainders(found, [moved(0.3, 45.0, 100 + seed)])
-        flagged += bool(too_much([], left))
-        allowed += len(allowed_for(left))
+        left = held_out_lack_of_fit(found, [moved(0.3, 45.0, 100 + seed)])
+        flagged += bool(significant_lack_of_fit([], left))
+        allowed += len(within_parameter_uncertainty(left))
     assert flagged < 3
     assert allowed > 8  # of 20
-    (other,) = held_out_remainders(found, [moved(0.3, 150.0, 7)])
-    assert other.left_open == pytest.approx(10.4 * 0.3 / np.sqrt(2.0), rel=0.3)  # by 40 blocks
-    assert too_much([], [other]) == [other]
-    assert not allowed_for([other])
+    (other,) = held_out_lack_of_fit(found, [moved(0.3, 150.0, 7)])
+    assert other.parameter_uncertainty == pytest.approx(10.4 * 0.3 / np.sqrt(2.0), rel=0.3)  # by 40 blocks
+    assert significant_lack_of_fit([], [other]) == [other]
+    assert not within_parameter_uncertainty([other])
 
 
 def test_what_fits_asks_nothing_of_the_parameters() -> None:
     slow = moved(0.003, 45.0, 1)
     found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
-    assert [r.left_open for r in held_out_remainders(found, [moved(0.003, 45.0, 2)])] == [0.0]
+    assert [r.parameter_uncertainty for r in held_out_lack_of_fit(found, [moved(0.003, 45.0, 2)])] == [0.0]
 
 
 def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,11 +163,11 @@ def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPa
     slow = moved(0.003, 45.0, 1)
     found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
     monkeypatch.setattr(
-        adequacy.Problem, "jacobian", lambda self, z: np.full((slow.experiment.time.size, z.size), np.nan)
+        adequacy.LeastSquaresProblem, "jacobian", lambda self, z: np.full((slow.experiment.time.size, z.size), np.nan)
     )
-    left = held_out_remainders(found, [moved(0.3, 150.0, 2)])
-    assert [r.left_open for r in left] == [0.0]
-    assert too_much([], left) == left
+    left = held_out_lack_of_fit(found, [moved(0.3, 150.0, 2)])
+    assert [r.parameter_uncertainty for r in left] == [0.0]
+    assert significant_lack_of_fit([], left) == left
 
 
 # --- over all recordings
@@ -171,17 +175,17 @@ def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPa
 
 def view() -> Any:
     signals = {"u": SWING, "p1": 3e5, "p2": 3e5, "x": 0.1 + 0.05 * SWING, "v": 0.05 * np.cos(TIME)}
-    found = Forces(bench("axis", TIME, signals))
+    found = ForceBalance(make_experiment("axis", TIME, signals))
     found.__dict__["channels"] = ("force",)
     return found
 
 
 def test_a_channels_remainder_is_over_what_a_correct_model_would_show() -> None:
     residual = RNG(7).standard_normal(N)
-    found = _remainder(Forces, "force", [(view(), 2.0 * residual, 0.5), (view(), residual, 1.0)])
-    assert (found.kind, found.channel) == (Forces, "force")
+    found = _channel_lack_of_fit(ForceBalance, "force", [(view(), 2.0 * residual, 0.5), (view(), residual, 1.0)])
+    assert (found.kind, found.channel) == (ForceBalance, "force")
     assert found.ratio == pytest.approx(np.sqrt((16.0 + 1.0) / 2.0), rel=0.05)
-    assert found.bulk < found.ratio * 1.05
+    assert found.trimmed_ratio < found.ratio * 1.05
     assert "force" not in {s.variable for s in found.shapes}
     assert [s.share for s in found.shapes] == sorted((s.share for s in found.shapes), reverse=True)
 
@@ -201,7 +205,7 @@ class Seen:
         return self.left
 
     def drawn_rms(self, model: str, errors: str, draws: int, seed: int) -> dict[str, float]:
-        assert (model, errors, draws) == ("known", "carried by known", adequacy.DRAWS)
+        assert (model, errors, draws) == ("known", "carried by known", adequacy.NOISE_DRAWS)
         return {"force": 3.0, "a": 0.7, "x": 1.0}
 
 
@@ -211,10 +215,10 @@ class Bounded(Seen):
 
 def test_residuals_of_a_kind_of_view_are_pooled_by_channel_in_units_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a force is but bounded nothing counts; a channel of which nothing is left has no remainder."""
-    monkeypatch.setattr(adequacy, "_remainder", lambda kind, channel, members: (kind, channel, members))
+    monkeypatch.setattr(adequacy, "_channel_lack_of_fit", lambda kind, channel, members: (kind, channel, members))
     one, two, other = Seen(), Seen(), Bounded()
     known: Any = "known"
-    found: Any = adequacy.remainders(known, [one, other, two])  # type: ignore[list-item]
+    found: Any = adequacy.lack_of_fit_by_channel(known, [one, other, two])  # type: ignore[list-item]
     assert [(kind, channel, len(members)) for kind, channel, members in found] == [
         (Seen, "force", 2), (Seen, "a", 2), (Bounded, "force", 1),
     ]  # fmt: skip
@@ -228,7 +232,9 @@ def test_residuals_of_a_kind_of_view_are_pooled_by_channel_in_units_of_noise(mon
 def test_a_friction_that_drifts_shows_against_the_motion() -> None:
     one = view()
     direction = np.sign(np.cos(TIME))
-    found = _remainder(Forces, "force", [(one, direction * (0.5 * TIME - 2.0) + RNG(8).standard_normal(N), 1.0)])
+    found = _channel_lack_of_fit(
+        ForceBalance, "force", [(one, direction * (0.5 * TIME - 2.0) + RNG(8).standard_normal(N), 1.0)]
+    )
     best = found.shapes[0]
     assert best.variable == "time"
     assert best.share > 0.2  # over time with its sign it has none
@@ -236,7 +242,7 @@ def test_a_friction_that_drifts_shows_against_the_motion() -> None:
 
 def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
     residual = np.where(TIME < 4.0, 0.0, 2.0)
-    assert _remainder(Forces, "force", [(view(), residual, 1.0)]).ratio == pytest.approx(2.0)
+    assert _channel_lack_of_fit(ForceBalance, "force", [(view(), residual, 1.0)]).ratio == pytest.approx(2.0)
 
 
 # --- manoeuvres
@@ -261,7 +267,9 @@ def test_commands_charge_discharge_step_climb_and_swing() -> None:
 
 
 def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:
-    (_, (triangle, levels)), (_, (slow, at)), (_, (fast, _)), (_, (rests, constant)) = experiment_design._pushes(30.0)
+    (_, (triangle, levels)), (_, (slow, at)), (_, (fast, _)), (_, (rests, constant)) = (
+        experiment_design._force_profiles(30.0)
+    )
     assert (triangle.max(), triangle.min()) == (pytest.approx(30.0), pytest.approx(-30.0))
     assert triangle[0] == pytest.approx(0.0)
     assert np.abs(np.diff(triangle[:6000])).max() == pytest.approx(30.0e-3, rel=1e-6)
@@ -282,16 +290,16 @@ def test_pushes_are_two_and_a_half_times_dry_friction(
 ) -> None:
     """Or of 1 N, where there is next to none."""
     asked: list[float] = []
-    monkeypatch.setattr(experiment_design, "_pushes", lambda f: asked.append(f) or [])
-    pushed: Any = SimpleNamespace(experiment=bench("friction", clock(0.1), {"p1": 3e5, "p2": 3e5}))
-    assert list(experiment_design.manoeuvres(model(values={"friction.coulomb": coulomb}), [pushed])) == []
+    monkeypatch.setattr(experiment_design, "_force_profiles", lambda f: asked.append(f) or [])
+    pushed: Any = SimpleNamespace(experiment=make_experiment("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5}))
+    assert list(experiment_design.candidate_experiments(model(values={"friction.coulomb": coulomb}), [pushed])) == []
     assert asked == [pytest.approx(force)]
 
 
 def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
     force, p2 = np.array([0.0, 25.0, -25.0]), np.full(3, 4e5)
-    found = experiment_design._pushed((force, p2), RIG)
-    area_1, area_2 = RIG.areas
+    found = experiment_design._imposed_force_recording((force, p2), RIG)
+    area_1, area_2 = RIG.piston_areas
     net = area_1 * (found["p1"] - RIG.ambient_pressure) - area_2 * (found["p2"] - RIG.ambient_pressure)
     assert net == pytest.approx(force, abs=1e-9)
     assert found["x"][0] == pytest.approx(0.5 * RIG.stroke)
@@ -300,27 +308,29 @@ def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
 
 def test_the_manoeuvre_in_which_models_differ_most_over_the_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
     apart = {"one": {"p1": 500.0, "x": 1e-3}, "two": {"p1": 900.0, "x": np.inf}, "three": {"force": 1e9}}
-    monkeypatch.setattr(experiment_design, "manoeuvres", lambda model, views: [(w, w) for w in apart])
-    monkeypatch.setattr(experiment_design, "_apart", lambda one, other, experiment: apart[experiment])
+    monkeypatch.setattr(experiment_design, "candidate_experiments", lambda model, views: [(w, w) for w in apart])
+    monkeypatch.setattr(experiment_design, "_rms_differences", lambda one, other, experiment: apart[experiment])
     noise = {"p1": SimpleNamespace(rms=100.0), "x": SimpleNamespace(rms=2e-4), "p2": SimpleNamespace(rms=0.0)}
     seen: Any = [SimpleNamespace(experiment=SimpleNamespace(noise=noise))]
-    assert experiment_design.separation(model(), model(), seen) == experiment_design.Separation("two", "p1", 9.0)
+    assert experiment_design.most_discriminating_experiment(model(), model(), seen) == experiment_design.Discrimination(
+        "two", "p1", 9.0
+    )
     apart["two"]["p1"] = 310.0
-    assert experiment_design.separation(model(), model(), seen).times_noise == 5.0  # type: ignore[union-attr]
+    assert experiment_design.most_discriminating_experiment(model(), model(), seen).times_noise == 5.0  # type: ignore[union-attr]
     apart["one"] = apart["two"] = {"p1": 299.0}
-    assert experiment_design.separation(model(), model(), seen) is None
+    assert experiment_design.most_discriminating_experiment(model(), model(), seen) is None
 
 
 @pytest.mark.parametrize("chamber_2", ["open", "closed"])
 def test_a_command_is_given_to_the_bench_as_it_was_seen(chamber_2: str) -> None:
     signals = {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "p_supply": 6e5}
-    seen = bench("axis", clock(0.1), signals, chamber_2=chamber_2)
+    seen = make_experiment("axis", time_grid(0.1), signals, chamber_2=chamber_2)
     found = experiment_design._commanded(np.full(200, 3.0), seen)
     assert found.recording.chamber_2 == chamber_2
     assert found.recording.experiment == "axis"
     assert np.all(found.recording["u"] == 3.0)
     assert np.all(found.recording["p_supply"] == RIG.supply_pressure)
-    unknown_supply = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+    unknown_supply = make_experiment("axis", time_grid(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
     del unknown_supply.raw["p_supply"]
     assert "p_supply" not in experiment_design._commanded(np.full(200, 3.0), unknown_supply).recording
 
@@ -329,6 +339,6 @@ def test_a_command_is_given_to_the_bench_as_it_was_seen(chamber_2: str) -> None:
 def test_benches_that_cannot_repeat_it_are_left_out(changed: dict[str, Any]) -> None:
     from dataclasses import replace
 
-    e = bench("axis", clock(0.5), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
-    odd = Chambers(replace(e, recording=replace(e.recording, **changed)))
-    assert list(experiment_design.manoeuvres(model(), [odd])) == []
+    e = make_experiment("axis", time_grid(0.5), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+    odd = ChamberPressures(replace(e, recording=replace(e.recording, **changed)))
+    assert list(experiment_design.candidate_experiments(model(), [odd])) == []

@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from pneucli.diagnose import next_term, selection
-from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import Bench, State, Trial
-from pneucli.diagnose.equivalence import Place
-from pneucli.identify.residuals import Chambers, Forces
+from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.equivalence import Term
+from pneucli.identify.residuals import ChamberPressures, ForceBalance
 from tests.diagnose.trials import bench, state, trial
 
 BEFORE = state()
@@ -20,10 +20,10 @@ BEFORE = state()
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (selection, next_term):
-        monkeypatch.setattr(module, "remains", lambda bench, state: ([], []))
+        monkeypatch.setattr(module, "lack_of_fit", lambda bench, state: ([], []))
 
 
-def decision(tried: Trial) -> Decision:
+def decision(tried: Candidate) -> Decision:
     return Decision(tried.effect, "supported", tried)
 
 
@@ -40,8 +40,8 @@ def decision(tried: Trial) -> Decision:
 )
 def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[float, float | None], reason: str):
     tried = trial("extra-mass", before=BEFORE)
-    where = bench([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.state, *after)])
-    leader, (decided,) = next_term.leading(where, [decision(tried)])
+    where = bench([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.full, *after)])
+    leader, (decided,) = next_term.next_term(where, [decision(tried)])
     assert decided.reason == reason
     assert (leader is tried) == (reason == "supported")
 
@@ -58,53 +58,61 @@ def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(co
     """A healthy model: a mass of 5 g more, for sure, and nothing that a user would see."""
     start = state(cost=cost)
     tried = trial("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
-    where = bench([(start, 1.1, 1.1), (tried.state, *after)])
-    assert next_term.leading(where, [decision(tried)])[1][0].reason == reason
+    where = bench([(start, 1.1, 1.1), (tried.full, *after)])
+    assert next_term.next_term(where, [decision(tried)])[1][0].reason == reason
 
 
 def test_where_the_best_raises_the_error_the_next_leads():
     best, second = trial("extra-mass", 3000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
-    where = bench([(BEFORE, 10.0, 10.0), (best.state, 11.0, 11.0), (second.state, 5.0, 5.0)])
-    leader, decisions = next_term.leading(where, [decision(best), decision(second)])
+    where = bench([(BEFORE, 10.0, 10.0), (best.full, 11.0, 11.0), (second.full, 5.0, 5.0)])
+    leader, decisions = next_term.next_term(where, [decision(best), decision(second)])
     assert leader is second
     assert [d.reason for d in decisions] == ["raises-error", "supported"]
 
 
 @pytest.mark.parametrize(
     ("kind", "chance", "leads"),
-    [(Forces, 0.4, False), (Forces, 0.6, True), (Chambers, 0.6, True), (Chambers, 0.4, True), (None, 0.4, True)],
+    [
+        (ForceBalance, 0.4, False),
+        (ForceBalance, 0.6, True),
+        (ChamberPressures, 0.6, True),
+        (ChamberPressures, 0.4, True),
+        (None, 0.4, True),
+    ],
 )
 def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(monkeypatch, kind, chance, leads: bool):
     """Between two branches of friction any force stays hidden; another effect, however small, may lead then."""
     bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
-    where = bench([(BEFORE, 10.0, 10.0), (bounds.state, 3.0, 3.0), (other.state, 5.0, 5.0)])
-    left = [Remainder(kind, "force", 9.0, 9.0, ())] if kind else []
-    monkeypatch.setattr(next_term, "remains", lambda bench, state: (left, []))
-    monkeypatch.setattr(next_term, "likely", lambda bench, place: chance if place.named is bounds else 0.3)
-    monkeypatch.setattr(next_term, "standing", lambda bench, one: 0.6 if one is bounds else 0.5)
-    leader, decisions = next_term.leading(where, [decision(bounds), decision(other)])
+    where = bench([(BEFORE, 10.0, 10.0), (bounds.full, 3.0, 3.0), (other.full, 5.0, 5.0)])
+    left = [LackOfFit(kind, "force", 9.0, 9.0, ())] if kind else []
+    monkeypatch.setattr(next_term, "lack_of_fit", lambda bench, state: (left, []))
+    monkeypatch.setattr(
+        next_term, "posterior_probability", lambda bench, place: chance if place.named is bounds else 0.3
+    )
+    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, one: 0.6 if one is bounds else 0.5)
+    leader, decisions = next_term.next_term(where, [decision(bounds), decision(other)])
     assert leader is (bounds if leads else other)
     assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
 def test_without_a_supported_trial_nobody_leads():
     tried = trial("extra-mass", before=BEFORE)
-    assert next_term.leading(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
+    assert next_term.next_term(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
 
 
-class Climbing(Bench):
+class Climbing(DiagnosisData):
     """A bench on which every set of effects has its state, and adding is looking it up."""
 
-    def of(self, names: tuple[str, ...]) -> State:
+    def of(self, names: tuple[str, ...]) -> FittedModel:
         return self.__dict__["states"][frozenset(names)]
 
-    def added(self, before: State, effects, ranked=()) -> list[Trial]:
-        return [replace(trial(e.name, before=before), state=self.of((*before.names, e.name))) for e in effects]
+    def added(self, before: FittedModel, effects, ranked=()) -> list[Candidate]:
+        return [replace(trial(e.name, before=before), state=self.of((*before.effect_names, e.name))) for e in effects]
 
-    def can_start(self, before: State, effect) -> bool:
+    def can_start(self, before: FittedModel, effect) -> bool:
         return effect.name not in self.__dict__["unsized"]
 
-    def trial(self, before: State, after: State, effect) -> Trial:
+    def trial(self, before: FittedModel, after: FittedModel, effect) -> Candidate:
         return replace(trial(effect.name, before=before), state=after)
 
 
@@ -113,7 +121,7 @@ def climbing(*rows: tuple[str, float, float, float], unsized: str = "") -> Climb
     states = {frozenset(names.split()): state(names.split(), cost) for names, cost, _, _ in rows}
     shown = [(states[frozenset(names.split())], train, test) for names, _, train, test in rows]
     made = bench(shown)
-    lent = Climbing(made.train, made.held_out, made.effects, shown=made.shown)
+    lent = Climbing(made.train, made.held_out, made.effects, shown=made.free_run_errors)
     lent.__dict__["states"], lent.__dict__["unsized"] = states, unsized
     return lent
 
@@ -130,16 +138,16 @@ def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
         (f"{MASS} {LAG}", 4000.0, 1.0, 1.0),
     )
     base, last = where.of(()), where.of((MASS, LAG))
-    rungs, refused = selection._ladder(where, base, last, [base, where.of((LAG,)), last])
-    assert [s.names for s in rungs] == [[], [MASS], [MASS, LAG]]
+    rungs, refused = selection._reordered_path(where, base, last, [base, where.of((LAG,)), last])
+    assert [s.effect_names for s in rungs] == [[], [MASS], [MASS, LAG]]
     assert refused == []
 
 
 def test_what_has_no_size_on_any_rung_is_none():
     """Two that each have a size only beside the other one, or beside what is no longer there."""
     where = climbing(("", 9000.0, 9.0, 9.0), (f"{MASS} {LAG}", 4000.0, 1.0, 1.0), unsized=f"{MASS} {LAG}")
-    rungs, refused = selection._ladder(where, where.of(()), where.of((MASS, LAG)), [where.of(())])
-    assert [s.names for s in rungs] == [[]]
+    rungs, refused = selection._reordered_path(where, where.of(()), where.of((MASS, LAG)), [where.of(())])
+    assert [s.effect_names for s in rungs] == [[]]
     assert {(d.effect.name, d.reason) for d in refused} == {(MASS, "cannot-show"), (LAG, "cannot-show")}
 
 
@@ -152,15 +160,15 @@ def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():
         (f"{MASS} {LAG}", 4000.0, 38.0, 34.1),
     )
     base, last = where.of(()), where.of((MASS, LAG))
-    rungs, refused = selection._ladder(where, base, last, [base, where.of((MASS,)), last])
-    assert [s.names for s in rungs] == [[], [MASS]]
+    rungs, refused = selection._reordered_path(where, base, last, [base, where.of((MASS,)), last])
+    assert [s.effect_names for s in rungs] == [[], [MASS]]
     assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "raises-error")]
 
 
 def test_rungs_that_are_known_and_sound_are_kept():
     where = climbing(("", 9000.0, 10.0, 10.0), (MASS, 6000.0, 8.0, 8.0))
     known = [where.of(()), where.of((MASS,))]
-    assert selection._ladder(where, known[0], known[1], known) == (known, [])
+    assert selection._reordered_path(where, known[0], known[1], known) == (known, [])
 
 
 @pytest.mark.parametrize(("stands", "kept"), [(set(), [MASS]), ({LAG}, [MASS, LAG])])
@@ -172,13 +180,15 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(
     last = state([MASS, LAG], 4999.0)
     monkeypatch.setattr(
         Climbing,
-        "without",
+        "refit_without",
         lambda self, state, effects: [self.of(tuple(n for n in state.names if n != e.name)) for e in effects],
         raising=False,
     )
-    monkeypatch.setattr(selection, "supported", lambda bench, before, ts: [t for t in ts if t.effect.name in stands])
+    monkeypatch.setattr(
+        selection, "passing_candidates", lambda bench, before, ts: [t for t in ts if t.effect.name in stands]
+    )
     found, refused, _ = selection._without_needless(where, where.of(()), last)
-    assert found.names == kept
+    assert found.effect_names == kept
     assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "needless")] * (LAG not in kept)
 
 
@@ -189,18 +199,18 @@ def test_a_model_without_one_of_its_effects_is_fitted_once(monkeypatch: pytest.M
     )
     last, asked, started = where.of((MASS, LAG)), [], {}
 
-    def without(self: Climbing, state: State, effects) -> list[State]:
+    def without(self: Climbing, state: FittedModel, effects) -> list[FittedModel]:
         asked.extend(e.name for e in effects)
-        return [self.of(tuple(n for n in state.names if n != e.name)) for e in effects]
+        return [self.of(tuple(n for n in state.effect_names if n != e.name)) for e in effects]
 
-    def tried(bench: Bench, before: State, names: list[str], named: State) -> list[Decision]:
-        started[names[0]] = before.names
+    def tried(bench: DiagnosisData, before: FittedModel, names: list[str], named: FittedModel) -> list[Decision]:
+        started[names[0]] = before.effect_names
         assert named is last
         return []
 
-    monkeypatch.setattr(Climbing, "without", without, raising=False)
-    monkeypatch.setattr(selection, "supported", lambda bench, before, trials: trials)
-    monkeypatch.setattr(selection, "tried", tried)
+    monkeypatch.setattr(Climbing, "refit_without", without, raising=False)
+    monkeypatch.setattr(selection, "passing_candidates", lambda bench, before, trials: trials)
+    monkeypatch.setattr(selection, "screen_and_refit", tried)
     _, places, _ = selection._revise(where, [where.of(()), where.of((MASS,)), last], [[], []])
     assert sorted(asked) == sorted([MASS, LAG])
     assert started == {MASS: [LAG], LAG: [MASS]}
@@ -222,7 +232,7 @@ def test_everything_that_was_screened_has_one_decision():
         Decision(cushion.effect, "immaterial", cushion),
     ]
     refused = [Decision(force.effect, "needless", force)]
-    found = selection.decided([first, second], refused, ["extra-mass"])
+    found = selection.final_decisions([first, second], refused, ["extra-mass"])
     assert {d.effect.name: d.reason for d in found} == {
         "constant-force": "needless",  # it was taken, and dropped later
         "stribeck": "needless",  # it passed alone
@@ -230,12 +240,12 @@ def test_everything_that_was_screened_has_one_decision():
         "end-cushion": "immaterial",  # a fit says more than a screen
         "time-skew": "vanishes",
     }
-    assert all(d.trial is not None for d in found)
+    assert all(d.candidate is not None for d in found)
 
 
 def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first():
     rungs = (state(), state([MASS]), state([LAG, MASS]))
-    found = selection.Search(rungs, {}, (), (), ())
+    found = selection.SelectionPath(rungs, {}, (), (), ())
     assert found.added == [MASS, LAG]
 
 
@@ -254,8 +264,8 @@ def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_stands
     named, *rivals = (trial(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
     far = trial("heat-transfer", 7900.0, before=BEFORE)
     likely = law | {"stribeck": 0.5, "heat-transfer": 0.99}
-    monkeypatch.setattr(next_term, "standing", lambda bench, one: likely[one.effect.name])
-    assert next_term.best_placed(bench(held_out=False), Place(named, (*rivals, far))).effect.name == first
+    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, one: likely[one.effect.name])
+    assert next_term.most_probable_equivalent(bench(held_out=False), Term(named, (*rivals, far))).effect.name == first
 
 
 @pytest.mark.parametrize("shown", [True, False])
@@ -265,7 +275,9 @@ def test_what_readings_show_alone_is_taken_though_the_error_rises(monkeypatch: p
     where = climbing(("", 9000.0, 10.0, 12.0), (bias, 5000.0, 10.1, 12.1))
     base, last = where.of(()), where.of((bias,))
     squares = {id(base): 900.0 if shown else 100.0, id(last): 100.0}
-    monkeypatch.setattr(Bench, "alone", lambda self, state, effect: [(squares[id(state)], 100.0)])
+    monkeypatch.setattr(
+        DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: [(squares[id(state)], 100.0)]
+    )
     tried = where.trial(base, last, where.effects[bias])
-    assert (next_term.leading(where, [decision(tried)])[0] is tried) == shown
-    assert (selection._ladder(where, base, last, [base, last])[0] == [base, last]) == shown
+    assert (next_term.next_term(where, [decision(tried)])[0] is tried) == shown
+    assert (selection._reordered_path(where, base, last, [base, last])[0] == [base, last]) == shown

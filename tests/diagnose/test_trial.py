@@ -10,36 +10,36 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import data as trials
-from pneucli.diagnose.data import Bench, State
-from pneucli.diagnose.evidence import gain
+from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.diagnose.evidence import score_gain
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import BLOCKS, bench, state
-from tests.simulate.synthetic_experiments import bench as recorded
-from tests.simulate.synthetic_experiments import clock
+from tests.simulate.synthetic_experiments import make_experiment as recorded
 from tests.simulate.synthetic_experiments import model as of_rig
+from tests.simulate.synthetic_experiments import time_grid
 
 SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by block
 
 
 def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> float:
     """The chance of an effect that takes 50 of 200 in the mean block, fitted and held out, by a bench."""
-    before = held(state().train)
-    after = held(before.train - SPREAD)
-    monkeypatch.setattr(trials, "wald", lambda fit, effect: wald)
+    before = held(state().train_costs)
+    after = held(before.train_costs - SPREAD)
+    monkeypatch.setattr(trials, "wald_p_value", lambda fit, effect: wald)
     views: Any = (object(),) if held_out else ()
     where = replace(bench(), held_out=views)
-    return Bench.trial(where, before, after, next(iter(where.effects.values()))).p_value
+    return DiagnosisData.candidate(where, before, after, next(iter(where.effects.values()))).p_value
 
 
-def held(costs: Any) -> State:
+def held(costs: Any) -> FittedModel:
     """A state that costs the same fitted and held out."""
-    return State(state().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
+    return FittedModel(state().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
 
 
 def test_parameters_known_only_together_are_sure_by_what_they_gain_on_held_out_recordings(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    seen = gain(SPREAD, np.zeros(BLOCKS)).p_value
+    seen = score_gain(SPREAD, np.zeros(BLOCKS)).p_value
     assert seen < 1e-6
     assert chance(monkeypatch, 0.4, held_out=True) == pytest.approx(2.0 * seen)
 
@@ -53,14 +53,14 @@ def test_where_nothing_is_held_out_the_parameters_alone_tell(monkeypatch: pytest
 
 
 def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted(monkeypatch: pytest.MonkeyPatch):
-    seen = gain(SPREAD, np.zeros(BLOCKS)).p_value
+    seen = score_gain(SPREAD, np.zeros(BLOCKS)).p_value
     assert chance(monkeypatch, float("nan"), held_out=True) == pytest.approx(seen)
 
 
 @pytest.mark.parametrize(("coulomb", "starts"), [(14.0, True), (0.0, False)])
 def test_what_is_counted_in_dry_friction_has_no_size_where_there_is_none(coulomb: float, starts: bool) -> None:
-    seen: Any = SimpleNamespace(experiment=recorded("friction", clock(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    seen: Any = SimpleNamespace(experiment=recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
     fitted: Any = SimpleNamespace(model=of_rig((), {"friction.coulomb": coulomb}))
     before = replace(state(), fit=fitted)
-    assert Bench.can_start(replace(bench(), train=[seen]), before, catalogue()["stribeck"]) == starts
-    assert Bench.can_start(replace(bench(), train=[seen]), before, catalogue()["extra-mass"])
+    assert DiagnosisData.has_initial_guess(replace(bench(), train=[seen]), before, catalogue()["stribeck"]) == starts
+    assert DiagnosisData.has_initial_guess(replace(bench(), train=[seen]), before, catalogue()["extra-mass"])

@@ -9,41 +9,41 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import discrepancy
-from pneucli.diagnose.adequacy import Remainder
-from pneucli.diagnose.discrepancy import Unknown, describe
-from pneucli.diagnose.periodic_term import Period
-from pneucli.diagnose.smooth_term import Law
-from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.discrepancy import UnexplainedResidual, describe_lack_of_fit
+from pneucli.diagnose.periodic_term import PeriodicTerm
+from pneucli.diagnose.smooth_term import SmoothTerm
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 
-VIEW: Any = Forces(SimpleNamespace())  # type: ignore[arg-type]
+VIEW: Any = ForceBalance(SimpleNamespace())  # type: ignore[arg-type]
 VIEW.__dict__["channels"] = ("force",)
 
 
-def law(signal: str, share: float, way: str = "force") -> Law:
+def law(signal: str, share: float, way: str = "force") -> SmoothTerm:
     """A law that explains a share."""
-    return Law(signal, way, "N", 0, share, 0.0, 1.0, np.zeros(60), 1.0)
+    return SmoothTerm(signal, way, "N", 0, share, 0.0, 1.0, np.zeros(60), 1.0)
 
 
 def described(
-    monkeypatch: pytest.MonkeyPatch, *laws: Law, repeats: Period | None = None, simple: str | None = None
-) -> Unknown:
+    monkeypatch: pytest.MonkeyPatch, *laws: SmoothTerm, repeats: PeriodicTerm | None = None, simple: str | None = None
+) -> UnexplainedResidual:
     """What is said of a remainder of the force of which these laws and this period are known."""
     ranked = sorted(laws, key=lambda one: -one.share)
     known = SimpleNamespace(
         ranked=lambda fit: ranked, simple=lambda fit, one: simple if one is ranked[0] else "another"
     )
-    bench = SimpleNamespace(train=[VIEW], channel=lambda fit, *one: {(Forces, "force"): known}[one])
-    monkeypatch.setattr(discrepancy, "period", lambda *_: repeats)
-    return describe(bench, SimpleNamespace(model=None), Remainder(Forces, "force", 3.0, 3.0, ()))  # type: ignore[arg-type]
+    bench = SimpleNamespace(train=[VIEW], channel=lambda fit, *one: {(ForceBalance, "force"): known}[one])
+    monkeypatch.setattr(discrepancy, "find_period", lambda *_: repeats)
+    return describe_lack_of_fit(bench, SimpleNamespace(model=None), LackOfFit(ForceBalance, "force", 3.0, 3.0, ()))  # type: ignore[arg-type]
 
 
 def test_it_is_a_function_of_the_signal_that_explains_most(monkeypatch: pytest.MonkeyPatch) -> None:
     found = described(monkeypatch, law("x", 0.9, "dry friction"), law("p1", 0.5), simple="a parabola")
-    assert (found.subsystem, found.channel, found.ratio) == (Forces.title, "force", 3.0)
-    assert (found.variable, found.share, found.law, found.alike) == ("x", 0.9, "a parabola", ())
+    assert (found.subsystem, found.channel, found.ratio) == (ForceBalance.title, "force", 3.0)
+    assert (found.variable, found.share, found.law, found.other_signals) == ("x", 0.9, "a parabola", ())
     assert found.character == "a dry friction, a function of piston position"
-    assert found.course is not None
-    assert (found.course.signal, found.course.way) == ("x", "dry friction")
+    assert found.smooth_term is not None
+    assert (found.smooth_term.signal, found.smooth_term.acts_as) == ("x", "dry friction")
 
 
 def test_of_time_it_drifts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +53,7 @@ def test_of_time_it_drifts(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_signals_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """They leave 0.1, 0.14 and 0.15: ten independent readings vary by 1.47, as the answer's sets of effects have it."""
     found = described(monkeypatch, law("p1", 0.9), law("p2", 0.86), law("p1", 0.88, "dry friction"), law("x", 0.85))
-    assert found.alike == ("p2",)
+    assert found.other_signals == ("p2",)
 
 
 def test_ways_to_act_over_the_signal_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +65,7 @@ def test_ways_to_act_over_the_signal_that_explain_about_as_much_are_told(monkeyp
 def test_where_no_signal_stands_out_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves 0.7 leaves about as much as what explains nothing."""
     found = described(monkeypatch, law("x", 0.3), law("p1", 0.29))
-    assert (found.variable, found.alike) == ("x", ())
+    assert (found.variable, found.other_signals) == ("x", ())
     assert found.character == "mostly without a shape; 30 % of it is a force, a function of piston position"
 
 
@@ -78,35 +78,35 @@ def test_what_explains_little_is_not_spoken_of(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_period_over_the_same_signal_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = described(monkeypatch, law("x", 0.9), repeats=Period("x", 0.02, 0.6))
+    found = described(monkeypatch, law("x", 0.9), repeats=PeriodicTerm("x", 0.02, 0.6))
     assert (found.variable, found.law, found.share) == ("x", "a sine", 0.9)
     assert found.character == "a force that repeats over piston position, period 0.02 m"
-    assert found.course is not None
-    assert found.course.signal == "x"
+    assert found.smooth_term is not None
+    assert found.smooth_term.signal == "x"
 
 
 def test_what_repeats_over_time_without_a_law_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such as a load that swings on a spring: no signal has its phase."""
-    found = described(monkeypatch, law("x", 0.1), repeats=Period("time", 0.12, 0.6))
-    assert (found.variable, found.share, found.course) == ("time", 0.6, None)
+    found = described(monkeypatch, law("x", 0.1), repeats=PeriodicTerm("time", 0.12, 0.6))
+    assert (found.variable, found.share, found.smooth_term) == ("time", 0.6, None)
     assert found.character == "something that repeats over time, period 0.12 s"
-    assert described(monkeypatch, repeats=Period("time", 0.12, 0.4)).variable == "time"
+    assert described(monkeypatch, repeats=PeriodicTerm("time", 0.12, 0.4)).variable == "time"
 
 
 def test_a_law_that_explains_more_than_a_period_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is a function of the position comes back with the motion."""
-    assert described(monkeypatch, law("x", 0.9), repeats=Period("time", 1.0, 0.6)).variable == "x"
+    assert described(monkeypatch, law("x", 0.9), repeats=PeriodicTerm("time", 1.0, 0.6)).variable == "x"
 
 
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        (Chambers, "gas, valve and their sensors"),
-        (Whole, "the whole axis"),
-        (Imposed, "mechanics: friction, load or a force on the piston"),
+        (ChamberPressures, "gas, valve and their sensors"),
+        (FreeRun, "the whole axis"),
+        (ImposedMotion, "mechanics: friction, load or a force on the piston"),
     ],
 )
 def test_what_no_view_shows_is_one_of_the_replay(kind: Any, words: str) -> None:
-    found = describe(SimpleNamespace(train=[VIEW]), None, Remainder(kind, "x", 2.0, 2.0, ()))  # type: ignore[arg-type]
-    assert (found.subsystem, found.channel, found.character) == (words, "x", discrepancy.REPLAYED)
+    found = describe_lack_of_fit(SimpleNamespace(train=[VIEW]), None, LackOfFit(kind, "x", 2.0, 2.0, ()))  # type: ignore[arg-type]
+    assert (found.subsystem, found.channel, found.character) == (words, "x", discrepancy.FREE_RUN_ONLY_TEXT)
     assert found.variable is None

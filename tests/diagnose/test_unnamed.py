@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.equivalence import Place, outdone
-from pneucli.diagnose.smooth_term import Channel, Law
+from pneucli.diagnose.equivalence import Term, nonparametric_rival
+from pneucli.diagnose.smooth_term import SmoothTerm, SplineRegression
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import effect_parameters
-from pneucli.identify.residuals import Forces
+from pneucli.identify.residuals import ForceBalance
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.diagnose.test_laws import TIME
-from tests.simulate.synthetic_experiments import bench, model
+from tests.simulate.synthetic_experiments import make_experiment, model
 
 Course = Callable[[Any], np.ndarray]
 BLOCK = 250  # samples
 
 
-def runs(wander: float = 5e4) -> list[Forces]:
+def runs(wander: float = 5e4) -> list[ForceBalance]:
     """Balances of forces of three motions whose pressure goes with the position, but for ``wander`` in Pa."""
     views = []
     for phase in range(3):
@@ -30,7 +30,7 @@ def runs(wander: float = 5e4) -> list[Forces]:
         x = 0.1 + 0.06 * np.sin(pace * TIME + phase) + 0.03 * np.sin(3.7 * TIME - phase)
         v = 0.06 * pace * np.cos(pace * TIME + phase) + 0.111 * np.cos(3.7 * TIME - phase)
         p1 = 2e5 + 2e6 * x + wander * np.sin(5.3 * TIME + 2.0 * phase)
-        view = Forces(bench("friction", TIME, {"x": x, "v": v, "p1": p1}))
+        view = ForceBalance(make_experiment("friction", TIME, {"x": x, "v": v, "p1": p1}))
         view.__dict__.update(noise={"force": 1.0}, channels=("force",))
         views.append(view)
     return views
@@ -71,7 +71,7 @@ def seldom(e: Any) -> np.ndarray:
     return np.asarray(np.sign(e.raw["v"]) * (6.0 * e.raw["x"] + 20.0 * (e.raw["x"] > 0.187)))
 
 
-def tried(name: str, acts: Course, views: Sequence[Forces], *there: Course) -> tuple[Any, Place]:
+def tried(name: str, acts: Course, views: Sequence[ForceBalance], *there: Course) -> tuple[Any, Term]:
     """A bench, and an effect that ``acts`` so in its place, where other things are ``there``; noise of 1 N."""
     rng = np.random.default_rng(5)
     left = np.concatenate([sum(c(v.experiment) for c in there) + rng.standard_normal(TIME.size) for v in views])
@@ -79,8 +79,8 @@ def tried(name: str, acts: Course, views: Sequence[Forces], *there: Course) -> t
     of_effect = np.concatenate([acts(v.experiment) for v in views])
     effect = catalogue()[name]
     ended = model([name], {f"{name}.{p.name}": 1.0 for p in effect.parameters})
-    first, *_ = effect_parameters(effect, ended, facts_of(ended))
-    size = first.inward(1.0) - first.inward(0.0)
+    first, *_ = effect_parameters(effect, ended, rig_quantities(ended))
+    size = first.to_coordinate(1.0) - first.to_coordinate(0.0)
 
     def fitted(design: np.ndarray, free: Any) -> Fit:
         rest = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]
@@ -91,32 +91,32 @@ def tried(name: str, acts: Course, views: Sequence[Forces], *there: Course) -> t
     base = SimpleNamespace(name="friction.coulomb")
     before, after = fitted(own[:, None], ()), fitted(np.column_stack([of_effect, own]), (first, base))
     step: Any = SimpleNamespace(effect=effect, before=SimpleNamespace(fit=before), state=SimpleNamespace(fit=after))
-    known: dict[Any, Channel] = {}
+    known: dict[Any, SplineRegression] = {}
 
-    def channel(fit: Fit, kind: Any, name: str) -> Channel:
-        return known.setdefault(name, Channel(fit, views, kind, name))
+    def channel(fit: Fit, kind: Any, name: str) -> SplineRegression:
+        return known.setdefault(name, SplineRegression(fit, views, kind, name))
 
-    return SimpleNamespace(train=views, channel=channel), Place(step, ())
+    return SimpleNamespace(train=views, channel=channel), Term(step, ())
 
 
-def rival(name: str, acts: Course, *there: Course) -> Law | None:
+def rival(name: str, acts: Course, *there: Course) -> SmoothTerm | None:
     """The law that stands better in the effect's place."""
-    return outdone(*tried(name, acts, runs(), *there))
+    return nonparametric_rival(*tried(name, acts, runs(), *there))
 
 
 def test_an_effect_that_resembles_something_unknown_is_outdone_by_its_law() -> None:
     """A bent guide looks like a friction that grows with the pressure, where that goes with the position."""
     law = rival("pressure-friction", pressed, bent)
     assert law is not None
-    assert (law.signal, law.way) == ("x", "dry friction")
+    assert (law.signal, law.acts_as) == ("x", "dry friction")
 
 
 def test_a_simple_course_is_a_rival_that_cannot_be_the_effect_too() -> None:
     """Where the pressure follows the position closely any friction over that may be one over the pressure."""
-    law = outdone(*tried("pressure-friction", pressed, runs(3e4), bent))
+    law = nonparametric_rival(*tried("pressure-friction", pressed, runs(3e4), bent))
     assert law is not None
     assert law.signal == "x"
-    assert law.course is not None
+    assert law.simple_shape is not None
 
 
 def test_a_base_that_takes_the_effect_up_itself_does_not_make_it_needless() -> None:
@@ -125,15 +125,15 @@ def test_a_base_that_takes_the_effect_up_itself_does_not_make_it_needless() -> N
     That it took more before the base was bent says nothing.
     """
     where, place = tried("pressure-friction", pressed, runs(), pressed, cogging)
-    before = place.named.before.fit
+    before = place.candidate.reduced.fit
     before.residual[:] += 200.0 * np.sin(np.arange(before.residual.size))
-    assert outdone(where, place) is None
+    assert nonparametric_rival(where, place) is None
 
 
 def test_of_an_effect_that_no_value_makes_absent_a_law_is_held_not_to_have_it() -> None:
     where, place = tried("pressure-friction", pressed, runs(), bent)
-    place.named.state.fit.model.values["pressure-friction.gain"] = 0.0
-    assert outdone(where, place) is not None
+    place.candidate.full.fit.model.values["pressure-friction.gain"] = 0.0
+    assert nonparametric_rival(where, place) is not None
 
 
 def test_an_effect_that_is_there_is_not_outdone() -> None:
@@ -163,5 +163,5 @@ def test_a_law_that_is_better_in_few_blocks_of_time_says_nothing() -> None:
 
 def test_an_effect_that_takes_nothing_has_no_rival() -> None:
     where, place = tried("pressure-friction", pressed, runs(), bent)
-    place.named.state.fit.residual[:] *= 10.0
-    assert outdone(where, place) is None
+    place.candidate.full.fit.residual[:] *= 10.0
+    assert nonparametric_rival(where, place) is None

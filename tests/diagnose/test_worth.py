@@ -13,14 +13,22 @@ from scipy.stats import f as fisher
 
 from pneucli.diagnose import data as trials
 from pneucli.diagnose import detectability as visible
-from pneucli.diagnose.data import Bench, State, Trial
-from pneucli.diagnose.diagnosis import Moved, _moved, how_to_tell
-from pneucli.diagnose.equivalence import as_good, equal
-from pneucli.diagnose.evidence import Gain, disagreement, effective_number, gain, holm, significance, wald
+from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts, distinguishing_experiment
+from pneucli.diagnose.equivalence import indistinguishable, not_inferior
+from pneucli.diagnose.evidence import (
+    ScoreGain,
+    disagreement,
+    effective_degrees_of_freedom,
+    holm_adjusted,
+    score_gain,
+    significance,
+    wald_p_value,
+)
 from pneucli.identify.estimation.fit import Estimate, Fit
-from pneucli.identify.estimation.parameters import Free, effect_parameters
+from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
 RNG = np.random.default_rng
@@ -33,44 +41,44 @@ BLOCKS = np.arange(N) // 50
 
 def test_a_gain_is_its_bootstraps_lower_five_percent() -> None:
     fall = 10.0 + RNG(1).normal(scale=5.0, size=60)
-    found = gain(fall, np.zeros(60))
+    found = score_gain(fall, np.zeros(60))
     error = np.std(fall) * np.sqrt(60)
     assert found.total == pytest.approx(fall.sum())
-    assert found.low == pytest.approx(fall.sum() - 1.645 * error, abs=0.15 * error)
+    assert found.lower_95 == pytest.approx(fall.sum() - 1.645 * error, abs=0.15 * error)
 
 
 def test_the_chance_is_a_paired_t_test_over_the_blocks_that_matter() -> None:
     from scipy.stats import t as student
 
     fall = 1.0 + RNG(2).normal(scale=5.0, size=60)
-    found = gain(fall, np.zeros(60))
-    assert found.number == pytest.approx(effective_number(fall - fall.mean()))
+    found = score_gain(fall, np.zeros(60))
+    assert found.effective_blocks == pytest.approx(effective_degrees_of_freedom(fall - fall.mean()))
     statistic = fall.mean() / (np.std(fall, ddof=1) / np.sqrt(60))
-    assert found.p_value == pytest.approx(student.sf(statistic, found.number))
-    assert gain(np.zeros(60), fall).p_value == pytest.approx(1.0 - found.p_value)
+    assert found.p_value == pytest.approx(student.sf(statistic, found.effective_blocks))
+    assert score_gain(np.zeros(60), fall).p_value == pytest.approx(1.0 - found.p_value)
 
 
 @pytest.mark.parametrize(("fall", "low"), [([5.0], 0.0), ([-5.0], -5.0), ([], 0.0)])
 def test_one_block_is_never_certain(fall: list[float], low: float) -> None:
-    found = gain(np.array(fall), np.zeros(len(fall)))
-    assert (found.total, found.low, found.p_value, found.number) == (sum(fall), low, 1.0, 0.0)
-    assert not found.certain
+    found = score_gain(np.array(fall), np.zeros(len(fall)))
+    assert (found.total, found.lower_95, found.p_value, found.effective_blocks) == (sum(fall), low, 1.0, 0.0)
+    assert not found.significant
 
 
 def test_equal_falls_in_all_blocks_are_beyond_chance() -> None:
-    assert gain(np.full(9, 3.0), np.full(9, 1.0)).p_value < 1e-12
+    assert score_gain(np.full(9, 3.0), np.full(9, 1.0)).p_value < 1e-12
 
 
 def test_nothing_counts_as_one_part() -> None:
-    assert effective_number(np.zeros(5)) == 1.0
-    assert effective_number(np.array([1.0, -1.0] * 20)) == pytest.approx(3 * 40 - 2)
+    assert effective_degrees_of_freedom(np.zeros(5)) == 1.0
+    assert effective_degrees_of_freedom(np.array([1.0, -1.0] * 20)) == pytest.approx(3 * 40 - 2)
 
 
 def test_a_family_is_adjusted_step_by_step() -> None:
     """Holm: the smallest times the family, the next times one less, never falling."""
-    assert holm([0.01, 0.02, 0.02], 10) == pytest.approx([0.1, 0.18, 0.18])
-    assert holm([0.5, 0.01], 2) == pytest.approx([0.5, 0.02])
-    assert holm([], 0) == []
+    assert holm_adjusted([0.01, 0.02, 0.02], 10) == pytest.approx([0.1, 0.18, 0.18])
+    assert holm_adjusted([0.5, 0.01], 2) == pytest.approx([0.5, 0.02])
+    assert holm_adjusted([], 0) == []
 
 
 # --- Wald
@@ -79,7 +87,7 @@ def test_a_family_is_adjusted_step_by_step() -> None:
 def ended(name: str, values: dict[str, float], columns: np.ndarray, left: np.ndarray) -> Fit:
     one = catalogue()[name]
     model_ = model([name], {f"{name}.{n}": v for n, v in values.items()})
-    free = tuple(effect_parameters(one, model_, facts_of(model_)))
+    free = tuple(effect_parameters(one, model_, rig_quantities(model_)))
     unused = np.zeros((len(free), len(free)))
     return Fit(model_, free, (), left, columns, BLOCKS, unused, float(left @ left), ())
 
@@ -95,8 +103,8 @@ def test_a_parameter_is_tested_by_its_distance_from_null_over_the_error_of_block
     scores = np.bincount(BLOCKS, wave * found.residual) / (wave @ wave)
     distance = size / found.free[0].scale
     statistic = distance**2 / float(scores @ scores)
-    wanted = half * fisher.sf(statistic, 1, effective_number(scores))
-    assert wald(found, catalogue()[name]) == pytest.approx(wanted, rel=1e-6)
+    wanted = half * fisher.sf(statistic, 1, effective_degrees_of_freedom(scores))
+    assert wald_p_value(found, catalogue()[name]) == pytest.approx(wanted, rel=1e-6)
     assert significance(found, catalogue()[name]) == pytest.approx(math.sqrt(statistic), rel=1e-6)
 
 
@@ -108,8 +116,8 @@ def test_two_parameters_are_tested_together() -> None:
     left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
     both = ended("friction-asymmetry", {"asymmetry": 0.2, "viscous_asymmetry": 0.2}, columns, left)
     none = ended("friction-asymmetry", {"asymmetry": 0.0, "viscous_asymmetry": 0.0}, columns, left)
-    assert wald(both, catalogue()["friction-asymmetry"]) < 0.2
-    assert wald(none, catalogue()["friction-asymmetry"]) == pytest.approx(1.0)
+    assert wald_p_value(both, catalogue()["friction-asymmetry"]) < 0.2
+    assert wald_p_value(none, catalogue()["friction-asymmetry"]) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("with_base", [False, True])
@@ -120,21 +128,21 @@ def test_a_null_that_is_another_parameter_moves_with_it_where_that_is_fitted_too
     columns[:, 1] += 0.5 * columns[:, 0]
     found = ended("stribeck", {"static": 16.0, "velocity": 0.01}, columns[:, 1:], rng.standard_normal(N))
     if with_base:
-        base = Free("friction.coulomb", "N", 14.0, 0.0, 1e5, 14.0)
+        base = FreeParameter("friction.coulomb", "N", 14.0, 0.0, 1e5, 14.0)
         found = replace(found, free=(base, *found.free), jacobian=columns)
     kept = columns[:, :2] if with_base else columns[:, 1:2]
     slopes = np.array([-14.0, found.free[1].scale]) if with_base else np.array([found.free[0].scale])
     influence = kept @ np.linalg.inv(kept.T @ kept) @ slopes
     scores = np.bincount(BLOCKS, influence * found.residual)
     statistic = (16.0 - 14.0) ** 2 / float(scores @ scores)
-    wanted = fisher.sf(statistic, 1, effective_number(scores))
-    assert wald(found, catalogue()["stribeck"]) == pytest.approx(wanted, rel=1e-6)
+    wanted = fisher.sf(statistic, 1, effective_degrees_of_freedom(scores))
+    assert wald_p_value(found, catalogue()["stribeck"]) == pytest.approx(wanted, rel=1e-6)
 
 
 def test_an_effect_without_fitted_parameters_has_no_test() -> None:
     found = replace(ended("constant-force", {"force": 1.0}, np.ones((N, 1)), np.ones(N)), free=())
     found = replace(found, jacobian=np.zeros((N, 0)))
-    assert math.isnan(wald(found, catalogue()["constant-force"]))
+    assert math.isnan(wald_p_value(found, catalogue()["constant-force"]))
     assert significance(found, catalogue()["constant-force"]) == 0.0
 
 
@@ -164,14 +172,14 @@ def test_recordings_of_which_one_knows_nothing_agree() -> None:
 # --- states and trials
 
 
-def state(train: list[float], test: list[float] | None = None, **more: Any) -> State:
+def state(train: list[float], test: list[float] | None = None, **more: Any) -> FittedModel:
     fit: Any = SimpleNamespace(residual=np.array([1.0, 0.0, 2.0]), model=SimpleNamespace(effects=()), **more)
     costs = np.array([*train, *(test or [])])
-    return State(fit, np.array(train), np.array(test or []), costs, np.ones(costs.size))
+    return FittedModel(fit, np.array(train), np.array(test or []), costs, np.ones(costs.size))
 
 
-def bench(**given: Any) -> Bench:
-    return Bench(**{"train": [], "held_out": [], "effects": {}, **given})
+def bench(**given: Any) -> DiagnosisData:
+    return DiagnosisData(**{"train": [], "held_out": [], "effects": {}, **given})
 
 
 ONE: Any = SimpleNamespace(name="one", part="valve", sides=frozenset({"gas"}), parameters=(1, 2))
@@ -185,14 +193,14 @@ def seen(*names: str) -> Any:
 
 def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
     found = bench(train=[seen("one"), seen("two")], effects={e.name: e for e in (ONE, TWO, THREE)})
-    assert found.hypotheses == 3
-    assert [found.can_show(e) for e in (ONE, TWO, THREE)] == [True, True, False]
+    assert found.hypothesis_count == 3
+    assert [found.is_observable(e) for e in (ONE, TWO, THREE)] == [True, True, False]
 
 
 def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
     found = bench(train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, covered=frozenset({"valve"}))
-    assert not found.can_show(ONE)
-    assert found.hypotheses == 1
+    assert not found.is_observable(ONE)
+    assert found.hypothesis_count == 1
 
 
 def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
@@ -202,12 +210,12 @@ def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
         view.experiment, view.channels = SimpleNamespace(time=np.array([0.0, end])), ("force",)
     found = bench(train=views[:2], held_out=views[2:], effects={})
     train, test = np.array([1.0, 2.0, 4.0, 8.0]), np.array([16.0])
-    fitted = State(None, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]))  # type: ignore[arg-type]
-    assert found.acts_in(ONE).tolist() == [True] * 4 + [False]
-    assert found.felt(fitted, ONE) == (15.0, 10)
-    assert found.felt(fitted, TWO) == (3.0, 7)
-    assert found.parts(fitted, ONE) == [(15.0, 10.0)]
-    assert found.parts(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
+    fitted = FittedModel(None, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]))  # type: ignore[arg-type]
+    assert found.sensitive_blocks(ONE).tolist() == [True] * 4 + [False]
+    assert found.sensitive_cost(fitted, ONE) == (15.0, 10)
+    assert found.sensitive_cost(fitted, TWO) == (3.0, 7)
+    assert found.sensitive_costs(fitted, ONE) == [(15.0, 10.0)]
+    assert found.sensitive_costs(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
 
 
 def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
@@ -223,39 +231,39 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
         )
 
     none = np.zeros(0)
-    fitted = State(SimpleNamespace(model="fitted"), none, none, none, none)  # type: ignore[arg-type]
+    fitted = FittedModel(SimpleNamespace(model="fitted"), none, none, none, none)  # type: ignore[arg-type]
     found = bench(train=[reading([4.0, 0.0])], held_out=[reading([2.0, 2.0, 2.0])])
-    assert found.alone(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
-    assert found.alone(fitted, TWO) == [(0.0, 0.0)] * 2
-    assert replace(found, held_out=[]).alone(fitted, ONE) == [(4.0, 1.0), (0.0, 0.0)]
+    assert found.exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
+    assert found.exclusive_channel_costs(fitted, TWO) == [(0.0, 0.0)] * 2
+    assert replace(found, held_out=[]).exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (0.0, 0.0)]
 
 
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
     promised = {"one": [5.0, 1.0], "two": [9.0], "three": []}
     monkeypatch.setattr(
-        trials, "signatures", lambda effect, fit, views: [SimpleNamespace(gain=g) for g in promised[effect.name]]
+        trials, "score_tests", lambda effect, fit, views: [SimpleNamespace(gain=g) for g in promised[effect.name]]
     )
     told: list[str] = []
     found = bench(
         train=[seen("one", "two", "three")], effects={e.name: e for e in (ONE, TWO, THREE)}, progress=told.append
     )
     known: Any = SimpleNamespace(names=[], fit=None)
-    assert [(e.name, s[0].gain) for e, s in found.screen(known)] == [("two", 9.0), ("one", 5.0)]
+    assert [(e.name, s[0].gain) for e, s in found.ranked_signatures(known)] == [("two", 9.0), ("one", 5.0)]
     assert told == ["screening one, 2 left", "screening two, 1 left", "screening three, 0 left"]
     has: Any = SimpleNamespace(names=["two"], fit=None)
-    assert [e.name for e, _ in found.screen(has)] == ["one"]
+    assert [e.name for e, _ in found.ranked_signatures(has)] == ["one"]
     promised["one"] = [0.0]
-    assert [e.name for e, _ in found.screen(known)] == ["two"]
+    assert [e.name for e, _ in found.ranked_signatures(known)] == ["two"]
 
 
 def test_a_trial_is_worth_what_falls_on_either_data_and_its_own_test(monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = state([10.0, 11.0, 12.0], [5.0, 6.0]), state([5.0, 5.5, 6.5], [4.0, 4.0])
-    monkeypatch.setattr(trials, "wald", lambda fit, effect: 0.25)
-    found = bench().trial(before, after, ONE)
-    assert (found.effect, found.before, found.state, found.p_value) == (ONE, before, after, 0.25)
-    assert (found.train.total, found.test.total) == (16.0, 3.0)
-    monkeypatch.setattr(trials, "wald", lambda fit, effect: math.nan)
-    assert bench().trial(before, after, ONE).p_value == found.train.p_value
+    monkeypatch.setattr(trials, "wald_p_value", lambda fit, effect: 0.25)
+    found = bench().candidate(before, after, ONE)
+    assert (found.effect, found.reduced, found.full, found.p_value) == (ONE, before, after, 0.25)
+    assert (found.train_gain.total, found.test_gain.total) == (16.0, 3.0)
+    monkeypatch.setattr(trials, "wald_p_value", lambda fit, effect: math.nan)
+    assert bench().candidate(before, after, ONE).p_value == found.train_gain.p_value
 
 
 def errors(**values: dict[str, float | None]) -> Any:
@@ -282,12 +290,12 @@ def test_a_step_may_raise_the_error_of_one_use_by_five_percent_in_the_mean_of_bo
     train: float | None, test: float, raises: bool
 ) -> None:
     found = bench(shown=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
-    assert found.raises(OLD, NEW) == raises
+    assert found.free_run_error_rises(OLD, NEW) == raises
 
 
 def test_without_errors_nothing_rises() -> None:
-    assert not bench().raises(OLD, NEW)
-    assert not bench(shown=errors(old={"train": None}, new={"train": None})).raises(OLD, NEW)
+    assert not bench().free_run_error_rises(OLD, NEW)
+    assert not bench(shown=errors(old={"train": None}, new={"train": None})).free_run_error_rises(OLD, NEW)
 
 
 @pytest.mark.parametrize(
@@ -295,23 +303,23 @@ def test_without_errors_nothing_rises() -> None:
 )
 def test_the_ladder_falls_where_the_mean_of_both_errors_does(train: float, test: float, falls: bool) -> None:
     found = bench(shown=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
-    assert found.falls(OLD, NEW) == falls
-    assert bench().falls(OLD, NEW)
+    assert found.free_run_error_falls(OLD, NEW) == falls
+    assert bench().free_run_error_falls(OLD, NEW)
 
 
 # --- the verdict
 
 
-def rival(cost: float, gained: float) -> Trial:
+def rival(cost: float, gained: float) -> Candidate:
     before, after = state([(cost + gained) / 2] * 2), state([cost / 2] * 2)
-    return Trial(ONE, before, after, Gain(gained, 1.0, 0.0, 9.0), Gain(gained, 1.0, 0.0, 9.0), 0.0)
+    return Candidate(ONE, before, after, ScoreGain(gained, 1.0, 0.0, 9.0), ScoreGain(gained, 1.0, 0.0, 9.0), 0.0)
 
 
 def test_chance_is_counted_in_units_of_what_is_left() -> None:
     """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
     best = replace(state([5e4, 5e4]), counts=np.full(2, 500.0))
-    assert as_good(rival(1e5 + 300.0, 5e5).state, best)
-    assert not as_good(rival(1e5 + 500.0, 5e5).state, best)
+    assert not_inferior(rival(1e5 + 300.0, 5e5).full, best)
+    assert not not_inferior(rival(1e5 + 500.0, 5e5).full, best)
 
 
 @pytest.mark.parametrize(
@@ -329,7 +337,7 @@ def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
     more: float, gained: float, equals: bool
 ) -> None:
     best = replace(state([500.0, 500.0]), counts=np.full(2, 500.0))
-    assert equal(rival(1000.0 + more, gained), best) == equals
+    assert indistinguishable(rival(1000.0 + more, gained), best) == equals
 
 
 def estimate(value: float, error: float = 0.01, *, at_bound: bool = False, name: str = "friction.coulomb") -> Estimate:
@@ -348,29 +356,29 @@ def estimate(value: float, error: float = 0.01, *, at_bound: bool = False, name:
 )
 def test_a_base_parameter_that_effects_moved_far_is_told(before: Estimate, after: Estimate, told: bool) -> None:
     one, other = (SimpleNamespace(estimates=(e, estimate(1.0, name="x"))) for e in (before, after))
-    found = _moved(one, other)  # type: ignore[arg-type]
+    found = _parameter_shifts(one, other)  # type: ignore[arg-type]
     assert bool(found) == told
     if told:
-        assert found == [Moved("friction.coulomb", before.value, after.value, "N", not after.at_bound)]
-    assert _moved(one, SimpleNamespace(estimates=())) == []  # type: ignore[arg-type]
+        assert found == [ParameterShift("friction.coulomb", before.value, after.value, "N", not after.at_bound)]
+    assert _parameter_shifts(one, SimpleNamespace(estimates=())) == []  # type: ignore[arg-type]
 
 
 def test_two_effects_are_told_apart_by_what_both_say() -> None:
     one, other = (SimpleNamespace(name=n, separate=s) for n, s in (("a", "Do this."), ("b", "Do that.")))
-    assert how_to_tell(one, other) == "To tell a from b: Do this. Do that."  # type: ignore[arg-type]
+    assert distinguishing_experiment(one, other) == "To tell a from b: Do this. Do that."  # type: ignore[arg-type]
     same = SimpleNamespace(name="c", separate="Do this.")
-    assert how_to_tell(one, same) == "To tell a from c: Do this."  # type: ignore[arg-type]
+    assert distinguishing_experiment(one, same) == "To tell a from c: Do this."  # type: ignore[arg-type]
 
 
 # --- what would have shown
 
 
-def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.Detectable:
+def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.MinimumDetectableEffect:
     signatures: Any = [
         SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, error=e) for values, e in found
     ]
     known: Any = SimpleNamespace(model=model([name], {}))
-    return visible._size(catalogue()[name], signatures, known)
+    return visible._minimum_detectable_effect(catalogue()[name], signatures, known)
 
 
 def test_what_would_have_shown_is_four_standard_errors_of_the_clearest_signature() -> None:
@@ -425,10 +433,10 @@ def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: 
         known = values.get(effect.name)
         return [SimpleNamespace(values=known, error=0.1, gain=1.0)] if known else []
 
-    monkeypatch.setattr(trials, "signatures", found_for)
+    monkeypatch.setattr(trials, "score_tests", found_for)
     ready = bench(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
     has: Any = SimpleNamespace(names=["extra-mass"], fit=None, model=model())
-    found = visible.detectable(ready, has)
+    found = visible.minimum_detectable_effects(ready, has)
     assert [d.effect.name for d in found] == ["constant-force", "stribeck"]
     assert [d.size for d in found] == pytest.approx([4.0, 4 * 0.1 * 8.0])
     assert [d.parameter.name for d in found] == ["force", "static"]

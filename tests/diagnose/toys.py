@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.data import State, Trial
-from pneucli.diagnose.evidence import gain
+from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.evidence import score_gain
 
 TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
 Takes = Callable[[frozenset[str]], float]
@@ -46,7 +46,7 @@ class Toys:
         self.train, self.held_out = [view], [view] if more.get("held_out", True) else []
         self.checked = bool(self.held_out)
 
-    def state(self, names: Sequence[str]) -> State:
+    def state(self, names: Sequence[str]) -> FittedModel:
         chosen = frozenset(names)
         rng = np.random.default_rng(sum(map(hash_of, chosen)))
         train = SAMPLES * (1.0 + self.excess - self.takes(chosen)) + rng.normal(scale=1.0, size=TRAIN)
@@ -61,56 +61,66 @@ class Toys:
             residual=np.ones(TRAIN * SAMPLES),
         )
         if not self.held_out:
-            return State(fit, train, np.zeros(0), train, np.full(TRAIN, SAMPLES))
-        return State(fit, train, test, np.concatenate([train, test]), np.full(TRAIN + TEST, SAMPLES))
+            return FittedModel(fit, train, np.zeros(0), train, np.full(TRAIN, SAMPLES))
+        return FittedModel(fit, train, test, np.concatenate([train, test]), np.full(TRAIN + TEST, SAMPLES))
 
-    def screen(self, state: State) -> list[Any]:
+    def screen(self, state: FittedModel) -> list[Any]:
         promised = [
-            (e, self.takes(frozenset([*state.names, e.name])) - self.takes(frozenset(state.names)))
+            (e, self.takes(frozenset([*state.effect_names, e.name])) - self.takes(frozenset(state.effect_names)))
             for e in self.effects.values()
         ]
         found = [
             (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0)])
             for e, p in promised
-            if e.name not in state.names and self.can_start(state, e)
+            if e.name not in state.effect_names and self.can_start(state, e)
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
-    def felt(self, state: State, one: Any) -> tuple[float, int]:
-        return float(state.train.sum()), TRAIN * SAMPLES
+    def felt(self, state: FittedModel, one: Any) -> tuple[float, int]:
+        return float(state.train_costs.sum()), TRAIN * SAMPLES
 
-    def parts(self, state: State, one: Any) -> list[tuple[float, float]]:
-        return [(float(state.train.sum()), TRAIN * SAMPLES), (float(state.test.sum()), state.test.size * SAMPLES)]
+    def parts(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
+        return [
+            (float(state.train_costs.sum()), TRAIN * SAMPLES),
+            (float(state.test_costs.sum()), state.test_costs.size * SAMPLES),
+        ]
 
-    def alone(self, state: State, one: Any) -> list[tuple[float, float]]:
+    def alone(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
         return []
 
-    def added(self, state: State, effects: Sequence[Any], ranked: Any = ()) -> list[Trial]:
+    def added(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
         assert all(self.can_start(state, one) for one in effects)
-        self.added_names += [(*state.names, one.name) for one in effects]
-        return [self.trial(state, self.state([*state.names, one.name]), one) for one in effects]
+        self.added_names += [(*state.effect_names, one.name) for one in effects]
+        return [self.trial(state, self.state([*state.effect_names, one.name]), one) for one in effects]
 
-    def polished(self, trials: Sequence[Trial]) -> list[Trial]:
+    def polished(self, trials: Sequence[Candidate]) -> list[Candidate]:
         self.polished_names += [t.effect.name for t in trials]
         return list(trials)
 
-    def without(self, state: State, effects: Sequence[Any]) -> list[State]:
-        return [self.state([n for n in state.names if n != one.name]) for one in effects]
+    def without(self, state: FittedModel, effects: Sequence[Any]) -> list[FittedModel]:
+        return [self.state([n for n in state.effect_names if n != one.name]) for one in effects]
 
-    def trial(self, before: State, after: State, one: Any) -> Trial:
-        train = gain(before.train, after.train)
-        return Trial(one, before, after, train, gain(before.test, after.test), self.chance.get(one.name, train.p_value))
+    def trial(self, before: FittedModel, after: FittedModel, one: Any) -> Candidate:
+        train = score_gain(before.train_costs, after.train_costs)
+        return Candidate(
+            one,
+            before,
+            after,
+            train,
+            score_gain(before.test_costs, after.test_costs),
+            self.chance.get(one.name, train.p_value),
+        )
 
-    def lacking(self, state: State) -> list[Any]:
-        return [e for e in self.effects.values() if e.name not in state.names]
+    def lacking(self, state: FittedModel) -> list[Any]:
+        return [e for e in self.effects.values() if e.name not in state.effect_names]
 
-    def can_start(self, state: State, one: Any) -> bool:
-        return self.sized_by.get(one.name, set()) <= set(state.names)
+    def can_start(self, state: FittedModel, one: Any) -> bool:
+        return self.sized_by.get(one.name, set()) <= set(state.effect_names)
 
-    def raises(self, before: State, after: State) -> bool:
-        return bool(self.worse & (set(after.names) - set(before.names)))
+    def raises(self, before: FittedModel, after: FittedModel) -> bool:
+        return bool(self.worse & (set(after.effect_names) - set(before.effect_names)))
 
-    def lowers(self, before: State, after: State) -> bool:
+    def lowers(self, before: FittedModel, after: FittedModel) -> bool:
         return not self.raises(before, after)
 
 

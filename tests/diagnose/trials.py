@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.data import Bench, State, Trial
-from pneucli.diagnose.evidence import Gain
+from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.evidence import ScoreGain
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 
 BLOCKS, SAMPLES = 40, 4000
 COUNTS = np.full(BLOCKS, SAMPLES / BLOCKS)
-SURE = Gain(400.0, 300.0, 1e-9, 30.0)
-UNSURE = Gain(90.0, -10.0, 0.16, 30.0)
+SURE = ScoreGain(400.0, 300.0, 1e-9, 30.0)
+UNSURE = ScoreGain(90.0, -10.0, 0.16, 30.0)
 VIEW: Any = SimpleNamespace(
     experiment=SimpleNamespace(
         recording=SimpleNamespace(period=1e-3, name="one"), time=np.arange(SAMPLES) * 0.25 * BLOCKS / SAMPLES
@@ -27,37 +27,37 @@ VIEW: Any = SimpleNamespace(
 )
 
 
-def costing(fitted: Any, costs: np.ndarray) -> State:
+def costing(fitted: Any, costs: np.ndarray) -> FittedModel:
     """A state with these costs by block."""
-    return State(fitted, costs, np.zeros(0), costs, COUNTS)
+    return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
 
 
-def state(names: Sequence[str] = (), cost: float = 8000.0) -> State:
+def state(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
     """A fit with effects that costs the same in every block."""
     fitted: Any = SimpleNamespace(
         model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
     )
     costs = np.full(BLOCKS, cost / BLOCKS)
-    return State(fitted, costs, np.zeros(0), costs, COUNTS)
+    return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
 
 
-def shaky(before: State, fall: float, scatter: float, names: Sequence[str] = ()) -> State:
+def shaky(before: FittedModel, fall: float, scatter: float, names: Sequence[str] = ()) -> FittedModel:
     """A state that costs less in all, by some blocks' falls and other blocks' rises."""
     turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
     costs = before.costs - fall / BLOCKS - turns
-    return State(state(names).fit, costs, np.zeros(0), costs, COUNTS)
+    return FittedModel(state(names).fit, costs, np.zeros(0), costs, COUNTS)
 
 
 def trial(
     effect: str,
     cost: float = 4000.0,
     *,
-    before: State | None = None,
+    before: FittedModel | None = None,
     ends: Mapping[str, tuple[float, bool]] | None = None,
     p_value: float = 1e-9,
-    train: Gain | None = None,
-    test: Gain = SURE,
-) -> Trial:
+    train: ScoreGain | None = None,
+    test: ScoreGain = SURE,
+) -> Candidate:
     """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
     before = before or state()
     after = state([effect], cost)
@@ -74,15 +74,19 @@ def trial(
             for name, (value, at_bound) in ended.items()
         ),
     )
-    after = State(fitted, after.train, after.test, after.costs, after.counts)
+    after = FittedModel(fitted, after.train_costs, after.test_costs, after.costs, after.residual_counts)
     fall = before.cost - cost
-    return Trial(catalogue()[effect], before, after, train or Gain(fall, 0.9 * fall, p_value, 30.0), test, p_value)
+    return Candidate(
+        catalogue()[effect], before, after, train or ScoreGain(fall, 0.9 * fall, p_value, 30.0), test, p_value
+    )
 
 
-def bench(errors: Sequence[tuple[State, float, float | None]] = (), *, held_out: bool = True, **changes: Any) -> Bench:
+def bench(
+    errors: Sequence[tuple[FittedModel, float, float | None]] = (), *, held_out: bool = True, **changes: Any
+) -> DiagnosisData:
     """A bench with one view; ``errors`` are those that the user sees of a state, on training and on test."""
     seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
     shown = (lambda m: seen[id(m)]) if errors else None
-    made = Bench([VIEW], [VIEW] if held_out else [], catalogue(), shown=shown, **changes)
+    made = DiagnosisData([VIEW], [VIEW] if held_out else [], catalogue(), free_run_errors=shown, **changes)
     made.__dict__["hypotheses"] = 50
     return made

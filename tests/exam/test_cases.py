@@ -77,7 +77,7 @@ def test_the_truth_says_what_is_hidden_and_what_the_rig_is():
         "critical_ratio": 0.4, "null_V": 0.0, "fully_open_V": 10.0,
     }  # fmt: skip
     assert truth == {
-        "hidden": {"extra-mass": hidden.truth(laboratory().parameters)},
+        "hidden": {"extra-mass": hidden.true_parameters(laboratory().parameters)},
         "outside_the_catalogue": None, "baseline": ["stribeck"], "part": None, "over": None, "conditions": ["usual"],
         "verdict": "missing-effect", "unexplained_is_right": False, "base": base, "sensor_noise_pressure_Pa": 300.0,
     }  # fmt: skip
@@ -92,7 +92,7 @@ def test_the_truth_of_a_stranger_says_where_it_acts():
     stranger = next(e for e in BY_NAME.values() if not e.fields)
     truth = _truth(laboratory(), [stranger], stranger.name, Conditions(names=("narrow",)))
     assert (truth["outside_the_catalogue"], truth["verdict"]) == (stranger.name, "unexplained")
-    assert (truth["part"], truth["over"]) == (stranger.part, stranger.over)
+    assert (truth["part"], truth["over"]) == (stranger.part, stranger.variable)
     assert (truth["conditions"], truth["unexplained_is_right"]) == (["narrow"], True)
 
 

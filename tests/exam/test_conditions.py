@@ -11,8 +11,15 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case, write_exam
-from pneucli.exam.conditions import CONDITIONS, DRAWN, UNEVEN, Conditions, listed, parse
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, OUTSIDE
+from pneucli.exam.conditions import (
+    CONDITIONS,
+    DRIFTING_AND_PERIODIC_EFFECTS,
+    WIDE_CHOICES,
+    Conditions,
+    describe_conditions,
+    parse,
+)
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
 
 
 def test_names_joined_by_plus_hold_at_once():
@@ -96,7 +103,10 @@ def test_conditions_of_different_rigs_exclude_each_other():
 
 
 def test_the_help_lists_every_condition():
-    assert all(condition.form in listed() and condition.about in listed() for condition in CONDITIONS)
+    assert all(
+        condition.pattern in describe_conditions() and condition.description in describe_conditions()
+        for condition in CONDITIONS
+    )
 
 
 def test_the_recordings_and_the_pipeline_file_are_of_that_size_and_rate(tmp_path):
@@ -133,7 +143,7 @@ def test_small_unknown_effects_act_besides_in_messy_cases_and_may_stay_unexplain
     truth, _ = _conditions(tmp_path / "a", "axis", "messy", hidden=["extra-mass"])
     clean, _ = _conditions(tmp_path / "b", "axis", "usual", hidden=["extra-mass"])
     assert 3 <= len(truth["mess"]) <= 4
-    assert all(BY_NAME[name] in OUTSIDE and size <= 0.25 for name, size in truth["mess"].items())
+    assert all(BY_NAME[name] in UNCATALOGUED and size <= 0.25 for name, size in truth["mess"].items())
     assert truth["hidden"] == clean["hidden"]  # the same rig
     assert (truth["verdict"], truth["unexplained_is_right"]) == ("missing-effect", True)
     assert (clean["mess"], clean["unexplained_is_right"]) == ({}, False)
@@ -145,7 +155,7 @@ def test_on_an_uneven_rig_nothing_acts_besides_that_resembles_an_effect_of_the_c
     of_valve, _ = _conditions(tmp_path / "a", "valve", "uneven")
     assert set(of_valve["mess"]) == {"supply ripple that its sensor misses", "valve gain drifts over each recording"}
     of_axis, _ = _conditions(tmp_path / "b", "axis", "uneven", hidden=["extra-mass"])
-    assert set(of_axis["mess"]) <= UNEVEN
+    assert set(of_axis["mess"]) <= DRIFTING_AND_PERIODIC_EFFECTS
     assert 3 <= len(of_axis["mess"]) <= 4
     assert of_axis["unexplained_is_right"]
 
@@ -177,18 +187,18 @@ def test_converters_leave_so_many_steps(tmp_path, bits):
 
 
 def test_unknown_effects_are_of_more_than_a_dozen_kinds_and_say_where_they_act():
-    assert len(OUTSIDE) >= 12
-    assert {effect.part for effect in OUTSIDE} == {"force", "flow", "sensor"}
-    assert all(effect.over in ("time", "x", "v", "u", "p1") for effect in OUTSIDE)
-    assert not {effect.name for effect in OUTSIDE} & {effect.name for effect in CATALOGUE}
+    assert len(UNCATALOGUED) >= 12
+    assert {effect.part for effect in UNCATALOGUED} == {"force", "flow", "sensor"}
+    assert all(effect.variable in ("time", "x", "v", "u", "p1") for effect in UNCATALOGUED)
+    assert not {effect.name for effect in UNCATALOGUED} & {effect.name for effect in CATALOGUE}
 
 
 def test_the_page_of_the_exam_tells_every_condition_and_every_unknown_effect():
     page = (Path(__file__).parents[2] / "docs" / "exam.md").read_text()
-    names = [condition.form.partition("#")[0] for condition in CONDITIONS]
+    names = [condition.pattern.partition("#")[0] for condition in CONDITIONS]
     assert [name for name in names if f"`{name}" not in page] == []
-    rows = [f"{effect.part} | {effect.over} |" for effect in OUTSIDE if effect.name in page]
-    assert len(rows) == len(OUTSIDE)
+    rows = [f"{effect.part} | {effect.variable} |" for effect in UNCATALOGUED if effect.name in page]
+    assert len(rows) == len(UNCATALOGUED)
     assert all(row in page for row in rows)
 
 
@@ -202,4 +212,4 @@ def test_wide_draws_other_conditions_for_each_case_and_records_them(tmp_path):
 
 
 def test_everything_that_wide_draws_from_is_a_condition():
-    assert all(parse(name) for line in DRAWN for name in line)
+    assert all(parse(name) for line in WIDE_CHOICES for name in line)

@@ -10,8 +10,8 @@ import pytest
 from pneucli.exam import cases, rig_variants
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
-from pneucli.exam.rig_scaling import Similar
-from pneucli.exam.rig_variants import arranged
+from pneucli.exam.rig_scaling import RigScaling
+from pneucli.exam.rig_variants import draw_variant
 from tests.exam.chosen import Chosen
 
 RNG: Any = Chosen()
@@ -25,7 +25,7 @@ PAR = Parameters()._replace(
 def made(
     conditions: str, kind: str = "axis", par: Parameters = PAR, rng: Any = RNG
 ) -> tuple[Parameters, tuple[str, ...]]:
-    return arranged(par, kind, parse(conditions), rng)
+    return draw_variant(par, kind, parse(conditions), rng)
 
 
 def test_the_usual_rig_has_one_chamber_driven_and_nothing_else_that_its_file_knows() -> None:
@@ -97,22 +97,22 @@ def test_valves_that_switch_say_so() -> None:
 
 
 def test_the_usual_rig_is_drawn_within_these_ranges() -> None:
-    par = cases._rig("axis", False, RNG)
+    par = cases._draw_rig("axis", False, RNG)
     area = 5.5e-4 + 0.6 * 6.5e-4
     wanted = {
         "supply": 7.24e5, "piston_area_1": area, "piston_area_2": area, "dead_volume_1": 32e-6, "dead_volume_2": 32e-6,
         "mass": 2.92, "coulomb": 18.8, "viscous": 66.0, "effective_area": 1.82e-6, "overlap": 0.212, "exponent": 1.15,
     }  # fmt: skip
     assert {name: getattr(par, name) for name in wanted} == pytest.approx(wanted)
-    straight = cases._rig("axis", True, RNG)
+    straight = cases._draw_rig("axis", True, RNG)
     assert (straight.overlap, straight.exponent) == (0.0, 1.0)
-    assert cases._rig("friction", False, RNG).overlap == 0.0
+    assert cases._draw_rig("friction", False, RNG).overlap == 0.0
     assert [cases._is_linear(p, "axis") for p in (par, straight)] == [False, True]
     assert not cases._is_linear(straight, "friction")
 
 
 def test_sensors_and_vessels_are_of_the_rigs_size() -> None:
-    double = Similar(length=2.0, area=3.0, pressure=4.0)
+    double = RigScaling(length=2.0, area=3.0, pressure=4.0)
     found = cases._sensors(parse("rate-500Hz+bits-12+drift+outliers"), double, RNG)
     assert (found.rate, found.bits, found.drift, found.outliers) == (500.0, 12, 4.0, 5e-4)
     assert (found.pressure, found.pole, found.hum) == (1000.0, 0.0, 0.0)
@@ -120,9 +120,9 @@ def test_sensors_and_vessels_are_of_the_rigs_size() -> None:
 
 
 def test_a_stroke_is_stated_wrong_in_half_of_the_cases() -> None:
-    assert cases._stated(0.2, RNG) is None
-    assert cases._stated(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
+    assert cases._stated_stroke(0.2, RNG) is None
+    assert cases._stated_stroke(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
 
 
 def test_nothing_of_an_arrangement_is_without_a_code() -> None:
-    assert rig_variants.CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}
+    assert rig_variants.ARRANGEMENT_CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}

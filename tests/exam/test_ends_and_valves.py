@@ -13,11 +13,11 @@ from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.excitations import closed_loop, valve_step
-from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, contact
+from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, end_stop_force
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig.simulation import Manoeuvre, run
-from pneucli.exam.rig_variants import arranged
+from pneucli.exam.rig.simulation import Excitation, simulate_rig
+from pneucli.exam.rig_variants import draw_variant
 
 RIG = Parameters(overlap=0.2, effective_area_2=1.6e-6, overlap_2=0.3, exponent_2=1.2)
 FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)
@@ -26,16 +26,20 @@ FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)
 def thrown(par: Parameters, velocity: float, seconds: float = 0.1) -> dict[str, np.ndarray]:
     """The piston flies toward x = 0 between chambers at ambient pressure that are held there."""
     still = np.full((round(seconds * 1e3), 2), par.ambient)
-    return run(par, Manoeuvre(np.zeros(len(still)), position=0.01, velocity=-velocity, imposed=still), 10_000.0)
+    return simulate_rig(
+        par, Excitation(np.zeros(len(still)), position=0.01, velocity=-velocity, imposed=still), 10_000.0
+    )
 
 
 def test_contact_pushes_away_from_either_end_and_never_pulls():
     par = Parameters()
-    assert contact(par, 0.1, 5.0) == contact(par, 0.0, -1.0) == contact(par, par.stroke, 1.0) == 0.0
-    assert contact(par, -1e-5, 0.0) == pytest.approx(par.stop_stiffness * 1e-5)
-    assert contact(par, par.stroke + 1e-5, 0.0) == pytest.approx(-par.stop_stiffness * 1e-5)
+    assert (
+        end_stop_force(par, 0.1, 5.0) == end_stop_force(par, 0.0, -1.0) == end_stop_force(par, par.stroke, 1.0) == 0.0
+    )
+    assert end_stop_force(par, -1e-5, 0.0) == pytest.approx(par.stop_stiffness * 1e-5)
+    assert end_stop_force(par, par.stroke + 1e-5, 0.0) == pytest.approx(-par.stop_stiffness * 1e-5)
     # leaving faster than the end comes after: the damper would pull
-    assert contact(par, -1e-5, 1.0) == contact(par, par.stroke + 1e-5, -1.0) == 0.0
+    assert end_stop_force(par, -1e-5, 1.0) == end_stop_force(par, par.stroke + 1e-5, -1.0) == 0.0
 
 
 def test_an_end_without_damping_gives_the_whole_velocity_back():
@@ -53,7 +57,7 @@ def test_damping_takes_the_bounce():
 def test_pressed_against_an_end_the_piston_rests_where_the_end_carries_the_force():
     par = Parameters()
     pressures = np.column_stack([np.full(400, 1.5e5), np.full(400, 4.5e5)])
-    seen = run(par, Manoeuvre(np.zeros(400), position=0.002, imposed=pressures))
+    seen = simulate_rig(par, Excitation(np.zeros(400), position=0.002, imposed=pressures))
     carried = -par.stop_stiffness * seen["x"][-1]
     assert carried == pytest.approx(par.piston_area_1 * 3e5, abs=par.coulomb)
     assert seen["v"][-1] == 0.0
@@ -61,7 +65,7 @@ def test_pressed_against_an_end_the_piston_rests_where_the_end_carries_the_force
 
 def test_energy_is_kept_by_adiabatic_chambers_a_free_piston_and_elastic_ends():
     par = FREE._replace(heat_conductance=0.0, piston_area_2=6e-4, dead_volume_1=60e-6)
-    seen = run(par, Manoeuvre(np.zeros(600), position=0.1, pressure_1=6e5, pressure_2=1.1e5), 10_000.0)
+    seen = simulate_rig(par, Excitation(np.zeros(600), position=0.1, pressure_1=6e5, pressure_2=1.1e5), 10_000.0)
     assert seen["x"].max() > par.stroke  # it meets an end
     volume_1 = par.dead_volume_1 + par.piston_area_1 * seen["x"]
     volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - seen["x"])
@@ -74,7 +78,7 @@ def test_energy_is_kept_by_adiabatic_chambers_a_free_piston_and_elastic_ends():
 
 def test_gas_that_leaks_past_the_moving_piston_is_neither_lost_nor_made():
     par = Parameters(heat_conductance=0.4, piston_leak_area=2e-7)
-    seen = run(par, Manoeuvre(np.zeros(1500), position=0.1, pressure_1=5e5, pressure_2=2e5), 1000.0)
+    seen = simulate_rig(par, Excitation(np.zeros(1500), position=0.1, pressure_1=5e5, pressure_2=2e5), 1000.0)
     volume_1 = par.dead_volume_1 + par.piston_area_1 * seen["x"]
     volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - seen["x"])
     mass_1 = seen["p1"] * volume_1 / (GAS_CONSTANT * seen["temperature"])
@@ -87,7 +91,7 @@ def test_gas_that_leaks_past_the_moving_piston_is_neither_lost_nor_made():
 def test_a_tank_loses_what_the_vessel_gains():
     """With constant temperature both pressures follow kappa R T q / V."""
     par = Parameters(piston_area_1=0.0, dead_volume_1=160e-6, supply_volume=1e-3, regulator_conductance=0.0)
-    seen = run(par, Manoeuvre(np.full(800, 10.0), pressure_1=par.ambient))
+    seen = simulate_rig(par, Excitation(np.full(800, 10.0), pressure_1=par.ambient))
     gained, lost = 160e-6 * np.diff(seen["p1"]), -1e-3 * np.diff(seen["p_supply"])
     assert gained == pytest.approx(lost, rel=1e-6)
     assert seen["p1"][-1] == pytest.approx(seen["p_supply"][-1], rel=1e-3)
@@ -96,7 +100,7 @@ def test_a_tank_loses_what_the_vessel_gains():
 @pytest.mark.parametrize(("volts", "first"), [(7.0, "p1"), (3.0, "p2")])
 def test_the_spool_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(volts, first):
     par = RIG._replace(arrangement=FIVE_THREE, command_null=5.0, command_range=5.0, coulomb=1e4)
-    seen = run(par, Manoeuvre(np.full(300, volts - 5.0), position=0.1, pressure_1=3e5, pressure_2=3e5))
+    seen = simulate_rig(par, Excitation(np.full(300, volts - 5.0), position=0.1, pressure_1=3e5, pressure_2=3e5))
     other = "p2" if first == "p1" else "p1"
     assert np.all(seen["u"] == volts)
     assert seen[first][-1] > 3.5e5
@@ -105,13 +109,15 @@ def test_the_spool_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(volts, f
 
 def test_at_its_null_the_5_3_valve_shuts_both_chambers():
     par = RIG._replace(arrangement=FIVE_THREE, command_null=5.0, command_range=5.0)
-    seen = run(par, Manoeuvre(np.zeros(200), position=0.1, pressure_1=3e5, pressure_2=3e5))
+    seen = simulate_rig(par, Excitation(np.zeros(200), position=0.1, pressure_1=3e5, pressure_2=3e5))
     assert np.ptp(seen["p1"]) == np.ptp(seen["p2"]) == 0.0
 
 
 def test_two_valves_follow_their_own_commands():
     par = RIG._replace(arrangement=TWO_VALVES, coulomb=1e4)
-    seen = run(par, Manoeuvre(np.zeros(300), second=np.full(300, 4.0), position=0.1, pressure_1=3e5, pressure_2=3e5))
+    seen = simulate_rig(
+        par, Excitation(np.zeros(300), command_2=np.full(300, 4.0), position=0.1, pressure_1=3e5, pressure_2=3e5)
+    )
     assert np.ptp(seen["p1"]) == 0.0
     assert seen["p2"][-1] > 3.5e5
     assert np.all(seen["u2"] == 4.0)
@@ -119,20 +125,20 @@ def test_two_valves_follow_their_own_commands():
 
 def test_a_switching_valve_is_open_or_shut():
     par = RIG._replace(switching=1.0, command_range=24.0, piston_area_1=0.0, dead_volume_1=160e-6)
-    half, full = (run(par, valve_step(par, volts))["p1"] for volts in (12.0, 24.0))
+    half, full = (simulate_rig(par, valve_step(par, volts))["p1"] for volts in (12.0, 24.0))
     assert np.array_equal(half, full)  # its amplifier knows no half
 
 
 @pytest.mark.parametrize("arrangement", [FIVE_THREE, TWO_VALVES])
 def test_the_bench_of_chamber_2_has_the_edges_of_chamber_2(arrangement):
     par = RIG._replace(arrangement=arrangement, coulomb=1e4)
-    bench = Laboratory("rig", par, Sensors(), vessel=100e-6).bench_of(2)
-    tested = run(bench, Manoeuvre(np.full(100, 5.0), pressure_1=2e5))
+    bench = Laboratory("rig", par, Sensors(), vessel_volume=100e-6).valve_test_rig_of(2)
+    tested = simulate_rig(bench, Excitation(np.full(100, 5.0), pressure_1=2e5))
     # the cylinder's own chamber 2, whose valve opens toward it
     second = np.full(100, 5.0)
     command = -second if arrangement == FIVE_THREE else 0 * second
     held = par._replace(dead_volume_2=100e-6 - par.piston_area_2 * 0.1)
-    seen = run(held, Manoeuvre(command, second=second, position=0.1, pressure_1=2e5, pressure_2=2e5))
+    seen = simulate_rig(held, Excitation(command, command_2=second, position=0.1, pressure_1=2e5, pressure_2=2e5))
     assert tested["p1"] == pytest.approx(seen["p2"], rel=1e-6)
     assert np.all(tested["u"] == (-5.0 if arrangement == FIVE_THREE else 5.0))
 
@@ -141,7 +147,7 @@ def test_the_bench_of_chamber_2_has_the_edges_of_chamber_2(arrangement):
 def test_a_loop_around_both_chambers_follows_its_reference(arrangement):
     par = RIG._replace(arrangement=arrangement)
     reference = np.interp(np.arange(3000), [0, 500, 3000], [0.1, 0.14, 0.14])
-    seen = run(par, closed_loop(par, reference, 75.0, 3e5))
+    seen = simulate_rig(par, closed_loop(par, reference, 75.0, 3e5))
     assert seen["x"][-1] == pytest.approx(0.14, abs=8e-3)
 
 
@@ -191,7 +197,7 @@ def test_springs_and_weights_are_known_to_the_pipeline_and_carried_at_the_start(
 def test_a_weight_pulls_to_either_side_but_never_outward_where_an_open_chamber_would_have_to_hold_it():
     sides = {
         kind: {
-            np.sign(arranged(Parameters(), kind, parse("hanging-load"), np.random.default_rng(k))[0].constant_force)
+            np.sign(draw_variant(Parameters(), kind, parse("hanging-load"), np.random.default_rng(k))[0].constant_force)
             for k in range(12)
         }
         for kind in ("friction", "axis")
@@ -201,9 +207,9 @@ def test_a_weight_pulls_to_either_side_but_never_outward_where_an_open_chamber_w
 
 def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
     leaking = Parameters(leak_area=1e-8, laminar_conductance=1e-12, relief_growth=1e-13, piston_leak_area=1e-8)
-    bench = Laboratory("rig", leaking, Sensors(), vessel=1e-4).bench
+    bench = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4).valve_test_rig
     assert bench.leak_area == bench.laminar_conductance == bench.relief_growth == bench.piston_leak_area == 0.0
-    alone = Laboratory("rig", leaking, Sensors(), vessel=1e-4, has_cylinder=False).bench
+    alone = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4, has_cylinder=False).valve_test_rig
     assert (alone.leak_area, alone.laminar_conductance, alone.relief_growth) == (1e-8, 1e-12, 1e-13)
 
 
@@ -217,7 +223,7 @@ def test_the_piston_rests_at_its_ends_and_the_truth_says_how_long(tmp_path, name
 def test_a_stroke_that_is_not_exact_keeps_the_volume_at_the_other_end():
     volumes = []
     for stated in (None, 0.201):
-        laboratory = Laboratory("rig", Parameters(), Sensors(), stroke_stated=stated)
+        laboratory = Laboratory("rig", Parameters(), Sensors(), stated_stroke=stated)
         cylinder = tomllib.loads(laboratory.pipeline([], "raw"))["rig"]["cylinder"]
         stroke, area, dead = (float(cylinder[k].split()[0]) for k in ("stroke", "piston_area_2", "dead_volume_2"))
         assert stroke == pytest.approx(200.0 if stated is None else 201.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.grade_tables import SHORT, case_rows, rows, to_markdown
+from pneucli.exam.grade_tables import SHORT_TITLES, case_rows, measure_rows, to_markdown
 
 NOTHING = {"right": 0, "of": 0, "share": None, "ci95": None}
 
@@ -17,7 +17,7 @@ def share(right: int, of: int) -> dict[str, Any]:
 
 
 def group(condition: str, cases: int, verdict: dict[str, Any], **more: Any) -> dict[str, Any]:
-    shares = dict.fromkeys(SHORT, NOTHING) | {"verdict right": verdict, "unknown flagged": share(1, 1)}
+    shares = dict.fromkeys(SHORT_TITLES, NOTHING) | {"verdict right": verdict, "unknown flagged": share(1, 1)}
     return {
         "condition": condition, "cases": cases, "shares": shares, "failures": {},
         "set_size": None, "error_after": None, "seconds": None,
@@ -112,7 +112,7 @@ def test_where_the_seed_came_from_says_who_may_have_seen_the_cases(source: str, 
 
 
 def test_rows_have_every_measure_of_every_condition() -> None:
-    found = rows(RESULT)
+    found = measure_rows(RESULT)
     table = {(row["condition"], row["what"]): row for row in found}
     assert len(table) == len(found)
     assert {row["condition"] for row in found} == {"all", "usual", "messy"}

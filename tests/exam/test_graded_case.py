@@ -10,7 +10,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.grade_tables import to_markdown
-from pneucli.exam.graded_case import Graded
+from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import grade
 
 
@@ -30,8 +30,8 @@ def answer(
     return {"verdict": verdict, "missing": [c["effect"] for c in named], "candidates": [*named, *others], **more}
 
 
-def graded(hidden: dict[str, dict[str, float]], said: dict[str, Any], outside: str | None = None) -> Graded:
-    return Graded("case", truth(hidden, outside), said)
+def graded(hidden: dict[str, dict[str, float]], said: dict[str, Any], outside: str | None = None) -> GradedCase:
+    return GradedCase("case", truth(hidden, outside), said)
 
 
 LEAK = {"chamber-leak": {"area": 2.0}}
@@ -40,18 +40,18 @@ LEAK = {"chamber-leak": {"area": 2.0}}
 def test_what_is_named_covers_its_twins_too() -> None:
     g = graded(LEAK, answer("missing-effect", candidate("valve-leak", ("chamber-leak", "piston-leak"))))
     assert g.missing == {"valve-leak"}
-    assert g.covered == {"valve-leak", "chamber-leak", "piston-leak"}
-    assert g.hidden <= g.covered
+    assert g.answer_set == {"valve-leak", "chamber-leak", "piston-leak"}
+    assert g.hidden <= g.answer_set
 
 
 def test_a_candidate_that_is_not_named_covers_nothing() -> None:
     g = graded(LEAK, answer("adequate", others=(candidate("chamber-leak", ("x",), area=2.0),)))
-    assert g.covered == set()
-    assert g.parameters_right == []
+    assert g.answer_set == set()
+    assert g.parameters_within_tolerance == []
 
 
 def test_an_answer_without_candidates_covers_what_it_names() -> None:
-    assert graded(LEAK, {"verdict": "missing-effect", "missing": ["chamber-leak"]}).covered == {"chamber-leak"}
+    assert graded(LEAK, {"verdict": "missing-effect", "missing": ["chamber-leak"]}).answer_set == {"chamber-leak"}
 
 
 @pytest.mark.parametrize(
@@ -67,13 +67,13 @@ def test_an_answer_without_candidates_covers_what_it_names() -> None:
 )
 def test_a_parameter_is_right_within_15_percent_of_the_truth(true: float, value: float, right: bool) -> None:
     g = graded({"constant-force": {"force": true}}, answer("missing-effect", candidate("constant-force", force=value)))
-    assert g.parameters_right == [right]
+    assert g.parameters_within_tolerance == [right]
 
 
 def test_parameters_that_are_not_told_and_effects_that_are_not_hidden_do_not_count() -> None:
     said = answer("missing-effect", candidate("stribeck", static=20.0), candidate("extra-mass", mass=1.0))
     g = graded({"stribeck": {"static": 20.0, "velocity": 0.01}, "dead-volume": {"volume_added": 1.0}}, said)
-    assert g.parameters_right == [True]
+    assert g.parameters_within_tolerance == [True]
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_parameters_that_are_not_told_and_effects_that_are_not_hidden_do_not_cou
     ],
 )
 def test_rows_are_what_was_hidden(hidden: dict, outside: str | None, row: str) -> None:
-    assert graded(hidden, answer("adequate"), outside).kind_of_truth == row
+    assert graded(hidden, answer("adequate"), outside).truth_label == row
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_rows_are_what_was_hidden(hidden: dict, outside: str | None, row: str) -
     ],
 )
 def test_columns_are_what_was_answered(said: dict[str, Any], column: str) -> None:
-    assert graded({}, said).said == column
+    assert graded({}, said).answer_label == column
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_columns_are_what_was_answered(said: dict[str, Any], column: str) -> Non
 )
 def test_the_error_is_that_of_the_last_rung_held_out_where_there_is_one(ladder: Any, error: float | None) -> None:
     said = answer("adequate") | ({} if ladder is None else {"ladder": ladder})
-    assert graded({}, said).error_after == error
+    assert graded({}, said).final_error == error
 
 
 # --- a whole exam

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.grade_tables import rows, to_markdown
-from pneucli.exam.graded_case import Graded
+from pneucli.exam.grade_tables import measure_rows, to_markdown
+from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import report
 
 LEAK = {"chamber-leak": {"area": 1.0}}
@@ -24,7 +24,7 @@ def case(
     twins: tuple[str, ...] = (),
     reason: str | None = None,
     **more: Any,
-) -> Graded:
+) -> GradedCase:
     truth = {
         "hidden": hidden or {},
         "outside_the_catalogue": outside,
@@ -36,7 +36,7 @@ def case(
     candidates = [{"effect": e, "parameters": {}, "indistinguishable_from": list(twins), **more} for e in missing]
     candidates += [{"effect": e, "parameters": {}, "reason": reason} for e in hidden or {} if reason]
     answer = {"verdict": verdict, "missing": list(missing), "candidates": candidates}
-    return Graded("case-001", truth, answer, 10.0)
+    return GradedCase("case-001", truth, answer, 10.0)
 
 
 @pytest.mark.parametrize(
@@ -68,21 +68,21 @@ def test_every_failure_has_its_cause(graded, failure):
 def test_a_failed_run_tells_the_kind_of_its_error():
     graded = case(verdict="failed")
     graded.answer["error"] = "LinAlgError: singular"
-    assert graded.failure == "failed: LinAlgError"
+    assert graded.failure_cause == "failed: LinAlgError"
 
 
 def test_truths_of_other_rigs_tell_their_mess_in_other_words():
     """The shared example cases: small unknown effects beside the one that is to be named."""
     truth = {"hidden": {}, "outside_the_catalogue": "several small ones", "verdict": "unexplained"}
-    null = Graded("messy-07", truth, {"verdict": "adequate", "missing": []})
+    null = GradedCase("messy-07", truth, {"verdict": "adequate", "missing": []})
     assert null.is_null
-    assert null.is_clean
+    assert null.is_correct_null
     assert null.conditions == ["messy"]
-    flagged = Graded("messy-07", truth, {"verdict": "unexplained", "missing": []})
-    assert flagged.is_clean
-    known = Graded("messy-01", truth | {"hidden": LEAK}, {"verdict": "unexplained", "missing": ["chamber-leak"]})
-    assert known.verdict_is_right
-    assert known.failure is None
+    flagged = GradedCase("messy-07", truth, {"verdict": "unexplained", "missing": []})
+    assert flagged.is_correct_null
+    known = GradedCase("messy-01", truth | {"hidden": LEAK}, {"verdict": "unexplained", "missing": ["chamber-leak"]})
+    assert known.verdict_is_correct
+    assert known.failure_cause is None
 
 
 def test_a_case_counts_for_its_conditions_together_and_for_each():
@@ -117,7 +117,7 @@ def test_the_report_of_each_condition_counts_its_own_cases():
     row = next(line for line in page.splitlines() if line.startswith("| usual |"))
     assert [cell.strip() for cell in row.split("|")][1:6] == ["usual", "3", "2/3", "1/1", "1/1"]
     assert "| missed: another named | 1 | messy 1 |" in page
-    sizes = [r for r in rows(result) if r["what"] == "set size, median" and r["condition"] == "usual"]
+    sizes = [r for r in measure_rows(result) if r["what"] == "set size, median" and r["condition"] == "usual"]
     assert [(r["value"], r["unit"]) for r in sizes] == [(3.0, "1")]
 
 
@@ -125,9 +125,9 @@ def test_intervals_are_counted_where_they_were_given():
     inside = {"value": 1.3, "ci95": [0.9, 1.7]}
     graded = case(LEAK, "missing-effect", ("chamber-leak",))
     graded.answer["candidates"][0]["parameters"] = {"area": inside}
-    assert graded.parameters_covered == [True]
-    assert graded.parameters_right == [False]
+    assert graded.intervals_cover_truth == [True]
+    assert graded.parameters_within_tolerance == [False]
     graded.answer["candidates"][0]["parameters"] = {"area": inside | {"ci95": [1.1, 1.5]}}
-    assert graded.parameters_covered == [False]
+    assert graded.intervals_cover_truth == [False]
     graded.answer["candidates"][0]["parameters"] = {"area": {"value": 1.1}}
-    assert (graded.parameters_covered, graded.parameters_right) == ([], [True])
+    assert (graded.intervals_cover_truth, graded.parameters_within_tolerance) == ([], [True])

@@ -7,23 +7,23 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
-from pneucli.exam.hidden_effects import CATALOGUE, OUTSIDE
-from pneucli.exam.rig.excitations import closed_loop, valve_stairs, wandering
+from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
+from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.rig.simulation import run
+from pneucli.exam.rig.simulation import simulate_rig
 
 # no heat-transfer: it is not nested; the model without it has a constant temperature instead
-SCALED = [effect for effect in CATALOGUE + OUTSIDE if effect.scaled]
+SCALED = [effect for effect in CATALOGUE + UNCATALOGUED if effect.null_values]
 QUIET = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
 
 
 def recorded(par: Parameters, kind: str) -> dict[str, np.ndarray]:
     if kind == "valve":
         par = par._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
-        return measure(par, QUIET, run(par, valve_stairs(par, 0.5, 2.0)), np.random.default_rng(0))
-    reference = wandering(np.random.default_rng(1), 4000)
-    return measure(par, QUIET, run(par, closed_loop(par, reference, 150.0, 1.8e5)), np.random.default_rng(0))
+        return measure(par, QUIET, simulate_rig(par, valve_staircase(par, 0.5, 2.0)), np.random.default_rng(0))
+    reference = two_sine_reference(np.random.default_rng(1), 4000)
+    return measure(par, QUIET, simulate_rig(par, closed_loop(par, reference, 150.0, 1.8e5)), np.random.default_rng(0))
 
 
 def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:

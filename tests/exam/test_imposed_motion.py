@@ -10,25 +10,25 @@ import pytest
 
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.rig.imposed_motion import TURN, Machine, driven
+from pneucli.exam.rig.imposed_motion import REVERSAL_TIME, MotionMachine, simulate_imposed_motion
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.notebook.run import open_pipeline_of
 
 PAR = Parameters(coulomb=10.0, viscous=40.0, mass=2.0)
-MACHINE = Machine((0.04, 0.08), (0.01, 0.02), 4, PAR.ambient + 3e5)
+MACHINE = MotionMachine((0.04, 0.08), (0.01, 0.02), 4, PAR.ambient + 3e5)
 
 
 def test_strokes_go_to_and_fro_at_their_speeds_in_turn() -> None:
-    truth = driven(PAR, MACHINE, 1000.0)
+    truth = simulate_imposed_motion(PAR, MACHINE, 1000.0)
     assert truth["x"].min() == pytest.approx(0.04, abs=2e-5)
     assert truth["x"].max() == pytest.approx(0.08, abs=2e-5)
     speeds = np.unique(np.round(truth["v"][np.abs(truth["a"]) < 1e-9], 6))
     assert set(speeds) >= {-0.02, 0.01}
-    assert truth["x"].size == pytest.approx(1000 * 2 * (4.0 + 2.0 + 2 * TURN), abs=10)
+    assert truth["x"].size == pytest.approx(1000 * 2 * (4.0 + 2.0 + 2 * REVERSAL_TIME), abs=10)
 
 
 def test_the_force_is_friction_less_the_push_of_the_pressure_while_the_speed_is_steady() -> None:
-    truth = driven(PAR, MACHINE, 1000.0)
+    truth = simulate_imposed_motion(PAR, MACHINE, 1000.0)
     steady = (np.abs(truth["a"]) < 1e-9) & (truth["v"] != 0.0)
     friction = 10.0 * np.sign(truth["v"]) + 40.0 * truth["v"]
     assert truth["force"][steady] == pytest.approx((friction - PAR.piston_area_1 * 3e5)[steady], abs=1e-9)
@@ -38,9 +38,12 @@ def test_the_force_is_friction_less_the_push_of_the_pressure_while_the_speed_is_
 
 
 def test_friction_that_grows_with_pressure_and_a_regulator_that_gives_way_show_in_the_force() -> None:
-    grown = driven(PAR._replace(pressure_gain=1e-6), MACHINE, 1000.0)["force"] - driven(PAR, MACHINE, 1000.0)["force"]
+    grown = (
+        simulate_imposed_motion(PAR._replace(pressure_gain=1e-6), MACHINE, 1000.0)["force"]
+        - simulate_imposed_motion(PAR, MACHINE, 1000.0)["force"]
+    )
     assert np.quantile(np.abs(grown), 0.5) == pytest.approx(10.0 * 1e-6 * 3e5, rel=1e-6)
-    swung = driven(PAR, Machine((0.04, 0.08), (0.01,), 2, PAR.ambient + 3e5, swing=0.01), 1000.0)
+    swung = simulate_imposed_motion(PAR, MotionMachine((0.04, 0.08), (0.01,), 2, PAR.ambient + 3e5, swing=0.01), 1000.0)
     assert swung["p1"].max() - PAR.ambient == pytest.approx(3.03e5, rel=1e-3)
     assert swung["p1"][np.argmax(swung["x"])] < swung["p1"][0]
 
@@ -74,7 +77,7 @@ def test_a_machine_passes_over_the_place_where_friction_is_higher(tmp_path: Path
 def test_the_noise_of_a_force_that_jumps_with_the_direction_is_that_of_its_sensor(tmp_path: Path) -> None:
     """White noise shows in the differences from sample to sample, of which few hold a jump."""
     generate_case(tmp_path / "case", "friction", ["position-friction"], "", 1.0, 0, parse("imposed"))
-    done = open_pipeline_of(tmp_path / "case" / "pipeline.toml", tmp_path / "out").bring_up(["ingest"])
+    done = open_pipeline_of(tmp_path / "case" / "pipeline.toml", tmp_path / "out").update(["ingest"])
     recording = done["ingest"].answer["recordings"][0]
     text = (tmp_path / "case" / recording["file"]).read_text().splitlines()
     force = np.array([float(line.split(",")[3]) for line in text if line[0].isdigit()])

@@ -11,10 +11,10 @@ import pytest
 from pneucli.exam.rig.kernel import (
     GAS_CONSTANT,
     KAPPA,
+    MAX_STEP,
     P1,
     P2,
     PS,
-    STEP,
     T1,
     T2,
     VL,
@@ -24,11 +24,11 @@ from pneucli.exam.rig.kernel import (
     Z,
 )
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.simulation import Manoeuvre
+from pneucli.exam.rig.simulation import Excitation
 
 PAR = Parameters(coulomb=15.0, viscous=50.0, overlap=0.5, exponent=2.0)
 C_V = GAS_CONSTANT / (KAPPA - 1.0)
-HALF_A_STEP = STEP / math.log(2.0)  # s, of a lag that takes half the way in one step
+HALF_A_STEP = MAX_STEP / math.log(2.0)  # s, of a lag that takes half the way in one step
 
 
 def state(**given: float) -> np.ndarray:
@@ -361,14 +361,14 @@ def test_a_vessel_has_no_motion(plain: SimpleNamespace) -> None:
 def coasting(plain: SimpleNamespace, v: float, par: Parameters, steps: int = 1, rest: float = 0.0):
     s, work = pushed(0.0, par._replace(viscous=0.0), V=v), np.zeros((3, 10))
     for k in range(steps):
-        rest = plain._advance(par, k * STEP, STEP, s, rest, (0.0, 0.0, 0.0, 0.0), 2, work)
+        rest = plain._advance(par, k * MAX_STEP, MAX_STEP, s, rest, (0.0, 0.0, 0.0, 0.0), 2, work)
     return s, rest
 
 
 def test_a_midpoint_step_is_exact_for_a_constant_deceleration(plain: SimpleNamespace) -> None:
     par = PAR._replace(viscous=0.0, mass=2.0)
     s, rest = coasting(plain, 0.3, par, 40)
-    t = 40 * STEP
+    t = 40 * MAX_STEP
     assert rest == 0.0
     assert s[V] == pytest.approx(0.3 - 7.5 * t, rel=1e-12)
     assert s[X] == pytest.approx(0.1 + 0.3 * t - 3.75 * t * t, rel=1e-12)
@@ -377,21 +377,21 @@ def test_a_midpoint_step_is_exact_for_a_constant_deceleration(plain: SimpleNames
 def test_a_piston_that_stops_within_a_step_stops_where_its_energy_ends(plain: SimpleNamespace) -> None:
     """v^2 m / (2 F) on from where it was, at rest at once, which is counted from the next step on."""
     par = PAR._replace(viscous=0.0, mass=2.0)
-    v = 7.5 * 0.4 * STEP
+    v = 7.5 * 0.4 * MAX_STEP
     s, rest = coasting(plain, v, par)
     assert s[V] == 0.0
     assert s[X] - 0.1 == pytest.approx(v * v * 2.0 / 30.0, rel=1e-6)
-    assert rest == STEP
-    assert coasting(plain, v, par, 5)[1] == pytest.approx(5 * STEP)
+    assert rest == MAX_STEP
+    assert coasting(plain, v, par, 5)[1] == pytest.approx(5 * MAX_STEP)
 
 
 def test_motion_that_turns_under_load_goes_on_in_the_new_direction_within_the_step(plain: SimpleNamespace) -> None:
     """It is thrown back by 30 N: slowed by 45 N over 2 kg, and then driven by 15 N."""
     par = PAR._replace(viscous=0.0, mass=2.0)
-    s = pushed(-30.0, par, V=22.5 * 0.5 * STEP)
-    rest = plain._advance(par, 0.0, STEP, s, 0.1, (0.0, 0.0, 0.0, 0.0), 2, np.zeros((3, 10)))
+    s = pushed(-30.0, par, V=22.5 * 0.5 * MAX_STEP)
+    rest = plain._advance(par, 0.0, MAX_STEP, s, 0.1, (0.0, 0.0, 0.0, 0.0), 2, np.zeros((3, 10)))
     assert rest == 0.0
-    assert s[V] == pytest.approx(-7.5 * 0.5 * STEP, rel=1e-6)
+    assert s[V] == pytest.approx(-7.5 * 0.5 * MAX_STEP, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -415,7 +415,7 @@ def test_spool_and_opening_follow_a_command_of_4_v(
     plain: SimpleNamespace, changed: dict, before: tuple[float, float, float], after: tuple[float, float, float]
 ) -> None:
     """Each in the order: where the spool goes, where it is, the opening; of a spool that sticks the lag stays."""
-    assert plain._spool(PAR._replace(**changed), STEP, 4.0, *before) == pytest.approx(after)
+    assert plain._spool(PAR._replace(**changed), MAX_STEP, 4.0, *before) == pytest.approx(after)
 
 
 def test_imposed_pressures_are_linear_between_samples_and_held_at_the_end(plain: SimpleNamespace) -> None:
@@ -425,7 +425,7 @@ def test_imposed_pressures_are_linear_between_samples_and_held_at_the_end(plain:
 
 
 def test_the_rows_begin_with_what_is_given(plain: SimpleNamespace) -> None:
-    move = Manoeuvre(np.zeros(2), chamber_2_open=True, position=0.15, velocity=0.2, pressure_1=2e5, pressure_2=3e5)
+    move = Excitation(np.zeros(2), chamber_2_open=True, position=0.15, velocity=0.2, pressure_1=2e5, pressure_2=3e5)
     seen = {name: values[0] for name, values in plain.run(PAR, move).items()}
     assert [seen[n] for n in ("x", "v", "p1", "p2", "p_supply", "temperature")] == [
         0.15, 0.2, 2e5, 3e5, PAR.supply, PAR.temperature,
@@ -438,27 +438,27 @@ def test_the_rows_begin_with_what_is_given(plain: SimpleNamespace) -> None:
 def test_a_controller_commands_in_proportion_within_10_v_in_steps_of_a_tenth_of_a_millivolt(
     plain: SimpleNamespace, gain: float, command: float
 ) -> None:
-    move = Manoeuvre(np.array([0.15]), gain=gain, position=0.1)
+    move = Excitation(np.array([0.15]), gain=gain, position=0.1)
     assert plain.run(PAR, move)["u"][0] == command
-    assert plain.run(PAR, Manoeuvre(np.array([0.05]), gain=1000.0, position=0.1))["u"][0] == -10.0
+    assert plain.run(PAR, Excitation(np.array([0.05]), gain=1000.0, position=0.1))["u"][0] == -10.0
 
 
 def test_chamber_2_is_held_where_it_is_open_and_both_where_they_are_imposed(plain: SimpleNamespace) -> None:
     moving = {"velocity": 0.5, "position": 0.1, "pressure_1": 3e5, "pressure_2": 2e5}
-    free, open_ = (plain.run(PAR, Manoeuvre(np.zeros(3), chamber_2_open=o, **moving)) for o in (False, True))
+    free, open_ = (plain.run(PAR, Excitation(np.zeros(3), chamber_2_open=o, **moving)) for o in (False, True))
     assert free["p2"][2] > 2e5
     assert open_["p2"][2] == 2e5
     given = np.array([[3e5, 2e5], [3.1e5, 2.1e5], [3.2e5, 2.2e5]])
-    seen = plain.run(PAR, Manoeuvre(np.zeros(3), imposed=given, **moving))
+    seen = plain.run(PAR, Excitation(np.zeros(3), imposed=given, **moving))
     # half a step before the sample
-    assert seen["p1"][1:] == pytest.approx(given[1:, 0] - 0.5 * 1e4 * 1e3 * STEP)
-    assert seen["p2"][1:] == pytest.approx(given[1:, 1] - 0.5 * 1e4 * 1e3 * STEP)
+    assert seen["p1"][1:] == pytest.approx(given[1:, 0] - 0.5 * 1e4 * 1e3 * MAX_STEP)
+    assert seen["p2"][1:] == pytest.approx(given[1:, 1] - 0.5 * 1e4 * 1e3 * MAX_STEP)
 
 
 def test_a_line_delays_the_flow_by_its_steps(plain: SimpleNamespace) -> None:
     """From 1 ms on the valve is open; a line of 0.5 ms feeds from 1.5 ms on, and so half as long until 2 ms."""
     vessel = PAR._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=1e-4)
-    move = Manoeuvre(np.array([0.0, 10.0, 10.0]), pressure_1=PAR.ambient)
+    move = Excitation(np.array([0.0, 10.0, 10.0]), pressure_1=PAR.ambient)
     rise = [np.diff(plain.run(vessel._replace(line_delay=d), move)["p1"]) for d in (0.0, 5e-4)]
     assert rise[0][0] == rise[1][0] == 0.0
     assert rise[1][1] == pytest.approx(0.5 * rise[0][1], rel=1e-6)
@@ -467,14 +467,14 @@ def test_a_line_delays_the_flow_by_its_steps(plain: SimpleNamespace) -> None:
 def test_time_runs_on_from_sample_to_sample(plain: SimpleNamespace) -> None:
     """A force that swings is read from the acceleration of a heavy piston."""
     par = PAR._replace(swinging_force=200.0, swinging_frequency=100.0, coulomb=0.0, viscous=0.0, mass=1e3)
-    a = plain.run(par, Manoeuvre(np.zeros(8), position=0.1, velocity=1e-9))["a"]
+    a = plain.run(par, Excitation(np.zeros(8), position=0.1, velocity=1e-9))["a"]
     assert a == pytest.approx(-0.2 * np.sin(2 * np.pi * 100.0 * 1e-3 * np.arange(8)), abs=1e-3)
 
 
-@pytest.mark.parametrize(("rate", "rows"), [(1e3, 2), (2e3, 4), (1.0 / STEP, round(2e-3 / STEP))])
+@pytest.mark.parametrize(("rate", "rows"), [(1e3, 2), (2e3, 4), (1.0 / MAX_STEP, round(2e-3 / MAX_STEP))])
 def test_commands_of_a_millisecond_make_as_many_rows_as_the_rate_asks_for(
     plain: SimpleNamespace, rate: float, rows: int
 ) -> None:
-    seen = plain.run(PAR, Manoeuvre(np.array([1.0, 2.0]), position=0.1), rate)
+    seen = plain.run(PAR, Excitation(np.array([1.0, 2.0]), position=0.1), rate)
     assert {name: values.size for name, values in seen.items()} == dict.fromkeys(seen, rows)
     assert seen["u"].tolist() == [1.0] * (rows // 2) + [2.0] * (rows // 2)

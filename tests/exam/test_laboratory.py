@@ -10,14 +10,14 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam import cases
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, OUTSIDE
-from pneucli.exam.laboratory import Laboratory, Take
-from pneucli.exam.rig.excitations import closed_loop, stick_slip, valve_stairs, valve_step, wandering
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
+from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_staircase, valve_step
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.rig.simulation import Manoeuvre
+from pneucli.exam.rig.simulation import Excitation
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
 PAR = Parameters(overlap=0.25, effective_area=2e-6, exponent=1.2)
@@ -35,7 +35,7 @@ def test_a_step_charges_rests_and_discharges() -> None:
 
 
 def test_stairs_go_up_down_and_back_twice() -> None:
-    command = valve_stairs(PAR, 0.5, 1.6).command
+    command = valve_staircase(PAR, 0.5, 1.6).command
     assert command.size == 190 + 16 * 90 + 290 + 16 * 90 + 200
     levels = command[np.flatnonzero(np.diff(command, prepend=np.nan) != 0)]
     up = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0])
@@ -75,7 +75,7 @@ def test_a_load_toward_zero_is_carried_by_chamber_1() -> None:
 
 
 def test_a_reference_wanders_about_the_middle_and_within_the_stroke() -> None:
-    paths = np.array([wandering(RNG(seed), 8000) for seed in range(60)])
+    paths = np.array([two_sine_reference(RNG(seed), 8000) for seed in range(60)])
     assert np.all(paths[:, 0] == 0.1)
     assert paths.min() >= 0.015
     assert paths.max() <= 0.185
@@ -151,15 +151,20 @@ STEP, SLIP = valve_step(PAR, 4.0), stick_slip(PAR, 5e3)
 MOVE = closed_loop(PAR, np.full(10, 0.1), 150.0, 1e5)
 
 
-def pipeline(laboratory: Laboratory, *takes: Take) -> dict:
+def pipeline(laboratory: Laboratory, *takes: RecordingPlan) -> dict:
     return tomllib.loads(laboratory.pipeline(takes, "raw"))
 
 
 def test_a_rig_with_everything_says_everything() -> None:
     par = PAR._replace(piston_area_1=8.1e-4, piston_area_2=7.3e-4, dead_volume_1=31e-6, dead_volume_2=32e-6, mass=2.5)
-    lab = Laboratory("rig-1", par, Sensors(), vessel=160e-6, linear_valve=True, effects=("stribeck", "valve-lag"))
+    lab = Laboratory(
+        "rig-1", par, Sensors(), vessel_volume=160e-6, linear_valve=True, effects=("stribeck", "valve-lag")
+    )
     said = pipeline(
-        lab, Take("s", "valve", "train", STEP), Take("f", "friction", "test", SLIP), Take("m", "axis", "test", MOVE)
+        lab,
+        RecordingPlan("s", "valve", "train", STEP),
+        RecordingPlan("f", "friction", "test", SLIP),
+        RecordingPlan("m", "axis", "test", MOVE),
     )
     assert said["pipeline"] == {"name": "rig-1"}
     assert said["rig"] == {
@@ -202,32 +207,36 @@ def test_a_rig_with_everything_says_everything() -> None:
 
 
 def test_a_bench_for_valves_says_nothing_of_a_cylinder_nor_of_a_supply_that_is_not_recorded() -> None:
-    lab = Laboratory("b", PAR, Sensors(), vessel=160e-6, has_cylinder=False, supply_recorded=False)
-    said = pipeline(lab, Take("s", "valve", "train", STEP))
+    lab = Laboratory("b", PAR, Sensors(), vessel_volume=160e-6, has_cylinder=False, supply_recorded=False)
+    said = pipeline(lab, RecordingPlan("s", "valve", "train", STEP))
     assert "cylinder" not in said["rig"]
     assert list(said["signals"]) == ["time", "u", "p1"]
     assert said["recordings"][0]["take"] == ["time", "u", "p1"]
     assert said["model"] == {"effects": []}
     assert said["compare"] == {"horizon": "5 s"}
-    assert "vessel" not in pipeline(Laboratory("f", PAR, Sensors()), Take("f", "friction", "test", SLIP))["rig"]
+    assert (
+        "vessel" not in pipeline(Laboratory("f", PAR, Sensors()), RecordingPlan("f", "friction", "test", SLIP))["rig"]
+    )
 
 
 def test_the_bench_has_the_vessel_and_not_the_cylinders_faults() -> None:
     par = PAR._replace(dead_volume_added=1e-6, piston_leak_area=1e-8, load_mass=1.0, leak_area=2e-8)
-    on_rig = Laboratory("b", par, Sensors(), vessel=160e-6).bench
-    alone = Laboratory("b", par, Sensors(), vessel=160e-6, has_cylinder=False).bench
+    on_rig = Laboratory("b", par, Sensors(), vessel_volume=160e-6).valve_test_rig
+    alone = Laboratory("b", par, Sensors(), vessel_volume=160e-6, has_cylinder=False).valve_test_rig
     for bench in (on_rig, alone):
         assert (bench.piston_area_1, bench.piston_area_2, bench.dead_volume_1) == (0.0, 0.0, 160e-6)
         assert (bench.dead_volume_added, bench.piston_leak_area, bench.load_mass) == (0.0, 0.0, 0.0)
     assert (on_rig.leak_area, alone.leak_area) == (0.0, 2e-8)
-    assert Laboratory("b", par, Sensors()).bench.dead_volume_1 == 0.0
+    assert Laboratory("b", par, Sensors()).valve_test_rig.dead_volume_1 == 0.0
 
 
 def test_what_is_recorded_is_the_take_on_its_own_rig(tmp_path: Path) -> None:
     par = PAR._replace(piston_area_1=8e-4)
-    lab = Laboratory("b", par, Sensors(pressure=0.0), vessel=160e-6, supply_recorded=False)
-    held = Manoeuvre(np.zeros(5), pressure_1=2e5, pressure_2=2e5, position=0.05)
-    lab.record(tmp_path, [Take("s", "valve", "train", held), Take("f", "friction", "test", held)], RNG(1))
+    lab = Laboratory("b", par, Sensors(pressure=0.0), vessel_volume=160e-6, supply_recorded=False)
+    held = Excitation(np.zeros(5), pressure_1=2e5, pressure_2=2e5, position=0.05)
+    lab.record(
+        tmp_path, [RecordingPlan("s", "valve", "train", held), RecordingPlan("f", "friction", "test", held)], RNG(1)
+    )
     valve, friction = ((tmp_path / f"{n}.csv").read_text().splitlines() for n in "sf")
     assert valve[2] == "t [ms],U_valve [V],P1 [bar]"
     assert friction[2] == "t [ms],P1 [bar],P2 [bar],Pos [mm],Acc [m/s2]"
@@ -294,7 +303,7 @@ BETWEEN = {  # least and most
 
 def drawn(name: str, field: str) -> np.ndarray:
     rng = RNG(3)
-    return np.array([getattr(BY_NAME[name].set(Parameters(), 1.0, rng), field) for _ in range(DRAWS)])
+    return np.array([getattr(BY_NAME[name].apply(Parameters(), 1.0, rng), field) for _ in range(DRAWS)])
 
 
 @pytest.mark.parametrize("name", [*ABOUT, *BETWEEN])
@@ -321,32 +330,32 @@ def test_scales_and_patches_are_drawn_about_what_they_change() -> None:
 def test_every_effect_of_the_catalogue_is_hidden_in_its_own_names_and_units() -> None:
     """The truth names the declared parameters, within the declared bounds."""
     assert {e.name for e in CATALOGUE} == set(catalogue())
-    facts = facts_of(model())
+    facts = rig_quantities(model())
     for effect in CATALOGUE:
-        told = effect.truth(effect.set(Parameters(), 1.0, RNG(4)))
+        told = effect.true_parameters(effect.apply(Parameters(), 1.0, RNG(4)))
         declared = {p.name: p for p in catalogue()[effect.name].parameters}
         assert set(told) == set(declared)
         for parameter, value in told.items():
-            size = declared[parameter].on(facts)
+            size = declared[parameter].range_on(facts)
             assert size.lower <= value <= size.upper, (effect.name, parameter)
 
 
 def test_a_rig_hides_nothing_unless_it_is_set_to() -> None:
     plain = Parameters()
-    for effect in CATALOGUE + OUTSIDE:
-        for field, null in effect.scaled.items():
+    for effect in CATALOGUE + UNCATALOGUED:
+        for field, null in effect.null_values.items():
             assert getattr(plain, field) == (0.0 if effect.inverse else null), field
     assert plain.heat_conductance < 0.0  # a constant temperature
     assert (plain.viscous_asymmetry, plain.cushion_length, plain.load_gap) == (0.0, 0.0, 0.0)
 
 
 def test_units_of_the_catalogue_are_not_always_the_rigs() -> None:
-    assert BY_NAME["valve-deadband"].truth(Parameters(overlap=0.5)) == {"width": 1.0}
-    assert BY_NAME["pressure-friction"].truth(Parameters(pressure_gain=2e-6)) == {"gain": pytest.approx(0.2)}
+    assert BY_NAME["valve-deadband"].true_parameters(Parameters(overlap=0.5)) == {"width": 1.0}
+    assert BY_NAME["pressure-friction"].true_parameters(Parameters(pressure_gain=2e-6)) == {"gain": pytest.approx(0.2)}
 
 
 def test_an_effect_shows_on_the_rigs_that_have_its_part() -> None:
-    kinds = {e.name: set(e.kinds) for e in CATALOGUE + OUTSIDE}
+    kinds = {e.name: set(e.kinds) for e in CATALOGUE + UNCATALOGUED}
     assert kinds["chamber-leak"] == kinds["clogged silencer"] == {"valve", "axis"}
     assert kinds["piston-leak"] == kinds["valve-deadband"] == {"axis"}
     assert kinds["stribeck"] == kinds["quadratic drag"] == {"friction", "axis"}
@@ -378,7 +387,7 @@ BOUNDS = {
 
 
 def test_rigs_differ_within_what_is_usual() -> None:
-    rigs = [cases._rig("axis", False, RNG(seed)) for seed in range(200)]
+    rigs = [cases._draw_rig("axis", False, RNG(seed)) for seed in range(200)]
     for field, (low, high) in BOUNDS.items():
         values = [getattr(rig, field) for rig in rigs]
         assert low <= min(values) < low + 0.1 * (high - low), field
@@ -390,7 +399,7 @@ def test_rigs_differ_within_what_is_usual() -> None:
 
 
 def test_half_of_the_benches_hum() -> None:
-    hums = np.array([cases._hum(RNG(seed)) for seed in range(200)])
+    hums = np.array([cases._mains_hum(RNG(seed)) for seed in range(200)])
     loud = hums[hums > 0.0]
     assert 0.35 < loud.size / hums.size < 0.65
     assert 140.0 <= loud.min() < 147.0
@@ -422,8 +431,8 @@ def test_cases_differ_in_what_a_lab_differs_in(tmp_path: Path, monkeypatch: pyte
     assert 0.05 < np.mean([lab.linear_valve for lab in labs]) < 0.3
     assert 0.1 < np.mean([lab.effects == ("stribeck",) for lab in labs]) < 0.45
     assert 0.65 < np.mean([lab.supply_recorded for lab in labs]) < 0.97
-    assert all((lab.vessel is None) == lab.linear_valve for lab in labs)
-    vessels = [lab.vessel for lab in labs if lab.vessel]
+    assert all((lab.vessel_volume is None) == lab.linear_valve for lab in labs)
+    vessels = [lab.vessel_volume for lab in labs if lab.vessel_volume]
     assert 120e-6 <= min(vessels) < 140e-6
     assert 230e-6 < max(vessels) <= 250e-6
     for lab in labs:
@@ -437,6 +446,6 @@ def test_what_an_effect_needs_to_show_is_so(tmp_path: Path, monkeypatch: pytest.
         assert not handed_over(tmp_path, monkeypatch, "axis", ["supply-droop"], seed).supply_recorded
         assert handed_over(tmp_path, monkeypatch, "axis", ["stribeck"], seed).effects == ()
     friction, valve = (handed_over(tmp_path, monkeypatch, kind, []) for kind in ("friction", "valve"))
-    assert (friction.vessel, friction.linear_valve, friction.effects) == (None, False, ())
+    assert (friction.vessel_volume, friction.linear_valve, friction.effects) == (None, False, ())
     assert (valve.has_cylinder, valve.linear_valve) == (False, False)
-    assert valve.vessel is not None
+    assert valve.vessel_volume is not None

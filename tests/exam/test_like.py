@@ -11,41 +11,49 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.graded_case import Graded
+from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.hidden_effects import BY_NAME
-from pneucli.exam.like import Bench, Recorded, hidden_in, manoeuvre_of, page, told, write_like
+from pneucli.exam.like import (
+    UserRecording,
+    UserRig,
+    excitation_for,
+    summarize,
+    to_markdown,
+    with_hidden_effect,
+    write_like,
+)
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig.simulation import run
+from pneucli.exam.rig.simulation import simulate_rig
 from tests.exam.chosen import Chosen
 
 TIME = np.arange(0.0, 3.0, 2e-3)
-MOVED = Recorded("driven", "friction", "train", TIME, 0.1 + 0.04 * np.sin(3.0 * TIME), (3e5, 3e5))
-BENCH = Bench(Parameters(coulomb=30.0, mass=1.0), Sensors(), (MOVED,), has_cylinder=True)
+MOVED = UserRecording("driven", "friction", "train", TIME, 0.1 + 0.04 * np.sin(3.0 * TIME), (3e5, 3e5))
+BENCH = UserRig(Parameters(coulomb=30.0, mass=1.0), Sensors(), (MOVED,), has_cylinder=True)
 TWICE = replace(BENCH, parameters=BENCH.parameters._replace(piston_area_1=16e-4, piston_area_2=16e-4))
 
 
 def test_what_is_hidden_is_as_large_for_the_rig_as_for_the_usual_one() -> None:
     draw = Chosen(0.5)
-    force = [hidden_in(b, BY_NAME["constant-force"], 1.0, draw).constant_force for b in (BENCH, TWICE)]  # type: ignore[arg-type]
+    force = [with_hidden_effect(b, BY_NAME["constant-force"], 1.0, draw).constant_force for b in (BENCH, TWICE)]  # type: ignore[arg-type]
     assert force[1] == pytest.approx(2.0 * force[0])
-    stribeck = hidden_in(BENCH, BY_NAME["stribeck"], 1.0, draw)  # type: ignore[arg-type]
+    stribeck = with_hidden_effect(BENCH, BY_NAME["stribeck"], 1.0, draw)  # type: ignore[arg-type]
     assert stribeck.static == pytest.approx(1.85 * 30.0)
     assert stribeck.coulomb == 30.0
-    small, large = (hidden_in(BENCH, BY_NAME["extra-mass"], s, draw).extra_mass for s in (0.1, 1.0))  # type: ignore[arg-type]
+    small, large = (with_hidden_effect(BENCH, BY_NAME["extra-mass"], s, draw).extra_mass for s in (0.1, 1.0))  # type: ignore[arg-type]
     assert (small, large) == pytest.approx((0.06, 0.6))
 
 
 def test_the_rig_moves_about_as_the_recording_did() -> None:
-    truth = run(BENCH.parameters, manoeuvre_of(BENCH, MOVED))
+    truth = simulate_rig(BENCH.parameters, excitation_for(BENCH, MOVED))
     wanted = np.interp(1e-3 * np.arange(truth["x"].size), TIME, MOVED.signal)
     assert np.std(truth["x"]) > 0.3 * np.std(wanted)
     assert abs(np.mean(truth["x"] - wanted)) < 0.02
 
 
 def test_a_valve_test_repeats_the_commands() -> None:
-    steps = Recorded("step", "valve", "train", TIME, np.where(TIME < 0.2, 0.0, 5.0), (1e5, 1e5))
-    done = manoeuvre_of(BENCH, steps)
+    steps = UserRecording("step", "valve", "train", TIME, np.where(TIME < 0.2, 0.0, 5.0), (1e5, 1e5))
+    done = excitation_for(BENCH, steps)
     assert (done.command[100], done.command[-1]) == (0.0, 5.0)
     assert done.pressure_1 == 1e5
 
@@ -62,18 +70,18 @@ def test_cases_are_sealed_with_size_and_effect_and_hold_what_the_bench_recorded(
         write_like(tmp_path / "exam", BENCH)
 
 
-def case(name: str, size: float, *missing: str) -> Graded:
+def case(name: str, size: float, *missing: str) -> GradedCase:
     truth = {"hidden": {name: {}} if name else {}, "outside_the_catalogue": None, "size": size}
-    return Graded("c", truth, {"missing": list(missing), "verdict": "", "candidates": []})
+    return GradedCase("c", truth, {"missing": list(missing), "verdict": "", "candidates": []})
 
 
 def test_a_size_counts_from_which_on_nine_in_ten_are_named() -> None:
     small = [case("stribeck", 0.1, "stribeck"), case("stribeck", 0.1, "presliding")]
-    found = told([*small, *[case("stribeck", 1.0, "stribeck")] * 3, case("", 0.0), case("", 0.0, "dead-volume")])
+    found = summarize([*small, *[case("stribeck", 1.0, "stribeck")] * 3, case("", 0.0), case("", 0.0, "dead-volume")])
     (row,) = found["effects"]
     assert (row["named_from"], [s["share"] for s in row["sizes"]]) == (1.0, [0.5, 1.0])
     assert (found["false_alarms"], found["nulls"]) == (1, 2)
-    text = page(found, (0.1, 1.0))
+    text = to_markdown(found, (0.1, 1.0))
     assert "| stribeck | × 1 | 1 of 2 | 3 of 3 | presliding |" in text
     assert "1 of 2 named something" in text
-    assert told([case("stribeck", 1.0)])["effects"][0]["named_from"] is None
+    assert summarize([case("stribeck", 1.0)])["effects"][0]["named_from"] is None

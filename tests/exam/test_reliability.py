@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.graded_case import Graded
-from pneucli.exam.reliability import calibration, table
+from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.reliability import reliability, reliability_table
 
 
 def stating(*stated: tuple[float, bool]) -> Any:
@@ -21,13 +21,13 @@ def candidate(effect: str, confidence: float | None, *twins: str, fitted: bool =
     return {"effect": effect, "confidence": confidence, "indistinguishable_from": list(twins), "parameters": parameters}
 
 
-def graded(hidden: list[str], missing: list[str], *candidates: dict[str, Any]) -> Graded:
+def graded(hidden: list[str], missing: list[str], *candidates: dict[str, Any]) -> GradedCase:
     truth = {"hidden": {name: {} for name in hidden}, "outside_the_catalogue": None, "verdict": "missing-effect"}
-    return Graded("case", truth, {"verdict": "missing-effect", "missing": missing, "candidates": list(candidates)})
+    return GradedCase("case", truth, {"verdict": "missing-effect", "missing": missing, "candidates": list(candidates)})
 
 
 def test_scores_are_the_mean_square_and_the_mean_logarithm() -> None:
-    found = calibration([stating((0.8, True), (0.6, False)), stating((0.0, True))])
+    found = reliability([stating((0.8, True), (0.6, False)), stating((0.0, True))])
     assert found is not None
     assert found["of"] == 3
     assert found["brier"] == pytest.approx((0.04 + 0.36 + 1.0) / 3)
@@ -36,18 +36,18 @@ def test_scores_are_the_mean_square_and_the_mean_logarithm() -> None:
 
 def test_probabilities_are_gathered_by_what_was_stated() -> None:
     """A bin has its lower edge; 1 is in the last one. Empty bins are left out."""
-    found = calibration([stating((0.5, True), (0.68, False), (0.7, True), (1.0, True), (1.3, True))])
+    found = reliability([stating((0.5, True), (0.68, False), (0.7, True), (1.0, True), (1.3, True))])
     assert found is not None
     assert [(b["from"], b["to"], b["there"], b["of"]) for b in found["bins"]] == [
         (0.5, 0.7, 1, 2), (0.7, 0.9, 1, 1), (0.9, 1.0, 2, 2),
     ]  # fmt: skip
     assert [b["stated"] for b in found["bins"]] == pytest.approx([0.59, 0.7, 1.0])
-    assert "| 0.5 to 0.7 | 0.59 | 1 | 2 |" in table(found)
+    assert "| 0.5 to 0.7 | 0.59 | 1 | 2 |" in reliability_table(found)
 
 
 def test_where_nothing_is_stated_nothing_is_told() -> None:
-    assert calibration([stating()]) is None
-    assert table(None) == []
+    assert reliability([stating()]) is None
+    assert reliability_table(None) == []
 
 
 def test_what_is_stated_of_a_set_is_true_where_one_of_it_is_there() -> None:
@@ -57,12 +57,12 @@ def test_what_is_stated_of_a_set_is_true_where_one_of_it_is_there() -> None:
         candidate("named", 0.9, "twin"), candidate("twin", 0.9, "named"), candidate("refused", 0.2),
         candidate("screened", 0.01, fitted=False), candidate("silent", None),
     )  # fmt: skip
-    assert one.stated == [(0.9, True), (0.2, False)]
+    assert one.stated_probabilities == [(0.9, True), (0.2, False)]
 
 
 def test_an_effect_that_was_refused_speaks_for_itself_alone() -> None:
     one = graded(["other"], [], candidate("refused", 0.4, "other"), candidate("other", 0.1))
-    assert (0.4, True) not in one.stated
+    assert (0.4, True) not in one.stated_probabilities
 
 
 @pytest.mark.parametrize(("confidence", "found"), [(0.9, [True, False]), (0.89, [False, False]), (None, [False] * 2)])
@@ -70,7 +70,7 @@ def test_true_effects_are_surely_found_where_they_or_a_twin_are_named_so(
     confidence: float | None, found: list[bool]
 ) -> None:
     one = graded(["a", "b"], ["c"], candidate("c", confidence, "a"))
-    assert one.surely_found == found
+    assert one.confident_detections == found
 
 
 @pytest.mark.parametrize(
@@ -92,5 +92,5 @@ def test_an_unknown_is_flagged_rightly_in_its_subsystem_over_its_signal(
     said = {
         "verdict": "unexplained", "missing": [], "unexplained": about, "discrepancy": [{"over": o} for o in over],
     }  # fmt: skip
-    assert Graded("case", truth, said).verdict_is_right == right
-    assert not Graded("case", truth, said | {"verdict": "adequate"}).verdict_is_right
+    assert GradedCase("case", truth, said).verdict_is_correct == right
+    assert not GradedCase("case", truth, said | {"verdict": "adequate"}).verdict_is_correct

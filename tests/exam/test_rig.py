@@ -12,44 +12,48 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pneucli.exam.hidden_effects import CATALOGUE, OUTSIDE
-from pneucli.exam.rig.excitations import closed_loop, stick_slip, valve_step, wandering
-from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, P1, PS, T1, flow, valve_flow
+from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
+from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_step
+from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, P1, PS, T1, orifice_flow, valve_flow
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.rig.simulation import Manoeuvre, run
-from pneucli.exam.rig_scaling import DIMENSIONS, Similar
+from pneucli.exam.rig.simulation import Excitation, simulate_rig
+from pneucli.exam.rig_scaling import DIMENSIONS, RigScaling
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
 
 
-def free(position: float = 0.1, velocity: float = 0.0, seconds: float = 1.0, **given: float) -> Manoeuvre:
+def free(position: float = 0.1, velocity: float = 0.0, seconds: float = 1.0, **given: float) -> Excitation:
     """Valve closed, chamber 2 open: nothing but what acts on the piston moves it."""
-    return Manoeuvre(np.zeros(round(seconds * 1e3)), chamber_2_open=True, position=position, velocity=velocity, **given)
+    return Excitation(
+        np.zeros(round(seconds * 1e3)), chamber_2_open=True, position=position, velocity=velocity, **given
+    )
 
 
 def imposed(par: Parameters, p1: np.ndarray, position: float = 0.1, velocity: float = 0.0) -> dict[str, np.ndarray]:
     pressures = np.column_stack([p1, np.full_like(p1, par.ambient)])
-    return run(par, Manoeuvre(np.zeros(p1.size), position=position, velocity=velocity, imposed=pressures))
+    return simulate_rig(par, Excitation(np.zeros(p1.size), position=position, velocity=velocity, imposed=pressures))
 
 
 def test_a_choked_vessel_fills_at_the_rate_of_the_isentropic_chamber():
     par = VESSEL._replace(effective_area=1e-6, exponent=1.0)
-    p = run(par, Manoeuvre(np.full(100, 10.0), pressure_1=par.ambient))["p1"]
+    p = simulate_rig(par, Excitation(np.full(100, 10.0), pressure_1=par.ambient))["p1"]
     q = 1e-6 * par.supply * np.sqrt(2 / (GAS_CONSTANT * par.temperature)) * 0.484  # thesis 2.46
     assert np.diff(p) / 1e-3 == pytest.approx(KAPPA * GAS_CONSTANT * par.temperature * q / 160e-6, rel=1e-9)
 
 
 def test_the_flow_function_is_continuous_at_the_critical_ratio_and_zero_without_a_difference():
-    assert flow(1e-6, 5e5, 293.0, 0.528001 * 5e5, 0.528) == pytest.approx(flow(1e-6, 5e5, 293.0, 1e5, 0.528), rel=1e-6)
-    assert flow(1e-6, 5e5, 293.0, 5e5, 0.528) == 0.0
+    assert orifice_flow(1e-6, 5e5, 293.0, 0.528001 * 5e5, 0.528) == pytest.approx(
+        orifice_flow(1e-6, 5e5, 293.0, 1e5, 0.528), rel=1e-6
+    )
+    assert orifice_flow(1e-6, 5e5, 293.0, 5e5, 0.528) == 0.0
 
 
 def test_the_whole_curve_of_charge_and_discharge_agrees_with_scipy():
     par = VESSEL._replace(heat_conductance=0.5)
     move = valve_step(par, 5.0)
-    seen = run(par, move)
+    seen = simulate_rig(par, move)
     area = par.effective_area * 0.5**par.exponent
 
     def slope(t: float, y: np.ndarray) -> list[float]:
@@ -100,7 +104,7 @@ def test_between_the_branches_of_the_hysteresis_the_velocity_is_kept():
 
 def test_stick_slip_starts_at_static_friction_and_never_creates_energy():
     par = Parameters(coulomb=12.0, static=20.0, stribeck_velocity=0.015)
-    seen = run(par, stick_slip(par, 1e4))
+    seen = simulate_rig(par, stick_slip(par, 1e4))
     first = np.flatnonzero(seen["v"] > 0)[0]
     assert (seen["p1"][first - 1] - par.ambient) * par.piston_area_1 == pytest.approx(20.0, rel=0.01)
     work = np.trapezoid((seen["p1"] - par.ambient) * par.piston_area_1, seen["x"])
@@ -117,13 +121,13 @@ def test_presliding_is_a_spring_before_it_slides():
 
 def test_a_piston_leak_ends_at_equal_pressures():
     par = Parameters(piston_leak_area=2e-7, coulomb=500.0)
-    seen = run(par, Manoeuvre(np.zeros(4000), position=0.1, pressure_1=4e5, pressure_2=2e5))
+    seen = simulate_rig(par, Excitation(np.zeros(4000), position=0.1, pressure_1=4e5, pressure_2=2e5))
     assert seen["p1"][-1] == pytest.approx(seen["p2"][-1], rel=1e-3)
 
 
 def test_a_line_delay_shifts_the_whole_curve_while_the_flow_is_choked():
-    at_once = run(VESSEL, valve_step(VESSEL, 3.0))["p1"]
-    later = run(VESSEL._replace(line_delay=0.01), valve_step(VESSEL, 3.0))["p1"]
+    at_once = simulate_rig(VESSEL, valve_step(VESSEL, 3.0))["p1"]
+    later = simulate_rig(VESSEL._replace(line_delay=0.01), valve_step(VESSEL, 3.0))["p1"]
     assert later[160:400] == pytest.approx(at_once[150:390], rel=1e-9)
 
 
@@ -173,19 +177,19 @@ def test_outliers_are_few_and_far_out():
     assert np.min(wrong[wrong > 0.0]) > 20 * 400.0
 
 
-USUAL = Similar()
+USUAL = RigScaling()
 SILENT = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
 
 
-def moved(par: Parameters, similar: Similar = USUAL, rate: float = 1000.0) -> dict[str, np.ndarray]:
+def moved(par: Parameters, similar: RigScaling = USUAL, rate: float = 1000.0) -> dict[str, np.ndarray]:
     """Back and forth, then against an end."""
-    reference = np.r_[wandering(np.random.default_rng(1), 700, par.stroke), np.full(800, -0.3 * par.stroke)]
+    reference = np.r_[two_sine_reference(np.random.default_rng(1), 700, par.stroke), np.full(800, -0.3 * par.stroke)]
     gain = 150.0 * similar.command / similar.length
     second = 0.1 * par.command_range * np.sin(np.arange(1500) / 100)
-    return run(par, closed_loop(par, reference, gain, 1.8e5 * similar.pressure, second=second), rate)
+    return simulate_rig(par, closed_loop(par, reference, gain, 1.8e5 * similar.pressure, command_2=second), rate)
 
 
-def shown(par: Parameters, similar: Similar = USUAL) -> dict[str, np.ndarray]:
+def shown(par: Parameters, similar: RigScaling = USUAL) -> dict[str, np.ndarray]:
     """What sensors without noise show of that motion, in the usual rig's sizes."""
     seen = measure(par, SILENT, moved(par, similar), np.random.default_rng(1))
     return {"p1": seen["p1"] / similar.pressure, "x": seen["x"] / similar.length, "a": seen["a"] / similar.length}
@@ -193,22 +197,22 @@ def shown(par: Parameters, similar: Similar = USUAL) -> dict[str, np.ndarray]:
 
 def everything_hidden(*but: str) -> Parameters:
     par = Parameters(overlap=0.2, arrangement=TWO_VALVES, effective_area_2=1.5e-6, overlap_2=0.3)
-    for effect in CATALOGUE + OUTSIDE:
+    for effect in CATALOGUE + UNCATALOGUED:
         if effect.name not in ("valve-deadband", *but):
-            par = effect.set(par, 0.5, np.random.default_rng(7))
+            par = effect.apply(par, 0.5, np.random.default_rng(7))
     return par
 
 
 @pytest.mark.parametrize("rate", [200.0, 500.0, 5000.0, 10_000.0])
 def test_another_rate_records_the_same_motion(rate):
     usual, sensors = moved(Parameters()), Sensors(rate=rate)
-    other = moved(Parameters(), rate=sensors.fine_rate)
+    other = moved(Parameters(), rate=sensors.sensor_rate)
     thinned = {name: signal[:: max(1, round(rate / 1e3))] for name, signal in other.items()}
     for name in ("u", "p1", "x", "v"):
         assert np.array_equal(thinned[name], usual[name]), name
     seen = measure(Parameters(), sensors, other, np.random.default_rng(1))
     assert seen["time"] == pytest.approx(np.arange(1.5 * rate) / rate)
-    assert np.array_equal(seen["u"], other["u"][:: sensors.kept])
+    assert np.array_equal(seen["u"], other["u"][:: sensors.decimation])
 
 
 def test_the_loop_has_its_own_clock_so_that_commands_change_between_samples_or_stand_over_many():
@@ -219,8 +223,8 @@ def test_the_loop_has_its_own_clock_so_that_commands_change_between_samples_or_s
 
 
 def test_a_rate_that_does_not_divide_the_loops_changes_the_motion_little():
-    odd = moved(Parameters(), rate=Sensors(rate=330.0).fine_rate)
-    time = np.arange(odd["x"].size) / Sensors(rate=330.0).fine_rate
+    odd = moved(Parameters(), rate=Sensors(rate=330.0).sensor_rate)
+    time = np.arange(odd["x"].size) / Sensors(rate=330.0).sensor_rate
     usual = np.interp(time, np.arange(1500) * 1e-3, moved(Parameters())["x"])
     assert odd["x"] == pytest.approx(usual, abs=1e-3)
 
@@ -242,9 +246,9 @@ def test_a_rig_of_another_bore_moves_as_the_usual_one_does(bore, but):
     But for one: a loop over a late spool that sticks makes a moment of a rounded command.
     """
     par = everything_hidden(but)
-    similar = Similar.of(par, bore, None, 5.0)
-    assert np.pi / 4 * bore**2 == pytest.approx(similar.rig(par).piston_area_1)
-    for name, other in shown(similar.rig(par), similar).items():
+    similar = RigScaling.for_target(par, bore, None, 5.0)
+    assert np.pi / 4 * bore**2 == pytest.approx(similar.scale_rig(par).piston_area_1)
+    for name, other in shown(similar.scale_rig(par), similar).items():
         usual = shown(par)[name]
         # commands are rounded: an impact may come a moment later
         assert np.mean(np.abs(other - usual)) < 5e-5 * np.ptp(usual), name
@@ -252,8 +256,8 @@ def test_a_rig_of_another_bore_moves_as_the_usual_one_does(bore, but):
 
 def test_a_rig_of_another_pressure_moves_so_in_thicker_air():
     par = everything_hidden("heat-transfer")
-    similar = Similar(pressure=5.0, supply=5.0)
-    there = similar.rig(par)._replace(ambient=5.0 * par.ambient, supply=5.0 * par.supply)
+    similar = RigScaling(pressure=5.0, supply=5.0)
+    there = similar.scale_rig(par)._replace(ambient=5.0 * par.ambient, supply=5.0 * par.supply)
     for name, other in shown(there, similar).items():
         usual = shown(par)[name]
         # commands are rounded: an impact may come a moment later
@@ -262,13 +266,13 @@ def test_a_rig_of_another_pressure_moves_so_in_thicker_air():
 
 def test_a_patch_of_friction_lies_at_the_same_share_of_the_stroke():
     par = Parameters(position_from=0.05, position_to=0.1)
-    other = Similar.of(par, 0.1, None).rig(par)
+    other = RigScaling.for_target(par, 0.1, None).scale_rig(par)
     shares = [other.position_from / other.stroke, other.position_to / other.stroke]
     assert shares == pytest.approx([0.25, 0.5])
 
 
 def test_supplies_are_what_was_asked_for():
-    assert Similar.of(Parameters(), None, 50e5).rig(Parameters()).supply == pytest.approx(50e5)
+    assert RigScaling.for_target(Parameters(), None, 50e5).scale_rig(Parameters()).supply == pytest.approx(50e5)
     assert set(DIMENSIONS) < set(Parameters._fields)
 
 
@@ -297,7 +301,7 @@ def test_with_the_true_parameters_the_shared_valve_cases_come_out_at_the_sensor_
     )
     for recording in (r for r in pipeline["recordings"] if r["experiment"] == "valve"):
         table = np.genfromtxt(CASES / case / recording["file"], delimiter=",", skip_header=3)
-        model = run(par, Manoeuvre(table[:, 1], pressure_1=par.ambient))["p1"] - par.ambient
+        model = simulate_rig(par, Excitation(table[:, 1], pressure_1=par.ambient))["p1"] - par.ambient
         # white noise of that level, plus hum (the shared cases: up to 0.5 of it) where the supply's sensor shows it
         floor = np.std(table[:, 2] * 1e5)
         assert np.sqrt(np.mean((table[:, 3] * 1e5 - model) ** 2)) / floor == pytest.approx(1.0, abs=0.12)

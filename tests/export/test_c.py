@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from pneucli.closed_loop.simulation import Bench
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.laws import LAWS
 from pneucli.export import export_files
 from pneucli.export.c_translator import c_function
@@ -37,7 +37,7 @@ def build(folder: Path, *options: str) -> Path:
 
 
 def replay(program: Path, folder: Path) -> tuple[int, float, float, float]:
-    done = subprocess.run([program, folder / export_files.REPLAY], check=True, capture_output=True, text=True)
+    done = subprocess.run([program, folder / export_files.REPLAY_FILE], check=True, capture_output=True, text=True)
     samples, worst, longest, mean = done.stdout.split()
     return int(samples), float(worst), float(longest), float(mean)
 
@@ -76,7 +76,7 @@ def test_the_sanitizers_find_nothing(folder: Path) -> None:
 
 
 def test_the_minute_passes_through_saturation_rest_motion_and_missing_readings(folder: Path) -> None:
-    table = np.genfromtxt(folder / export_files.REPLAY, delimiter=",", names=True)
+    table = np.genfromtxt(folder / export_files.REPLAY_FILE, delimiter=",", names=True)
     assert np.abs(table["u1"]).max() == CONTROLLER.values["C_U_MAX"]
     assert np.isnan(table["x"]).any()
     assert np.isnan(table["p1"]).any()
@@ -84,7 +84,7 @@ def test_the_minute_passes_through_saturation_rest_motion_and_missing_readings(f
 
 
 def test_a_wrong_answer_would_be_found(folder: Path) -> None:
-    text = (folder / export_files.REPLAY).read_text().splitlines()
+    text = (folder / export_files.REPLAY_FILE).read_text().splitlines()
     row = text[30_000].split(",")
     row[4] = repr(float(row[4]) + 1e-8)
     (folder / "wrong.csv").write_text("\n".join([*text[:30_000], ",".join(row), *text[30_001:]]) + "\n")
@@ -146,10 +146,10 @@ def test_python_without_a_counterpart_is_refused() -> None:
 
 def test_the_replay_depends_on_the_sensors(tmp_path: Path) -> None:
     """The vectors hold what was read, not what was true: without noise they are others."""
-    export_files.write_c(tmp_path / "quiet", CONTROLLER, MODEL, Bench(), "demo")
+    export_files.write_c(tmp_path / "quiet", CONTROLLER, MODEL, ClosedLoopSetup(), "demo")
     export_files.write_c(tmp_path / "noisy", CONTROLLER, MODEL, axis.BENCH, "demo")
-    assert (tmp_path / "quiet" / export_files.REPLAY).read_text() != (
-        tmp_path / "noisy" / export_files.REPLAY
+    assert (tmp_path / "quiet" / export_files.REPLAY_FILE).read_text() != (
+        tmp_path / "noisy" / export_files.REPLAY_FILE
     ).read_text()
 
 
@@ -181,7 +181,7 @@ def test_what_single_precision_costs_is_measured(single: tuple[Path, dict[str, f
 
 
 def test_the_minute_passes_through_hold_off_reset_and_a_supply_that_sags(folder: Path) -> None:
-    table = np.genfromtxt(folder / export_files.REPLAY, delimiter=",", names=True)
+    table = np.genfromtxt(folder / export_files.REPLAY_FILE, delimiter=",", names=True)
     assert set(table["duty"]) == {0.0, 1.0, 2.0, 3.0}
     assert np.ptp(table["supply"]) > 5e4
     assert np.all(table["u1"][table["duty"] == 2.0] == 0.0)

@@ -90,7 +90,7 @@ def test_compiled_it_gives_the_simulated_commands(law: str, arrangement: str, tm
     export_files.write_st(tmp_path, made[law], model, axis.BENCH, "demo")
     assert COMPILER is not None
     subprocess.run(
-        [COMPILER, "-f", "-I", LIBRARY, "-T", tmp_path, tmp_path / structured_text.NAME],
+        [COMPILER, "-f", "-I", LIBRARY, "-T", tmp_path, tmp_path / structured_text.FILE_NAME],
         check=True,
         capture_output=True,
     )
@@ -98,7 +98,7 @@ def test_compiled_it_gives_the_simulated_commands(law: str, arrangement: str, tm
     build = ["gcc", "-w", "-O1", "-I", f"{LIBRARY}/C", tmp_path / DRIVER.name, "-lm", "-o", tmp_path / "drive"]
     subprocess.run(build, check=True)
     told = subprocess.run(
-        [tmp_path / "drive", tmp_path / export_files.REPLAY_ST], check=True, capture_output=True, text=True
+        [tmp_path / "drive", tmp_path / export_files.REPLAY_ST_FILE], check=True, capture_output=True, text=True
     )
     samples, worst = told.stdout.split()
     assert int(samples) == 60_000

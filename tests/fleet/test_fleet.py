@@ -15,11 +15,11 @@ import pytest
 
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.exam.fleet import FLEET, TABLE, TEMPLATE, write_fleet
+from pneucli.exam.fleet import FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet import run as stage
-from pneucli.fleet.output import checked
-from pneucli.fleet.row import Job, OtherProgram, cause_of, failed, refuse_other
+from pneucli.fleet.output import evaluate_checks
+from pneucli.fleet.row import Job, ProgramMismatchError, failure_cause, failure_result, require_same_program
 
 ADDED = "odd,2026-01-01,,,,,,,none.csv,,,\nodd,soon,,,,,,,,,,\n"
 
@@ -37,7 +37,7 @@ class Done:
         return self.folder / "out"
 
     def again(self) -> dict[str, Any]:
-        return stage.run(load_fleet(self.folder / FLEET), self.out)
+        return stage.run(load_fleet(self.folder / FLEET_FILE), self.out)
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +45,11 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     """Three rigs at two dates, one with a change; a row whose file is not there, and one without a date."""
     folder = tmp_path_factory.mktemp("plant")
     truth = write_fleet(folder, rigs=3, dates=2, changed=0.2, seed=4)
-    with (folder / TABLE).open("a", encoding="utf-8") as file:
+    with (folder / TABLE_FILE).open("a", encoding="utf-8") as file:
         file.write(ADDED)
-    with (folder / FLEET).open("a", encoding="utf-8") as file:
+    with (folder / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write('reports = "none"\n\n[checks]\n"fleet.failed" = { max = 0 }\n"fleet.rigs" = { min = 1 }\n')
-    return Done(folder, truth, stage.run(load_fleet(folder / FLEET), folder / "out"))
+    return Done(folder, truth, stage.run(load_fleet(folder / FLEET_FILE), folder / "out"))
 
 
 def test_the_rig_that_changed_is_named_with_what_changed_and_no_other(done: Done) -> None:
@@ -90,7 +90,7 @@ def test_the_dataset_is_read_by(library: str, done: Done) -> None:
 def test_junit_metrics_and_checks_tell_continuous_integration(done: Done) -> None:
     suite = ElementTree.parse(done.out / "junit.xml").getroot()[0]
     assert (suite.get("tests"), suite.get("failures")) == ("10", "4")  # two that failed, one that changed, one check
-    assert [c.passed for c in checked(load_fleet(done.folder / FLEET), done.answer)] == [False, True]
+    assert [c.passed for c in evaluate_checks(load_fleet(done.folder / FLEET_FILE), done.answer)] == [False, True]
     parser = pytest.importorskip("prometheus_client.openmetrics.parser")
     text = (done.out / "metrics.txt").read_text(encoding="utf-8")
     values = {s.name: s.value for family in parser.text_string_to_metric_families(text) for s in family.samples
@@ -105,13 +105,13 @@ def result_of(done: Done, rig: str, date: str) -> Path:
 def test_only_what_changed_is_done_again(done: Done, tmp_path: Path) -> None:
     copy = Done(tmp_path / "plant", done.truth, done.answer)
     shutil.copytree(done.folder, copy.folder)
-    config = load_fleet(copy.folder / FLEET)
+    config = load_fleet(copy.folder / FLEET_FILE)
     before = {p: p.read_bytes() for p in (copy.out / "rows").rglob("row.json")}
     for path in before:  # the copy's files have other paths
         path.unlink()
     kept = stage.Fleet(config, copy.out)
-    assert kept.lacking()
-    assert {job.row.rig for job in kept.ready} >= {"rig-00000", "rig-00001", "rig-00002"}
+    assert kept.queue_pending()
+    assert {job.row.rig for job in kept.job_queue} >= {"rig-00000", "rig-00001", "rig-00002"}
 
 
 def test_a_second_run_does_nothing_and_gives_the_same(done: Done) -> None:
@@ -153,30 +153,30 @@ def test_the_page_is_one_file_that_carries_all_rigs(done: Done) -> None:
     ("text", "says"),
     [
         ('[fleet]\nname = "a"\ntemplate = "t.toml"\n', "table"),
-        (f'[fleet]\nname = "a"\ntemplate = "{TEMPLATE}"\ntable = "{TABLE}"\nalarmrate = 1', "alarm_rate"),
-        (f'[fleet]\nname = "a"\ntemplate = "none.toml"\ntable = "{TABLE}"\n', "none.toml"),
+        (f'[fleet]\nname = "a"\ntemplate = "{TEMPLATE_FILE}"\ntable = "{TABLE_FILE}"\nalarmrate = 1', "alarm_rate"),
+        (f'[fleet]\nname = "a"\ntemplate = "none.toml"\ntable = "{TABLE_FILE}"\n', "none.toml"),
     ],
 )
 def test_a_fleet_file_that_is_wrong_is_refused(done: Done, text: str, says: str, tmp_path: Path) -> None:
     file = tmp_path / "fleet.toml"
     file.write_text(text, encoding="utf-8")
-    for name in (TEMPLATE, TABLE):
+    for name in (TEMPLATE_FILE, TABLE_FILE):
         shutil.copy(done.folder / name, tmp_path / name)
     with pytest.raises(InputError, match=says):
         stage.run(load_fleet(file), tmp_path / "out")
 
 
 def test_a_worker_with_another_program_or_plug_in_refuses_the_row(tmp_path: Path) -> None:
-    row = fleet_row.Row(2, "a", "2026-01-01", {})
-    with pytest.raises(OtherProgram, match="pneucli is"):
-        refuse_other(Job(str(tmp_path), row, "", program={"pneucli": "0.0.0 other"}))
-    with pytest.raises(OtherProgram, match=r"plug-in .*mine\.py is not there"):
-        refuse_other(Job(str(tmp_path), row, "", plugins={str(tmp_path / "mine.py"): "0" * 64}))
+    row = fleet_row.FleetRow(2, "a", "2026-01-01", {})
+    with pytest.raises(ProgramMismatchError, match="pneucli is"):
+        require_same_program(Job(str(tmp_path), row, "", program={"pneucli": "0.0.0 other"}))
+    with pytest.raises(ProgramMismatchError, match=r"plug-in .*mine\.py is not there"):
+        require_same_program(Job(str(tmp_path), row, "", plugins={str(tmp_path / "mine.py"): "0" * 64}))
 
 
 def test_failures_of_one_kind_have_one_cause_and_those_of_the_program_are_tried_again() -> None:
     texts = [f'no file /data/rig-{n}/x.csv, "{n}" rows' for n in (1, 2)]
-    assert len({cause_of(text) for text in texts}) == 1
-    row = fleet_row.Row(2, "a", "2026-01-01", {})
-    assert failed(row, ZeroDivisionError("x"))["again"]
-    assert not failed(row, InputError("a", "b"))["again"]
+    assert len({failure_cause(text) for text in texts}) == 1
+    row = fleet_row.FleetRow(2, "a", "2026-01-01", {})
+    assert failure_result(row, ZeroDivisionError("x"))["again"]
+    assert not failure_result(row, InputError("a", "b"))["again"]

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from pneucli.cli.stage import _since
+from pneucli.cli.stage import _baseline_options
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.exam.fleet import CHANGES, FLEET, TABLE, TEMPLATE, write_fleet
-from pneucli.executors import Threads
+from pneucli.exam.fleet import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
+from pneucli.executors import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
 from pneucli.pipeline.runner import open_pipeline
-from pneucli.stages.pipeline_file import load
+from pneucli.stages.pipeline_file import load_pipeline_file
 
 DATES = tuple(f"2026-01-0{k}" for k in range(1, 6))
 
@@ -24,13 +24,13 @@ DATES = tuple(f"2026-01-0{k}" for k in range(1, 6))
 def plant(folder: Path, rigs: int, healthy: int) -> stage.Fleet:
     """A fleet of rigs at five dates, the first ones of which are stated to be healthy."""
     write_fleet(folder / "made", rigs=1, dates=1, changed=0.0)
-    for name in (FLEET, TEMPLATE):
+    for name in (FLEET_FILE, TEMPLATE_FILE):
         (folder / name).write_text((folder / "made" / name).read_text(encoding="utf-8"), encoding="utf-8")
     rows = [f"rig-{k:02d},{date}" for k in range(rigs) for date in DATES]
-    (folder / TABLE).write_text("\n".join(["rig,date", *rows, ""]), encoding="utf-8")
-    with (folder / FLEET).open("a", encoding="utf-8") as file:
+    (folder / TABLE_FILE).write_text("\n".join(["rig,date", *rows, ""]), encoding="utf-8")
+    with (folder / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write(f"healthy = {healthy}\n")
-    return stage.Fleet(load_fleet(folder / FLEET), folder / "out")
+    return stage.Fleet(load_fleet(folder / FLEET_FILE), folder / "out")
 
 
 def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, str] = ("", "")) -> list[row.Job]:
@@ -39,15 +39,21 @@ def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, st
 
     def work(job: row.Job) -> dict[str, Any]:
         jobs.append(job)
-        repeat = {"friction.coulomb": [0.1 * len(jobs), 0.1, 0.1]} if job.since else None
-        base = {**row.EMPTY, "verdict": "adequate", "key": job.row.date, "repeat": repeat, "since": job.since}
+        repeat = {"friction.coulomb": [0.1 * len(jobs), 0.1, 0.1]} if job.reference_date else None
+        base = {
+            **row.EMPTY_RESULT,
+            "verdict": "adequate",
+            "key": job.row.date,
+            "repeat": repeat,
+            "since": job.reference_date,
+        }
         return base | {"rig": job.row.rig, "date": job.row.date, "bad": job.row.key == bad}
 
-    monkeypatch.setattr(row, "work", work)
-    engine = Threads(1)
+    monkeypatch.setattr(row, "process_row", work)
+    engine = ThreadEngine(1)
     try:
-        assert fleet.lacking()
-        fleet.do(engine, lambda *_: None)
+        assert fleet.queue_pending()
+        fleet.process_queue(engine, lambda *_: None)
     finally:
         engine.close()
     return jobs
@@ -58,7 +64,7 @@ def test_other_dates_wait_until_all_healthy_ones_are_known(tmp_path: Path, monke
     assert len(jobs) == 45
     first = deque(job.row.date in DATES[:3] for job in jobs)
     assert list(first) == [True] * 27 + [False] * 18
-    assert [job.healthy for job in jobs] == list(first)
+    assert [job.stated_healthy for job in jobs] == list(first)
     for job in jobs[27:]:
         assert len(job.repeats) == 2
         assert set(job.prior or {}) == {"friction.coulomb"}
@@ -67,22 +73,22 @@ def test_other_dates_wait_until_all_healthy_ones_are_known(tmp_path: Path, monke
 
 def test_a_first_date_that_is_bad_is_none_of_the_repeats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = done(plant(tmp_path, rigs=1, healthy=3), monkeypatch, bad=("rig-00", DATES[0]))
-    assert [job.since for job in jobs] == [None, None, DATES[1], DATES[1], DATES[1]]
+    assert [job.reference_date for job in jobs] == [None, None, DATES[1], DATES[1], DATES[1]]
     assert [len(job.repeats) for job in jobs] == [0, 0, 0, 1, 1]
 
 
 def test_where_nothing_is_stated_dates_do_not_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = done(plant(tmp_path, rigs=2, healthy=1), monkeypatch)
     assert len(jobs) == 10
-    assert not any(job.healthy or job.repeats for job in jobs)
+    assert not any(job.stated_healthy or job.repeats for job in jobs)
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """A rig whose friction never repeats, at four dates, the last with two changes: the pipelines."""
     folder = tmp_path_factory.mktemp("rig")
-    write_fleet(folder, rigs=1, dates=4, changed=1.0, seed=3, drift=0.05, at_once=2)
-    text, files = (folder / TEMPLATE).read_text(encoding="utf-8"), []
+    write_fleet(folder, rigs=1, dates=4, changed=1.0, seed=3, drift=0.05, changes_per_rig=2)
+    text, files = (folder / TEMPLATE_FILE).read_text(encoding="utf-8"), []
     for raw in sorted((folder / "raw").glob("*/*")):
         files.append(folder / f"{raw.name}.toml")
         files[-1].write_text(text.replace('file = "raw/', f'file = "{raw.as_posix()}/'), encoding="utf-8")
@@ -91,9 +97,9 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def asked(rig: list[Path], repeats: list[int], date: int) -> dict[str, Any]:
     """The answer of `diagnose DATE --since FIRST --repeat ...`."""
-    options = _since(rig[0], None, True, [rig[k].parent / f"out-{k}" for k in repeats])
-    pipeline = open_pipeline(rig[date], load, rig[0].parent / f"out-{date}")
-    return dict(pipeline.bring_up(["diagnose"], {"diagnose": options})["diagnose"].answer)
+    options = _baseline_options(rig[0], None, True, [rig[k].parent / f"out-{k}" for k in repeats])
+    pipeline = open_pipeline(rig[date], load_pipeline_file, rig[0].parent / f"out-{date}")
+    return dict(pipeline.update(["diagnose"], {"diagnose": options})["diagnose"].answer)
 
 
 def test_a_rig_that_never_repeats_alarms_until_healthy_dates_are_stated(rig: list[Path]) -> None:
@@ -108,15 +114,15 @@ def test_a_rig_that_never_repeats_alarms_until_healthy_dates_are_stated(rig: lis
 
 def test_a_repeat_that_was_held_against_another_model_is_refused(rig: list[Path]) -> None:
     with pytest.raises(InputError, match="no comparison in it"):
-        _since(rig[0], None, True, [rig[0]])
+        _baseline_options(rig[0], None, True, [rig[0]])
 
 
 def test_two_changes_at_once_are_both_in_the_answer(tmp_path: Path) -> None:
     """On this rig; of forty like it 28 (docs/changes.md)."""
-    truth = write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=6, at_once=2)
-    with (tmp_path / FLEET).open("a", encoding="utf-8") as file:
+    truth = write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=6, changes_per_rig=2)
+    with (tmp_path / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write('reports = "none"\n')
-    answer = stage.run(load_fleet(tmp_path / FLEET), tmp_path / "out")
+    answer = stage.run(load_fleet(tmp_path / FLEET_FILE), tmp_path / "out")
     (found,) = answer["changes"]
     said = {n for c in found["changes"] for n in (c["name"], c["effect"], *c["indistinguishable_from"])}
     assert set(truth["rig-00000"]) <= said

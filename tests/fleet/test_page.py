@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.fleet.openmetrics import to_openmetrics
-from pneucli.fleet.page import data_of, to_html
+from pneucli.fleet.page import page_data, to_html
 from pneucli.fleet.trends import Trend
 
 RNG = np.random.default_rng(1)
@@ -69,7 +69,7 @@ def test_the_most_surely_changed_stand_first_then_those_whose_level_changed() ->
     broken = [
         Trend(t.rig, t.name, t.unit, t.dates, t.values, t.errors, (2,)) if t.rig == "axis-00007" else t for t in trends
     ]
-    rigs = [one[0] for one in data_of(answer, results, broken)["rigs"]]
+    rigs = [one[0] for one in page_data(answer, results, broken)["rigs"]]
     assert rigs[:3] == ["axis-00040", "axis-00020", "axis-00007"]
     assert len(rigs) == 60
 

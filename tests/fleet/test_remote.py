@@ -14,10 +14,10 @@ from pyarrow import fs
 
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.exam.fleet import FLEET, write_fleet
+from pneucli.exam.fleet import FLEET_FILE, write_fleet
 from pneucli.fleet import run as stage
-from pneucli.io.remote_files import fetch, is_remote, refused, stamp
-from pneucli.io.result_store import mirror, store_at
+from pneucli.io.remote_files import content_stamp, fetch, is_remote, store_error
+from pneucli.io.result_store import mirror_folder, store_at
 
 CONTENT = b"t,p\n0,1\n" * 1000
 
@@ -68,8 +68,8 @@ def test_a_remote_file_is_fetched_as_it_is_and_known_again(
     url = request.getfixturevalue(where).format(name.replace(" ", "%20"))
     path = fetch(url, tmp_path)
     assert (path.suffix, path.read_bytes()) == (".csv", CONTENT)
-    assert stamp(url) == stamp(url)
-    assert str(len(CONTENT)) in stamp(url)
+    assert content_stamp(url) == content_stamp(url)
+    assert str(len(CONTENT)) in content_stamp(url)
 
 
 @pytest.mark.parametrize("where", ["store", "web"])
@@ -77,13 +77,13 @@ def test_a_remote_file_that_is_not_there_is_the_inputs_fault(
     where: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     url = request.getfixturevalue(where).format("none.csv")
-    for ask in (stamp, partial(fetch, folder=tmp_path)):
+    for ask in (content_stamp, partial(fetch, folder=tmp_path)):
         with pytest.raises(InputError, match=r"none\.csv.*cannot be read"):
             ask(url)
 
 
 def test_an_error_does_not_tell_a_password() -> None:
-    assert "secret" not in str(refused("s3://user:secret@b/x.csv", OSError("no")))
+    assert "secret" not in str(store_error("s3://user:secret@b/x.csv", OSError("no")))
 
 
 def test_a_folder_of_a_store_is_as_one_of_this_machine(store: str, tmp_path: Path) -> None:
@@ -92,13 +92,13 @@ def test_a_folder_of_a_store_is_as_one_of_this_machine(store: str, tmp_path: Pat
     raw.write_bytes(CONTENT)
     for place in (store_at(store.format("out")), store_at(str(tmp_path / "out"))):
         place.write("rows/a/row.json", "{}")
-        place.put("rows/a/reference/model", raw)
+        place.copy_file("rows/a/reference/model", raw)
         assert place.read_all(["rows/a/row.json", "rows/b/row.json"]) == {
             "rows/a/row.json": b"{}",
             "rows/b/row.json": None,
         }
         assert place.names("rows") == {"rows/a/row.json", "rows/a/reference/model"}
-        assert (place.fetched("rows/a/reference", tmp_path / "here") / "model").read_bytes() == CONTENT
+        assert (place.local_copy("rows/a/reference", tmp_path / "here") / "model").read_bytes() == CONTENT
         place.remove("rows/a/row.json")
         assert place.names("rows") == {"rows/a/reference/model"}
 
@@ -109,15 +109,15 @@ def test_a_store_becomes_like_a_folder_and_keeps_what_is_not_ours(store: str, tm
         place.write(name, "old")
     (tmp_path / "results" / "date=2").mkdir(parents=True)
     (tmp_path / "results" / "date=2" / "part-0.parquet").write_text("new")
-    mirror(tmp_path, place, {"results": "part-0.parquet"})
+    mirror_folder(tmp_path, place, {"results": "part-0.parquet"})
     assert place.names("") == {"results/date=2/part-0.parquet", "results/date=1/notes.txt", "rows/a/row.json"}
 
 
 def test_a_fleet_leaves_on_a_store_what_it_leaves_here_and_goes_on_there(store: str, tmp_path: Path) -> None:
     write_fleet(tmp_path, rigs=2, dates=2, changed=0.5, seed=4)
-    with (tmp_path / FLEET).open("a", encoding="utf-8") as file:
+    with (tmp_path / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write('reports = "none"\n')
-    config, url = load_fleet(tmp_path / FLEET), store.format("plant")
+    config, url = load_fleet(tmp_path / FLEET_FILE), store.format("plant")
     here, there, again = (stage.run(config, where) for where in (tmp_path / "out", url, url))
     different = {"seconds", "out", "done", "unchanged"}
     assert {k: v for k, v in here.items() if k not in different} == {

@@ -12,8 +12,8 @@ import pytest
 
 from pneucli.config import keys_at
 from pneucli.errors import InputError
-from pneucli.fleet.row_pipelines import files_of, folder_name, pipeline_of, require_columns
-from pneucli.fleet.table import Row, read_rows
+from pneucli.fleet.row_pipelines import folder_name, raw_file_names, require_columns, row_pipeline
+from pneucli.fleet.table import FleetRow, read_rows
 
 TEMPLATE = """\
 # the test bench
@@ -88,16 +88,16 @@ def test_a_column_that_is_no_key_is_refused_with_the_one_that_was_meant(column: 
 
 def test_a_row_becomes_the_template_with_its_values_and_absolute_paths(tmp_path: Path) -> None:
     values = {"rig.cylinder.moving_mass": "3 kg", "rig.vessel.volume": "1 l", "recordings.stairs.use": "test"}
-    text = pipeline_of(TEMPLATE, Row(2, "a/1", "2026-01-01", values), (tmp_path / "t", tmp_path))
+    text = row_pipeline(TEMPLATE, FleetRow(2, "a/1", "2026-01-01", values), (tmp_path / "t", tmp_path))
     document = tomllib.loads(text)
     assert document["rig"] == {"cylinder": {"moving_mass": "3 kg"}, "vessel": {"volume": "1 l"}}
     assert document["pipeline"]["name"] == "a_1"
     assert document["recordings"][0]["use"] == "test"
-    assert files_of(document) == [str(tmp_path / "t" / "raw" / "stairs.csv")]
+    assert raw_file_names(document) == [str(tmp_path / "t" / "raw" / "stairs.csv")]
     assert "# the test bench" in text
     for file, found in [("d/x.csv", str(tmp_path / "d" / "x.csv")), ("s3://b/x.csv", "s3://b/x.csv")]:
-        row = Row(2, "a", "2026-01-01", {"recordings.stairs.file": file})
-        assert files_of(tomllib.loads(pipeline_of(TEMPLATE, row, (tmp_path / "t", tmp_path)))) == [found]
+        row = FleetRow(2, "a", "2026-01-01", {"recordings.stairs.file": file})
+        assert raw_file_names(tomllib.loads(row_pipeline(TEMPLATE, row, (tmp_path / "t", tmp_path)))) == [found]
 
 
 def test_names_of_folders_do_not_leave_the_folder_and_stay_apart() -> None:

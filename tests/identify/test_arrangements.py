@@ -10,13 +10,13 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
-from pneucli.identify.guesses.null_command import drifted, with_null
-from pneucli.identify.residuals import views_of
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.null_command import drifting_recordings, with_identified_null
+from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.end_stops import with_ends
+from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run
@@ -49,8 +49,8 @@ def stairs(levels: tuple[float, ...] = LEVELS) -> np.ndarray:
 
 def fit(experiments: list[Experiment], form: str = "map") -> Fit:
     rig = experiments[0].rig
-    ready = with_ends(experiments, rig)
-    return fit_model(first_guess(ready, rig, form), views_of(ready), [])
+    ready = with_end_stops(experiments, rig)
+    return fit_model(guess_base_model(ready, rig, form), residual_models(ready), [])
 
 
 def fitted(experiments: list[Experiment], form: str = "map") -> Model:
@@ -58,7 +58,7 @@ def fitted(experiments: list[Experiment], form: str = "map") -> Model:
 
 
 def at_command(model: Model, u: float, chamber: int) -> float:
-    return float((model.second if chamber == 2 else model.valve)(np.array([u]))[0])
+    return float((model.chamber_2_valve if chamber == 2 else model.valve)(np.array([u]))[0])
 
 
 def test_a_5_3_valve_has_paths_of_its_own_for_either_chamber():
@@ -87,7 +87,7 @@ def test_the_null_command_lies_between_what_vents_and_what_fills(null: float):
     rig = replace(RIG, valve_arrangement="5/3", valve_null=null)
     true = Model(rig, (), FRICTION, FIRST, SECOND)
     driven = axis(rig, true, null + 3.0 * np.sin(2 * np.pi * 0.5 * 1e-3 * np.arange(4000)))
-    found = with_null([driven.recording], replace(rig, valve_null=0.0, null_free=True))
+    found = with_identified_null([driven.recording], replace(rig, valve_null=0.0, null_free=True))
     assert found.valve_null == pytest.approx(null, abs=0.05)
     low, high = found.null_range
     assert low <= null <= high
@@ -102,15 +102,15 @@ def test_recordings_without_a_null_command_in_common_are_named(moved: float, see
         at_null = replace(rig, valve_null=null)
         driven = axis(at_null, Model(at_null, (), FRICTION, FIRST, SECOND), null + swing)
         takes[name] = replace(driven.recording, name=name)
-    assert drifted(with_null(list(takes.values()), replace(rig, null_free=True))) == seen
-    assert drifted(replace(rig, valve_null=5.0)) is None
+    assert drifting_recordings(with_identified_null(list(takes.values()), replace(rig, null_free=True))) == seen
+    assert drifting_recordings(replace(rig, valve_null=5.0)) is None
 
 
 def test_a_gap_between_commands_is_the_range_of_the_null():
     rig = replace(RIG, valve_arrangement="5/3", valve_null=5.0)
     true = Model(rig, (), FRICTION, FIRST, SECOND)
     stepped = axis(rig, true, 5.0 + stairs())
-    low, high = with_null([stepped.recording], replace(rig, valve_null=0.0, null_free=True)).null_range
+    low, high = with_identified_null([stepped.recording], replace(rig, valve_null=0.0, null_free=True)).null_range
     assert (low, high) == (pytest.approx(3.0, abs=0.1), pytest.approx(7.0, abs=0.1))
 
 
@@ -118,7 +118,7 @@ def test_a_null_that_nothing_shows_is_refused():
     rig = replace(RIG, valve_arrangement="5/3")
     filling = axis(rig, Model(rig, (), FRICTION, FIRST, SECOND), np.full(1000, 3.0))
     with pytest.raises(InputError, match="never both filled and vented"):
-        with_null([filling.recording], replace(rig, null_free=True))
+        with_identified_null([filling.recording], replace(rig, null_free=True))
 
 
 def test_a_switching_valve_is_one_area_each_way():

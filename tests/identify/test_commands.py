@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.guesses.command_timing import with_commands, with_one_range
+from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
@@ -39,7 +39,7 @@ HELD = np.repeat(SWING[::EVERY], EVERY)
 
 
 def between(e: Experiment) -> np.ndarray:
-    (found,) = with_commands([e], SPOOL)
+    (found,) = with_intersample_commands([e], SPOOL)
     return np.asarray(found.inputs[:, at.IN_U])
 
 
@@ -104,7 +104,7 @@ def test_readings_beyond_all_numbers_tell_nothing() -> None:
 
 def test_one_range_of_commands_serves_all_recordings_and_leaves_them_as_they_are() -> None:
     small, large = logged(0.1 * SWING), logged(SWING)
-    shared = with_one_range([small, large])
+    shared = with_common_command_range([small, large])
     assert [e.flags[at.U_MAX] for e in shared] == [large.flags[at.U_MAX]] * 2
     assert small.flags[at.U_MAX] < 0.2 * large.flags[at.U_MAX]
     model = Model(SPOOL, (), FRICTION, FIRST, SECOND)

@@ -9,12 +9,12 @@ import pytest
 
 from pneucli.compare import compare
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
-from pneucli.identify.residuals import views_of
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.end_stops import contact, find_ends, with_ends
+from pneucli.simulate.end_stops import contact_side, estimate_stroke_limits, with_end_stops
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run
@@ -39,7 +39,7 @@ def to_and_fro(rig: Rig = SHORT, seed: int = 3, dwell: float = 1.0, stiffness: f
         "axis", "axis", "train", time, {"u": levels} | flat, dict.fromkeys(flat, NoiseModel(0.0)), "valve"
     )
     true = run(Model(SHORT, (), FRICTION, FIRST, SECOND), prepare(blank, SHORT, None))
-    push = SHORT.areas[0] * true[:, at.P1] - SHORT.areas[1] * true[:, at.P2]
+    push = SHORT.piston_areas[0] * true[:, at.P1] - SHORT.piston_areas[1] * true[:, at.P2]
     pressed = np.where(true[:, at.X] >= STROKE, np.maximum(push, 0.0), np.where(true[:, at.X] <= 0.0, push, 0.0))
     seen = {"p1": true[:, at.P1], "p2": true[:, at.P2], "x": true[:, at.X] + pressed / stiffness}
     noise = NOISE if np.isinf(stiffness) else NOISE | {"x": NoiseModel(1e-7)}
@@ -49,32 +49,32 @@ def to_and_fro(rig: Rig = SHORT, seed: int = 3, dwell: float = 1.0, stiffness: f
 
 @pytest.fixture(scope="module")
 def resting() -> Experiment:
-    return with_ends([to_and_fro()], SHORT)[0]
+    return with_end_stops([to_and_fro()], SHORT)[0]
 
 
 def test_most_of_this_recording_is_at_the_ends(resting: Experiment):
-    assert np.mean(contact(resting) != 0.0) > 0.6
+    assert np.mean(contact_side(resting) != 0.0) > 0.6
 
 
 def test_friction_is_what_motion_shows_and_not_what_an_end_carries(resting: Experiment):
     """The pressures push with up to 400 N at the ends; Coulomb friction is 14 N. 15 %: there is little motion."""
-    found = fit_model(first_guess([resting], SHORT), views_of([resting]), []).model
+    found = fit_model(guess_base_model([resting], SHORT), residual_models([resting]), []).model
     assert found.values["friction.coulomb"] == pytest.approx(FRICTION["friction.coulomb"], rel=0.15)
     assert found.values["friction.viscous"] == pytest.approx(FRICTION["friction.viscous"], rel=0.15)
 
 
 def test_an_end_that_gives_way_is_an_end():
     """Pressed in by 40 um, seen to 0.1 um: the piston rests deeper the harder it is pressed."""
-    (soft,) = with_ends([to_and_fro(stiffness=1e7)], SHORT)
-    found = fit_model(first_guess([soft], SHORT), views_of([soft]), []).model
-    assert np.ptp(soft.inputs[contact(soft) > 0.0, at.IN_X]) > 10 * 1e-7 * 6
+    (soft,) = with_end_stops([to_and_fro(stiffness=1e7)], SHORT)
+    found = fit_model(guess_base_model([soft], SHORT), residual_models([soft]), []).model
+    assert np.ptp(soft.inputs[contact_side(soft) > 0.0, at.IN_X]) > 10 * 1e-7 * 6
     assert found.values["friction.coulomb"] == pytest.approx(FRICTION["friction.coulomb"], rel=0.15)
 
 
 def test_the_true_model_waits_at_its_ends_as_the_piston_does(resting: Experiment):
     """Both touch the same end, whose hardness no model states: nothing is compared there, and x is near its noise."""
     seen = compare(Model(SHORT, (), FRICTION, FIRST, SECOND), resting)
-    waiting = np.convolve(contact(resting) == 0.0, np.ones(101), mode="same") == 0.0
+    waiting = np.convolve(contact_side(resting) == 0.0, np.ones(101), mode="same") == 0.0
     assert np.mean(waiting) > 0.3
     assert np.isnan(seen.residual("x")[waiting]).all()
     assert np.nanstd(seen.residual("x")[500:]) < 5.0 * NOISE["x"].rms
@@ -83,7 +83,7 @@ def test_the_true_model_waits_at_its_ends_as_the_piston_does(resting: Experiment
 @pytest.mark.parametrize(("stated", "found"), [(STROKE, STROKE), (1.03 * STROKE, STROKE), (None, STROKE)])
 def test_ends_are_found_where_the_stroke_is_not_given_or_not_exact(stated: float | None, found: float):
     rig = replace(SHORT, stroke=stated)
-    low, high = find_ends([to_and_fro(rig)], rig)
+    low, high = estimate_stroke_limits([to_and_fro(rig)], rig)
     assert low == pytest.approx(0.0, abs=1e-4)
     assert high == pytest.approx(found, abs=1e-4)
 
@@ -92,12 +92,12 @@ def test_a_piston_that_friction_holds_in_the_middle_shows_no_end():
     """Steps too short to cross: rests are where friction held it, and the stated ends stand."""
     rig = replace(SHORT, stroke=0.2)
     still = to_and_fro(rig, dwell=0.05)
-    assert find_ends([still], rig)[1] == 0.2
+    assert estimate_stroke_limits([still], rig)[1] == 0.2
 
 
 def test_force_inward_counts_at_an_end(resting: Experiment):
     """With friction taken away the piston would have left its end: what held it there is told by the balance."""
-    (forces,) = [view for view in views_of([resting]) if "force" in view.channels]
+    (forces,) = [view for view in residual_models([resting]) if "force" in view.channels]
     slippery = Model(SHORT, (), {"friction.coulomb": 0.0, "friction.viscous": 45.0}, FIRST, SECOND)
-    left = forces.residual(slippery)["force"][contact(resting) != 0.0]
+    left = forces.residual(slippery)["force"][contact_side(resting) != 0.0]
     assert np.max(np.abs(left)) > 5.0

@@ -11,13 +11,13 @@ import pytest
 
 from pneucli.identify.estimation import model_fit
 from pneucli.identify.estimation import problem as problems
-from pneucli.identify.estimation.blocks import block_numbers, scores
-from pneucli.identify.estimation.fit import Fit, fit, joined
-from pneucli.identify.estimation.parameters import Free, value_of
-from pneucli.identify.estimation.problem import Problem
-from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole
+from pneucli.identify.estimation.blocks import block_labels, group_scores
+from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
+from pneucli.identify.estimation.parameters import FreeParameter, parameter_value
+from pneucli.identify.estimation.problem import LeastSquaresProblem
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.simulate.valve_forms.area import ValveArea
-from tests.simulate.synthetic_experiments import bench, clock, model
+from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
 RNG = np.random.default_rng
 N = 2000
@@ -54,11 +54,11 @@ class Line:
         return {c: self.measured[c] - values[c] * WAVES[c] for c in self.channels}
 
 
-COULOMB = Free("friction.coulomb", "N", 10.0, 0.0, 1e3, 10.0)
-VISCOUS = Free("friction.viscous", "N s/m", 50.0, 0.0, 1e3, 25.0)
+COULOMB = FreeParameter("friction.coulomb", "N", 10.0, 0.0, 1e3, 10.0)
+VISCOUS = FreeParameter("friction.viscous", "N s/m", 50.0, 0.0, 1e3, 25.0)
 
 
-def fitted(*free: Free, views: Any = None, **values: float) -> Fit:
+def fitted(*free: FreeParameter, views: Any = None, **values: float) -> Fit:
     return fit(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0, **values}), views or [Line()], free)
 
 
@@ -97,7 +97,7 @@ def test_residuals_and_derivatives_are_in_units_of_noise_and_of_the_scale() -> N
         abs=1e-6,
     )
     assert found.covariance.shape == (2, 2)
-    assert found.errors == [{}]
+    assert found.initial_state_sensitivities == [{}]
 
 
 def test_a_logarithmic_parameter_has_an_interval_that_is_a_factor() -> None:
@@ -140,11 +140,11 @@ def test_what_the_parameters_can_do_is_taken_out_of_a_change() -> None:
     found = fitted(COULOMB, VISCOUS)
     rng = RNG(3)
     change = rng.standard_normal(2 * N)
-    rest = found.beyond(change)
+    rest = found.project_out_nuisance(change)
     assert found.jacobian.T @ rest == pytest.approx(np.zeros(2), abs=1e-8)
     assert rest == pytest.approx(change - found.jacobian @ np.linalg.lstsq(found.jacobian, change, rcond=None)[0])
-    assert found.unexplained == pytest.approx(found.beyond(found.residual))
-    assert found.bread @ (found.jacobian.T @ found.jacobian) == pytest.approx(np.eye(2), abs=1e-8)
+    assert found.projected_residual == pytest.approx(found.project_out_nuisance(found.residual))
+    assert found.inverse_hessian @ (found.jacobian.T @ found.jacobian) == pytest.approx(np.eye(2), abs=1e-8)
 
 
 # --- blocks
@@ -156,55 +156,55 @@ def view_of(seconds: float, channels: int = 1, rate: float = 1e3) -> Any:
 
 
 def test_a_block_is_a_quarter_of_a_second_of_all_channels() -> None:
-    numbers = block_numbers([view_of(1.0, 2)])
+    numbers = block_labels([view_of(1.0, 2)])
     assert numbers.tolist() == [*np.repeat([0, 1, 2, 3], 250)] * 2
 
 
 def test_a_long_recording_has_forty_blocks_and_a_few() -> None:
-    numbers = block_numbers([view_of(100.0)])
+    numbers = block_labels([view_of(100.0)])
     assert numbers.max() == 40
     assert np.bincount(numbers)[:40].tolist() == [2500] * 40 or abs(np.bincount(numbers)[0] - 2500) <= 1
 
 
 def test_blocks_of_different_views_are_different() -> None:
-    numbers = block_numbers([view_of(0.5), view_of(0.5, 2)])
+    numbers = block_labels([view_of(0.5), view_of(0.5, 2)])
     assert numbers.tolist() == [*np.repeat([0, 1], 250), *np.repeat([2, 3], 250), *np.repeat([2, 3], 250)]
 
 
 def test_scores_of_a_block_add_up_before_they_are_squared() -> None:
     """Residuals 1, 1 and 1, -1 with derivatives 1 and 2: scores (2, 4) and (0, 0)."""
-    scored = scores(np.tile([[1.0, 2.0]], (4, 1)), np.array([1.0, 1.0, 1.0, -1.0]), np.array([0, 0, 1, 1]))
+    scored = group_scores(np.tile([[1.0, 2.0]], (4, 1)), np.array([1.0, 1.0, 1.0, -1.0]), np.array([0, 0, 1, 1]))
     assert (scored.T @ scored).tolist() == [[4.0, 8.0], [8.0, 16.0]]
 
 
 def test_without_a_free_parameter_each_block_has_no_score() -> None:
-    assert scores(np.zeros((4, 0)), np.ones(4), np.array([0, 0, 1, 1])).shape == (2, 0)
+    assert group_scores(np.zeros((4, 0)), np.ones(4), np.array([0, 0, 1, 1])).shape == (2, 0)
 
 
 def test_a_block_may_come_back_and_another_be_empty() -> None:
     """Channels follow one another, each through the blocks anew."""
-    scored = scores(np.ones((5, 1)), np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([0, 2, 2, 0, 2]))
+    scored = group_scores(np.ones((5, 1)), np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([0, 2, 2, 0, 2]))
     assert scored.tolist() == [[9.0], [0.0], [22.0]]
 
 
 # --- which views are run
 
 
-E = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+E = make_experiment("axis", time_grid(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
 
 
 @pytest.mark.parametrize(
     ("kind", "changed", "differs"),
     [
-        (Chambers, "friction.coulomb", False),
-        (Forces, "friction.coulomb", True),
-        (Whole, "friction.viscous", True),
-        (Chambers, "rig.dead_volume_1", True),
-        (Forces, "rig.moving_mass", True),
-        (Chambers, "valve.critical_ratio", True),
-        (Forces, "valve.critical_ratio", False),
-        (Imposed, "friction.viscous", True),
-        (Imposed, "valve.critical_ratio", False),
+        (ChamberPressures, "friction.coulomb", False),
+        (ForceBalance, "friction.coulomb", True),
+        (FreeRun, "friction.viscous", True),
+        (ChamberPressures, "rig.dead_volume_1", True),
+        (ForceBalance, "rig.moving_mass", True),
+        (ChamberPressures, "valve.critical_ratio", True),
+        (ForceBalance, "valve.critical_ratio", False),
+        (ImposedMotion, "friction.viscous", True),
+        (ImposedMotion, "valve.critical_ratio", False),
     ],
 )
 def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, differs: bool) -> None:
@@ -215,29 +215,29 @@ def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, diffe
 
 @pytest.mark.parametrize(
     ("kind", "most", "differs"),
-    [(Chambers, 6.0, True), (Whole, 6.0, True), (Forces, 6.0, False), (Chambers, 4.0, False)],
+    [(ChamberPressures, 6.0, True), (FreeRun, 6.0, True), (ForceBalance, 6.0, False), (ChamberPressures, 4.0, False)],
 )
 def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs: bool) -> None:
     """A knot at 10 V bends the area from 5 V on, the second knot below; one recording opens that far."""
     valve = ValveArea((-10.0, -5.0, 2.0, 5.0, 7.0, 10.0), (2e-6, 1e-6, 2e-7, 1e-6, 1.4e-6, 2e-6))
     known = replace(model(), valve=valve)
     grown = replace(known, valve=replace(valve, areas=(*valve.areas[:-1], 2.2e-6)))
-    seen = bench("axis", clock(0.1), {"u": np.linspace(-most, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
+    seen = make_experiment("axis", time_grid(0.1), {"u": np.linspace(-most, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
     assert kind(seen).tells(known, grown) == differs
 
 
 def test_an_effects_parameter_shows_where_the_effect_does() -> None:
     known = model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01})
     other = known.with_values({"stribeck.static": 21.0})
-    assert Forces(E).tells(known, other)
-    assert not Chambers(E).tells(known, other)
+    assert ForceBalance(E).differs(known, other)
+    assert not ChamberPressures(E).differs(known, other)
 
 
 # --- differences
 
 
-def problem(*free: Free) -> Problem:
-    return Problem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)  # type: ignore[list-item]
+def problem(*free: FreeParameter) -> LeastSquaresProblem:
+    return LeastSquaresProblem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)  # type: ignore[list-item]
 
 
 def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an_edge() -> None:
@@ -248,7 +248,7 @@ def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an
 
 
 @pytest.mark.parametrize("free", [replace(COULOMB, upper=10.0005), replace(COULOMB, step=0.05), COULOMB])
-def test_any_difference_gives_the_derivative_of_a_line(free: Free) -> None:
+def test_any_difference_gives_the_derivative_of_a_line(free: FreeParameter) -> None:
     p = problem(free)
     assert p.jacobian(p.start)[: 2 * N, 0] == pytest.approx(np.concatenate([-5.0 * WAVES["x"], 0 * TIME]), abs=1e-6)
 
@@ -269,12 +269,12 @@ def test_residuals_are_computed_once_for_the_same_coordinates() -> None:
 
 
 def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(problems, "workers", lambda: 8)
+    monkeypatch.setattr(problems, "thread_count", lambda: 8)
     p = problem(COULOMB)
-    assert p.at_once == 8
+    assert p.max_parallel == 8
     for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):
-        p.views = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]  # type: ignore[list-item]
-        assert p.at_once == together
+        p.residual_models = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]  # type: ignore[list-item]
+        assert p.max_parallel == together
 
 
 # --- joining
@@ -287,17 +287,17 @@ def test_a_part_fitted_by_itself_joins_what_was_found_of_the_rest() -> None:
     both = fit(start, views, [COULOMB, VISCOUS])
     first = fit(start, views, [COULOMB])
     part = fit(first.model, views[1:], [VISCOUS])
-    found = joined(first, part, views, np.array([False, True]))
+    found = merge_partial_fit(first, part, views, np.array([False, True]))
     assert [f.name for f in found.free] == ["friction.coulomb", "friction.viscous"]
     assert found.residual == pytest.approx(both.residual, abs=1e-6)
     assert found.jacobian == pytest.approx(both.jacobian, abs=1e-6)
     assert found.covariance == pytest.approx(both.covariance, rel=1e-4)
     assert found.cost == pytest.approx(both.cost)
-    assert found.errors == [{}, {}]
+    assert found.initial_state_sensitivities == [{}, {}]
     for name in ("friction.coulomb", "friction.viscous"):
         assert found[name].value == pytest.approx(both[name].value, rel=1e-6)
         assert found[name].error == pytest.approx(both[name].error, rel=1e-4)
-    again = joined(found, fit(found.model, views[:1], [COULOMB]), views, np.array([True, False]))
+    again = merge_partial_fit(found, fit(found.model, views[:1], [COULOMB]), views, np.array([True, False]))
     assert [f.name for f in again.free] == ["friction.coulomb", "friction.viscous"]
     assert again.jacobian == pytest.approx(both.jacobian, abs=1e-6)
 
@@ -311,7 +311,7 @@ def test_a_fit_that_goes_on_from_its_end_keeps_its_errors_whatever_its_coordinat
 ):
     """The derivatives that the first one left are those of its own coordinates; noise of 2 tells the errors."""
     first = fitted(COULOMB, VISCOUS, views=[Line()])
-    anew = [replace(f, start=value_of(first.model, f.name), scale=times * f.scale) for f in (COULOMB, VISCOUS)]
+    anew = [replace(f, start=parameter_value(first.model, f.name), scale=times * f.scale) for f in (COULOMB, VISCOUS)]
     monkeypatch.setattr(model_fit, "free_parameters", lambda *_: anew)
     then = model_fit.refit(first, [Line()])
     for before, after in zip(first.estimates, then.estimates, strict=True):

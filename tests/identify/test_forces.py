@@ -8,23 +8,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.residuals import Forces
+from pneucli.identify.residuals import ForceBalance
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
-from pneucli.simulate.outputs import resting_reading
-from tests.simulate.synthetic_experiments import RIG, bench, clock, model
+from pneucli.simulate.outputs import accelerometer_offset
+from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
-TIME = clock(1.0)
-AREA_1, AREA_2 = RIG.areas
+TIME = time_grid(1.0)
+AREA_1, AREA_2 = RIG.piston_areas
 
 
-def pushed(force: float, v: float = 0.0, **more: Any) -> Forces:
+def pushed(force: float, v: float = 0.0, **more: Any) -> ForceBalance:
     """A piston under a constant net force of the pressures, at rest or sliding steadily."""
     p2 = 2e5
     p1 = RIG.ambient_pressure + (force + AREA_2 * (p2 - RIG.ambient_pressure)) / AREA_1
     signals = {"p1": p1, "p2": p2, "x": 0.1 + v * TIME, "v": v, **more}
-    return Forces(with_noise(bench("friction", TIME, signals)))
+    return ForceBalance(with_noise(make_experiment("friction", TIME, signals)))
 
 
 def with_noise(e: Any) -> Any:
@@ -58,9 +58,9 @@ def test_acceleration_is_a_force_of_the_mass() -> None:
     p1 = RIG.ambient_pressure + force / AREA_1
     signals = {"p1": p1, "p2": RIG.ambient_pressure, "x": 0.05 + 0.1 * TIME + 1.5 * TIME**2, "v": v}
     for more in ({}, {"a": 3.0}):
-        e = with_noise(bench("friction", TIME, {**signals, **more}))
+        e = with_noise(make_experiment("friction", TIME, {**signals, **more}))
         e.noise.update({"a": NoiseModel(0.0)})
-        assert Forces(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
+        assert ForceBalance(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
 
 
 def test_loads_are_the_acceleration_and_what_smoothing_took_out_of_the_pressures() -> None:
@@ -68,17 +68,17 @@ def test_loads_are_the_acceleration_and_what_smoothing_took_out_of_the_pressures
     raw = {"p1": np.full(TIME.size, 100.0), "p2": np.full(TIME.size, 50.0)}
     inputs = np.zeros((TIME.size, len(at.INPUTS)))
     inputs[:, at.IN_P1], inputs[:, at.IN_P2], inputs[:, at.IN_V] = 40.0, 20.0, 2.0 * TIME
-    a, rough = view.loads(raw, inputs)
+    a, rough = view.acceleration_and_removed_force(raw, inputs)
     assert rough == pytest.approx(np.full(TIME.size, 60.0 * AREA_1 - 30.0 * AREA_2))
     assert a == pytest.approx(np.full(TIME.size, 2.0))
-    a, rough = view.loads({"a": np.full(TIME.size, 5.0)}, inputs)
+    a, rough = view.acceleration_and_removed_force({"a": np.full(TIME.size, 5.0)}, inputs)
     assert (a[0], rough[0]) == (5.0, 0.0)
 
 
-def resting(noise: float = 0.05, **values: float) -> Forces:
-    e = with_noise(bench("friction", TIME, {"p1": 2e5, "p2": 2e5, "x": 0.1, "v": 0.0, "a": 0.3}))
+def resting(noise: float = 0.05, **values: float) -> ForceBalance:
+    e = with_noise(make_experiment("friction", TIME, {"p1": 2e5, "p2": 2e5, "x": 0.1, "v": 0.0, "a": 0.3}))
     e.noise["a"] = NoiseModel(noise)
-    return Forces(e)
+    return ForceBalance(e)
 
 
 def test_an_accelerometer_at_rest_is_held_against_its_own_reading() -> None:
@@ -88,7 +88,7 @@ def test_an_accelerometer_at_rest_is_held_against_its_own_reading() -> None:
     assert view.residual(model())["a"][INSIDE] == pytest.approx(np.full(961, 0.3))
     assert view.residual(biased)["a"][INSIDE] == pytest.approx(np.full(961, 0.2))
     assert not view.residual(model())["a"][:1].any()  # at the edges the piston may be moving
-    assert (resting_reading(model(), view.experiment), resting_reading(biased, view.experiment)) == (0.0, 0.1)
+    assert (accelerometer_offset(model(), view.experiment), accelerometer_offset(biased, view.experiment)) == (0.0, 0.1)
     assert resting(0.0).channels == ("force",)
 
 
@@ -101,7 +101,7 @@ def test_an_accelerometer_in_motion_is_not() -> None:
 def test_unsmoothed_noise_of_the_pressures_is_left_in_the_force_as_it_is() -> None:
     view = pushed(20.0, 0.1)
     view.experiment.noise.update({"p1": NoiseModel(300.0), "p2": NoiseModel(400.0)})
-    left, rate = view._left_noise
+    left, rate = view._remaining_force_noise
     spread = np.hypot(300.0 * AREA_1, 400.0 * AREA_2)
     assert left == pytest.approx(spread)
     assert rate == pytest.approx(spread / 2**0.5 / 1e-3, rel=0.1)  # a central difference over 2 ms
@@ -113,7 +113,7 @@ def test_smoothing_takes_its_share_of_the_noise() -> None:
     e.noise.update({"p1": NoiseModel(500.0)})
     e.raw["p1"] = e.raw["p1"] + 300.0 * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
     e.smoothers["p1"] = lambda drawn: 0.8 * drawn  # type: ignore[assignment]
-    left, rate = view._left_noise
+    left, rate = view._remaining_force_noise
     assert left == pytest.approx(AREA_1 * 400.0)  # of 500, 300 were taken out
     assert rate == pytest.approx(0.8 * AREA_1 * 500.0 / 2**0.5 / 1e-3, rel=0.1)
 
@@ -122,26 +122,26 @@ def test_noise_that_is_drawn_shows_as_much_as_the_sensors_have() -> None:
     """A balance of unsmoothed pressures in motion: the noise of both, once; the accelerometer always its own."""
     view = pushed(30.0, 0.1)
     view.experiment.noise.update({"p1": NoiseModel(300.0), "p2": NoiseModel(400.0)})
-    view = Forces(replace(view.experiment))
-    found = view.drawn_rms(model(), {}, 2, 11)
+    view = ForceBalance(replace(view.experiment))
+    found = view.monte_carlo_rms(model(), {}, 2, 11)
     assert found["force"] == pytest.approx(1.0, abs=0.1)
     still = resting()
     still.experiment.noise.update({"p1": NoiseModel(300.0)})
-    at_rest = still.drawn_rms(model(), {}, 1, 11)
+    at_rest = still.monte_carlo_rms(model(), {}, 1, 11)
     assert at_rest["a"] == 1.0
     assert at_rest["force"] < 0.01  # friction holds the piston, and takes the noise too
 
 
 def test_nothing_is_added_to_the_squares_of_forces() -> None:
     """No start of a simulation errs; force and accelerometer, a sample each."""
-    assert resting().volume({}).tolist() == [0.0] * (2 * TIME.size)
+    assert resting().log_determinant({}).tolist() == [0.0] * (2 * TIME.size)
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("acceleration-bias", ("a",)), ("constant-force", ())])
 def test_the_accelerometer_at_rest_reads_nothing_but_its_own_fault(effect: str, channels: tuple[str, ...]) -> None:
     """Only where it was recorded; whatever pushes the piston, at rest it reads zero."""
-    e = with_noise(bench("friction", TIME, {"p1": 3e5, "p2": 3e5, "x": 0.1, "a": 0.0}))
+    e = with_noise(make_experiment("friction", TIME, {"p1": 3e5, "p2": 3e5, "x": 0.1, "a": 0.0}))
     e.noise["a"] = NoiseModel(0.1)
-    assert Forces(e).alone(catalogue()[effect]) == channels
-    silent = with_noise(bench("friction", TIME, {"p1": 3e5, "p2": 3e5, "x": 0.1}))
-    assert Forces(silent).alone(catalogue()[effect]) == ()
+    assert ForceBalance(e).exclusive_channels(catalogue()[effect]) == channels
+    silent = with_noise(make_experiment("friction", TIME, {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    assert ForceBalance(silent).exclusive_channels(catalogue()[effect]) == ()

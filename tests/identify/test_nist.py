@@ -63,7 +63,7 @@ class Problem:
 
         unbounded = (np.full(start.size, -np.inf), np.full(start.size, np.inf))
         with np.errstate(all="ignore"):  # far steps overflow, and are to be refused
-            return minimise(residuals, jacobian, np.ones(start.size), unbounded, rounds=rounds, tolerance=0.0)
+            return minimise(residuals, jacobian, np.ones(start.size), unbounded, max_iterations=rounds, tolerance=0.0)
 
 
 def problem(name: str) -> Problem:
@@ -108,7 +108,7 @@ def test_from_the_far_start_of_two_problems_only_the_near_one_leads_there(name: 
     near, far = (asked.solved(start) for start in reversed(asked.starts))
     assert digits(near.z * asked.starts[1], asked.certified) > 6.5
     assert far.residual @ far.residual > 2.0 * asked.sum_of_squares
-    assert far.rounds < ROUNDS
+    assert far.iterations < ROUNDS
 
 
 @pytest.mark.parametrize("start", [0, 1])
@@ -118,4 +118,4 @@ def test_along_a_narrow_and_bent_valley_the_sum_is_right_long_before_the_paramet
     found = asked.solved(asked.starts[start])
     assert found.residual @ found.residual == pytest.approx(asked.sum_of_squares, rel=0.01)
     assert digits(found.z * asked.starts[start], asked.certified) > 1.0
-    assert found.rounds > 500
+    assert found.iterations > 500

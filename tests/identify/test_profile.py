@@ -8,28 +8,28 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.fit import fit
-from pneucli.identify.estimation.model_fit import fit_added
+from pneucli.identify.estimation.model_fit import fit_with_effect
 from pneucli.identify.estimation.parameters import base_parameters
-from pneucli.identify.residuals import Chambers
+from pneucli.identify.residuals import ChamberPressures
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.run import simulate
-from tests.simulate.synthetic_experiments import RIG, bench, clock, model
+from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
-TIME = clock(1.5)
+TIME = time_grid(1.5)
 NOISE = 300.0  # Pa
 VESSEL = replace(RIG, vessel_volume=160e-6)
 VOLUME = {"rig.vessel_volume": 160e-6}
 
 
-def recorded(command: np.ndarray, delay: float) -> Chambers:
+def recorded(command: np.ndarray, delay: float) -> ChamberPressures:
     """A vessel's pressure behind a hose of a delay in s, with white noise."""
-    blank = bench("valve", TIME, {"u": command, "p1": 3e5}, rig=VESSEL)
+    blank = make_experiment("valve", TIME, {"u": command, "p1": 3e5}, rig=VESSEL)
     true = simulate(model(["line-delay"], {"line-delay.delay": delay} | VOLUME, VESSEL), blank)["p1"]
     read = true + NOISE * np.random.default_rng(1).normal(size=TIME.size)
-    made = bench("valve", TIME, {"u": command, "p1": read}, rig=VESSEL)
+    made = make_experiment("valve", TIME, {"u": command, "p1": read}, rig=VESSEL)
     made.inputs[:, :] = blank.inputs
-    return Chambers(replace(made, noise={"p1": NoiseModel(NOISE)}))
+    return ChamberPressures(replace(made, noise={"p1": NoiseModel(NOISE)}))
 
 
 @pytest.mark.parametrize("delay", [0.0256, 0.0102])
@@ -41,5 +41,5 @@ def test_a_delay_behind_a_command_that_comes_again_is_not_taken_for_a_shorter_on
     view = recorded(command, delay)
     first = model(values=VOLUME, rig=VESSEL)
     base = fit(first, [view], base_parameters(first, [view.experiment]))
-    found = fit_added(base, [view], catalogue()["line-delay"])
+    found = fit_with_effect(base, [view], catalogue()["line-delay"])
     assert found["line-delay.delay"].value == pytest.approx(delay, rel=0.02)

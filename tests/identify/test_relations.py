@@ -8,18 +8,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.correlation import correlation, sensitivities
+from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
 from pneucli.identify.estimation.fit import Fit, fit
-from pneucli.identify.estimation.parameters import Free
-from pneucli.identify.estimation.progress import Round, watching
-from pneucli.identify.residuals import Chambers, weighted
+from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.estimation.progress import Iteration, report_iterations_to
+from pneucli.identify.residuals import ChamberPressures, with_channel_weights
 from pneucli.noise import NoiseModel
 from tests.identify.test_fit import TIME, Line
-from tests.simulate.synthetic_experiments import bench, model
+from tests.simulate.synthetic_experiments import make_experiment, model
 
 FREE = [
-    Free("friction.coulomb", "N", 10.0, 0.0, 1e3, 10.0),
-    Free("friction.viscous", "N s/m", 30.0, 0.0, 1e3, 10.0),
+    FreeParameter("friction.coulomb", "N", 10.0, 0.0, 1e3, 10.0),
+    FreeParameter("friction.viscous", "N s/m", 30.0, 0.0, 1e3, 10.0),
 ]
 
 
@@ -28,7 +28,7 @@ def fitted(*views: Line) -> Fit:
 
 
 def test_parameters_of_one_channel_each_are_hardly_correlated() -> None:
-    together = correlation(fitted(Line()))
+    together = parameter_correlation(fitted(Line()))
     np.testing.assert_array_equal(np.diag(together), 1.0)
     assert together[0, 1] == 0.0
 
@@ -37,9 +37,9 @@ def test_what_only_the_sum_shows_is_known_only_together() -> None:
     """Of J'J = [[1, c], [c, 1]] the inverse has the correlation -c; a column of zeros tells nothing."""
     c = 0.96
     rows = np.array([[1.0, c], [0.0, np.sqrt(1 - c**2)]])
-    assert correlation(replace(fitted(Line()), jacobian=rows))[0, 1] == pytest.approx(-c)
+    assert parameter_correlation(replace(fitted(Line()), jacobian=rows))[0, 1] == pytest.approx(-c)
     silent = replace(fitted(Line()), jacobian=np.array([[0.0, 1.0], [0.0, 1.0]]))
-    np.testing.assert_array_equal(correlation(silent), np.eye(2))
+    np.testing.assert_array_equal(parameter_correlation(silent), np.eye(2))
 
 
 def test_a_percent_of_a_parameter_does_to_its_channel_what_the_model_says() -> None:
@@ -53,8 +53,8 @@ def test_a_percent_of_a_parameter_does_to_its_channel_what_the_model_says() -> N
 
 
 def test_each_round_is_told_and_the_residual_falls_to_the_noise() -> None:
-    rounds: list[Round] = []
-    with watching(rounds.append):
+    rounds: list[Iteration] = []
+    with report_iterations_to(rounds.append):
         fitted(Line())
         fitted(Line())
     fitted(Line())
@@ -83,6 +83,6 @@ def test_weights_decide_between_channels_that_disagree() -> None:
 
 
 def test_views_take_the_weights_of_the_pipeline_file() -> None:
-    one = Chambers(replace(bench("axis", TIME, {"u": 1.0}), noise={"p1": NoiseModel(1.0)}))
-    assert weighted([one], {})[0].weights == {}
-    assert weighted([one], {"p1": 0.5})[0].weights == {"p1": 0.5}
+    one = ChamberPressures(replace(make_experiment("axis", TIME, {"u": 1.0}), noise={"p1": NoiseModel(1.0)}))
+    assert with_channel_weights([one], {})[0].weights == {}
+    assert with_channel_weights([one], {"p1": 0.5})[0].weights == {"p1": 0.5}

@@ -11,22 +11,22 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError, UnitError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.model_fit import fit_added, fit_model, starts
+from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, initial_guesses
 from pneucli.identify.estimation.parameters import base_parameters
-from pneucli.identify.residuals import views_of
+from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
-from pneucli.physics.declaration import BASE, Effect, Parameter
+from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
 from pneucli.physics.effects import catalogue
-from pneucli.physics.scales import SCALES, Facts, sized
+from pneucli.physics.scales import SCALES, RigQuantities, value_of
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.units import parse_unit
-from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, bench, clock, steps_of_command
+from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, held_commands, make_experiment, time_grid
 
 UNITS = {
     "ambient_pressure": "Pa",
@@ -64,7 +64,7 @@ class Change:
         return replace(rig, **{n: v * self.of(UNITS[n]) for n, v in known.items() if v is not None})
 
     def model(self, model: Model) -> Model:
-        units = {name: parameter.unit for name, parameter in BASE.items()}
+        units = {name: parameter.unit for name, parameter in BASE_PARAMETERS.items()}
         units |= {f"{e.name}.{p.name}": p.unit for e in model.effects for p in e.parameters}
         values = {name: value * self.of(units[name]) for name, value in model.values.items()}
         valve = model.valve.scaled(self.of("m^2"))
@@ -86,9 +86,9 @@ changes = st.builds(Change, *(st.floats(-1.0, 1.0).map(lambda power: 10.0**power
 @given(changes)
 def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> None:
     model = Model(RIG, (), FRICTION, VALVE)
-    here, there = facts_of(model), facts_of(change.model(model))
-    for parameter in [*BASE.values(), *(p for e in catalogue().values() for p in e.parameters)]:
-        mine, theirs = parameter.on(here), parameter.on(there)
+    here, there = rig_quantities(model), rig_quantities(change.model(model))
+    for parameter in [*BASE_PARAMETERS.values(), *(p for e in catalogue().values() for p in e.parameters)]:
+        mine, theirs = parameter.range_on(here), parameter.range_on(there)
         factor = change.of(parameter.unit)
         numbers = [
             (mine.lower, theirs.lower),
@@ -100,14 +100,14 @@ def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> Non
 
 def test_plain_numbers_stay_as_they_are() -> None:
     parameter = Parameter("gain", "kg/m", 0.0, 0.0, 1e3, (10.0,))
-    assert parameter.on(Facts()) == (0.0, 1e3, (10.0,), 0.0)
+    assert parameter.range_on(RigQuantities()) == (0.0, 1e3, (10.0,), 0.0)
 
 
 def test_what_is_not_known_neither_bounds_nor_starts() -> None:
     effect = catalogue()["constant-force"]
-    unknown = facts_of(Model(Rig()))
-    assert effect.parameters[0].on(unknown) == (-np.inf, np.inf, (), 0.0)
-    assert starts(effect, unknown) == []
+    unknown = rig_quantities(Model(Rig()))
+    assert effect.parameters[0].range_on(unknown) == (-np.inf, np.inf, (), 0.0)
+    assert initial_guesses(effect, unknown) == []
 
 
 @pytest.mark.parametrize(
@@ -120,11 +120,11 @@ def test_a_quantity_that_cannot_be_read_is_told_when_it_is_declared(text: str, t
 
 
 def test_every_scale_is_used_and_known_on_a_rig_that_is_described_and_recorded() -> None:
-    declared = [*BASE.values(), *(p for e in catalogue().values() for p in e.parameters)]
+    declared = [*BASE_PARAMETERS.values(), *(p for e in catalogue().values() for p in e.parameters)]
     quantities = [q for p in declared for q in (p.lower, p.upper, p.step, *p.typical) if isinstance(q, str)]
     assert {q.partition(" ")[2] for q in quantities} == set(SCALES)
-    facts = facts_of(Model(RIG, (), FRICTION, VALVE), [driven(Model(RIG, (), FRICTION, VALVE))])
-    assert all(sized(f"1 {scale.name}", scale.unit, facts) > 0.0 for scale in SCALES.values())
+    facts = rig_quantities(Model(RIG, (), FRICTION, VALVE), [driven(Model(RIG, (), FRICTION, VALVE))])
+    assert all(value_of(f"1 {scale.name}", scale.unit, facts) > 0.0 for scale in SCALES.values())
 
 
 def noise(rig: Rig) -> dict[str, NoiseModel]:
@@ -148,34 +148,35 @@ def recorded(model: Model, experiment: Experiment, seed: int = 1) -> Experiment:
 
 def balanced(rig: Rig, share: float) -> dict[str, float]:
     """Pressures that hold the piston, that of chamber 1 a share of the supply's above ambient."""
-    (a1, a2), above = rig.areas, (rig.supply_pressure or 0.0) - rig.ambient_pressure
+    (a1, a2), above = rig.piston_areas, (rig.supply_pressure or 0.0) - rig.ambient_pressure
     return {"p1": rig.ambient_pressure + above * share, "p2": rig.ambient_pressure + above * share * a1 / a2}
 
 
 def driven(model: Model) -> Experiment:
     """A piston pushed to and fro by its pressures, clear of the stops, with rests; 2 s at 1 kHz."""
-    time, rig = clock(2.0), model.rig
+    time, rig = time_grid(2.0), model.rig
     wave = np.clip(1.4 * np.sin(2 * np.pi * 3.0 * time), -1.0, 1.0) * (1.0 + 0.4 * np.sin(2 * np.pi * 0.8 * time))
-    begin, force = 0.2 * (rig.stroke or 0.0), facts_of(model).force
-    push = 0.07 * force * wave - model.total("force", begin, 0.0, rig.stroke or 0.0)
+    begin, force = 0.2 * (rig.stroke or 0.0), rig_quantities(model).force
+    push = 0.07 * force * wave - model.sum_of_port("force", begin, 0.0, rig.stroke or 0.0)
     held = balanced(rig, 0.4)
     return recorded(
-        model, bench("friction", time, {**held, "p1": held["p1"] + push / rig.areas[0], "x": begin}, rig=rig)
+        model,
+        make_experiment("friction", time, {**held, "p1": held["p1"] + push / rig.piston_areas[0], "x": begin}, rig=rig),
     )
 
 
 def piloted(model: Model, effect: Effect | None = None) -> Experiment:
     """An axis whose valve is stepped through a few commands; the supply is recorded where no effect is its own."""
-    time, rig = clock(2.4), model.rig
-    u = steps_of_command(time, (0.0, 5.0, 0.0, -5.0, 10.0, -10.0, 2.5, -5.0, 0.0, 5.0, -2.5, 0.0), 0.2)
+    time, rig = time_grid(2.4), model.rig
+    u = held_commands(time, (0.0, 5.0, 0.0, -5.0, 10.0, -10.0, 2.5, -5.0, 0.0, 5.0, -2.5, 0.0), 0.2)
     signals = {"u": u, "x": 0.5 * (rig.stroke or 0.0), **balanced(rig, 0.4)}
     if effect is None or effect.part != "supply":
         signals["p_supply"] = rig.supply_pressure or 0.0
-    return recorded(model, bench("axis", time, signals, rig=rig))
+    return recorded(model, make_experiment("axis", time, signals, rig=rig))
 
 
 def fitted(model: Model, experiment: Experiment, effects: list[Effect]) -> Fit:
-    return fit_model(replace(model, effects=()), views_of([experiment]), effects)
+    return fit_model(replace(model, effects=()), residual_models([experiment]), effects)
 
 
 @pytest.mark.parametrize("change", [Change(0.2, 0.4, 0.5), Change(6.0, 8.0, 2.0)], ids=["small", "large"])
@@ -200,7 +201,7 @@ SPECIAL = {"end-cushion", "dwell-breakaway", "presliding"}
 
 def base_of(rig: Rig) -> Model:
     """A model whose friction is the share of the supply's force that it is on the usual rig."""
-    facts = facts_of(Model(rig))
+    facts = rig_quantities(Model(rig))
     force = facts.force
     speed = (rig.stroke or 0.0) / 1.0
     values = {"friction.coulomb": 0.03 * force, "friction.viscous": 0.04 * force / speed}
@@ -215,8 +216,8 @@ def test_an_effect_of_typical_size_is_found_on_small_and_large_rigs(effect: Effe
     if effect.part == "linear valve":
         base = replace(base, valve=LinearValve(0.1 * max(base.valve(np.array([10.0]))), 10.0))
     mechanical = (effect.part == "cylinder" and "leak_1_2" not in effect.ports) or "read_a" in effect.ports
-    facts = facts_of(base, [driven(base) if mechanical else piloted(base)])
-    values = {f"{effect.name}.{p.name}": p.on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
+    facts = rig_quantities(base, [driven(base) if mechanical else piloted(base)])
+    values = {f"{effect.name}.{p.name}": p.range_on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
     true = replace(base, effects=(effect,), values={**base.values, **values})
     found = fitted(base, driven(true) if mechanical else piloted(true, effect), [effect])
     for name, value in values.items():
@@ -228,7 +229,7 @@ def test_a_preloaded_spring_on_a_large_rig_stands_at_no_bound() -> None:
     """100 mm at 50 bar, pushed by a spring that would rest four strokes away, with a third of the supply's force."""
     rig = replace(LARGE, piston_area_1=7.85e-3, piston_area_2=7.0e-3, moving_mass=80.0)
     base, effect = base_of(rig), catalogue()["spring-force"]
-    values = {"spring-force.stiffness": 0.08 * facts_of(base).force / 0.5, "spring-force.rest_position": 2.0}
+    values = {"spring-force.stiffness": 0.08 * rig_quantities(base).force / 0.5, "spring-force.rest_position": 2.0}
     true = replace(base, effects=(effect,), values={**base.values, **values})
     found = fitted(base, driven(true), [effect])
     assert not any(e.at_bound for e in found.estimates)
@@ -242,15 +243,15 @@ def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
         Parameter("force", "N", 0.0, 0.0, 1e3, ("1 supply forces",)),
         Parameter("length", "m^2", None, 0.0, 1.0, ("0.1 valve areas",)),
     ), ports={"force": lambda x, v, stroke, force, length: -force})  # fmt: skip
-    found = fit_model(replace(base, valve=NO_VALVE), views_of([driven(base)]), [])
+    found = fit_model(replace(base, valve=NO_VALVE), residual_models([driven(base)]), [])
     with pytest.raises(InputError, match="valve areas: the effective area at the largest command"):
-        fit_added(found, views_of([driven(base)]), lost)
+        fit_with_effect(found, residual_models([driven(base)]), lost)
 
 
 def test_base_parameters_are_bounded_by_the_rig() -> None:
     for rig in (SMALL, LARGE):
         model = base_of(rig)
-        facts = facts_of(model)
+        facts = rig_quantities(model)
         free = {f.name: f for f in base_parameters(model, [driven(model)])}
         assert free["friction.coulomb"].upper == pytest.approx(10.0 * facts.force)
         assert free["friction.viscous"].upper > 100.0 * model.values["friction.viscous"]
@@ -260,6 +261,6 @@ def test_a_motionless_reading_is_made_ready_without_a_fault() -> None:
     """It has neither noise nor spread; whether that is refused, who asks for a fit decides."""
     flat = np.ones(400)
     signals = {"x": 0.1 * flat, "a": 0.0 * flat, "p1": 3e5 * flat, "p2": 3e5 * flat}
-    ready = prepare(Recording("still", "friction", "train", clock(0.399), signals), RIG, None)
+    ready = prepare(Recording("still", "friction", "train", time_grid(0.399), signals), RIG, None)
     assert np.isfinite(ready.inputs).all()
     assert ready.inputs[:, 6] == pytest.approx(0.1)

@@ -11,35 +11,35 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation import model_fit as added
-from pneucli.identify.estimation.fit import FULL, Effort, Fit
+from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule
 from pneucli.identify.estimation.model_fit import (
-    Signature,
-    fit_added,
+    ScoreTest,
+    fit_with_effect,
+    initial_guesses,
     require_finite,
-    scaled_start,
-    signatures,
-    starts,
+    scaled_initial_guess,
+    score_tests,
     with_effect,
 )
 from pneucli.identify.estimation.parameters import (
-    Free,
+    FreeParameter,
     base_parameters,
     effect_parameters,
     null_value,
-    value_of,
+    parameter_value,
     with_parameters,
 )
-from pneucli.identify.residuals import Chambers, Forces, Imposed, Whole, views_of
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion, residual_models
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
-from pneucli.physics.scales import Facts
-from pneucli.simulate.experiment import Extent
-from pneucli.simulate.rig_quantities import facts_of
-from tests.simulate.synthetic_experiments import RIG, bench, clock, model
+from pneucli.physics.scales import RigQuantities
+from pneucli.simulate.experiment import SignalRanges
+from pneucli.simulate.rig_quantities import rig_quantities
+from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
-FACTS = facts_of(model())
+FACTS = rig_quantities(model())
 N = 2000
 
 
@@ -47,25 +47,29 @@ N = 2000
 
 
 def test_a_coordinate_is_the_value_over_its_scale_or_its_logarithm() -> None:
-    linear = Free("a", "N", 10.0, 0.0, 1e3, 5.0)
-    assert (linear.inward(15.0), linear.outward(3.0), linear.slope(15.0)) == (3.0, 15.0, 5.0)
+    linear = FreeParameter("a", "N", 10.0, 0.0, 1e3, 5.0)
+    assert (linear.to_coordinate(15.0), linear.from_coordinate(3.0), linear.derivative(15.0)) == (3.0, 15.0, 5.0)
     curved = replace(linear, logarithmic=True)
-    assert (curved.inward(np.e), curved.outward(1.0), curved.slope(7.0)) == (1.0, pytest.approx(np.e), 7.0)
-    assert np.isfinite(curved.outward(1e6))
-    assert (linear.prior, linear.step, linear.logarithmic) == (np.inf, 1e-4, False)
+    assert (curved.to_coordinate(np.e), curved.from_coordinate(1.0), curved.derivative(7.0)) == (
+        1.0,
+        pytest.approx(np.e),
+        7.0,
+    )
+    assert np.isfinite(curved.from_coordinate(1e6))
+    assert (linear.prior_sigma, linear.step, linear.logarithmic) == (np.inf, 1e-4, False)
 
 
 def test_values_of_all_kinds_are_read_and_replaced_by_name() -> None:
     known = model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01})
-    areas = [name for name in known.valve.named() if "area" in name]
-    assert value_of(known, "stribeck.static") == 20.0
-    assert value_of(known, "friction.coulomb") == 14.0
-    assert value_of(known, "rig.dead_volume_1") == RIG.dead_volume_1
-    assert value_of(known, areas[0]) == known.valve.areas[0]
+    areas = [name for name in known.valve.parameters() if "area" in name]
+    assert parameter_value(known, "stribeck.static") == 20.0
+    assert parameter_value(known, "friction.coulomb") == 14.0
+    assert parameter_value(known, "rig.dead_volume_1") == RIG.dead_volume_1
+    assert parameter_value(known, areas[0]) == known.valve.areas[0]
     changed = with_parameters(known, {"stribeck.static": 25.0, areas[0]: 3e-6, "friction.viscous": 1.0})
-    assert value_of(changed, "stribeck.static") == 25.0
-    assert value_of(changed, areas[0]) == 3e-6
-    assert value_of(changed, areas[1]) == known.valve.areas[1]
+    assert parameter_value(changed, "stribeck.static") == 25.0
+    assert parameter_value(changed, areas[0]) == 3e-6
+    assert parameter_value(changed, areas[1]) == known.valve.areas[1]
     assert (changed.values["friction.viscous"], changed.values["friction.coulomb"]) == (1.0, 14.0)
 
 
@@ -73,10 +77,10 @@ def free_names(*experiments: Any, **rig: Any) -> list[str]:
     return [f.name.partition("(")[0] for f in base_parameters(model(rig=replace(RIG, **rig)), experiments)]
 
 
-DRIVEN = bench("axis", clock(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
-PUSHED = bench("friction", clock(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1})
-FILLED = bench("valve", clock(0.1), {"u": 4.0, "p1": 3e5})
-SHUT = bench("valve", clock(0.1), {"u": 4.0, "p1": 3e5}, valve_shut=True)
+DRIVEN = make_experiment("axis", time_grid(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
+PUSHED = make_experiment("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1})
+FILLED = make_experiment("valve", time_grid(0.1), {"u": 4.0, "p1": 3e5})
+SHUT = make_experiment("valve", time_grid(0.1), {"u": 4.0, "p1": 3e5}, valve_shut=True)
 
 
 def test_base_parameters_are_those_that_the_experiments_can_tell() -> None:
@@ -107,7 +111,7 @@ def test_areas_are_fitted_as_logarithms_and_friction_from_its_guess() -> None:
 
 def test_an_effects_parameters_start_at_what_is_given_known_or_typical() -> None:
     force = catalogue()["constant-force"]
-    declared = force.parameters[0].on(FACTS)
+    declared = force.parameters[0].range_on(FACTS)
     (typical,) = effect_parameters(force, model(), FACTS)
     (known,) = effect_parameters(force, model(["constant-force"], {"constant-force.force": 30.0}), FACTS)
     (given,) = effect_parameters(force, model(), FACTS, {"constant-force.force": -7.0})
@@ -162,16 +166,16 @@ def made_of(*parameters: Parameter) -> Effect:
 
 def test_starts_are_typical_values_on_this_rig() -> None:
     shares = made_of(parameter("a", "0.5 Coulomb forces", "2 Coulomb forces"))
-    assert starts(shares, Facts(coulomb=14.0)) == [{"e.a": 7.0}, {"e.a": 28.0}]
+    assert initial_guesses(shares, RigQuantities(coulomb=14.0)) == [{"e.a": 7.0}, {"e.a": 28.0}]
 
 
 def test_what_is_a_share_of_something_unknown_has_no_start() -> None:
-    assert starts(made_of(parameter("a", "0.5 Coulomb forces")), Facts()) == []
+    assert initial_guesses(made_of(parameter("a", "0.5 Coulomb forces")), RigQuantities()) == []
 
 
 def test_starts_are_all_combinations_in_which_a_stretch_goes_forward() -> None:
     one = made_of(parameter("from", 1.0, 2.0), parameter("to", 2.0, 3.0), parameter("gain", 5.0))
-    assert starts(one, Facts()) == [
+    assert initial_guesses(one, RigQuantities()) == [
         {"e.from": 1.0, "e.to": 2.0, "e.gain": 5.0}, {"e.from": 1.0, "e.to": 3.0, "e.gain": 5.0},
         {"e.from": 2.0, "e.to": 3.0, "e.gain": 5.0},
     ]  # fmt: skip
@@ -191,7 +195,7 @@ def test_an_effect_is_switched_on_once() -> None:
 
 
 def fitted(columns: np.ndarray, residual: np.ndarray, blocks: int = 20) -> Fit:
-    free = tuple(Free(f"f{k}", "N", 1.0, 0.0, 9.0, 1.0) for k in range(columns.shape[1]))
+    free = tuple(FreeParameter(f"f{k}", "N", 1.0, 0.0, 9.0, 1.0) for k in range(columns.shape[1]))
     none = np.zeros((len(free), len(free)))
     numbers = np.arange(residual.size) // (residual.size // blocks)
     return Fit(model(), free, (), residual, columns, numbers, none, float(residual @ residual), ())
@@ -202,15 +206,15 @@ def test_a_signature_promises_the_fall_of_the_best_step_along_it_base_parameters
     base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
     residual = rng.standard_normal(N) - 0.3 * change + 2.0 * base[:, 0]
     found = fitted(base, residual)
-    mine = added._signature({"e.a": 1.0}, change, found, nested=True)
+    mine = added._score_test({"e.a": 1.0}, change, found, nested=True)
     both = np.column_stack([base, change])
     least = residual - both @ np.linalg.lstsq(both, residual, rcond=None)[0]
-    alone = found.unexplained
+    alone = found.projected_residual
     assert mine.step == pytest.approx(-np.linalg.lstsq(both, residual, rcond=None)[0][1])
     assert mine.step == pytest.approx(0.3, abs=0.05)
     assert mine.gain == pytest.approx(alone @ alone - least @ least)
-    null = added._signature({}, change, fitted(base, rng.standard_normal(N)), nested=True)
-    assert null.error == pytest.approx(1 / np.sqrt(N), rel=0.4)  # from twenty blocks
+    null = added._score_test({}, change, fitted(base, rng.standard_normal(N)), nested=True)
+    assert null.step_error == pytest.approx(1 / np.sqrt(N), rel=0.4)  # from twenty blocks
     assert mine.values == {"e.a": 1.0}
 
 
@@ -218,8 +222,8 @@ def test_what_cannot_be_switched_on_by_degrees_is_taken_whole() -> None:
     rng = RNG(2)
     base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
     found = fitted(base, rng.standard_normal(N) - 0.7 * change)
-    mine = added._signature({}, change, found, nested=False)
-    target, new = found.unexplained, found.beyond(change)
+    mine = added._score_test({}, change, found, nested=False)
+    target, new = found.projected_residual, found.project_out_nuisance(change)
     assert mine.step == 1.0
     assert mine.gain == pytest.approx(target @ target - (target + new) @ (target + new))
 
@@ -229,11 +233,11 @@ def test_what_the_base_does_as_well_or_what_runs_away_promises_nothing(change: s
     base = RNG(3).standard_normal((N, 1))
     columns = {"base": 2.0 * base[:, 0], "nan": np.full(N, np.nan), "none": np.zeros(N)}
     with np.errstate(invalid="ignore"):
-        mine = added._signature({}, columns[change], fitted(base, RNG(4).standard_normal(N)), nested=True)
-    assert (mine.gain, mine.step, mine.error) == (0.0, 0.0, np.inf)
+        mine = added._score_test({}, columns[change], fitted(base, RNG(4).standard_normal(N)), nested=True)
+    assert (mine.gain, mine.step, mine.step_error) == (0.0, 0.0, np.inf)
 
 
-EXTENT = Extent(command=10.0, pressure=6e5, force=500.0, speed=0.5, low=0.0, high=0.2, period=1e-3)
+EXTENT = SignalRanges(command=10.0, pressure=6e5, force=500.0, speed=0.5, low=0.0, high=0.2, period=1e-3)
 
 
 class View:
@@ -262,12 +266,12 @@ def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_f
     force = catalogue()["constant-force"]
     views: Any = [View(np.ones(400)), View(np.ones(600), felt=False)]
     found = replace(fitted(np.zeros((1000, 0)), np.full(1000, 5.0)), errors=({}, {}))
-    ranked = signatures(force, found, views)
-    assert {s.values["constant-force.force"] for s in ranked} == set(force.parameters[0].on(FACTS).typical)
+    ranked = score_tests(force, found, views)
+    assert {s.values["constant-force.force"] for s in ranked} == set(force.parameters[0].range_on(FACTS).typical)
     assert [s.gain for s in ranked] == sorted((s.gain for s in ranked), reverse=True)
     blind: Any = [View(np.ones(400), felt=False), View(np.ones(600), felt=False)]
-    assert signatures(force, found, blind) == []
-    (change,) = added.changes(force, found, views, [{"constant-force.force": 8.0}])
+    assert score_tests(force, found, blind) == []
+    (change,) = added.residual_changes(force, found, views, [{"constant-force.force": 8.0}])
     assert change.tolist() == [-4.0] * 400 + [0.0] * 600
 
 
@@ -277,18 +281,18 @@ def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_f
 def test_a_start_is_the_promised_step_from_null_within_a_twentieth_and_five(
     step: float, share: float, value: float
 ) -> None:
-    signature = Signature({"constant-force.force": 10.0}, 1.0, step, 1.0)
-    found = scaled_start(catalogue()["constant-force"], signature, model(), FACTS, share)
+    signature = ScoreTest({"constant-force.force": 10.0}, 1.0, step, 1.0)
+    found = scaled_initial_guess(catalogue()["constant-force"], signature, model(), FACTS, share)
     assert found == {"constant-force.force": pytest.approx(value)}
 
 
 def test_a_start_moves_from_its_null_only_what_has_one_and_stays_within_bounds() -> None:
-    signature = Signature({"stribeck.static": 24.0, "stribeck.velocity": 0.01}, 1.0, 2.0, 1.0)
-    found = scaled_start(catalogue()["stribeck"], signature, model(), FACTS)
+    signature = ScoreTest({"stribeck.static": 24.0, "stribeck.velocity": 0.01}, 1.0, 2.0, 1.0)
+    found = scaled_initial_guess(catalogue()["stribeck"], signature, model(), FACTS)
     assert found == {"stribeck.static": pytest.approx(34.0), "stribeck.velocity": 0.01}
-    declared = catalogue()["chamber-leak"].parameters[0].on(FACTS)
-    far = Signature({"chamber-leak.area": declared.upper}, 1.0, 5.0, 1.0)
-    assert scaled_start(catalogue()["chamber-leak"], far, model(), FACTS)["chamber-leak.area"] == declared.upper
+    declared = catalogue()["chamber-leak"].parameters[0].range_on(FACTS)
+    far = ScoreTest({"chamber-leak.area": declared.upper}, 1.0, 5.0, 1.0)
+    assert scaled_initial_guess(catalogue()["chamber-leak"], far, model(), FACTS)["chamber-leak.area"] == declared.upper
 
 
 # --- adding
@@ -299,7 +303,7 @@ def touched(reach: list[list[int]], felt: list[int]) -> tuple[list[bool], set[st
     columns = np.repeat(np.array(reach, float).T, 10, axis=0)
     found = fitted(columns, np.ones(columns.shape[0]), blocks=columns.shape[0])
     views: Any = [View(np.ones(10), felt=bool(f)) for f in felt]
-    chosen, names = added._touched(found, views, catalogue()["constant-force"])
+    chosen, names = added._affected_residual_models(found, views, catalogue()["constant-force"])
     return chosen.tolist(), names
 
 
@@ -315,20 +319,20 @@ class Scripted:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, cost: Any) -> None:
         self.begun: list[dict[str, float]] = []
         monkeypatch.setattr(added, "free_parameters", lambda *a, **k: [])
-        monkeypatch.setattr(added, "_touched", lambda *a: (np.array([True]), set()))
-        monkeypatch.setattr(added, "_with_overlap_anew", lambda part, views, effort: part)
-        monkeypatch.setattr(added, "joined", lambda found, part, views, chosen: part)
+        monkeypatch.setattr(added, "_affected_residual_models", lambda *a: (np.array([True]), set()))
+        monkeypatch.setattr(added, "_with_overlap_reestimated", lambda part, views, effort: part)
+        monkeypatch.setattr(added, "merge_partial_fit", lambda found, part, views, chosen: part)
 
-        def fit(started: Any, views: Any, free: Any, effort: Effort) -> Any:
+        def fit(started: Any, views: Any, free: Any, effort: StoppingRule) -> Any:
             values = {n: v for n, v in started.values.items() if n.startswith(("constant", "position"))}
             self.begun.append(values)
             return SimpleNamespace(model=started, cost=cost(values))
 
-        monkeypatch.setattr(added, "_from_coarse_to_fine", fit)
+        monkeypatch.setattr(added, "_fit_coarse_to_fine", fit)
 
 
-def promised(*values: float, step: float = 1.0) -> list[Signature]:
-    return [Signature({"constant-force.force": v}, 1.0, step, 1.0) for v in values]
+def promised(*values: float, step: float = 1.0) -> list[ScoreTest]:
+    return [ScoreTest({"constant-force.force": v}, 1.0, step, 1.0) for v in values]
 
 
 FOUND: Any = SimpleNamespace(model=model(), cost=100.0)
@@ -337,7 +341,7 @@ FOUND: Any = SimpleNamespace(model=model(), cost=100.0)
 def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = Scripted(monkeypatch, lambda values: 50.0)
     found = FOUND
-    fit = fit_added(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0, 20.0))  # type: ignore[list-item]
+    fit = fit_with_effect(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0, 20.0))  # type: ignore[list-item]
     assert scripted.begun == [{"constant-force.force": 10.0}]
     assert [e.name for e in fit.model.effects] == ["constant-force"]
 
@@ -345,7 +349,7 @@ def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyP
 def test_where_the_promised_step_leads_astray_it_starts_from_nearly_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = Scripted(monkeypatch, lambda values: 150.0 if values["constant-force.force"] > 5.0 else 90.0)
     found = FOUND
-    fit = fit_added(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0))  # type: ignore[list-item]
+    fit = fit_with_effect(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0))  # type: ignore[list-item]
     assert scripted.begun == [{"constant-force.force": 10.0}, {"constant-force.force": 0.5}]
     assert fit.cost == 90.0
 
@@ -354,7 +358,7 @@ def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyP
     patch = catalogue()["position-friction"]
     scripted = Scripted(monkeypatch, lambda values: values["position-friction.from"])
     ranked = [
-        Signature(
+        ScoreTest(
             {"position-friction.from": a, "position-friction.to": 0.15, "position-friction.gain": 1.0},
             1.0,
             1.0,
@@ -363,7 +367,7 @@ def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyP
         for a in (0.05, 0.03, 0.04, 0.06, 0.01)
     ]
     found = FOUND
-    fit = fit_added(found, [View(np.ones(9))], patch, ranked=ranked)  # type: ignore[list-item]
+    fit = fit_with_effect(found, [View(np.ones(9))], patch, ranked=ranked)  # type: ignore[list-item]
     assert len(scripted.begun) == 4
     assert fit.cost == 0.03
 
@@ -371,25 +375,25 @@ def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyP
 def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
     found = fitted(np.zeros((9, 0)), np.ones(9), blocks=9)
     with pytest.raises(InputError, match="constant-force"):
-        fit_added(found, [], catalogue()["constant-force"], ranked=[])
+        fit_with_effect(found, [], catalogue()["constant-force"], ranked=[])
 
 
 def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[tuple[float, ...]] = []
 
-    def fit(started: Any, views: Any, free: Any, effort: Effort) -> Any:
+    def fit(started: Any, views: Any, free: Any, effort: StoppingRule) -> Any:
         steps.append(tuple(f.step for f in free))
         return SimpleNamespace(model=started)
 
     monkeypatch.setattr(added, "fit", fit)
     plain, edge = (
-        Free("friction.coulomb", "N", 1.0, 0.0, 9.0, 1.0),
-        Free("friction.viscous", "N", 1.0, 0.0, 9.0, 1.0, step=0.01),
+        FreeParameter("friction.coulomb", "N", 1.0, 0.0, 9.0, 1.0),
+        FreeParameter("friction.viscous", "N", 1.0, 0.0, 9.0, 1.0, step=0.01),
     )
-    added._from_coarse_to_fine(model(), [], [plain, edge], effort=FULL)
+    added._fit_coarse_to_fine(model(), [], [plain, edge], effort=FULL_CONVERGENCE)
     assert steps == [(1e-4, pytest.approx(0.12)), (1e-4, pytest.approx(0.04)), (1e-4, 0.01)]
     steps.clear()
-    added._from_coarse_to_fine(model(), [], [plain], effort=FULL)
+    added._fit_coarse_to_fine(model(), [], [plain], effort=FULL_CONVERGENCE)
     assert steps == [(1e-4,)]
 
 
@@ -406,10 +410,10 @@ NOISE = {c: NoiseModel(1.0) for c in ("p1", "p2", "x", "a")}
 
 
 def seen(kind: str, *signals: str, **given: Any) -> list[str]:
-    e = bench(kind, clock(0.1), dict.fromkeys(signals, 0.1), **given)
+    e = make_experiment(kind, time_grid(0.1), dict.fromkeys(signals, 0.1), **given)
     e.raw.clear()
     e.raw.update({n: np.full(101, 0.1) for n in signals})
-    return [view.name for view in views_of([replace(e, noise=NOISE)])]
+    return [view.name for view in residual_models([replace(e, noise=NOISE)])]
 
 
 def test_each_kind_of_recording_is_seen_through_the_subsystems_that_it_tells_of() -> None:
@@ -421,32 +425,38 @@ def test_each_kind_of_recording_is_seen_through_the_subsystems_that_it_tells_of(
 def test_chambers_are_simulated_with_the_measured_motion() -> None:
     from pneucli.simulate import layout as at
 
-    (view,) = [v for v in views_of([replace(DRIVEN, noise=NOISE)], whitened=True) if isinstance(v, Chambers)]
+    (view,) = [
+        v
+        for v in residual_models([replace(DRIVEN, noise=NOISE)], whiten_initial_state=True)
+        if isinstance(v, ChamberPressures)
+    ]
     assert view.experiment.flags[at.MECHANICS] == 0.0
     assert DRIVEN.flags[at.MECHANICS] == 1.0
-    assert view.whitened
+    assert view.whiten_initial_state
     assert view.channels == ("p1", "p2")
 
 
 def test_the_openings_reach_from_rest_to_the_largest_commands() -> None:
     for least, most in ((-5.0, 10.0), (2.0, 5.0), (-10.0, -2.0)):
-        e = bench("axis", clock(0.1), {"u": np.linspace(least, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1})
-        assert Chambers(e).openings == [(min(least, 0.0), max(most, 0.0))]
+        e = make_experiment(
+            "axis", time_grid(0.1), {"u": np.linspace(least, most, 101), "p1": 3e5, "p2": 3e5, "x": 0.1}
+        )
+        assert ChamberPressures(e).opening_ranges == [(min(least, 0.0), max(most, 0.0))]
 
 
 @pytest.mark.parametrize(
     ("kind", "effect", "felt"),
     [
-        (Chambers, "chamber-leak", True),
-        (Forces, "chamber-leak", False),
-        (Forces, "stribeck", True),
-        (Chambers, "stribeck", False),
-        (Chambers, "pressure-lag", True),
-        (Forces, "pressure-lag", True),
-        (Whole, "stribeck", True),
-        (Whole, "chamber-leak", True),
-        (Imposed, "extra-mass", True),
-        (Imposed, "valve-lag", False),
+        (ChamberPressures, "chamber-leak", True),
+        (ForceBalance, "chamber-leak", False),
+        (ForceBalance, "stribeck", True),
+        (ChamberPressures, "stribeck", False),
+        (ChamberPressures, "pressure-lag", True),
+        (ForceBalance, "pressure-lag", True),
+        (FreeRun, "stribeck", True),
+        (FreeRun, "chamber-leak", True),
+        (ImposedMotion, "extra-mass", True),
+        (ImposedMotion, "valve-lag", False),
     ],
 )
 def test_an_effect_shows_in_the_balances_in_which_it_stands(kind: Any, effect: str, felt: bool) -> None:
@@ -455,7 +465,7 @@ def test_an_effect_shows_in_the_balances_in_which_it_stands(kind: Any, effect: s
 
 def test_the_noise_of_a_force_is_that_of_all_that_is_measured() -> None:
     e = replace(DRIVEN, noise={"p1": NoiseModel(300.0), "p2": NoiseModel(400.0), "a": NoiseModel(0.5)})
-    area_1, area_2 = RIG.areas
+    area_1, area_2 = RIG.piston_areas
     wanted = np.sqrt((area_1 * 300.0) ** 2 + (area_2 * 400.0) ** 2 + (RIG.moving_mass * 0.5) ** 2)
-    assert Forces(e).noise == {"force": pytest.approx(wanted), "a": 0.5}
-    assert Forces(replace(DRIVEN, noise={})).noise == {"force": 1e-6}
+    assert ForceBalance(e).noise == {"force": pytest.approx(wanted), "a": 0.5}
+    assert ForceBalance(replace(DRIVEN, noise={})).noise == {"force": 1e-6}

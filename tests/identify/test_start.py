@@ -11,17 +11,23 @@ import pytest
 
 from pneucli.identify.estimation.parameters import TINY
 from pneucli.identify.guesses import friction_and_valve
-from pneucli.identify.guesses.flow_paths import paths
-from pneucli.identify.guesses.friction_and_valve import first_guess, friction_guess, guess_gain, guess_map, overlap_of
-from pneucli.identify.guesses.rest_detection import breakaways, unsure
+from pneucli.identify.guesses.flow_paths import flow_path_data
+from pneucli.identify.guesses.friction_and_valve import (
+    guess_base_model,
+    guess_friction,
+    guess_gain,
+    guess_map,
+    guess_overlap,
+)
+from pneucli.identify.guesses.rest_detection import breakaway_velocities, uncertain_direction
 from pneucli.identify.residuals import initial_state
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.valve_forms.linear import LinearValve
-from tests.simulate.synthetic_experiments import RIG, bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
 
-TIME = clock(4.0)
+TIME = time_grid(4.0)
 X = 0.1 + 0.03 * np.sin(2 * np.pi * TIME)
 V, A = np.gradient(X, TIME), np.gradient(np.gradient(X, TIME), TIME)
 
@@ -32,11 +38,11 @@ def pushed(
     """A motion whose pressures balance mass, friction and a constant force; chamber 2 at ambient."""
     force = mass * A + coulomb * np.sign(V) + viscous * V + constant
     p1 = rig.ambient_pressure + force / rig.piston_area_1
-    return bench("friction", TIME, {"p1": p1, "p2": rig.ambient_pressure, "x": X, "v": V, "a": A}, rig=rig)
+    return make_experiment("friction", TIME, {"p1": p1, "p2": rig.ambient_pressure, "x": X, "v": V, "a": A}, rig=rig)
 
 
 def test_friction_is_guessed_from_the_balance_of_forces() -> None:
-    found = friction_guess([pushed()], RIG)
+    found = guess_friction([pushed()], RIG)
     assert found == {
         "friction.coulomb": pytest.approx(12.0, rel=1e-3),
         "friction.viscous": pytest.approx(40.0, rel=1e-3),
@@ -45,33 +51,33 @@ def test_friction_is_guessed_from_the_balance_of_forces() -> None:
 
 def test_a_constant_force_does_not_lean_on_friction() -> None:
     for constant in (30.0, -30.0):
-        found = friction_guess([pushed(constant=constant)], RIG)
+        found = guess_friction([pushed(constant=constant)], RIG)
         assert found["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
 
 
 def test_friction_is_never_guessed_below_zero() -> None:
-    found = friction_guess([pushed(coulomb=-5.0, viscous=60.0)], RIG)
+    found = guess_friction([pushed(coulomb=-5.0, viscous=60.0)], RIG)
     assert found["friction.coulomb"] == pytest.approx(0.0, abs=1e-6)
-    assert friction_guess([pushed(coulomb=30.0, viscous=-60.0)], RIG)["friction.viscous"] == pytest.approx(
+    assert guess_friction([pushed(coulomb=30.0, viscous=-60.0)], RIG)["friction.viscous"] == pytest.approx(
         0.0, abs=1e-6
     )
 
 
 def test_an_unknown_mass_is_guessed_too() -> None:
     unknown = replace(RIG, moving_mass=None)
-    found = friction_guess([pushed(mass=3.3)], unknown)
+    found = guess_friction([pushed(mass=3.3)], unknown)
     assert found["rig.moving_mass"] == pytest.approx(3.3, rel=1e-3)
     force, moving = -3.0 * A + 12.0 * np.sign(V) + 40.0 * V, np.abs(V) > 0.02 * np.abs(V).max()
     least = 1e-3 * np.abs(force[moving]).max() / np.abs(A[moving]).max()
-    assert friction_guess([pushed(mass=-3.0)], unknown)["rig.moving_mass"] == pytest.approx(least, rel=1e-3)
+    assert guess_friction([pushed(mass=-3.0)], unknown)["rig.moving_mass"] == pytest.approx(least, rel=1e-3)
 
 
 def test_all_recordings_count_and_those_without_position_do_not() -> None:
     blind = pushed(coulomb=1e3)
     del blind.raw["x"]
-    assert friction_guess([blind, pushed()], RIG)["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
-    assert friction_guess([blind], RIG) == {}
-    mean = friction_guess([pushed(coulomb=10.0), pushed(coulomb=20.0)], RIG)["friction.coulomb"]
+    assert guess_friction([blind, pushed()], RIG)["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
+    assert guess_friction([blind], RIG) == {}
+    mean = guess_friction([pushed(coulomb=10.0), pushed(coulomb=20.0)], RIG)["friction.coulomb"]
     assert mean == pytest.approx(15.0, rel=1e-2)
 
 
@@ -79,17 +85,19 @@ def test_what_hardly_moves_tells_no_friction() -> None:
     """Below a fiftieth of the largest speed the force is anything."""
     e = pushed()
     e.inputs[np.abs(V) < 0.019 * np.abs(V).max(), at.IN_P1] += 1e6
-    assert friction_guess([e], RIG)["friction.coulomb"] == pytest.approx(12.0, rel=1e-2)
+    assert guess_friction([e], RIG)["friction.coulomb"] == pytest.approx(12.0, rel=1e-2)
 
 
 def test_the_force_is_that_of_both_pressures_over_ambient_and_of_the_drive() -> None:
-    e = bench("axis", TIME, {"p1": 3e5, "p2": 2e5})
+    e = make_experiment("axis", TIME, {"p1": 3e5, "p2": 2e5})
     e.inputs[:, at.IN_FORCE] = 7.0
-    area_1, area_2 = RIG.areas
+    area_1, area_2 = RIG.piston_areas
     wanted = area_1 * (3e5 - RIG.ambient_pressure) - area_2 * (2e5 - RIG.ambient_pressure) + 7.0
-    assert friction_and_valve._force(e, RIG)[0] == pytest.approx(wanted)
-    assert friction_and_valve._force(e, replace(RIG, piston_area_2=None))[0] == pytest.approx(area_1 * 1e5 + 7.0)
-    assert friction_and_valve._force(e, replace(RIG, piston_area_1=None, piston_area_2=None))[0] == 7.0
+    assert friction_and_valve._driving_force(e, RIG)[0] == pytest.approx(wanted)
+    assert friction_and_valve._driving_force(e, replace(RIG, piston_area_2=None))[0] == pytest.approx(
+        area_1 * 1e5 + 7.0
+    )
+    assert friction_and_valve._driving_force(e, replace(RIG, piston_area_1=None, piston_area_2=None))[0] == 7.0
 
 
 # --- the valve
@@ -107,9 +115,9 @@ def per_area(u: float, p: float, rig: Rig = RIG) -> float:
 @pytest.mark.parametrize("p", [2e5, 6e5])
 def test_flow_is_the_balance_of_mass_and_the_valves_share_of_it_by_area(u: float, p: float) -> None:
     slope = 4e5
-    e = bench("axis", TIME, {"u": u, "p1": p + slope * (TIME - 2.0), "x": 0.12, "v": 0.3})
-    (shown,) = paths([e], RIG, 1, 1.0)
-    flow, unit = shown.flow, shown.per_area
+    e = make_experiment("axis", TIME, {"u": u, "p1": p + slope * (TIME - 2.0), "x": 0.12, "v": 0.3})
+    (shown,) = flow_path_data([e], RIG, 1, 1.0)
+    flow, unit = shown.flow, shown.mass_flux
     volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.12
     gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
     middle = 2000
@@ -119,9 +127,9 @@ def test_flow_is_the_balance_of_mass_and_the_valves_share_of_it_by_area(u: float
 
 
 def test_a_vessel_has_its_own_volume_and_no_piston() -> None:
-    e = bench("valve", TIME, {"u": 5.0, "p1": 2e5 + 1e5 * TIME})
+    e = make_experiment("valve", TIME, {"u": 5.0, "p1": 2e5 + 1e5 * TIME})
     gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
-    assert next(paths([e], RIG, 1, 3e-4)).flow[2000] == pytest.approx(1e5 * 3e-4 / gas)
+    assert next(flow_path_data([e], RIG, 1, 3e-4)).flow[2000] == pytest.approx(1e5 * 3e-4 / gas)
 
 
 AREAS = {u: 2e-7 * (abs(u) - 0.2) ** 1.2 for u in (-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0)}
@@ -129,11 +137,11 @@ AREAS = {u: 2e-7 * (abs(u) - 0.2) ** 1.2 for u in (-8.0, -4.0, -2.0, -1.0, 1.0, 
 
 def driven(levels: list[float], areas: dict[float, float] = AREAS, each: float = 0.5) -> Any:
     """A vessel of 1 l at a pressure that follows the areas exactly, its slope as a smoother would tell it."""
-    time = clock(each * len(levels))
-    u = steps_of_command(time, levels, each)
+    time = time_grid(each * len(levels))
+    u = held_commands(time, levels, each)
     p = np.full(time.size, 3e5)
     slope = np.array([areas[c] * per_area(c, 3e5) for c in u]) * 1.4 * RIG.gas_constant * RIG.gas_temperature / 1e-3
-    e = bench("valve", time, {"u": u, "p1": p})
+    e = make_experiment("valve", time, {"u": u, "p1": p})
     gas = RIG.heat_capacity_ratio / 1.4
     e.smoothers["p1"] = SimpleNamespace(slope=lambda raw: slope * gas)
     return e
@@ -144,7 +152,9 @@ LEVELS = list(AREAS)
 
 def shown(experiments: list[Any], values: dict[str, float]) -> list[Any]:
     """What they show of the paths of chamber 1, of a vessel of a litre unless known."""
-    return list(paths(experiments, RIG, 1, values.get("rig.vessel_volume", friction_and_valve.STAND_IN_VOLUME)))
+    return list(
+        flow_path_data(experiments, RIG, 1, values.get("rig.vessel_volume", friction_and_valve.PLACEHOLDER_VOLUME))
+    )
 
 
 def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
@@ -187,10 +197,10 @@ def test_commands_held_only_shortly_get_no_knot_where_enough_are_held_longer() -
 
 def test_readings_of_a_command_that_scatter_by_less_than_a_ten_thousandth_are_one_level() -> None:
     """0.8 mV of 8 V; each of the many readings by itself would be held for a moment only."""
-    time = clock(4.0)
-    u = steps_of_command(time, LEVELS, 0.5)
+    time = time_grid(4.0)
+    u = held_commands(time, LEVELS, 0.5)
     read = u + np.random.default_rng(1).uniform(-2e-4, 2e-4, time.size)
-    e = bench("axis", time, {"u": read, "p1": 3e5, "x": 0.1, "v": 0.0})
+    e = make_experiment("axis", time, {"u": read, "p1": 3e5, "x": 0.1, "v": 0.0})
     gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
     volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.1
     slope = np.array([AREAS[c] * per_area(c, 3e5) for c in u]) * gas / volume
@@ -209,9 +219,9 @@ def test_neighbouring_commands_share_a_knot() -> None:
 
 def test_a_command_that_is_never_held_has_knots_of_its_own() -> None:
     """A closed loop: areas are means over a tenth either side of usual commands."""
-    time = clock(20.0)
+    time = time_grid(20.0)
     u = np.round(12.0 * np.sin(2 * np.pi * 0.3 * time), 6)
-    e = bench("axis", time, {"u": u, "p1": 3e5, "x": 0.1})
+    e = make_experiment("axis", time, {"u": u, "p1": 3e5, "x": 0.1})
     gas = RIG.heat_capacity_ratio * RIG.gas_constant * RIG.gas_temperature
     volume = RIG.dead_volume_1 + RIG.piston_area_1 * 0.1
     slope = np.array([1e-9 * abs(c) ** 3 * (per_area(c, 3e5) if c else 0.0) for c in u]) * gas / volume
@@ -232,24 +242,24 @@ def test_a_linear_valve_has_one_gain() -> None:
 @pytest.mark.parametrize("exponent", [0.8, 1.5])
 def test_an_overlap_makes_areas_a_power_law(overlap: float, exponent: float) -> None:
     commands = np.array([1.0, 2.0, 4.0, 8.0])
-    assert overlap_of(commands, 3e-7 * (commands - overlap) ** exponent) == pytest.approx(overlap, abs=0.011)
+    assert guess_overlap(commands, 3e-7 * (commands - overlap) ** exponent) == pytest.approx(overlap, abs=0.011)
 
 
 def test_two_areas_tell_no_overlap() -> None:
-    assert overlap_of(np.array([1.0, 2.0]), np.array([1e-7, 3e-7])) == 0.0
+    assert guess_overlap(np.array([1.0, 2.0]), np.array([1e-7, 3e-7])) == 0.0
 
 
 def test_the_first_guess_takes_from_each_experiment_what_it_tells() -> None:
-    found = first_guess([driven(LEVELS), pushed()], RIG)
+    found = guess_base_model([driven(LEVELS), pushed()], RIG)
     assert found.effects == ()
     assert found.values["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
     assert found.values["rig.vessel_volume"] == 1e-3
     assert found.valve.commands == tuple(AREAS)
-    known = first_guess([driven(LEVELS)], replace(RIG, vessel_volume=2e-3), "linear")
+    known = guess_base_model([driven(LEVELS)], replace(RIG, vessel_volume=2e-3), "linear")
     assert known.values == {"rig.vessel_volume": 2e-3}
     assert isinstance(known.valve, LinearValve)
     shut = replace(driven(LEVELS), recording=replace(driven(LEVELS).recording, valve_shut=True))
-    assert first_guess([pushed(), shut], RIG).valve.commands == ()
+    assert guess_base_model([pushed(), shut], RIG).valve.commands == ()
 
 
 # --- restarts
@@ -266,7 +276,7 @@ def covariance(first: int, last: int) -> np.ndarray:
 
 def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance() -> None:
     residual = np.random.default_rng(1).standard_normal(1000)
-    found = initial_state.whitened(residual, ERROR[None], STARTS)
+    found = initial_state.apply_whitening(residual, ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         values, vectors = np.linalg.eigh(covariance(first, last))
         root = vectors @ np.diag(values**-0.5) @ vectors.T
@@ -274,7 +284,7 @@ def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance
 
 
 def test_the_volume_is_the_log_determinant_spread_over_the_stretch() -> None:
-    found = initial_state.volume(ERROR[None], STARTS)
+    found = initial_state.log_determinant(ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         determinant = np.linalg.slogdet(covariance(first, last))[1]
         assert found[first:last].sum() == pytest.approx(determinant, abs=1e-9)
@@ -286,7 +296,10 @@ def test_with_several_errors_the_squares_are_those_of_the_inverse_covariance_and
     rng = np.random.default_rng(2)
     several = np.vstack([ERROR, 3.0 * ERROR + rng.standard_normal(1000), rng.standard_normal(1000)])
     residual = rng.standard_normal(1000)
-    found, volume = initial_state.whitened(residual, several, STARTS), initial_state.volume(several, STARTS)
+    found, volume = (
+        initial_state.apply_whitening(residual, several, STARTS),
+        initial_state.log_determinant(several, STARTS),
+    )
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         e, r = several[:, first:last], residual[first:last]
         covariance = np.eye(last - first) + e.T @ e
@@ -296,12 +309,12 @@ def test_with_several_errors_the_squares_are_those_of_the_inverse_covariance_and
 
 def test_without_any_error_nothing_is_whitened() -> None:
     none, residual = np.zeros((0, 1000)), np.arange(1000.0)
-    assert initial_state.whitened(residual, none, STARTS) == pytest.approx(residual)
-    assert not initial_state.volume(none, STARTS).any()
+    assert initial_state.apply_whitening(residual, none, STARTS) == pytest.approx(residual)
+    assert not initial_state.log_determinant(none, STARTS).any()
 
 
 def test_lengths_of_stretches_go_to_the_next_restart() -> None:
-    assert initial_state.lengths(STARTS, 1000).tolist() == [300, 400, 300]
+    assert initial_state.segment_lengths(STARTS, 1000).tolist() == [300, 400, 300]
 
 
 class Read:
@@ -329,8 +342,8 @@ def drawn_as_they_are(noise: dict[str, np.ndarray], *_: Any) -> np.ndarray:
 
 def test_a_start_errs_by_what_smoothing_leaves_and_its_slope(monkeypatch: pytest.MonkeyPatch) -> None:
     """White noise of 1 (3) unsmoothed: 1.4 times that, and a central difference over 2 ms."""
-    monkeypatch.setattr(initial_state, "smooth", drawn_as_they_are)
-    found = initial_state.start_errors(Read())  # type: ignore[arg-type]
+    monkeypatch.setattr(initial_state, "smooth_inputs", drawn_as_they_are)
+    found = initial_state.initial_state_errors(Read())  # type: ignore[arg-type]
     assert found["p1"] == pytest.approx((1.4, 1e3 / 2**0.5), rel=0.03)
     assert found["p2"] == pytest.approx((1.4 * 3.0, 3e3 / 2**0.5), rel=0.03)
 
@@ -345,12 +358,12 @@ def test_an_error_of_a_start_is_carried_as_far_as_the_model_keeps_it(monkeypatch
         },
     )  # fmt: skip
     errors = {"p1": (100.0, 0.0), "p2": (100.0, 0.0)}
-    found = initial_state.carried(model(), Read(), errors)  # type: ignore[arg-type]
+    found = initial_state.initial_state_sensitivity(model(), Read(), errors)  # type: ignore[arg-type]
     assert found["p1"] == pytest.approx(np.full((1, 4000), 0.5 * 100.0 / 50.0))
     assert found["p2"] == pytest.approx(np.zeros((1, 4000)))
     late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.03})
     errors = {"p1": (40.0, 1000.0), "p2": (0.0, 0.0)}
-    assert initial_state.carried(late, Read(), errors)["p1"][0, 0] == pytest.approx(0.5)  # type: ignore[arg-type]
+    assert initial_state.initial_state_sensitivity(late, Read(), errors)["p1"][0, 0] == pytest.approx(0.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -370,7 +383,7 @@ def test_unsmoothed_silent_or_absent_pressures_carry_no_error(
     e: Any = Read()
     for name, value in changed.items():
         setattr(e, name, value)
-    assert list(initial_state.carried(model(), e, dict.fromkeys(("p1", "p2"), (1.0, 0.0)))) == ["p2"]
+    assert list(initial_state.initial_state_sensitivity(model(), e, dict.fromkeys(("p1", "p2"), (1.0, 0.0)))) == ["p2"]
 
 
 # --- rests
@@ -380,7 +393,7 @@ def test_a_break_away_has_the_direction_of_the_motion_and_at_least_a_creep() -> 
     for sign in (1.0, -1.0):
         smoothed = sign * np.concatenate([np.zeros(40), 1e-3 * np.arange(1, 60)])
         v = np.where(np.abs(smoothed) < 0.5e-3, 0.0, smoothed)
-        leaving = breakaways(v, smoothed, 0.2e-3, 20)
+        leaving = breakaway_velocities(v, smoothed, 0.2e-3, 20)
         assert np.flatnonzero(leaving).tolist() == [39]
         assert leaving[39] == sign * 1e-9
 
@@ -388,25 +401,25 @@ def test_a_break_away_has_the_direction_of_the_motion_and_at_least_a_creep() -> 
 def test_a_velocity_that_never_was_below_the_threshold_leaves_at_the_last_rest() -> None:
     smoothed = np.full(100, 1e-3)
     v = np.where(np.arange(100) < 50, 0.0, 2e-3)
-    assert np.flatnonzero(breakaways(v, smoothed, 0.5e-3, 20)).tolist() == [49]
-    assert breakaways(v, smoothed, 0.5e-3, 20)[49] == 1e-3
+    assert np.flatnonzero(breakaway_velocities(v, smoothed, 0.5e-3, 20)).tolist() == [49]
+    assert breakaway_velocities(v, smoothed, 0.5e-3, 20)[49] == 1e-3
 
 
 @pytest.mark.parametrize(("rest", "found"), [(20, False), (21, True)])
 def test_twenty_samples_before_the_last_must_rest(rest: int, found: bool) -> None:
     v = np.concatenate([np.ones(30), np.zeros(rest), np.ones(40)])
-    assert bool(breakaways(v, v, 0.5, 20).any()) == found
+    assert bool(breakaway_velocities(v, v, 0.5, 20).any()) == found
 
 
 @pytest.mark.parametrize(("moving", "found"), [(19, False), (20, True)])
 def test_twenty_samples_after_it_must_move_one_way(moving: int, found: bool) -> None:
     v = np.concatenate([np.zeros(40), np.ones(moving), -np.ones(40)])
-    assert bool(breakaways(v, v, 0.5, 20).any()) == found
+    assert bool(breakaway_velocities(v, v, 0.5, 20).any()) == found
 
 
 def test_five_samples_about_each_change_of_direction_and_at_both_ends_are_unsure() -> None:
     v = np.concatenate([np.ones(50), -np.ones(50)])
-    doubtful = unsure(v, np.zeros(100), 5)
+    doubtful = uncertain_direction(v, np.zeros(100), 5)
     assert np.flatnonzero(doubtful).tolist() == [*range(5), *range(45, 55), *range(95, 100)]
 
 
@@ -414,4 +427,4 @@ def test_from_a_break_away_on_all_is_unsure_until_it_certainly_moves_but_the_sam
     v = np.concatenate([np.zeros(60), np.ones(40)])
     leaving = np.zeros(100)
     leaving[40] = 1e-9
-    assert np.flatnonzero(unsure(v, leaving, 5)).tolist() == [*range(5), *range(41, 65), *range(95, 100)]
+    assert np.flatnonzero(uncertain_direction(v, leaving, 5)).tolist() == [*range(5), *range(41, 65), *range(95, 100)]

@@ -9,31 +9,31 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.rest_detection import breakaways, unsure
-from pneucli.identify.residuals import Chambers, Forces, View, views_of
-from pneucli.identify.residuals.base import FAR, difference
+from pneucli.identify.guesses.rest_detection import breakaway_velocities, uncertain_direction
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualModel, residual_models
+from pneucli.identify.residuals.base import MAX_RESIDUAL, bounded_difference
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
 from pneucli.simulate.run import simulate
-from tests.compare.fixture_experiments import Bench, bench
-from tests.simulate.synthetic_experiments import bench as ideal
-from tests.simulate.synthetic_experiments import clock, model, steps_of_command
+from tests.compare.fixture_experiments import FixtureExperiments, load_fixture
+from tests.simulate.synthetic_experiments import held_commands, model, time_grid
+from tests.simulate.synthetic_experiments import make_experiment as ideal
 
 LAG = 0.004  # s
 
 
 @pytest.fixture(scope="module")
-def stribeck(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    return bench("friction_null_stribeck", tmp_path_factory)
+def stribeck(tmp_path_factory: pytest.TempPathFactory) -> FixtureExperiments:
+    return load_fixture("friction_null_stribeck", tmp_path_factory)
 
 
 def test_a_break_away_is_where_the_velocity_begins_to_grow():
     """It passes 1 mm/s, below which noise hides it, 4 samples after it has left zero by more than a quarter of that."""
     smoothed = np.concatenate([np.full(50, 1e-5), 3e-4 * np.arange(1, 60)])
     v = np.where(smoothed < 1e-3, 0.0, smoothed)
-    leaving = breakaways(v, smoothed, 0.25e-3, 20)
+    leaving = breakaway_velocities(v, smoothed, 0.25e-3, 20)
     assert np.flatnonzero(leaving).tolist() == [49]
     assert leaving[49] == 1e-5
 
@@ -41,32 +41,32 @@ def test_a_break_away_is_where_the_velocity_begins_to_grow():
 def test_samples_from_the_break_away_to_the_first_certain_motion_are_unsure():
     smoothed = np.concatenate([np.zeros(50), 1e-5 * np.arange(1, 200)])
     v = np.where(smoothed < 1e-3, 0.0, smoothed)
-    leaving = breakaways(v, smoothed, 0.9e-3, 20)
+    leaving = breakaway_velocities(v, smoothed, 0.9e-3, 20)
     onset = int(np.flatnonzero(leaving)[0])
-    doubtful = unsure(v, leaving, 5)
+    doubtful = uncertain_direction(v, leaving, 5)
     assert not doubtful[onset]
     assert doubtful[onset + 1 : int(np.argmax(v > 0))].all()
 
 
 def test_a_rest_too_short_or_a_motion_to_and_fro_is_no_break_away():
     v = np.concatenate([np.ones(30), np.zeros(10), np.ones(30), np.zeros(30), [1.0, -1.0] * 15])
-    assert not breakaways(v, v, 0.1, 20).any()
+    assert not breakaway_velocities(v, v, 0.1, 20).any()
 
 
-def test_static_friction_is_met_at_break_aways(stribeck: Bench):
+def test_static_friction_is_met_at_break_aways(stribeck: FixtureExperiments):
     """What the true model leaves over at 25 break-aways is noise: its mean is within 3 standard errors of none."""
     true, experiments = stribeck
-    left = np.concatenate([leftover(Forces(e), true) for e in experiments])
+    left = np.concatenate([leftover(ForceBalance(e), true) for e in experiments])
     assert left.size > 20
     assert abs(left.mean()) < 3.0 * left.std() / np.sqrt(left.size)
     assert left.std() < 0.05 * true.values["stribeck.static"]
 
 
-def leftover(view: View, true: object) -> np.ndarray:
+def leftover(view: ResidualModel, true: object) -> np.ndarray:
     return view.residual(true)["force"][view._turns[0] != 0.0]
 
 
-def test_a_lag_of_the_pressures_is_not_found_too_small(stribeck: Bench):
+def test_a_lag_of_the_pressures_is_not_found_too_small(stribeck: FixtureExperiments):
     """Readings put through 4 ms and noise of 800 Pa; comparing pressures with the lag undone gives 1.9 ms.
 
     5 %: smoothing the readings that stand in for the truth, and the sampling, are worth 3 % here.
@@ -74,7 +74,7 @@ def test_a_lag_of_the_pressures_is_not_found_too_small(stribeck: Bench):
     true, experiments = stribeck
     late = [through_lag(e, seed) for seed, e in enumerate(experiments)]
     added = [catalogue()["stribeck"], catalogue()["pressure-lag"]]
-    found = fit_model(true, views_of(late), added)
+    found = fit_model(true, residual_models(late), added)
     assert found["pressure-lag.time_constant"].value == pytest.approx(LAG, rel=0.05)
 
 
@@ -92,20 +92,20 @@ def through_lag(e: Experiment, seed: int) -> Experiment:
 
 
 @pytest.fixture
-def chamber() -> View:
+def chamber() -> ResidualModel:
     """A chamber that is filled and vented, restarted every 0.1 s, read with noise of 500 Pa and smoothed."""
-    time, rng = clock(2.0), np.random.default_rng(2)
-    given = {"u": steps_of_command(time, [2.0, -2.0, 1.0, -1.0], 0.5), "x": np.full(time.size, 0.1)}
+    time, rng = time_grid(2.0), np.random.default_rng(2)
+    given = {"u": held_commands(time, [2.0, -2.0, 1.0, -1.0], 0.5), "x": np.full(time.size, 0.1)}
     exact = ideal("axis", time, {**given, "v": np.zeros(time.size), "p1": 2e5}, chamber_2="open")
     exact.flags[at.MECHANICS] = 0.0
     readings = simulate(model(), exact)["p1"] + rng.normal(scale=500.0, size=time.size)
     recording = replace(exact.recording, signals={**given, "p1": readings})
     ready = prepare(recording, exact.rig, 0.1)
     ready.flags[at.MECHANICS] = 0.0
-    return Chambers(ready, whitened=True)
+    return ChamberPressures(ready, whiten_initial_state=True)
 
 
-def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: View):
+def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: ResidualModel):
     """White noise of 1 remains, where the errors of the starts, carried on, would add to it."""
     scale = chamber.noise["p1"]
     plain = chamber.residual(model(), {})["p1"] / scale
@@ -114,27 +114,29 @@ def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: View):
     assert np.std(settled) == pytest.approx(1.0, abs=0.05)
 
 
-def test_what_is_no_error_of_a_start_stays(chamber: View):
+def test_what_is_no_error_of_a_start_stays(chamber: ResidualModel):
     """A sine that does not look like one loses less than a tenth."""
     sine = {"p1": 1000.0 * np.sin(2 * np.pi * 50.0 * chamber.experiment.time)}
-    left = chamber.settled(sine, chamber.carried(model()))
+    left = chamber.apply_whitening(sine, chamber.initial_state_sensitivity(model()))
     assert np.std(left["p1"]) > 0.9 * np.std(sine["p1"])
 
 
-def test_starts_that_err_more_cost_their_volume(chamber: View):
+def test_starts_that_err_more_cost_their_volume(chamber: ResidualModel):
     """A lag of 20 ms that is undone makes the starts err more; the squares fall by no more than the volume grows."""
     late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.02})
-    plain, lagging = chamber.carried(model()), chamber.carried(late)
+    plain, lagging = chamber.initial_state_sensitivity(model()), chamber.initial_state_sensitivity(late)
     rng, falls = np.random.default_rng(3), []
     noise = {"p1": rng.normal(size=(50, chamber.experiment.time.size))}
     for row in noise["p1"]:
-        few, many = (chamber.settled({"p1": row}, e)["p1"] for e in (plain, lagging))
+        few, many = (chamber.apply_whitening({"p1": row}, e)["p1"] for e in (plain, lagging))
         falls.append(float(few @ few - many @ many))
     assert np.mean(falls) > 0.0
-    assert np.mean(falls) < chamber.volume(lagging).sum() - chamber.volume(plain).sum()
+    assert np.mean(falls) < chamber.log_determinant(lagging).sum() - chamber.log_determinant(plain).sum()
 
 
-def test_what_draws_of_noise_become_is_pooled_in_units_of_noise(chamber: View, monkeypatch: pytest.MonkeyPatch):
+def test_what_draws_of_noise_become_is_pooled_in_units_of_noise(
+    chamber: ResidualModel, monkeypatch: pytest.MonkeyPatch
+):
     """Draws of 3 and 4: the root of 12.5."""
     n, asked = chamber.experiment.time.size, []
 
@@ -142,29 +144,29 @@ def test_what_draws_of_noise_become_is_pooled_in_units_of_noise(chamber: View, m
         asked.append((experiment, draws))
         return {"p1": np.repeat([[3.0], [4.0]], n, axis=1), "else": np.zeros((2, n))}
 
-    monkeypatch.setattr("pneucli.identify.residuals.base.deviations", deviations)
-    found = chamber.drawn_rms(model(), {}, 2, 11)
+    monkeypatch.setattr("pneucli.identify.residuals.base.sample_deviations", deviations)
+    found = chamber.monte_carlo_rms(model(), {}, 2, 11)
     assert found == {"p1": pytest.approx(np.sqrt(12.5) / chamber.noise["p1"])}
     assert asked == [(chamber.experiment, 2)]
 
 
 def test_a_channel_that_never_changes_has_no_measure_and_is_left_out():
-    e = ideal("axis", clock(1.0), {"u": 1.0, "p1": 2e5, "p2": 2e5, "x": 0.1})
+    e = ideal("axis", time_grid(1.0), {"u": 1.0, "p1": 2e5, "p2": 2e5, "x": 0.1})
     noise = dict.fromkeys(("p1", "p2", "x"), NoiseModel(white=1.0))
     dead = replace(e, noise={**noise, "p2": NoiseModel(white=0.0)})
-    (chambers,) = [view for view in views_of([dead]) if isinstance(view, Chambers)]
+    (chambers,) = [view for view in residual_models([dead]) if isinstance(view, ChamberPressures)]
     assert chambers.channels == ("p1",)
     both = replace(dead, noise={**dead.noise, "p1": NoiseModel(white=0.0)})
-    assert [type(view) for view in views_of([both])] == [Forces]
+    assert [type(view) for view in residual_models([both])] == [ForceBalance]
 
 
 def test_a_model_that_runs_away_errs_very_much_and_is_finite():
     measured = np.array([1.0, np.nan, 2.0, 3.0])
-    left = difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
-    np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * FAR, 0.1 * FAR])
+    left = bounded_difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
+    np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * MAX_RESIDUAL, 0.1 * MAX_RESIDUAL])
 
 
 def test_an_effect_whose_part_no_recording_has_is_refused():
-    e = ideal("valve", clock(1.0), {"u": 1.0, "p1": 2e5})
+    e = ideal("valve", time_grid(1.0), {"u": 1.0, "p1": 2e5})
     with pytest.raises(InputError, match=r"stribeck.*no training recording has \(cylinder\)"):
-        fit_model(model(), views_of([e]), [catalogue()["stribeck"]])
+        fit_model(model(), residual_models([e]), [catalogue()["stribeck"]])

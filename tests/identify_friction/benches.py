@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.rig.simulation import Manoeuvre, run
+from pneucli.exam.rig.simulation import Excitation, simulate_rig
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
@@ -95,10 +95,10 @@ def pressed(par: Parameters, force: Array) -> dict[str, Array]:
     """True signals of the exam's rig whose pressures are imposed, so that they push with ``force`` (N) over 1 ms."""
     p2 = np.full(force.size, 3e5)
     p1 = p2 + force / par.piston_area_1
-    manoeuvre = Manoeuvre(
+    manoeuvre = Excitation(
         np.zeros(force.size), position=0.1, pressure_1=float(p1[0]), pressure_2=3e5, imposed=np.column_stack([p1, p2])
     )
-    return run(par, manoeuvre)
+    return simulate_rig(par, manoeuvre)
 
 
 def recorded(

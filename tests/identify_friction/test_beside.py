@@ -10,9 +10,9 @@ import pytest
 
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.identify.friction import FrictionIdentification, identify_friction
-from pneucli.identify.friction.kinematics import motion_of
-from pneucli.identify.friction.non_friction_forces import Beside
-from pneucli.identify.friction.unmodelled_effects import lacking
+from pneucli.identify.friction.kinematics import estimate_motion
+from pneucli.identify.friction.non_friction_forces import NonFrictionForces
+from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
@@ -42,7 +42,7 @@ def times_noise(found: FrictionIdentification, name: str, channel: str) -> float
 
 
 def test_the_parameters_of_a_lie_in_their_intervals_beside_a_spring_and_a_constant_force() -> None:
-    assert WITH.taken_out == ("constant-force", "spring-force")
+    assert WITH.removed_effects == ("constant-force", "spring-force")
     for name, truth in (("coulomb", LOADED.coulomb), ("viscous", LOADED.viscous), ("offset", 0.0)):
         assert WITH.parameters[name].ci_low <= truth <= WITH.parameters[name].ci_high, name
 
@@ -76,7 +76,7 @@ def test_faults_of_pressure_sensors_are_undone(values: dict[str, float], distort
     read = {"p1": distortion(p1, time), "p2": distortion(p2, time)}
     if "pressure-offset.offset" in values:
         read["p2"] = p2
-    true = Beside(model(values)).true_readings(time, read)
+    true = NonFrictionForces(model(values)).corrected_readings(time, read)
     inner = slice(20, -20)
     assert true["p1"][inner] == pytest.approx(p1[inner], rel=2e-4)
     assert true["p2"][inner] == pytest.approx(p2[inner], rel=2e-4)
@@ -92,14 +92,14 @@ def test_a_mass_of_the_model_moves_with_the_rigs() -> None:
 
 def test_a_force_that_depends_on_position_asks_for_it() -> None:
     blind = recorded(LOADED, pressed(LOADED, pulses(2, 28.0)), 1, ("p1", "p2", "a"))
-    assert np.isfinite(motion_of(blind, model({"constant-force.force": 4.0})).drive).all()
+    assert np.isfinite(estimate_motion(blind, model({"constant-force.force": 4.0})).drive).all()
     with pytest.raises(Exception, match="x was not recorded, and a force depends on it"):
-        motion_of(blind, model(LOADS))
+        estimate_motion(blind, model(LOADS))
 
 
 def shown(values: dict[str, float]) -> dict[str, tuple[str, ...]]:
     described = model(values)
-    return dict(lacking(described, [motion_of(RUNS[0], described)]))
+    return dict(unmodelled_effects(described, [estimate_motion(RUNS[0], described)]))
 
 
 STRIBECK = {"stribeck.static": 18.0, "stribeck.velocity": 0.015}

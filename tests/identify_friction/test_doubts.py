@@ -10,9 +10,9 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.friction import identification
-from pneucli.identify.friction.regression import UNITS, FittedLaw
-from pneucli.identify.friction.samples import Value
-from pneucli.messages.formatting import number
+from pneucli.identify.friction.regression import UNITS, FrictionFit
+from pneucli.identify.friction.samples import IntervalEstimate
+from pneucli.messages.formatting import format_number
 from pneucli.recording import Recording
 from tests.identify_friction.test_pieces import samples
 
@@ -22,15 +22,15 @@ FAST = samples([0.1, -0.1], [16.0, -16.0])
 NONE: dict[Any, tuple[str, ...]] = {"A": ()}
 
 
-def fitted(deviation: float = 1.0, error: float = 1.0, **values: float) -> FittedLaw:
+def fitted(deviation: float = 1.0, error: float = 1.0, **values: float) -> FrictionFit:
     """A law whose parameters have 95 % intervals of +- ``error``."""
     names = tuple(n for n in NAMES if n not in values or not np.isnan(values[n]))
     theta = np.array([(USUAL | values)[n] for n in names])
-    return FittedLaw(names, theta, (error / 1.96) ** 2 * np.eye(len(names)), deviation)
+    return FrictionFit(names, theta, (error / 1.96) ** 2 * np.eye(len(names)), deviation)
 
 
-def doubts(law: FittedLaw, lacks: Any = None) -> list[str]:
-    return identification._doubts(law, FAST, lacks or NONE)
+def doubts(law: FrictionFit, lacks: Any = None) -> list[str]:
+    return identification._model_a_warnings(law, FAST, lacks or NONE)
 
 
 def test_of_a_law_that_describes_its_samples_nothing_is_said() -> None:
@@ -41,7 +41,7 @@ def test_of_a_law_that_describes_its_samples_nothing_is_said() -> None:
 @pytest.mark.parametrize(("offset", "said"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (30.0, True)])
 def test_a_constant_force_is_one_whose_interval_leaves_zero_out(offset: float, said: bool) -> None:
     told = (
-        f"a constant force of {number(offset, 3)} N acts beside friction "
+        f"a constant force of {format_number(offset, 3)} N acts beside friction "
         "(or friction differs by direction, or a sensor or an area errs)"
     )
     assert doubts(fitted(offset=offset)) == [told] * said
@@ -78,20 +78,20 @@ TWO = LACKS.replace("hysteresis", "hysteresis, position")
     ],
 )
 def test_why_a_leaves_more_than_noise(lacks: Any, reason: str) -> None:
-    most = identification.RESTLESS
+    most = identification.MAX_RESIDUAL_TO_NOISE
     (told,) = doubts(fitted(most + 0.06), lacks)
     assert told == f"model A leaves {most + 0.06:.1f} times the sensors' noise of these forces: {reason}"
     assert doubts(fitted(most), lacks) == []
 
 
 def level(low: float, value: float, high: float) -> Any:
-    return SimpleNamespace(friction=Value(value, low, high, "N"))
+    return SimpleNamespace(friction=IntervalEstimate(value, low, high, "N"))
 
 
 def test_levels_of_recordings_differ_where_their_intervals_are_apart() -> None:
-    assert identification._differing([]) == []
-    assert identification._differing([level(10.0, 11.0, 12.0), level(12.0, 13.0, 14.0)]) == []
-    assert identification._differing([level(10.0, 11.0, 12.0), level(12.1, 13.0, 14.0)]) == [
+    assert identification._level_warnings([]) == []
+    assert identification._level_warnings([level(10.0, 11.0, 12.0), level(12.0, 13.0, 14.0)]) == []
+    assert identification._level_warnings([level(10.0, 11.0, 12.0), level(12.1, 13.0, 14.0)]) == [
         "kinetic friction differs between recordings (11.0 to 13.0 N): model A pools them; see each one's own level"
     ]
 
@@ -113,7 +113,7 @@ def recording(kind: str, use: str = "train") -> Recording:
 
 def test_friction_tests_come_before_axis_recordings_and_valve_tests_never() -> None:
     def used(*rows: Recording) -> list[str]:
-        return [r.name for r in identification._usable(rows)]
+        return [r.name for r in identification._friction_recordings(rows)]
 
     test, axis, valve = recording("friction"), recording("axis"), recording("valve")
     assert used(valve, axis, test, recording("friction", "test")) == ["friction train", "friction test"]

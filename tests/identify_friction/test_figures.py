@@ -10,14 +10,14 @@ import pytest
 
 from pneucli.identify.friction.imposed_motion import KineticFriction
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import Value
-from pneucli.identify.friction.summary_figures import break_away, over_pressure, repeats
+from pneucli.identify.friction.samples import IntervalEstimate
+from pneucli.identify.friction.summary_figures import break_away, pressure_dependence, repeatability
 
 AMBIENT = 1e5
 
 
 def level(name: str, friction: float, bar: float | None = None, speed: float = 0.01) -> KineticFriction:
-    value = Value(friction, friction - 0.1, friction + 0.1, "N")
+    value = IntervalEstimate(friction, friction - 0.1, friction + 0.1, "N")
     pressures = {} if bar is None else {"p1": AMBIENT + bar * 1e5}
     return KineticFriction(name, pressures, speed, value, value, value, value)
 
@@ -29,23 +29,23 @@ def motion(v: np.ndarray, drive: np.ndarray, imposed: bool) -> Motion:
 
 
 def test_friction_grows_along_a_line_over_pressure() -> None:
-    line = over_pressure([level(str(bar), 3.0 + 0.5 * bar, bar) for bar in (1, 3, 5)], AMBIENT)
+    line = pressure_dependence([level(str(bar), 3.0 + 0.5 * bar, bar) for bar in (1, 3, 5)], AMBIENT)
     assert line is not None
     assert (line.at_ambient.value, line.slope.value) == pytest.approx((3.0, 0.5e-5))
     assert (line.at_ambient.unit, line.slope.unit) == ("N", "N/Pa")
-    bent = over_pressure([level("a", 3.0, 1), level("b", 5.0, 3), level("c", 4.0, 5)], AMBIENT)
+    bent = pressure_dependence([level("a", 3.0, 1), level("b", 5.0, 3), level("c", 4.0, 5)], AMBIENT)
     assert bent is not None
     assert bent.slope.ci_low < 0.25e-5 < bent.slope.ci_high
 
 
 @pytest.mark.parametrize("bars", [(1, 5), (3, 3, 3), (None, None, None)])
 def test_no_line_through_two_points_or_one_pressure(bars: tuple[Any, ...]) -> None:
-    assert over_pressure([level(str(i), 3.0, bar) for i, bar in enumerate(bars)], AMBIENT) is None
+    assert pressure_dependence([level(str(i), 3.0, bar) for i, bar in enumerate(bars)], AMBIENT) is None
 
 
 def test_recordings_at_one_pressure_and_speed_are_repeats() -> None:
     given = [level("a", 4.0, 1.0), level("b", 5.0, 1.05), level("c", 7.0, 5.0), level("d", 9.0, 1.0, speed=0.1)]
-    (found,) = repeats(given, AMBIENT)
+    (found,) = repeatability(given, AMBIENT)
     assert found.recordings == ("a", "b")
     assert (found.friction, found.spread) == pytest.approx((4.5, np.std([4.0, 5.0], ddof=1) / 4.5))
 
@@ -56,7 +56,7 @@ def test_a_free_piston_breaks_away_at_the_force_that_it_held_last() -> None:
     drive = np.concatenate([np.linspace(0, 8, 20), np.full(20, 5.0), np.linspace(5, -10, 20), np.full(20, -5.0)])
     found = break_away(motion(v, drive, imposed=False))
     assert found is not None
-    assert (found.count, found.least, found.most) == (2, pytest.approx(8.0, abs=0.5), pytest.approx(10.0, abs=1.0))
+    assert (found.count, found.minimum, found.maximum) == (2, pytest.approx(8.0, abs=0.5), pytest.approx(10.0, abs=1.0))
 
 
 def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:
@@ -68,7 +68,7 @@ def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:
     drive = np.concatenate([np.zeros(10), pull, np.zeros(10), -late, np.zeros(10)])
     found = break_away(motion(v, drive, imposed=True))
     assert found is not None
-    assert (found.count, found.least, found.most) == (2, 7.0, 9.0)
+    assert (found.count, found.minimum, found.maximum) == (2, 7.0, 9.0)
 
 
 def test_a_piston_that_never_rests_has_no_break_away() -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck, law
-from pneucli.identify.friction.samples import Samples
-from pneucli.physics.vectorised import stribeck
+from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck, velocity_friction
+from pneucli.identify.friction.samples import MovingSamples
+from pneucli.physics.vectorised import stribeck_friction
 from tests.identify_friction.benches import FIXTURES, case, fixture_truth, identified
 
 BLOCK = 0.2  # s
@@ -59,16 +59,16 @@ def test_friction_that_drifts_is_said_to_be_more_than_a_function_of_velocity() -
     assert any("something acts" in warning for warning in identified(case("17")).warnings)
 
 
-def synthetic(seed: int, pole: float, static: float = 10.0) -> Samples:
+def synthetic(seed: int, pole: float, static: float = 10.0) -> MovingSamples:
     """20 s of wandering velocity, and friction with correlated errors of 0.5 N."""
     rng = np.random.default_rng(seed)
     n = 4000
     v = 0.15 * np.sin(np.arange(n) * 0.005 * 2 * np.pi / rng.uniform(1, 2)) + 1e-4
     noise = lfilter([0.5 * np.sqrt(1 - pole**2)], [1, -pole], rng.standard_normal(n + 500))[500:]
-    friction = stribeck(v, 10.0, 50.0, static, 0.02) + noise
+    friction = stribeck_friction(v, 10.0, 50.0, static, 0.02) + noise
     zero = np.zeros(n)
     block = (np.arange(n) * 0.005 / BLOCK).astype(np.int64)
-    return Samples(v, zero, friction, friction, zero + 0.5, zero.astype(np.int8), block)
+    return MovingSamples(v, zero, friction, friction, zero + 0.5, zero.astype(np.int8), block)
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9], ids=["white", "correlated over 10 samples"])
@@ -93,7 +93,7 @@ def test_single_wild_samples_do_not_move_the_fit() -> None:
     clean = synthetic(3, 0.0)
     friction = clean.friction.copy()
     friction[::50] += 30.0
-    wild = Samples(**{**clean.__dict__, "friction": friction})
+    wild = MovingSamples(**{**clean.__dict__, "friction": friction})
     assert fit_coulomb(wild, offset=True)["coulomb"] == pytest.approx(10.0, rel=WITHIN)
     assert fit_coulomb(wild, offset=True)["offset"] == pytest.approx(0.0, abs=0.1)
 
@@ -101,5 +101,5 @@ def test_single_wild_samples_do_not_move_the_fit() -> None:
 def test_the_fitted_law_is_that_of_the_physics() -> None:
     v = np.linspace(-0.3, 0.3, 101)
     values = {"coulomb": 8.0, "viscous": 30.0, "static": 13.0, "velocity": 0.02}
-    assert law(v, values) == pytest.approx(stribeck(v, 8.0, 30.0, 13.0, 0.02))
-    assert law(v, {**values, "velocity": 0.0}) == pytest.approx(8.0 * np.sign(v) + 30.0 * v)
+    assert velocity_friction(v, values) == pytest.approx(stribeck_friction(v, 8.0, 30.0, 13.0, 0.02))
+    assert velocity_friction(v, {**values, "velocity": 0.0}) == pytest.approx(8.0 * np.sign(v) + 30.0 * v)

@@ -20,7 +20,7 @@ def test_everything_for_tables_and_figures_is_there() -> None:
     found = identified(FIXTURES / "friction_null_stribeck")
     assert [m.name for m in found.models] == list("ABCDEF")
     assert [c.branch for c in found.curves] == ["accelerating", "slowing", "both"]
-    assert found.cuts
+    assert found.stick_slips
     assert found.averages
     assert [k.recording for k in found.kinetic] == ["driven_1", "driven_2"]  # those that stroke both ways
     assert found.model("D").title.startswith("Stribeck")
@@ -58,7 +58,7 @@ def test_a_constant_force_is_told_from_friction_only_where_both_directions_were_
 
 
 def test_the_grid_is_the_users_to_choose() -> None:
-    found = identify_friction([RUN], Model(RIG), nodes=400, top=0.05, eta=2000.0)
+    found = identify_friction([RUN], Model(RIG), nodes=400, max_velocity=0.05, sign_steepness=2000.0)
     grid = found.model("E").branches[0].tp.grids[0]
     assert grid.size == 400
     assert grid[[0, -1]] == pytest.approx([-0.05, 0.05])

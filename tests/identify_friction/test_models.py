@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.identify.friction import Domain, FrictionModel, grid_convergence
-from pneucli.identify.friction.models_a_to_f import direct, identify_models
+from pneucli.identify.friction import FrictionModel, VelocityDomain, grid_convergence
+from pneucli.identify.friction.models_a_to_f import identify_models, tp_from_samples
 from pneucli.identify.friction.regression import fit_coulomb
-from pneucli.identify.friction.samples import Samples
-from pneucli.physics.vectorised import stribeck
+from pneucli.identify.friction.samples import MovingSamples
+from pneucli.physics.vectorised import stribeck_friction
 from pneucli.tp import check
 from tests.identify_friction.benches import FIXTURES, Array, identified
 
 HYSTERETIC = FIXTURES / "friction_hysteresis"
 RISING, FALLING = (12.0, 40.0, 18.0, 0.02), (8.0, 45.0, 8.0)
-DOMAIN = Domain(top=0.3, resolved=1e-3)
+DOMAIN = VelocityDomain(max_velocity=0.3, resolved_velocity=1e-3)
 MASS = 2.0
 
 
 def nouri(v: Array, a: Array) -> Array:
     """Hysteretic friction (3.7): Stribeck while speeding up, Coulomb and viscous with constants of its own slowing."""
-    return np.where(np.sign(v) == np.sign(a), stribeck(v, *RISING), stribeck(v, *FALLING))
+    return np.where(np.sign(v) == np.sign(a), stribeck_friction(v, *RISING), stribeck_friction(v, *FALLING))
 
 
-def samples(repeats: int, seed: int) -> Samples:
+def samples(repeats: int, seed: int) -> MovingSamples:
     """Triangular velocities to both sides, friction of two branches (3.7), 1 N of white noise; 4 s a repeat."""
     rng = np.random.default_rng(seed)
     time = 5e-4 * np.arange(8000 * repeats)
@@ -34,10 +34,10 @@ def samples(repeats: int, seed: int) -> Samples:
     branch = np.sign(v * a).astype(np.int8)
     keep = np.abs(v) > 2e-3
     columns = (v, a, force, force, np.ones_like(v), branch, (time / 0.2).astype(np.int64))
-    return Samples(*(column[keep] for column in columns))
+    return MovingSamples(*(column[keep] for column in columns))
 
 
-def models(repeats: int = 1, seed: int = 0, domain: Domain = DOMAIN) -> dict[str, FrictionModel]:
+def models(repeats: int = 1, seed: int = 0, domain: VelocityDomain = DOMAIN) -> dict[str, FrictionModel]:
     s = samples(repeats, seed)
     found, warnings = identify_models(s, fit_coulomb(s, offset=True), domain, MASS)
     assert warnings == []
@@ -45,8 +45,8 @@ def models(repeats: int = 1, seed: int = 0, domain: Domain = DOMAIN) -> dict[str
 
 
 def test_the_smoothed_sign_reaches_95_percent_where_sensors_and_grid_begin_to_resolve() -> None:
-    by_sensor = Domain(top=0.05, resolved=1e-3)
-    by_grid = Domain(top=0.05, resolved=1e-3, nodes=10)
+    by_sensor = VelocityDomain(max_velocity=0.05, resolved_velocity=1e-3)
+    by_grid = VelocityDomain(max_velocity=0.05, resolved_velocity=1e-3, nodes=10)
     assert by_sensor.sign(np.array([1e-3, -1e-3])) == pytest.approx([0.95, -0.95])
     assert by_grid.sign(np.array([2 * by_grid.step])) == pytest.approx([0.95])
     v = np.linspace(-0.05, 0.05, 11)
@@ -56,7 +56,7 @@ def test_the_smoothed_sign_reaches_95_percent_where_sensors_and_grid_begin_to_re
 def test_a_stated_steepness_sets_the_vertex_at_standstill() -> None:
     """a22(0) = (Fs eta / 2 + Fv) / m, by eta alone (6.22, 6.9)."""
     for eta in (200.0, 2000.0):
-        found = models(domain=Domain(top=0.3, resolved=1e-3, steepness=eta))
+        found = models(domain=VelocityDomain(max_velocity=0.3, resolved_velocity=1e-3, steepness=eta))
         tp = found["B"].branches[0].tp
         a = found["A"].branches[0].parameters
         expected = (0.5 * eta * a["coulomb"].value + a["viscous"].value) / MASS
@@ -64,7 +64,7 @@ def test_a_stated_steepness_sets_the_vertex_at_standstill() -> None:
 
 
 def test_nodes_are_so_dense_near_standstill_that_straight_lines_follow_a22() -> None:
-    domain = Domain(top=0.5, resolved=5e-4)
+    domain = VelocityDomain(max_velocity=0.5, resolved_velocity=5e-4)
     v = np.linspace(5e-4, 0.01, 5000)
     line = np.interp(v, domain.grid, 1.0 / domain.grid)
     assert line * v == pytest.approx(np.ones(v.size), abs=2e-4)
@@ -74,7 +74,7 @@ def test_nodes_are_so_dense_near_standstill_that_straight_lines_follow_a22() -> 
 def test_two_branches_have_a_constant_force_of_their_own() -> None:
     """More motion to one side while slowing: one law for both branches would take their difference for a force."""
     s = samples(4, 2)
-    lopsided = s.where((s.branch > 0) | (s.v > 0) | (np.arange(len(s)) % 4 == 0))
+    lopsided = s.select((s.branch > 0) | (s.v > 0) | (np.arange(len(s)) % 4 == 0))
     both = fit_coulomb(lopsided, offset=True)
     found = {m.name: m for m in identify_models(lopsided, both, DOMAIN, MASS)[0]}
     assert abs(found["A"].offset) > 0.5
@@ -110,14 +110,14 @@ def test_tp_models_are_convex_and_exact_at_the_nodes(name: str, source: str) -> 
 
 def test_the_large_vertex_is_that_of_standstill() -> None:
     """a22(0) = (Fs eta / 2 + Fv) / m (notes on chapter 6); the innermost nodes are half a step from it."""
-    domain = Domain(top=0.3, resolved=5e-3)  # so smooth that half a step makes no difference
+    domain = VelocityDomain(max_velocity=0.3, resolved_velocity=5e-3)  # so smooth that half a step makes no difference
     found = models(domain=domain)
     one = found["E"].branches[0]
     p = found["D"].branches[0].parameters
     assert one.tp is not None
     at_rest = (p["static"].value * domain.eta / 2 + p["viscous"].value) / MASS
     assert one.tp.vertices.max() == pytest.approx(at_rest, rel=0.01)
-    fastest = stribeck(np.array([0.3]), *(p[k].value for k in ("coulomb", "viscous", "static", "velocity")))[0]
+    fastest = stribeck_friction(np.array([0.3]), *(p[k].value for k in ("coulomb", "viscous", "static", "velocity")))[0]
     assert one.tp.vertices.min() == pytest.approx(fastest / (MASS * 0.3), rel=0.01)
 
 
@@ -135,7 +135,7 @@ def test_averaging_n_repeats_brings_direct_models_down_by_the_root_of_n(name: st
     def error(repeats: int) -> float:
         squares = []
         for seed in range(4):
-            v = DOMAIN.even[DOMAIN.even > 0.01]
+            v = DOMAIN.uniform_speeds[DOMAIN.uniform_speeds > 0.01]
             squares.append(np.mean((models(repeats, seed)[name].force(v, True) - TRUTHS[name](v)) ** 2))
         return float(np.sqrt(np.mean(squares)))
 
@@ -157,8 +157,8 @@ TRUTHS = {"F": rising, "C": mean_of_branches}
 
 def test_one_direction_mirrors_the_other_where_it_was_not_measured() -> None:
     s = samples(4, 1)
-    forward = s.where(s.v > 0)
-    model = direct("C", DOMAIN, {"both": forward}, 40.0, 0.0, MASS)
+    forward = s.select(s.v > 0)
+    model = tp_from_samples("C", DOMAIN, {"both": forward}, 40.0, 0.0, MASS)
     assert model is not None
     v = np.linspace(0.01, 0.3, 30)
     assert model.force(-v) == pytest.approx(-model.force(v))
@@ -167,8 +167,8 @@ def test_one_direction_mirrors_the_other_where_it_was_not_measured() -> None:
 def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_friction() -> None:
     s = samples(4, 1)
     both = fit_coulomb(s, offset=True)
-    wide = Domain(top=0.6, resolved=1e-3)
-    model = direct("C", wide, {"both": s}, both["viscous"], both["offset"], MASS)
+    wide = VelocityDomain(max_velocity=0.6, resolved_velocity=1e-3)
+    model = tp_from_samples("C", wide, {"both": s}, both["viscous"], both["offset"], MASS)
     assert model is not None
     force = model.force(np.array([0.35, 0.55]))
     assert np.diff(force) == pytest.approx([both["viscous"] * 0.2], rel=1e-3)
@@ -176,9 +176,9 @@ def test_beyond_the_measured_velocities_direct_models_go_on_with_viscous_frictio
 
 def test_no_model_is_made_of_no_samples() -> None:
     s = samples(1, 0)
-    none = s.where(np.zeros(len(s), dtype=bool))
-    assert direct("F", DOMAIN, {"accelerating": s, "slowing": none}, 40.0, 0.0, MASS) is None
-    found, warnings = identify_models(s.where(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
+    none = s.select(np.zeros(len(s), dtype=bool))
+    assert tp_from_samples("F", DOMAIN, {"accelerating": s, "slowing": none}, 40.0, 0.0, MASS) is None
+    found, warnings = identify_models(s.select(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
     assert [m.name for m in found] == ["A", "B", "C"]
     assert "no model D, E, F" in warnings[0]
     assert "0 slowing" in warnings[0]

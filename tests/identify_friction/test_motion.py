@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import kinematics, motion_of
-from pneucli.identify.friction.velocity_estimation import integrate, low_pass, rests
+from pneucli.identify.friction import estimate_motion, kinematics
+from pneucli.identify.friction.velocity_estimation import integrate_between_rests, low_pass, rest_mask
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
@@ -24,7 +24,7 @@ TRUTH = pressed(STICKY, pulses(3, 30.0))
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("x",), ("a",)], ids=["x and a", "x", "a"])
 def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, ...]) -> None:
-    kinematics = motion_of(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG))
+    kinematics = estimate_motion(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG))
     error = kinematics.v - TRUTH["v"]
     fastest = np.abs(TRUTH["v"]).max()
     # 0.3 m/s^2 of bias, integrated over these 2.6 s, would be 0.78 m/s; the sensors promise sigma_v, and position
@@ -35,7 +35,7 @@ def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("a",)], ids=["x and a", "a"])
 def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) -> None:
-    kinematics = motion_of(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
+    kinematics = estimate_motion(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
     truth = STICKY.piston_area_1 * (TRUTH["p1"] - TRUTH["p2"]) - 2.0 * TRUTH["a"]
     error = (kinematics.friction(2.0) - truth)[kinematics.moving]
     # 200 Pa on each of two pressures over 8 cm^2, 0.05 m/s^2 on 2 kg
@@ -46,15 +46,15 @@ def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) ->
 
 
 def test_a_resting_piston_is_not_taken_for_a_moving_one() -> None:
-    kinematics = motion_of(recorded(STICKY, TRUTH, 3), Model(RIG))
+    kinematics = estimate_motion(recorded(STICKY, TRUTH, 3), Model(RIG))
     rest = TRUTH["v"] == 0.0
-    clear = np.abs(TRUTH["v"]) > 3 * kinematics.floor
+    clear = np.abs(TRUTH["v"]) > 3 * kinematics.rest_speed
     assert not np.any(kinematics.moving & rest)
     assert np.mean(kinematics.moving[clear]) > 0.98
 
 
 def test_branches_are_those_of_the_true_acceleration() -> None:
-    kinematics = motion_of(recorded(STICKY, TRUTH, 4), Model(RIG))
+    kinematics = estimate_motion(recorded(STICKY, TRUTH, 4), Model(RIG))
     true_branch = np.sign(TRUTH["v"] * TRUTH["a"])
     judged = kinematics.branch != 0
     assert np.mean(judged[kinematics.moving]) > 0.8
@@ -64,17 +64,17 @@ def test_branches_are_those_of_the_true_acceleration() -> None:
 def test_a_slide_lasts_as_long_whenever_the_clock_began() -> None:
     r = recorded(STICKY, TRUTH, 4)
     late = replace(r, time=r.time + 100.0)
-    assert motion_of(late, Model(RIG)).block == pytest.approx(motion_of(r, Model(RIG)).block)
+    assert estimate_motion(late, Model(RIG)).block_length == pytest.approx(estimate_motion(r, Model(RIG)).block_length)
     still = recorded(BENCH, pressed(BENCH, np.zeros(500)), 3)
-    assert motion_of(replace(still, time=still.time + 100.0), Model(RIG)).block == pytest.approx(0.0499)
+    assert estimate_motion(replace(still, time=still.time + 100.0), Model(RIG)).block_length == pytest.approx(0.0499)
 
 
 def test_a_measured_force_does_as_well_as_the_pressures() -> None:
-    by_pressure = motion_of(recorded(STICKY, TRUTH, 5), Model(RIG))
+    by_pressure = estimate_motion(recorded(STICKY, TRUTH, 5), Model(RIG))
     r = by_pressure.recording
     force = RIG.piston_area_1 * (r["p1"] - r["p2"])
     noise = {**{k: r.noise[k] for k in ("x", "a")}, "force": NoiseModel(white=0.23)}
-    by_force = motion_of(replace(r, signals={"x": r["x"], "a": r["a"], "force": force}, noise=noise), Model(RIG))
+    by_force = estimate_motion(replace(r, signals={"x": r["x"], "a": r["a"], "force": force}, noise=noise), Model(RIG))
     assert by_force.friction(2.0) == pytest.approx(by_pressure.friction(2.0), abs=1e-9)
 
 
@@ -82,7 +82,7 @@ def test_ambient_pressure_acts_on_the_rod() -> None:
     rig = replace(RIG, piston_area_2=5e-4)
     r = recorded(BENCH, pressed(BENCH, np.zeros(300)), 6)
     still = {**r.signals, "p1": np.full(300, 2e5), "p2": np.full(300, 3e5), "a": np.zeros(300)}
-    drive = motion_of(replace(r, signals=still), Model(rig)).drive
+    drive = estimate_motion(replace(r, signals=still), Model(rig)).drive
     assert drive == pytest.approx(8e-4 * 2e5 - 5e-4 * 3e5 - 3e-4 * 101_300.0)
 
 
@@ -90,7 +90,7 @@ def test_samples_that_were_not_measured_are_left_out() -> None:
     r = recorded(STICKY, TRUTH, 7)
     p1 = r["p1"].copy()
     p1[300:340] = np.nan
-    kinematics = motion_of(replace(r, signals={**r.signals, "p1": p1}), Model(RIG))
+    kinematics = estimate_motion(replace(r, signals={**r.signals, "p1": p1}), Model(RIG))
     assert not kinematics.valid[300:340].any()
     assert not kinematics.moving[300:340].any()
     assert np.all(np.isfinite(kinematics.drive))
@@ -116,11 +116,11 @@ def test_what_is_missing_is_named(
     """An air spring is not ambient pressure; an open chamber is."""
     r = recorded(STICKY, TRUTH, 8)
     with pytest.raises(InputError) as error:
-        motion_of(replace(r, signals={k: r[k] for k in signals}, chamber_2=chamber_2), Model(rig))
+        estimate_motion(replace(r, signals={k: r[k] for k in signals}, chamber_2=chamber_2), Model(rig))
     told = error.value
     assert (told.where, told.found.replace(chamber_2, "{}"), told.wanted, told.mend) == ("recording run_8", *says)
     if "p2 was" in told.found:
-        alone = motion_of(replace(r, signals={k: r[k] for k in signals}, chamber_2="open"), Model(rig))
+        alone = estimate_motion(replace(r, signals={k: r[k] for k in signals}, chamber_2="open"), Model(rig))
         assert alone.drive == pytest.approx(RIG.piston_area_1 * (r["p1"] - RIG.ambient_pressure))
 
 
@@ -129,7 +129,7 @@ def test_without_position_a_force_that_depends_on_it_is_not_known() -> None:
     values = {"spring-force.stiffness": 100.0, "spring-force.rest_position": 0.1}
     sprung = Model(RIG, (catalogue()["spring-force"],), values)
     with pytest.raises(InputError) as error:
-        motion_of(replace(r, signals={k: r[k] for k in ("p1", "p2", "a")}), sprung)
+        estimate_motion(replace(r, signals={k: r[k] for k in ("p1", "p2", "a")}), sprung)
     told = error.value
     assert told.found == "x was not recorded, and a force depends on it (spring-force)"
     assert (told.where, told.wanted) == ("recording run_8", "x")
@@ -141,12 +141,12 @@ def test_zero_velocity_updates_take_any_constant_bias_away(bias: float, seed: in
     time = 1e-3 * np.arange(600)
     a = np.where((time > 0.2) & (time <= 0.4), 4 * np.sin(2 * np.pi * (time - 0.2) / 0.2), 0.0)
     rest = (time < 0.19) | (time > 0.41)
-    v = integrate(time, a + bias, rest)
+    v = integrate_between_rests(time, a + bias, rest)
     exact = np.where((time > 0.2) & (time <= 0.4), 4 * 0.1 / np.pi * (1 - np.cos(10 * np.pi * (time - 0.2))), 0.0)
     assert v == pytest.approx(exact, abs=2e-3)
     assert v[rest] == pytest.approx(np.zeros(rest.sum()), abs=1e-12)
     noisy = a + bias + 0.05 * np.random.default_rng(seed).standard_normal(time.size)
-    found = rests(time, noisy, NoiseModel(white=0.05))
+    found = rest_mask(time, noisy, NoiseModel(white=0.05))
     assert found[:180].mean() > 0.95  # a window of 21 samples is 1.5 times too loud once in a thousand
     assert not found[230:370].any()
 
@@ -155,7 +155,7 @@ def test_steady_sliding_is_not_a_rest_though_the_accelerometer_reads_nothing() -
     time = 1e-3 * np.arange(1000)
     a = np.zeros(1000)
     a[200:250], a[700:750] = 2.0, -2.0  # slides at 0.1 m/s in between
-    found = rests(time, a + 0.02 * np.random.default_rng(0).standard_normal(1000), NoiseModel(white=0.02))
+    found = rest_mask(time, a + 0.02 * np.random.default_rng(0).standard_normal(1000), NoiseModel(white=0.02))
     assert found[20:180].all()
     assert found[780:].all()
     assert not found[280:670].any()
@@ -172,12 +172,12 @@ def test_low_pass_keeps_parabolas_and_halves_a_sine_at_its_cutoff() -> None:
     assert low_pass(even, 10.0)(sine)[500:2500] == pytest.approx(0.5 * sine[500:2500], abs=2e-3)
 
 
-@pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, kinematics.DRAWS)])
+@pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, kinematics.MAX_DRAWS)])
 def test_a_long_recordings_noise_is_drawn_less_often(
     monkeypatch: pytest.MonkeyPatch, samples: float, draws: int
 ) -> None:
     """Its spread is as well known from fewer draws, which take their time and memory in proportion."""
     recording = recorded(STICKY, TRUTH, 1, ("p1", "p2", "x", "a"))
-    monkeypatch.setattr(kinematics, "ENOUGH", int(samples * recording.time.size))
-    found = motion_of(recording, Model(RIG))
-    assert found.redrawn.shape == (draws, recording.time.size)
+    monkeypatch.setattr(kinematics, "MAX_DRAWN_SAMPLES", int(samples * recording.time.size))
+    found = estimate_motion(recording, Model(RIG))
+    assert found.drive_noise_draws.shape == (draws, recording.time.size)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pneucli.identify.friction.model_error import POOLED, STEPS, deviations, driven
-from pneucli.identify.friction.non_friction_forces import Beside
+from pneucli.identify.friction.model_error import POOLED, SUBSTEPS, model_deviations, simulate_driven
+from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from tests.identify_friction.benches import FIXTURES, Array, identified
@@ -29,7 +29,7 @@ def tables(rising: float, falling: float, viscous: float) -> tuple[Array, float]
 
 def drive(force: Array, start: float, mass: float, rising: float, falling: float, viscous: float) -> Array:
     levels, step = tables(rising, falling, viscous)
-    return Beside(Model(Rig())).driven(TIME, force, TIME, start, mass, levels, step, STEPS)
+    return NonFrictionForces(Model(Rig())).simulate_driven(TIME, force, TIME, start, mass, levels, step, SUBSTEPS)
 
 
 @settings(max_examples=30, deadline=None)
@@ -135,7 +135,7 @@ def test_the_pooled_table_is_that_of_all_samples_together() -> None:
     motions = [m for m in found.motions if m.recording.use == "train"]
     mass = found.mass.value if found.mass else 0.0
     measured = np.concatenate([m.a[m.valid] for m in motions])
-    missed = measured - np.concatenate([driven(found.model("A"), m, mass)[1][m.valid] for m in motions])
+    missed = measured - np.concatenate([simulate_driven(found.model("A"), m, mass)[1][m.valid] for m in motions])
     one = next(d for d in found.deviations if (d.model, d.recording, d.use, d.channel) == ("A", POOLED, "train", "a"))
     rms = np.sqrt(np.mean(missed**2))
     assert len(motions) > 1
@@ -149,10 +149,12 @@ def test_the_noise_of_an_imposed_motion_is_that_of_the_drive_and_of_the_inertia(
     found = identified(FIXTURES / "friction_null_coulomb")
     one = found.motions[0]
     still = replace(one.recording, imposed="motion")
-    redrawn = 3.0 * np.random.default_rng(1).standard_normal(one.redrawn.shape)
+    redrawn = 3.0 * np.random.default_rng(1).standard_normal(one.drive_noise_draws.shape)
     (force,) = (
         d
-        for d in deviations([found.model("A")], [replace(one, recording=still, redrawn=redrawn, sigma_a=2.0)], 2.0)
+        for d in model_deviations(
+            [found.model("A")], [replace(one, recording=still, redrawn=redrawn, sigma_a=2.0)], 2.0
+        )
         if d.recording != POOLED
     )
     assert force.channel == "force"

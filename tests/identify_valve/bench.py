@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
-from pneucli.identify.residuals import views_of
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
@@ -64,7 +64,7 @@ def recordings(seed: int, commands: Sequence[float] = COMMANDS, **law) -> list[R
 def fitted(tests: Sequence[Recording], rig: Rig, effects: Sequence[str] = ()) -> Fit:
     """The model that was fitted to the tests."""
     train = [prepare(r, rig, 0.5) for r in tests if r.use == "train"]
-    return fit_model(first_guess(train, rig, "map"), views_of(train), [catalogue()[e] for e in effects])
+    return fit_model(guess_base_model(train, rig, "map"), residual_models(train), [catalogue()[e] for e in effects])
 
 
 def identify(tests: Sequence[Recording], rig: Rig = RIG, effects: Sequence[str] = ()) -> ValveIdentification:

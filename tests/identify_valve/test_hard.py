@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import require_finite
 from pneucli.identify.valve import ValveIdentification
-from pneucli.identify.valve.fit import autocovariances, averaged_noise
-from pneucli.identify.valve.model_gradient import units
-from pneucli.identify.valve.transients import averaged
+from pneucli.identify.valve.fit import autocovariances, averaged_noise_autocovariance
+from pneucli.identify.valve.model_gradient import whitening_matrix
+from pneucli.identify.valve.transients import average_readings
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
@@ -54,16 +54,23 @@ def bench(
 
 def is_sound(found: ValveIdentification) -> None:
     grid, inverse = found.map, found.inverse
-    for numbers in (grid.gradient, grid.ci_low, grid.ci_high, inverse.u, found.lack.model, found.fit.covariance):
+    for numbers in (
+        grid.gradient,
+        grid.ci_low,
+        grid.ci_high,
+        inverse.u,
+        found.lack_of_fit.model,
+        found.posterior.covariance,
+    ):
         assert np.isfinite(numbers).all()
     assert (grid.ci_low <= grid.ci_high).all()
-    assert np.linalg.eigvalsh(found.fit.covariance).min() > -1e-9
+    assert np.linalg.eigvalsh(found.posterior.covariance).min() > -1e-9
     for one in found.iso:
         assert np.isfinite([one.C.low, one.C.high, one.b.low, one.b.high, one.m.low, one.m.high]).all()
     told = list(valve_warnings(found))
-    if (found.over_noise("train") or 0.0) > 3.0:
+    if (found.residual_to_noise("train") or 0.0) > 3.0:
         assert any(text.startswith("valve-curves-not-followed") for text in told)
-    if grid.covered.any() and np.abs(grid.gradient[grid.covered]).max() > 3.0 * found.shown:
+    if grid.covered.any() and np.abs(grid.gradient[grid.covered]).max() > 3.0 * found.max_measured_gradient:
         assert any(text.startswith("valve-not-described") for text in told)
 
 
@@ -97,7 +104,7 @@ def test_commands_that_are_held_for_a_few_readings_are_enough() -> None:
     few = [replace(r, time=r.time[5:18], signals={n: y[5:18] for n, y in r.signals.items()}) for r in tests]
     found = identify(few, rig)
     is_sound(found)
-    assert found.fit.simulated.shape == (5, 2 * len(LAW))
+    assert found.posterior.simulated.shape == (5, 2 * len(LAW))
     assert found.map.covered.any()
 
 
@@ -130,16 +137,16 @@ def test_where_every_other_sample_is_missing_neighbours_are_not_known_to_be_alik
 
 def test_the_noise_of_averaged_readings_is_that_of_their_means() -> None:
     noise = NoiseModel(white=100.0, coloured=300.0, pole=0.8)
-    assert averaged_noise(noise, 1, 3) == pytest.approx(autocovariance(noise, 3))
+    assert averaged_noise_autocovariance(noise, 1, 3) == pytest.approx(autocovariance(noise, 3))
     means = noise.draw(1e-3 * np.arange(400_000), np.random.default_rng(0)).reshape(-1, 5).mean(axis=1)
     expected = [np.mean(means**2), np.mean(means[1:] * means[:-1])]
-    assert averaged_noise(noise, 5, 2) == pytest.approx(expected, rel=0.03)
+    assert averaged_noise_autocovariance(noise, 5, 2) == pytest.approx(expected, rel=0.03)
 
 
 def test_readings_are_averaged_but_not_the_command_and_gaps_stay_gaps() -> None:
     p = np.array([1.0, 3.0, 5.0, np.nan, np.nan, 9.0, 7.0])
     rows = np.array([np.arange(7.0), [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], np.ones(7), p])
-    found = averaged(rows, 3)
+    found = average_readings(rows, 3)
     assert found[0].tolist() == [1.0, 4.0]
     assert found[1].tolist() == [4.0, 7.0]  # as it stands midway from one mean to the next
     assert found[3, 0] == 3.0
@@ -167,8 +174,8 @@ def test_a_model_without_finite_numbers_is_the_inputs_fault(value: float) -> Non
 
 def test_errors_become_independent_ones_of_size_1_even_where_a_covariance_is_none() -> None:
     covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
-    white = units(covariance, 1e-3)
+    white = whitening_matrix(covariance, 1e-3)
     assert white @ covariance @ white.T == pytest.approx(np.eye(2), abs=1e-9)
-    broken = units(np.array([[1.0, 2.0], [2.0, np.nan]]), 1e-3)  # neither positive nor a number
+    broken = whitening_matrix(np.array([[1.0, 2.0], [2.0, np.nan]]), 1e-3)  # neither positive nor a number
     assert np.isfinite(broken).all()
     assert np.abs(np.linalg.svd(broken, compute_uv=False)).max() <= 1e3 * (1 + 1e-9)

@@ -12,7 +12,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.quasi_static_gradient import QuasiStatic
+from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import ValveArea
 from tests.identify_valve.bench import identify
@@ -42,17 +42,17 @@ TESTS = [charge_and_discharge(u, k) for k, u in enumerate((0.6, 1.2, 2.5, 6.0, 8
 def test_curves_are_followed_though_the_model_knows_nothing_of_heat() -> None:
     """No map over command and pressure holds them exactly; the corrections must not lead the curves astray."""
     found = identify(TESTS, RIG)
-    assert 1.2 < found.over_noise("train") < 8.0  # of the noise of averaged readings
-    assert found.lack.noticeable
+    assert 1.2 < found.residual_to_noise("train") < 8.0  # of the noise of averaged readings
+    assert found.lack_of_fit.is_significant
 
 
 def test_a_model_with_heat_leaves_a_map_of_the_valve_alone() -> None:
     """What the model's heat adds in these very tests is taken off: the map is the valve's, the gas as the wall."""
     found = identify(TESTS, RIG, ["heat-transfer"])
-    assert found.over_noise("train") == pytest.approx(1.0, abs=0.1)
-    assert found.lack.p95 < 0.05
+    assert found.residual_to_noise("train") == pytest.approx(1.0, abs=0.1)
+    assert found.lack_of_fit.p95 < 0.05
     u, p = np.meshgrid(found.map.u, found.map.p, indexing="ij")
-    cold = QuasiStatic(replace(WARM, effects=()), prepare(TESTS[0], RIG, None))(u, p, np.full(u.shape, 7.5e5))
+    cold = QuasiStaticGradient(replace(WARM, effects=()), prepare(TESTS[0], RIG, None))(u, p, np.full(u.shape, 7.5e5))
     off = (found.map.gradient - cold)[found.map.covered]
     assert np.sqrt(np.mean(off**2)) < 0.005 * np.abs(cold).max()
     for one in found.iso:  # the gas's state is known: no isothermal vessel is left to doubt

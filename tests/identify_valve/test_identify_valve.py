@@ -13,8 +13,8 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import first_guess
-from pneucli.identify.residuals import views_of
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.io.artifacts import Provenance, read_table
 from pneucli.noise import NoiseModel
@@ -128,20 +128,20 @@ def test_the_map_follows_another_flow_function_and_says_that_the_model_does_not(
     truth = truth_of(found, b=0.2)
     largest = np.abs(truth).max()
     assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * largest
-    assert found.lack.noticeable
-    expected = truth - found.lack.model
-    assert np.sqrt(np.mean((found.lack.difference - expected)[found.map.covered] ** 2)) < 0.015 * largest
+    assert found.lack_of_fit.is_significant
+    expected = truth - found.lack_of_fit.model
+    assert np.sqrt(np.mean((found.lack_of_fit.difference - expected)[found.map.covered] ** 2)) < 0.015 * largest
     b = next(i for i in found.iso if i.u == 10.0).b
     assert b.value == 0.528  # the model's
-    assert b.seen[0] == pytest.approx(0.2, abs=0.08)  # the curve's
+    assert b.measured[0] == pytest.approx(0.2, abs=0.08)  # the curve's
     assert b.low < 0.2
     assert b.high >= 0.528
 
 
 def test_with_the_effect_the_lack_of_fit_is_gone():
     found = identify(recordings(2, b=0.2), effects=["critical-ratio"])
-    assert found.lack.p95 < 0.02
-    assert not found.lack.noticeable
+    assert found.lack_of_fit.p95 < 0.02
+    assert not found.lack_of_fit.is_significant
     b = next(i for i in found.iso if i.u == 10.0).b
     assert b.value == pytest.approx(0.2, abs=0.01)
     assert b.high - b.low < 0.1
@@ -152,7 +152,7 @@ def test_the_map_follows_a_leak_in_and_out_of_the_model():
         found = identify(recordings(3, leak=3e-8), effects=effects)
         truth = truth_of(found, leak=3e-8)
         assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
-        assert found.lack.noticeable == (not effects)
+        assert found.lack_of_fit.is_significant == (not effects)
         at_rest = found.gradient(np.array(0.0), np.array(5e5))
         assert at_rest == pytest.approx(true_gradient(0.0, 5e5, leak=3e-8), rel=0.3)
 
@@ -168,8 +168,8 @@ def test_what_other_recordings_did_to_the_model_does_not_bend_the_map():
     seen = identify_valve([prepare(r, RIG, 0.5) for r in (*tests, other)], bent)
     truth = truth_of(seen)
     assert np.sqrt(np.mean((seen.map.gradient - truth) ** 2)) < 0.005 * np.abs(truth).max()
-    assert seen.lack.median == pytest.approx(0.05, abs=0.01)
-    assert seen.lack.noticeable
+    assert seen.lack_of_fit.median == pytest.approx(0.05, abs=0.01)
+    assert seen.lack_of_fit.is_significant
     largest = next(i for i in seen.iso if i.u == 10.0)
     assert largest.C.value == pytest.approx(1.05 * AREA * 0.484 * np.sqrt(2 / (287.0 * 293.15)) / 1.185, rel=0.01)
 
@@ -266,9 +266,9 @@ def test_two_chambers_are_told_apart_by_a_column_and_one_needs_none(tmp_path, ba
 
 
 def _arranged(found: ValveIdentification, arrangement):
-    trend = found.law.trend
+    trend = found.area_model.model_gradient
     rig = replace(trend.model.rig, valve_arrangement=arrangement)
-    return replace(found.law, trend=replace(trend, model=replace(trend.model, rig=rig)))
+    return replace(found.area_model, trend=replace(trend, model=replace(trend.model, rig=rig)))
 
 
 def ramped(top: float = 10.0) -> Recording:
@@ -294,7 +294,7 @@ def test_a_ramp_that_holds_no_command_makes_a_map():
     assert covered.mean() > 0.1
     told = covered & (np.abs(truth) > 0.01 * np.abs(truth).max())
     assert np.median(np.abs(found.map.gradient - truth)[told] / np.abs(truth)[told]) < 0.004
-    assert not found.lack.noticeable
+    assert not found.lack_of_fit.is_significant
     assert not found.curves  # a curve is that of one command
     assert found.measured
 
@@ -304,7 +304,7 @@ def test_a_switching_valve_has_its_commands_and_nothing_between():
     tests = [record("pulse", 10.0, 3), record("pulse 2", 10.0, 4)]
     rig = replace(RIG, valve_kind="switching")
     ready = [prepare(r, rig, 0.5) for r in tests]
-    found = identify_valve(ready, fit_model(first_guess(ready, rig, "switching"), views_of(ready), []))
+    found = identify_valve(ready, fit_model(guess_base_model(ready, rig, "switching"), residual_models(ready), []))
     assert found.map.u.tolist() == [-10.0, 0.0, 10.0]
     truth = truth_of(found)
     assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
@@ -342,8 +342,8 @@ def test_cases_without_hidden_effect(case):
     assert np.sqrt(np.mean((found.map.gradient - expected) ** 2)) < 0.015 * largest
     held = (found.map.ci_low <= expected) & (expected <= found.map.ci_high)
     assert held.mean() >= 0.9
-    assert found.over_noise("train") == pytest.approx(1.0, abs=0.15)
-    assert found.lack.p95 < 0.02
+    assert found.residual_to_noise("train") == pytest.approx(1.0, abs=0.15)
+    assert found.lack_of_fit.p95 < 0.02
 
 
 def read_case(folder: Path):

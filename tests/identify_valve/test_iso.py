@@ -12,9 +12,9 @@ import pytest
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import iso6358
 from pneucli.identify.valve.fit import Posterior
-from pneucli.identify.valve.iso6358 import Figure, iso_conductance
+from pneucli.identify.valve.iso6358 import Characteristic, iso_conductances
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.valve_forms.area import area_name
+from pneucli.simulate.valve_forms.area import area_parameter_name
 from tests.simulate.synthetic_experiments import VALVE, model
 
 NONE: Any = None
@@ -25,8 +25,8 @@ UNIT = 0.484 * np.sqrt(2.0 / (287.0 * 293.15)) / 1.185  # m^3/(s Pa) of 1 m^2
     ("value", "contradicted"), [(0.1, True), (0.2, False), (0.3, False), (0.4, False), (0.5, True)]
 )
 def test_a_figure_is_contradicted_by_a_curve_whose_interval_leaves_it_out(value: float, contradicted: bool) -> None:
-    assert Figure(value, 0.0, 1.0, (0.3, 0.2, 0.4)).contradicted == contradicted
-    assert not Figure(value, 0.0, 1.0).contradicted
+    assert Characteristic(value, 0.0, 1.0, (0.3, 0.2, 0.4)).is_contradicted == contradicted
+    assert not Characteristic(value, 0.0, 1.0).is_contradicted
 
 
 @pytest.mark.parametrize(
@@ -45,8 +45,8 @@ def test_the_models_interval_holds_unless_it_has_none_or_the_curve_contradicts_i
     known: Any, which: int, seen: Any, interval: tuple[float, float]
 ) -> None:
     """Else the curve's, or what is usual (b 0.35 +- 0.2, m 0.5 +- 0.1), with the value itself, never below 0."""
-    found = iso6358._figure(0.3, known, which, seen)
-    assert (found.value, found.seen) == (0.3, seen)
+    found = iso6358._characteristic(0.3, known, which, seen)
+    assert (found.value, found.measured) == (0.3, seen)
     assert (found.low, found.high) == (pytest.approx(interval[0]), pytest.approx(interval[1]))
 
 
@@ -55,7 +55,7 @@ def estimate(name: str, value: float, low: float, high: float) -> Estimate:
 
 
 def test_the_critical_ratio_is_the_models_with_the_interval_of_the_effect_that_identified_it() -> None:
-    assert iso6358._critical_ratio(model(), {}) == (model().base()["valve.critical_ratio"], None)
+    assert iso6358._critical_ratio(model(), {}) == (model().base_values()["valve.critical_ratio"], None)
     (parameter,) = catalogue()["critical-ratio"].parameters
     name = f"critical-ratio.{parameter.name}"
     known = model(["critical-ratio"], {name: 0.3})
@@ -68,7 +68,7 @@ def known_of(label: str = "valve", names: tuple[str, ...] = (), values: dict[str
     whole = model(names, values)
     valve = replace(VALVE, label=label)
     pairs = zip(valve.commands, valve.areas, strict=True)
-    areas = [estimate(area_name(u, label), a, 0.9 * a, 1.1 * a) for u, a in pairs if u != -5.0]
+    areas = [estimate(area_parameter_name(u, label), a, 0.9 * a, 1.1 * a) for u, a in pairs if u != -5.0]
     return SimpleNamespace(trend=SimpleNamespace(valve=valve)), SimpleNamespace(model=whole, estimates=areas)
 
 
@@ -78,16 +78,16 @@ def test_each_known_area_is_a_conductance_and_only_tested_commands_show_b_and_m(
 ) -> None:
     law, fitted = known_of(label)
     told = [(0.2, 0.1, 0.3), (0.6, 0.5, 0.7)]
-    monkeypatch.setattr(iso6358, "_seen", lambda law, fit, covers, u, unknown: told)
-    found = {one.u: one for one in iso_conductance(law, NONE, fitted, NONE, [9.995, -9.98, 5.0])}
+    monkeypatch.setattr(iso6358, "_measured_b_m", lambda law, fit, covers, u, unknown: told)
+    found = {one.u: one for one in iso_conductances(law, NONE, fitted, NONE, [9.995, -9.98, 5.0])}
     assert sorted(found) == [-10.0, 5.0, 10.0]
     for u, area in ((-10.0, 1.8e-6), (5.0, 0.9e-6)):
         c = found[u].C
         assert c.value == pytest.approx(UNIT * area)
         assert (c.low, c.high) == (pytest.approx(0.9 * UNIT * area), pytest.approx(1.4 * 1.1 * UNIT * area))
-    assert [(one.b.seen, one.m.seen) for one in (found[10.0], found[5.0])] == [tuple(told)] * 2
-    assert (found[-10.0].b.seen, found[-10.0].m.seen) == (None, None)  # 20 mV off: not that command
-    assert (found[-10.0].b.value, found[-10.0].m.value) == (model().base()["valve.critical_ratio"], 0.5)
+    assert [(one.b.measured, one.m.measured) for one in (found[10.0], found[5.0])] == [tuple(told)] * 2
+    assert (found[-10.0].b.measured, found[-10.0].m.measured) == (None, None)  # 20 mV off: not that command
+    assert (found[-10.0].b.value, found[-10.0].m.value) == (model().base_values()["valve.critical_ratio"], 0.5)
     assert found[-10.0].m.low == pytest.approx(0.5 - 1.959964 * 0.1)
     assert found[-10.0].b.high == pytest.approx(0.35 + 1.959964 * 0.2)
 
@@ -96,10 +96,10 @@ def test_a_model_with_heat_leaves_no_doubt_of_the_gas() -> None:
     values = {f"heat-transfer.{p.name}": 0.5 for p in catalogue()["heat-transfer"].parameters}
     law, fitted = known_of(names=("heat-transfer",), values=values)
     for tested in ([99.0], []):
-        found = iso_conductance(law, NONE, fitted, NONE, tested)
+        found = iso_conductances(law, NONE, fitted, NONE, tested)
         assert [one.u for one in found] == [-10.0, 5.0, 10.0]
         assert found[0].C.high == pytest.approx(1.1 * found[0].C.value)
-        assert found[0].b.seen is None
+        assert found[0].b.measured is None
 
 
 # --- what a curve shows
@@ -112,20 +112,20 @@ def flow(r: np.ndarray, b: float, m: float) -> np.ndarray:
 @pytest.mark.parametrize(("b", "m"), [(0.2, 0.5), (0.45, 0.6), (0.5, 0.4)])
 def test_an_ellipse_is_found_from_its_points(b: float, m: float) -> None:
     r = np.linspace(0.15, 0.98, 40)
-    (log_c, b_found, m_found), covariance = iso6358._ellipse(3.0 * flow(r, b, m), r, 1e4 * np.eye(40))
+    (log_c, b_found, m_found), covariance = iso6358._fit_ellipse(3.0 * flow(r, b, m), r, 1e4 * np.eye(40))
     assert (np.exp(log_c), b_found, m_found) == (
         pytest.approx(3.0, rel=1e-4),
         pytest.approx(b, abs=1e-3),
         pytest.approx(m, abs=1e-3),
     )
     assert covariance.shape == (3, 3)
-    coarse = iso6358._ellipse(3.0 * flow(r, b, m), r, 1e2 * np.eye(40))[1]
+    coarse = iso6358._fit_ellipse(3.0 * flow(r, b, m), r, 1e2 * np.eye(40))[1]
     assert np.sqrt(coarse[0, 0] / covariance[0, 0]) == pytest.approx(100.0, rel=0.1)
 
 
 def test_where_a_curve_is_silent_b_and_m_are_the_usual_ones() -> None:
     r = np.linspace(0.15, 0.98, 40)
-    (_, b, m), covariance = iso6358._ellipse(flow(r, 0.1, 0.8), r, 1e-6 * np.eye(40))
+    (_, b, m), covariance = iso6358._fit_ellipse(flow(r, 0.1, 0.8), r, 1e-6 * np.eye(40))
     assert (b, m) == (pytest.approx(0.35, abs=1e-3), pytest.approx(0.5, abs=1e-3))
     assert np.sqrt(np.diag(covariance))[1:] == pytest.approx([0.2, 0.1], rel=1e-3)
 
@@ -154,13 +154,13 @@ def everywhere(u: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("u", [5.0, -5.0])
 def test_a_curve_shows_the_b_and_m_of_its_flow(u: float) -> None:
-    b, m = iso6358._seen(LAW, SURE, everywhere, u, 1.0)  # type: ignore[arg-type, misc]
+    b, m = iso6358._measured_b_m(LAW, SURE, everywhere, u, 1.0)  # type: ignore[arg-type, misc]
     assert b is not None
     assert m is not None
     assert b[0] == pytest.approx(0.3, abs=0.01)
     assert m[0] == pytest.approx(0.45, abs=0.01)
     assert b[2] - b[0] == pytest.approx(b[0] - b[1])
-    wide = iso6358._seen(LAW, SURE, everywhere, u, 1.4)  # type: ignore[arg-type]
+    wide = iso6358._measured_b_m(LAW, SURE, everywhere, u, 1.4)  # type: ignore[arg-type]
     assert wide is not None
     assert wide[0] is not None
     assert wide[0][0] == pytest.approx(b[0])
@@ -174,27 +174,27 @@ def test_an_interval_holds_a_drift_of_the_gas_over_the_root_of_three() -> None:
         def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
             return super().gradient(theta, u, p, supply) / np.linspace(1.0, 1 / 1.4, p.size)
 
-    still, drifted = (iso6358._seen(law, SURE, everywhere, 5.0, 1.0) for law in (LAW, Drifted()))  # type: ignore[arg-type]
-    wide = iso6358._seen(LAW, SURE, everywhere, 5.0, 1.4)  # type: ignore[arg-type]
+    still, drifted = (iso6358._measured_b_m(law, SURE, everywhere, 5.0, 1.0) for law in (LAW, Drifted()))  # type: ignore[arg-type]
+    wide = iso6358._measured_b_m(LAW, SURE, everywhere, 5.0, 1.4)  # type: ignore[arg-type]
     for one, other, both in zip(still, drifted, wide, strict=True):  # type: ignore[arg-type]
         error = np.hypot((one[2] - one[0]) / 1.959964, (other[0] - one[0]) / np.sqrt(3.0))
         assert both[2] - both[0] == pytest.approx(1.959964 * error, rel=1e-3)
 
 
 def test_a_quarter_of_the_pressures_must_have_been_seen() -> None:
-    grid = np.linspace(1e5, 7e5, iso6358.POINTS)
+    grid = np.linspace(1e5, 7e5, iso6358.PRESSURE_POINTS)
     for seen, told in ((9, False), (10, True)):
         few = lambda u, p, n=seen: p < grid[n] - 1.0  # noqa: E731
-        assert (iso6358._seen(LAW, SURE, few, 5.0, 1.4) is not None) == told  # type: ignore[arg-type]
+        assert (iso6358._measured_b_m(LAW, SURE, few, 5.0, 1.4) is not None) == told  # type: ignore[arg-type]
 
 
 def test_a_curve_that_is_not_sure_of_itself_or_where_nothing_flows_tells_neither() -> None:
     class Vague(Curve):
-        size = iso6358.POINTS
+        size = iso6358.PRESSURE_POINTS
 
         def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
             return 0.5 * np.abs(self.gradient(theta, u, p, supply)).max() * np.eye(p.size)
 
-    unsure: Any = replace(SURE, covariance=np.eye(iso6358.POINTS))
-    assert iso6358._seen(Vague(), unsure, everywhere, 5.0, 1.0) == [None, None]  # type: ignore[arg-type]
-    assert iso6358._seen(LAW, replace(SURE, theta=np.zeros(1)), everywhere, 5.0, 1.4) is None  # type: ignore[arg-type]
+    unsure: Any = replace(SURE, covariance=np.eye(iso6358.PRESSURE_POINTS))
+    assert iso6358._measured_b_m(Vague(), unsure, everywhere, 5.0, 1.0) == [None, None]  # type: ignore[arg-type]
+    assert iso6358._measured_b_m(LAW, replace(SURE, theta=np.zeros(1)), everywhere, 5.0, 1.4) is None  # type: ignore[arg-type]

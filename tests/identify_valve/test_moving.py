@@ -10,8 +10,8 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.valve import ValveIdentification, identify_moving
-from pneucli.identify.valve.moving_piston import middle_volume
+from pneucli.identify.valve import ValveIdentification, identify_valve_on_piston
+from pneucli.identify.valve.moving_piston import mid_stroke_volume
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from tests.identify.test_arrangements import FIRST, FRICTION, SECOND, axis, fit
@@ -39,7 +39,7 @@ def driven() -> tuple[list[Experiment], Fit]:
 @cache
 def found(chamber: int) -> ValveIdentification:
     shown, fitted = driven()
-    return identify_moving(shown, fitted, 1 if chamber == 1 else 2)
+    return identify_valve_on_piston(shown, fitted, 1 if chamber == 1 else 2)
 
 
 def true_gradient(u: np.ndarray, p: np.ndarray, chamber: int, volume: float) -> np.ndarray:
@@ -71,9 +71,11 @@ def test_the_map_of_each_chamber_is_its_own_at_the_commands_that_went_out(chambe
 
 
 def test_the_volume_is_that_of_the_chamber_at_mid_stroke() -> None:
-    base = TRUE.base()
-    assert middle_volume(TRUE, 2) == base["rig.dead_volume_2"] + 0.5 * base["rig.stroke"] * base["rig.piston_area_2"]
-    assert found(1).volume == middle_volume(TRUE, 1)
+    base = TRUE.base_values()
+    assert (
+        mid_stroke_volume(TRUE, 2) == base["rig.dead_volume_2"] + 0.5 * base["rig.stroke"] * base["rig.piston_area_2"]
+    )
+    assert found(1).volume == mid_stroke_volume(TRUE, 1)
 
 
 @pytest.mark.parametrize("chamber", [1, 2])
@@ -91,12 +93,12 @@ def test_the_inverse_gives_commands_and_says_what_was_not_recorded(chamber: int)
 
 def test_the_lack_of_fit_is_that_of_measured_gradients() -> None:
     shown, fitted = driven()
-    assert found(1).lack.median < 0.05
-    assert not found(1).lack.noticeable
+    assert found(1).lack_of_fit.median < 0.05
+    assert not found(1).lack_of_fit.is_significant
     larger = replace(fitted, model=replace(fitted.model, valve=fitted.model.valve.scaled(1.25)))
-    lack = identify_moving(shown, replace(larger, estimates=_scaled(fitted, 1.25)), 1).lack
+    lack = identify_valve_on_piston(shown, replace(larger, estimates=_scaled(fitted, 1.25)), 1).lack_of_fit
     assert lack.median == pytest.approx(0.25, abs=0.05)
-    assert lack.noticeable
+    assert lack.is_significant
 
 
 def _scaled(fitted: Fit, factor: float) -> tuple:
@@ -107,4 +109,4 @@ def test_paths_that_nothing_shows_have_no_map() -> None:
     shown, fitted = driven()
     held_out = [replace(shown[0], recording=replace(shown[0].recording, use="test"))]
     with pytest.raises(InputError, match="no flow into chamber 1"):
-        identify_moving(held_out, fitted, 1)
+        identify_valve_on_piston(held_out, fitted, 1)

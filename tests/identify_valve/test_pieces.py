@@ -10,16 +10,23 @@ import numpy as np
 import pytest
 
 from pneucli.identify.valve import identification, maps, model_gradient
-from pneucli.identify.valve.area_model import Law
-from pneucli.identify.valve.fit import Posterior, first_pressures
-from pneucli.identify.valve.identification import Residual, ValveIdentification
-from pneucli.identify.valve.lack_of_fit import LackOfFit, lack_of_fit
-from pneucli.identify.valve.maps import Coverage, GradientMap, coverage, gradient_map, gradient_with_error, inverse_map
-from pneucli.identify.valve.model_gradient import Trend, memory, remembers, units
-from pneucli.identify.valve.transients import Stretches
-from pneucli.simulate.quasi_static_gradient import QuasiStatic
+from pneucli.identify.valve.area_model import AreaModel
+from pneucli.identify.valve.fit import Posterior, initial_pressures
+from pneucli.identify.valve.identification import RecordingResidual, ValveIdentification
+from pneucli.identify.valve.lack_of_fit import LackOfFit, compare_with_map
+from pneucli.identify.valve.maps import (
+    Coverage,
+    GradientMap,
+    gradient_map,
+    gradient_with_error,
+    inverse_map,
+    transient_coverage,
+)
+from pneucli.identify.valve.model_gradient import ModelGradient, has_memory, memory_gradient, whitening_matrix
+from pneucli.identify.valve.transients import Transients
+from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
-from tests.simulate.synthetic_experiments import bench, clock, model, steps_of_command
+from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 
 NONE: Any = None
 
@@ -57,7 +64,7 @@ def test_recordings_tell_of_commands_near_theirs_and_between_them(u: float, p: f
     assert bool(WENT(np.array([[u]]), np.array([[p]]))[0, 0]) == told
 
 
-def laid(u: np.ndarray, p: np.ndarray, valid: np.ndarray | None = None, **more: Any) -> Stretches:
+def laid(u: np.ndarray, p: np.ndarray, valid: np.ndarray | None = None, **more: Any) -> Transients:
     """Stretches (N, L) of these commands and pressures, sampled at 0.1 s."""
     samples, number = u.shape
     whole = np.ones(u.shape, dtype=bool) if valid is None else valid
@@ -67,13 +74,13 @@ def laid(u: np.ndarray, p: np.ndarray, valid: np.ndarray | None = None, **more: 
         "beside": np.zeros((samples, number, 1)), "valid": whole, "period": 0.1 * ones, "recording": 0 * ones,
         "joined": ones, "steps": 1, "steepest": 1e6,
     }  # fmt: skip
-    return Stretches(**(known | more))
+    return Transients(**(known | more))
 
 
 def test_the_coverage_is_of_all_levels_and_the_pressures_that_each_saw() -> None:
     u = np.array([[5.0, -5.0], [5.0, -5.0], [6.0, 5.0]])
     p = np.array([[1e5, 7e5], [2e5, 6e5], [3e5, 9e5]])
-    found = coverage(SHUT, laid(u, p, np.array([[True, True], [True, True], [True, False]])))
+    found = transient_coverage(SHUT, laid(u, p, np.array([[True, True], [True, True], [True, False]])))
     assert found.commands.tolist() == [-5.0, 5.0, 6.0]
     assert found.lowest.tolist() == [6e5, 1e5, 3e5]
     assert found.highest.tolist() == [7e5, 2e5, 3e5]
@@ -81,7 +88,7 @@ def test_the_coverage_is_of_all_levels_and_the_pressures_that_each_saw() -> None
 
 def test_of_very_many_levels_those_within_a_hundredth_of_the_largest_are_one_that_saw_what_each_saw() -> None:
     u = np.linspace(-2.0, 1.0, 800)[:, None]
-    found = coverage(SHUT, laid(u, 1e5 + u))
+    found = transient_coverage(SHUT, laid(u, 1e5 + u))
     assert found.commands == pytest.approx(np.linspace(-2.0, 1.0, 151), abs=1e-9)
     for level, lowest, highest in zip(found.commands, found.lowest, found.highest, strict=True):
         alike = 1e5 + u[np.abs(u - level) < 0.01]
@@ -90,7 +97,7 @@ def test_of_very_many_levels_those_within_a_hundredth_of_the_largest_are_one_tha
 
 def test_two_hundred_levels_are_taken_as_they_are() -> None:
     u = np.linspace(0.0, 1.0, 200)[:, None] ** 2
-    assert coverage(SHUT, laid(u, 1e5 + u)).commands.tolist() == u[:, 0].tolist()
+    assert transient_coverage(SHUT, laid(u, 1e5 + u)).commands.tolist() == u[:, 0].tolist()
 
 
 class Straight:
@@ -99,7 +106,7 @@ class Straight:
     ambient, supply = 1e5, 7e5
     directions = (SimpleNamespace(sign=1, nodes=np.array([1.0, 4.0])), SimpleNamespace(sign=-1, nodes=np.array([4.0])))
     model_gradient, size = SHUT.trend, 2
-    commands = Law.commands
+    commands = AreaModel.command_grid
 
     def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
         assert np.all(supply == 7e5)
@@ -130,7 +137,7 @@ def test_errors_are_the_same_whatever_part_of_the_derivatives_is_held_at_once(mo
             return super().sensitivity(theta, u, p, supply)
 
     for memory_of, parts in ((3, [3, 3, 3, 1]), (10, [10]), (0, [1] * 10)):
-        monkeypatch.setattr(maps, "MEMORY", memory_of * 2 * 8)
+        monkeypatch.setattr(maps, "JACOBIAN_MEMORY", memory_of * 2 * 8)
         held.clear()
         value, error = gradient_with_error(Counting(), FIT, u, p, np.full(u.shape, 7e5))  # type: ignore[arg-type]
         assert (value.tolist(), error.shape) == (whole[0].tolist(), u.shape)
@@ -191,7 +198,7 @@ def lacking(difference: list[float], covered: list[bool], ci: float = 10.0, erro
         at=lambda start: lambda u, p, supply: gradient - difference if np.all(supply == 7e5) else NONE,
         error=lambda u, p, supply: np.full(u.shape, error),
     )
-    return lack_of_fit(modelled, 7e5, grid)
+    return compare_with_map(modelled, 7e5, grid)
 
 
 ALL = [True] * 4
@@ -201,17 +208,17 @@ def test_differences_count_where_data_covered_the_map_and_something_flows() -> N
     """Below a hundredth of the largest gradient a share says little."""
     found = lacking([30.0, -10.0, 50.0, 9.0], ALL)
     assert found.difference.tolist() == [[30.0, -10.0, 50.0, 9.0]]
-    assert found.counted.tolist() == [[True, True, True, False]]
-    assert found.relative[found.counted] == pytest.approx([0.03, 0.01, 0.1])
+    assert found.has_flow.tolist() == [[True, True, True, False]]
+    assert found.relative_difference[found.has_flow] == pytest.approx([0.03, 0.01, 0.1])
     assert (found.median, found.p95) == (pytest.approx(0.03), pytest.approx(0.093))
     some = lacking([30.0, -10.0, 50.0, 9.0], [True, True, False, True])
-    assert some.counted.tolist() == [[True, True, False, False]]
+    assert some.has_flow.tolist() == [[True, True, False, False]]
     assert some.outside.tolist() == [[True, False, False, False]]
     assert (some.u.tolist(), some.p.tolist()) == ([[1.0] * 4], [[0.0, 1.0, 2.0, 3.0]])
     slow = lacking([30.0, -10.0, 50.0, 9.0], [False, False, True, True])  # 9 of 500: of the largest that was measured
-    assert slow.counted.tolist() == [[False, False, True, True]]
+    assert slow.has_flow.tolist() == [[False, False, True, True]]
     none = lacking([30.0, -10.0, 50.0, 9.0], [False] * 4)
-    assert (none.median, none.p95, none.share_outside, none.noticeable) == (None, None, None, False)
+    assert (none.median, none.p95, none.share_outside, none.is_significant) == (None, None, None, False)
 
 
 @pytest.mark.parametrize(
@@ -225,7 +232,7 @@ def test_outside_is_what_neither_interval_allows_for(ci: float, error: float, sh
     ("difference", "noticeable"), [([21.0, 0, 0, 0], True), ([19.0, 0, 0, 0], False), ([0, 0, 0, 9.0], False)]
 )
 def test_more_than_a_fiftieth_of_the_gradient_is_noticeable(difference: list[float], noticeable: bool) -> None:
-    assert lacking(difference, ALL, ci=2.0, error=1.0).noticeable == noticeable
+    assert lacking(difference, ALL, ci=2.0, error=1.0).is_significant == noticeable
 
 
 def test_at_more_than_a_twentieth_of_the_points() -> None:
@@ -233,7 +240,7 @@ def test_at_more_than_a_twentieth_of_the_points() -> None:
         modelled = np.where(np.arange(100) < off, 500.0, 1000.0)
         measured, none = np.full(100, 1000.0), np.zeros(100)
         found = LackOfFit(NONE, NONE, modelled, none, measured, none, np.ones(100, dtype=bool))
-        assert found.noticeable == noticeable
+        assert found.is_significant == noticeable
 
 
 # --- the identification's own pieces
@@ -252,12 +259,18 @@ def test_commands_that_were_held_for_three_tenths_of_a_second_are_nodes() -> Non
 
 
 def test_residual_over_noise_is_a_root_mean_square_over_the_recordings_of_a_use() -> None:
-    rows = (Residual("a", "train", 3.0), Residual("b", "train", 4.0), Residual("c", "test", 2.0))
-    found = ValveIdentification(*[NONE] * 8, rows, steepest=3.0, shown=1.0, covers=NONE, law=NONE, fit=NONE)
-    assert (found.over_noise("train"), found.over_noise("test")) == (pytest.approx(np.sqrt(12.5)), 2.0)
-    assert found.over_noise("else") is None
-    assert found.described
-    assert not replace(found, steepest=3.01).described
+    rows = (
+        RecordingResidual("a", "train", 3.0),
+        RecordingResidual("b", "train", 4.0),
+        RecordingResidual("c", "test", 2.0),
+    )
+    found = ValveIdentification(
+        *[NONE] * 8, rows, max_gradient=3.0, max_measured_gradient=1.0, coverage=NONE, area_model=NONE, posterior=NONE
+    )
+    assert (found.residual_to_noise("train"), found.residual_to_noise("test")) == (pytest.approx(np.sqrt(12.5)), 2.0)
+    assert found.residual_to_noise("else") is None
+    assert found.is_consistent
+    assert not replace(found, steepest=3.01).is_consistent
 
 
 def test_curves_are_stretches_of_one_command_that_is_not_zero() -> None:
@@ -281,7 +294,7 @@ def test_curves_are_stretches_of_one_command_that_is_not_zero() -> None:
 
 def test_curves_start_at_their_first_readings_or_at_the_median_of_all() -> None:
     p = np.array([[1e5, np.nan], [2e5, 4e5], [3e5, 9e5]])
-    assert first_pressures(laid(np.ones((3, 2)), p)).tolist() == [1e5, 3e5]
+    assert initial_pressures(laid(np.ones((3, 2)), p)).tolist() == [1e5, 3e5]
 
 
 # --- the trend
@@ -289,27 +302,29 @@ def test_curves_start_at_their_first_readings_or_at_the_median_of_all() -> None:
 
 def test_units_make_errors_independent_and_of_size_one() -> None:
     covariance = np.array([[4.0, 1.0], [1.0, 9.0]])
-    found = units(covariance, 1e-3)
+    found = whitening_matrix(covariance, 1e-3)
     assert found @ covariance @ found.T == pytest.approx(np.eye(2))
-    poor = units(np.diag([1e-12, 4.0]), 0.1)
+    poor = whitening_matrix(np.diag([1e-12, 4.0]), 0.1)
     assert sorted(np.abs(poor[poor != 0.0])) == pytest.approx([0.5, 10.0])
 
 
 def test_nothing_is_less_certain_than_anything_between_its_bounds() -> None:
     """Even over a width w it errs by w / sqrt(12); what is known with it shrinks alike."""
-    wide = model_gradient._within(np.array([[100.0, 3.0], [3.0, 0.25]]), (np.array([0.0, -1e9]), np.array([12.0, 1e9])))
+    wide = model_gradient._limited_covariance(
+        np.array([[100.0, 3.0], [3.0, 0.25]]), (np.array([0.0, -1e9]), np.array([12.0, 1e9]))
+    )
     assert wide[0, 0] == pytest.approx(12.0)
     assert wide[0, 1] == pytest.approx(3.0 * np.sqrt(0.12))
     assert wide[1, 1] == 0.25
-    narrow = model_gradient._within(np.array([[1e-4]]), (np.zeros(1), np.array([0.012])))
+    narrow = model_gradient._limited_covariance(np.array([[1e-4]]), (np.zeros(1), np.array([0.012])))
     assert narrow[0, 0] == pytest.approx(0.012**2 / 12.0)
-    assert model_gradient._within(np.zeros((1, 1)), (np.zeros(1), np.ones(1))).tolist() == [[0.0]]
+    assert model_gradient._limited_covariance(np.zeros((1, 1)), (np.zeros(1), np.ones(1))).tolist() == [[0.0]]
 
 
 def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] = (0,)) -> tuple[Any, Any]:
-    time = clock(1.0)
-    u = steps_of_command(time, [0.0, 6.0, -6.0, 0.0], 0.25)
-    test = bench("valve", time, {"u": u, "p1": 3e5}, restarts=restarts)
+    time = time_grid(1.0)
+    u = held_commands(time, [0.0, 6.0, -6.0, 0.0], 0.25)
+    test = make_experiment("valve", time, {"u": u, "p1": 3e5}, restarts=restarts)
     known = model(names, values | {"rig.vessel_volume": 2e-4})
     return known, test
 
@@ -317,8 +332,8 @@ def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] 
 def test_a_valve_without_memory_has_nothing_beside_its_gradient() -> None:
     """Nor are there derivatives, which would take the room of as many simulations."""
     known, test = quiet([], {})
-    assert not remembers(known)
-    beside = Trend(known, test, NONE, np.zeros(2), NONE).beside(test)
+    assert not has_memory(known)
+    beside = ModelGradient(known, test, NONE, np.zeros(2), NONE).memory_gradient(test)
     assert beside.shape == (1, test.time.size)
     assert not beside.any()
 
@@ -326,11 +341,11 @@ def test_a_valve_without_memory_has_nothing_beside_its_gradient() -> None:
 def test_a_memory_comes_with_its_derivatives() -> None:
     name = "heat-transfer.conductance"
     known, test = quiet(["heat-transfer"], {name: 0.7})
-    assert remembers(known)
+    assert has_memory(known)
     free: Any = (SimpleNamespace(name=name, outward=lambda z: 0.7 + z),)
-    beside = Trend(known, test, free, np.zeros(1), NONE).beside(test)
-    more = memory(quiet(["heat-transfer"], {name: 0.701})[0], test)
-    assert beside[0] == pytest.approx(memory(known, test))
+    beside = ModelGradient(known, test, free, np.zeros(1), NONE).memory_gradient(test)
+    more = memory_gradient(quiet(["heat-transfer"], {name: 0.701})[0], test)
+    assert beside[0] == pytest.approx(memory_gradient(known, test))
     assert np.abs(beside[1]).max() > 1e3
     assert beside[1] == pytest.approx((more - beside[0]) / 1e-3)
 
@@ -339,15 +354,15 @@ def test_a_memory_comes_with_its_derivatives() -> None:
 def test_the_valve_of_a_trend_is_what_fills_and_vents_its_tests_chamber(chamber: int) -> None:
     both: Any = SimpleNamespace(behind={1: "first", 2: "second"}.get)
     of: Any = SimpleNamespace(recording=SimpleNamespace(chamber=chamber))
-    assert str(Trend(both, of, NONE, NONE, NONE).valve) == {1: "first", 2: "second"}[chamber]
+    assert str(ModelGradient(both, of, NONE, NONE, NONE).valve) == {1: "first", 2: "second"}[chamber]
 
 
 def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> None:
     values = {"heat-transfer.conductance": 0.7}
     known, test = quiet(["heat-transfer"], values, (0, 400))
-    found, p = memory(known, test), simulate(known, test)["p1"]
+    found, p = memory_gradient(known, test), simulate(known, test)["p1"]
     assert np.abs(found[260:490]).max() > 1e4
-    still = QuasiStatic(known, test)
+    still = QuasiStaticGradient(known, test)
     u = test.inputs[:, 0]
     for k in (300, 398, 600, 999):
         mean = 0.5 * sum(still(u[k : k + 1], p[j : j + 1], np.array([7e5]))[0] for j in (k, k + 1))
@@ -358,18 +373,18 @@ def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> No
 
 def test_the_prior_is_three_standard_errors_wide() -> None:
     free = tuple(SimpleNamespace(name=n, lower=-1e3, upper=1e3, inward=lambda v: v, outward=lambda z: z) for n in "ab")
-    one = Trend(NONE, NONE, free, np.zeros(2), np.diag([4.0, 0.01]))  # type: ignore[arg-type]
-    assert np.sort(np.abs(one.tight).ravel()) == pytest.approx([0.0, 0.0, 1 / 6.0, 1 / 0.3])
-    sure = Trend(NONE, NONE, free, np.zeros(2), np.zeros((2, 2)))  # type: ignore[arg-type]
-    assert np.diag(np.abs(sure.tight)) == pytest.approx([1e3, 1e3])
+    one = ModelGradient(NONE, NONE, free, np.zeros(2), np.diag([4.0, 0.01]))  # type: ignore[arg-type]
+    assert np.sort(np.abs(one.prior_whitening).ravel()) == pytest.approx([0.0, 0.0, 1 / 6.0, 1 / 0.3])
+    sure = ModelGradient(NONE, NONE, free, np.zeros(2), np.zeros((2, 2)))  # type: ignore[arg-type]
+    assert np.diag(np.abs(sure.prior_whitening)) == pytest.approx([1e3, 1e3])
 
 
 def test_moves_of_a_parameter_show_by_differences_to_both_sides() -> None:
-    class Square(Trend):
+    class Square(ModelGradient):
         def at(self, z: np.ndarray) -> Any:
             return lambda u, p, supply: u * z[0] ** 2 + p * z[1]
 
     one = Square(NONE, NONE, (), np.array([3.0, 1.0]), np.diag([0.01, 4.0]))
     at = np.array([2.0, 5.0]), np.array([10.0, 1.0]), np.zeros(2)
     assert one.sensitivity(np.array([3.0, 1.0]), *at) == pytest.approx(np.array([[12.0, 10.0], [30.0, 1.0]]))
-    assert one.error(*at) == pytest.approx(np.sqrt([1.44 + 400.0, 9.0 + 4.0]))
+    assert one.standard_error(*at) == pytest.approx(np.sqrt([1.44 + 400.0, 9.0 + 4.0]))

@@ -19,7 +19,7 @@ from pneucli.io.artifacts import read_table
 from pneucli.io.recordings import load_recordings
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
-from pneucli.stages.tables.ingest import LOSSES, column_of
+from pneucli.stages.tables.ingest import LOSS_MESSAGES, loss_column
 
 Columns = dict[str, np.ndarray]
 N = 120
@@ -149,7 +149,7 @@ def ingested(name: str, data: Columns, folder: Path, more: str = "") -> tuple[di
         "rows_read": int(table["rows_read"][0]),
         "samples": one.time.size,
     }
-    assert row["rows_read"] == one.time.size + sum(int(table[column_of(kind)][0]) for kind in LOSSES)
+    assert row["rows_read"] == one.time.size + sum(int(table[loss_column(kind)][0]) for kind in LOSS_MESSAGES)
     return answer, {"t": one.time, "u": one["u"], "p1": one["p1"]}
 
 
@@ -213,5 +213,5 @@ def test_rows_that_were_lost_are_printed(tmp_path: Path) -> None:
     data = clean()
     data["t"][40] = data["t"][39]
     answer, _ = ingested("long", data, tmp_path)
-    said = " ".join(messages.of("ingest", answer, "p.toml").split())
+    said = " ".join(messages.render("ingest", answer, "p.toml").split())
     assert "a: of 240 rows 119 became samples: 1 rows repeat a time stamp; the first was kept, 120 rows" in said

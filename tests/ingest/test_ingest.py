@@ -104,7 +104,7 @@ def test_repairs_are_listed_with_counts(two: Path, tmp_path: Path) -> None:
     assert np.isnan(charge["p1"]).sum() == 1
     table = read_table(tmp_path / "ingest" / "repairs.parquet")
     assert list(zip(table["signal"], table["kind"], strict=True)) == list(found)
-    assert "1 spikes" in messages.of("ingest", answer, "p.toml")
+    assert "1 spikes" in messages.render("ingest", answer, "p.toml")
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], lis
     if not DATA.is_dir():
         pytest.skip("the real recordings are not here (PNEUCLI_DATA)")
     monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
-    monkeypatch.setattr(ingest, "FEWEST", 10**9)  # noise is another matter, and takes longer
+    monkeypatch.setattr(ingest, "MIN_NOISE_SAMPLES", 10**9)  # noise is another matter, and takes longer
     return lambda name: ingested(ROOT / "pipelines" / f"{name}.toml", tmp_path / "ingest")[1]
 
 
@@ -286,7 +286,7 @@ def test_emps_and_hyddown_have_the_published_sizes(real: Callable[[str], list[Re
 @pytest.mark.real
 @pytest.mark.parametrize("path", sorted(CASES.glob("case-*/pipeline.toml")), ids=lambda path: path.parent.name)
 def test_cases_pass_unaltered(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ingest, "FEWEST", 10**9)  # noise is another matter, and takes longer
+    monkeypatch.setattr(ingest, "MIN_NOISE_SAMPLES", 10**9)  # noise is another matter, and takes longer
     answer, recordings = ingested(path, tmp_path / "ingest")
     assert answer["repairs"] == []
     for one, row in zip(recordings, answer["recordings"], strict=True):

@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.config import load
 from pneucli.errors import InputError
-from pneucli.io.multi_file import found_offset
+from pneucli.io.multi_file import estimate_clock_offset
 from pneucli.io.recordings import load_recordings
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
@@ -137,13 +137,15 @@ def test_an_offset_that_nothing_tells_is_refused(way: str) -> None:
     values, says = OTHERS[way]
     other = {"time": T} if values is None else {"time": T, "x": values}
     with pytest.raises(InputError, match=says):
-        found_offset({"time": T, "x": motion(T)}, other, "x", "here")
+        estimate_clock_offset({"time": T, "x": motion(T)}, other, "x", "here")
 
 
 def test_a_motion_that_repeats_itself_tells_no_offset() -> None:
     long, short = np.arange(4000) * 0.01, np.arange(800) * 0.01
     with pytest.raises(InputError, match="and as well at"):
-        found_offset({"time": long, "x": np.sin(3 * long)}, {"time": short, "x": np.sin(3 * short)}, "x", "here")
+        estimate_clock_offset(
+            {"time": long, "x": np.sin(3 * long)}, {"time": short, "x": np.sin(3 * short)}, "x", "here"
+        )
 
 
 def test_find_and_match_belong_together(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ import pytest
 from pneucli import messages
 from pneucli.config import load
 from pneucli.errors import InputError
-from pneucli.init.columns import guess
-from pneucli.init.survey import Column, Survey, survey
+from pneucli.init.columns import guess_columns
+from pneucli.init.survey import Column, Survey, survey_file
 from pneucli.io.raw_file import RawFile
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
@@ -87,16 +87,18 @@ def test_a_column_is_guessed_by_the_words_and_the_unit_of_its_name(name: str) ->
         [*columns[:1], *(columns[1:] if not extra else []), Column(name, name, "", values)],
         {},
     )
-    one = guess([found])[-1]
+    one = guess_columns([found])[-1]
     assert (one.signal, one.unit) == NAMES[name]
 
 
 def test_a_pressure_that_stands_alone_is_that_of_chamber_1(tmp_path: Path) -> None:
     (found,) = [
-        g for g in guess([survey(RawFile(write(tmp_path / "a.csv", {"t": T, "tank": 2 + T}), {}))]) if not g.signal
+        g
+        for g in guess_columns([survey_file(RawFile(write(tmp_path / "a.csv", {"t": T, "tank": 2 + T}), {}))])
+        if not g.signal
     ]
     assert found.column.name == "tank"  # nothing says that it is a pressure
-    (found,) = guess([survey(RawFile(write(tmp_path / "a.csv", {"t": T, "tank [psi]": 2 + T}), {}))])[1:]
+    (found,) = guess_columns([survey_file(RawFile(write(tmp_path / "a.csv", {"t": T, "tank [psi]": 2 + T}), {}))])[1:]
     assert found.signal == "p1"
 
 
@@ -106,7 +108,11 @@ def test_what_has_two_values_is_no_sensor() -> None:
         Column("F", "F", "N", np.where(T > 1, 5.0, 0.0)),
         Column("x", "x", "", np.sin(T)),
     ]
-    assert [one.signal for one in guess([Survey(RawFile(Path("a"), {}), True, columns, {})])] == ["time", "", "x"]
+    assert [one.signal for one in guess_columns([Survey(RawFile(Path("a"), {}), True, columns, {})])] == [
+        "time",
+        "",
+        "x",
+    ]
 
 
 def test_numbers_without_a_unit_are_read_as_what_a_rig_has_and_the_guess_is_told(tmp_path: Path) -> None:
@@ -167,7 +173,7 @@ def test_files_of_one_kind_are_one_entry_and_one_of_them_is_held_out(tmp_path: P
 
 
 def test_a_file_to_hold_out_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    from pneucli.config import sources
+    from pneucli.config import recording_sources
 
     write(tmp_path / "a_1.csv", stroke())
     (tmp_path / "p.toml").write_text(
@@ -175,7 +181,7 @@ def test_a_file_to_hold_out_that_is_not_there_is_refused(tmp_path: Path) -> None
         'experiment = "friction"\nuse = "train"\ntest = "a_2.csv"\n'
     )
     with pytest.raises(InputError, match=r'key test: no file "a_2.csv"(.|\n)*did you mean "a_1.csv"'):
-        sources(load(tmp_path / "p.toml"))
+        recording_sources(load(tmp_path / "p.toml"))
 
 
 def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path) -> None:
@@ -186,7 +192,7 @@ def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path
     assert keys == ["rig.supply_pressure", *(f"rig.cylinder.{key}" for key in cylinder)]
     for one in answer["fill_in"]:
         assert one["key"].endswith(lines_of(answer)[one["line"] - 1].split(" =")[0])
-    said = " ".join(messages.of("init", answer, "rig/pipeline.toml").split())
+    said = " ".join(messages.render("init", answer, "rig/pipeline.toml").split())
     assert "fill in these 5: rig.supply_pressure (line 9)" in said
     assert said.endswith("then pneucli run rig/pipeline.toml")
     with pytest.raises(InputError, match=r'"\? bar" is to be filled in\n  wanted: a quantity such as'):

@@ -345,7 +345,7 @@ def test_what_a_file_expands_to_is_bounded_and_said(
     tmp_path: Path, write: Callable[[Path], None], most: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in (damaged_files, mat_elements):
-        monkeypatch.setattr(module, "LEAST", 32 << 20)
+        monkeypatch.setattr(module, "MIN_EXPANSION_LIMIT", 32 << 20)
     write(tmp_path / "a")
     assert (tmp_path / "a").stat().st_size < 300_000
     with (
@@ -520,7 +520,7 @@ def test_old_line_ends_and_separators_in_names_lose_no_row(tmp_path: Path) -> No
 def test_a_line_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pneucli.io import text_layout
 
-    monkeypatch.setattr(text_layout, "LONGEST", 1 << 19)
+    monkeypatch.setattr(text_layout, "MAX_LINE_BYTES", 1 << 19)
     (tmp_path / "a.csv").write_bytes(b"t,p\n0,1\n1,2\n" + b"9" * (2 << 20))
     with pytest.raises(InputError, match="a line of more than"):
         read(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))

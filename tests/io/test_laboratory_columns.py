@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io.date_parsing import Stamps, is_stamp
+from pneucli.io.date_parsing import CalendarClock, is_date_or_time
 from pneucli.io.expression import Expression
 from pneucli.io.raw_file import Channel, RawFile
 from pneucli.io.signal_reader import open_signals
@@ -63,12 +63,12 @@ STAMPS = {
 @pytest.mark.parametrize("way", STAMPS)
 def test_dates_and_times_of_day_become_seconds(way: str) -> None:
     texts, expected = STAMPS[way]
-    assert all(is_stamp(text) for text in texts if text)
-    np.testing.assert_allclose(Stamps().seconds(pa.array(texts)), expected)
+    assert all(is_date_or_time(text) for text in texts if text)
+    np.testing.assert_allclose(CalendarClock().seconds(pa.array(texts)), expected)
 
 
 def test_stamps_of_later_batches_go_on(tmp_path: Path) -> None:
-    dated, bare = Stamps(), Stamps()
+    dated, bare = CalendarClock(), CalendarClock()
     assert dated.seconds(pa.array(["03/04/2024 23:59:59"]))[0] == 0
     assert dated.seconds(pa.array(["03/05/2024 00:00:01"]))[0] == 2  # only now it shows that the month is first
     assert bare.seconds(pa.array(["23:59:59"]))[0] == 0

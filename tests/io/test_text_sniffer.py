@@ -7,7 +7,7 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Channel, RawFile
 from pneucli.io.signal_reader import open_signals
-from pneucli.io.text_sniffer import Sniffed, options_of, sniff
+from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff
 
 ROWS = 40
 
@@ -21,31 +21,31 @@ def rows(mark: str, decimal: str = ".", columns: int = 3) -> str:
 END = "***End_of_Header***"
 LVM = f"LabVIEW Measurement\t\nWriter_Version\t2\n{END}\n\nChannels\t2\nSamples\t40\t40\n{END}\t\t\n"
 TEXTS = {
-    "a header": ("t,p,x\n" + rows(","), Sniffed(True, 0, ",", ("t", "p", "x"), (), {})),
-    "no header": (rows("\t"), Sniffed(False, 0, "\t", (), (), {})),
-    "blanks": (rows("  "), Sniffed(False, 0, " ", (), (), {})),
-    "decimal commas": ("t;p;x\n" + rows(";", ","), Sniffed(True, 0, ";", ("t", "p", "x"), (), {})),
+    "a header": ("t,p,x\n" + rows(","), SniffedLayout(True, 0, ",", ("t", "p", "x"), (), {})),
+    "no header": (rows("\t"), SniffedLayout(False, 0, "\t", (), (), {})),
+    "blanks": (rows("  "), SniffedLayout(False, 0, " ", (), (), {})),
+    "decimal commas": ("t;p;x\n" + rows(";", ","), SniffedLayout(True, 0, ";", ("t", "p", "x"), (), {})),
     "a title and two rows of header": (
         "Test bench 3;;\nt;p;x\ns;bar;mm\n" + rows(";"),
-        Sniffed(True, 1, ";", ("t", "p", "x"), ("s", "bar", "mm"), {}),
+        SniffedLayout(True, 1, ";", ("t", "p", "x"), ("s", "bar", "mm"), {}),
     ),
     "a preamble as wide as the table": (
         LVM + "X_Value\tp\tx\tComment\n" + rows("\t"),
-        Sniffed(True, 7, "\t", ("X_Value", "p", "x"), (), {}),
+        SniffedLayout(True, 7, "\t", ("X_Value", "p", "x"), (), {}),
     ),
-    "names in a comment": ("# t p x\n" + rows(" "), Sniffed(False, 0, " ", ("t", "p", "x"), (), {})),
+    "names in a comment": ("# t p x\n" + rows(" "), SniffedLayout(False, 0, " ", ("t", "p", "x"), (), {})),
     "a third row of header": (
         "t;p;x\ns;bar;mm\nclock;sensor 1;laser\n" + rows(";"),
-        Sniffed(False, 3, ";", ("t", "p", "x"), ("s", "bar", "mm"), {}),
+        SniffedLayout(False, 3, ";", ("t", "p", "x"), ("s", "bar", "mm"), {}),
     ),
     "dots between thousands": (
         "".join(f"{n}.000.000;7.{n:03d}\n" for n in range(1, ROWS)),
-        Sniffed(False, 0, ";", (), (), {0: "."}),
+        SniffedLayout(False, 0, ";", (), (), {0: "."}),
     ),
-    "text after a comma": ("t,p,x\n" + rows(",") + "1,2,3\n", Sniffed(True, 0, ",", ("t", "p", "x"), (), {})),
+    "text after a comma": ("t,p,x\n" + rows(",") + "1,2,3\n", SniffedLayout(True, 0, ",", ("t", "p", "x"), (), {})),
     "a column of words": (
         "t,state\n" + "".join(f"{n},on\n" for n in range(ROWS)),
-        Sniffed(True, 0, ",", ("t", "state"), (), {}),
+        SniffedLayout(True, 0, ",", ("t", "state"), (), {}),
     ),
 }
 
@@ -61,7 +61,7 @@ def test_a_table_is_found(tmp_path: Path, way: str) -> None:
 def test_what_is_found_reads_every_row(tmp_path: Path, way: str) -> None:
     raw = RawFile(tmp_path / "a.txt", {"time": Channel(1), "p1": Channel(2)})
     raw.path.write_text(TEXTS[way][0], encoding="utf-8")
-    opened = open_signals(options_of(raw, sniff(raw)))
+    opened = open_signals(apply_sniffed(raw, sniff(raw)))
     assert sum(batch["time"].size for batch in opened.batches()) == TEXTS[way][0].count("\n") - {
         "a header": 1, "decimal commas": 1, "a title and two rows of header": 3, "names in a comment": 1,
         "a preamble as wide as the table": 8, "a third row of header": 3, "text after a comma": 1,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.io.timestamp_order import AHEAD, FATES, Order, Table, counted, join
+from pneucli.io.timestamp_order import LOOKAHEAD_ROWS, ROW_CLASSES, Table, TimestampCheck, count_losses, join_tables
 
 N = 60
 GOOD = 0.1 * np.arange(N)
@@ -16,13 +16,13 @@ GOOD = 0.1 * np.arange(N)
 
 def fates(time: np.ndarray, *cuts: int) -> list[str]:
     """Judge the stamps in batches, as the cleaner does: the last ones of a batch wait for the next."""
-    order, done, edges = Order(lambda row: f"row {row}"), [], [0, *sorted(cuts), time.size]
+    order, done, edges = TimestampCheck(lambda row: f"row {row}"), [], [0, *sorted(cuts), time.size]
     start = 0
     for _, end in pairwise(edges):
-        judged = max(0, end - start - (AHEAD if end < time.size else 0))
-        done.append(order.fates(time[start:end], judged))
+        judged = max(0, end - start - (LOOKAHEAD_ROWS if end < time.size else 0))
+        done.append(order.classify_rows(time[start:end], judged))
         start += judged
-    return [FATES[fate] for fate in np.concatenate(done)]
+    return [ROW_CLASSES[fate] for fate in np.concatenate(done)]
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -71,14 +71,14 @@ def table(time: list[float], name: str, first: int = 0) -> Table:
 
 def test_tables_of_one_clock_are_one_table_stamps_as_they_are() -> None:
     stamps = [0.0, 1.0, 1.0, float("nan"), 0.5]
-    joined, losses = join([table(stamps, "p"), table(stamps, "x", first=5)], place)
+    joined, losses = join_tables([table(stamps, "p"), table(stamps, "x", first=5)], place)
     np.testing.assert_array_equal(joined.time, stamps)
     assert list(joined.columns) == ["p", "x"]
     assert losses == {"joined": 5}
 
 
 def test_tables_of_several_clocks_are_joined_and_every_row_is_accounted_for() -> None:
-    joined, losses = join([table([0, 1, 1, 3], "p"), table([0, 2, np.nan, 3], "x", first=4)], place)
+    joined, losses = join_tables([table([0, 1, 1, 3], "p"), table([0, 2, np.nan, 3], "x", first=4)], place)
     np.testing.assert_array_equal(joined.time, [0, 1, 2, 3])
     np.testing.assert_array_equal(joined.columns["p"], [0, 1, np.nan, 3])
     np.testing.assert_array_equal(joined.columns["x"], [0, np.nan, 1, 3])
@@ -88,15 +88,15 @@ def test_tables_of_several_clocks_are_joined_and_every_row_is_accounted_for() ->
 
 def test_a_row_of_two_tables_is_lost_only_where_both_leave_it_out() -> None:
     shared = Table(np.array([1.0, 3.0]), {"x": np.zeros(2)}, np.array([1, 3]))  # rows that the other table has too
-    joined, losses = join([table([0, 1, 1, 3], "p"), shared], place)
+    joined, losses = join_tables([table([0, 1, 1, 3], "p"), shared], place)
     assert joined.time.size + sum(losses.values()) == 4
     assert losses == {"duplicate": 1}
 
 
 def test_a_clock_that_runs_back_is_refused_in_each_table() -> None:
     with pytest.raises(InputError, match="row 16: the time goes back"):
-        join([table([0, 1], "p"), table([*range(14), *range(14)], "x", first=2)], place)
+        join_tables([table([0, 1], "p"), table([*range(14), *range(14)], "x", first=2)], place)
 
 
 def test_counts_are_by_kind() -> None:
-    assert counted(np.array([0, 1, 2, 2, 0], dtype=np.int8)) == {"no-stamp": 1, "duplicate": 2}
+    assert count_losses(np.array([0, 1, 2, 2, 0], dtype=np.int8)) == {"no-stamp": 1, "duplicate": 2}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pneucli import messages
-from pneucli.messages.diagnose import different
+from pneucli.messages.diagnose import changes_since_baseline
 
 CHANGE = {"name": "piston-leak.area", "before": 0.0, "after": 5.2e-8, "unit": "m^2", "ci95": [5.0e-8, 5.4e-8],
           "confidence": 0.9999, "indistinguishable_from": []}  # fmt: skip
@@ -18,19 +18,19 @@ def answer(*changes: dict[str, object]) -> dict[str, object]:
 
 
 def test_a_change_is_told_with_its_size_its_twins_and_how_sure_it_is() -> None:
-    text = different(answer(CHANGE | {"indistinguishable_from": ["chamber-leak"]}))
+    text = changes_since_baseline(answer(CHANGE | {"indistinguishable_from": ["chamber-leak"]}))
     assert text.startswith("piston-leak.area, or chamber-leak changed from 0 mm² to")
     assert text.endswith("(chance of a false alarm 0.0001)")
 
 
 def test_where_nothing_changed_it_is_told_what_would_have_shown() -> None:
-    text = different(answer())
+    text = changes_since_baseline(answer())
     assert "nothing changed that 2 parameters and effects would show" in text
     assert "friction.coulomb by 0.20 N" in text
     assert "end-cushion" not in text
     assert text.endswith("is not known (--repeat)")
     known = {"unseen": LIMITS, "repeatability": {"dates": 3}}
-    assert different({"changes": [], "since": known}).endswith("0.20 N")
+    assert changes_since_baseline({"changes": [], "since": known}).endswith("0.20 N")
 
 
 def test_a_fleet_is_told_by_who_changed_and_what_failed() -> None:
@@ -38,13 +38,13 @@ def test_a_fleet_is_told_by_who_changed_and_what_failed() -> None:
     told = {"changed": 12, "rigs": 400, "failed": 3, "rows": 800, "missing": {"stribeck": 4}, "changes": [one] * 12,
             "failures": [{"cause": "no file …", "rows": 3}], "done": 5, "unchanged": 795, "seconds": 7.0, "out": "a",
             "verdicts": {"adequate": 797}, "repeatability": None}  # fmt: skip
-    text = messages.of("fleet", told, "fleet.toml")
+    text = messages.render("fleet", told, "fleet.toml")
     assert "12 of 400 rigs changed, 3 of 800 rows failed; missing from the model: stribeck (4)" in text
     assert text.count("axis-7") == 10
     assert "and 2 more" in text
     assert "is not known: state [fleet] healthy" in text
     known = {"rigs": 24, "dates": 4, "parameters": {"friction.coulomb": 0.0312, "friction.viscous": 0.0}}
     said = "a healthy rig differs by friction.coulomb 3.1 % (24 rigs, 4 dates each)"
-    assert said in messages.of("fleet", told | {"repeatability": known}, "fleet.toml")
+    assert said in messages.render("fleet", told | {"repeatability": known}, "fleet.toml")
     assert "3 rows: no file …" in text
-    assert messages.of("fleet", told, "fleet.toml", verbose=True).count("axis-7") == 12
+    assert messages.render("fleet", told, "fleet.toml", verbose=True).count("axis-7") == 12

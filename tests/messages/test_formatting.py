@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.messages.formatting import joined, parameters, times, with_interval
+from pneucli.messages.formatting import format_interval, format_noise_ratio, format_parameters, join_names
 
 
 @pytest.mark.parametrize(
@@ -31,13 +31,13 @@ from pneucli.messages.formatting import joined, parameters, times, with_interval
 def test_digits_are_those_that_the_interval_supports(
     value: float | None, unit: str, ci95: tuple[float | None, float | None], text: str
 ) -> None:
-    assert with_interval(value, unit, ci95) == text
+    assert format_interval(value, unit, ci95) == text
 
 
 @given(st.floats(-1e5, 1e5).filter(lambda v: abs(v) > 1e-3), st.floats(1e-4, 1.0))
 def test_the_shown_interval_holds_what_the_true_one_holds(value: float, share: float) -> None:
     half = share * abs(value)
-    found = re.fullmatch(r"([−\d.]+) ± ([\d.]+)", with_interval(value, "1", (value - half, value + half)))
+    found = re.fullmatch(r"([−\d.]+) ± ([\d.]+)", format_interval(value, "1", (value - half, value + half)))
     assert found is not None
     middle, width = (float(part.replace("−", "-")) for part in found.groups())
     # two digits of the half width: each of both numbers is off by at most half a unit of the second one
@@ -47,16 +47,16 @@ def test_the_shown_interval_holds_what_the_true_one_holds(value: float, share: f
 
 def test_parameters_are_named_with_their_intervals() -> None:
     drop = {"drop": {"value": 0.4, "unit": "1", "ci95": [0.39, 0.41]}}
-    assert parameters(drop) == "drop = 0.400 ± 0.010"
+    assert format_parameters(drop) == "drop = 0.400 ± 0.010"
 
 
 @pytest.mark.parametrize(("error", "text"), [(None, "none"), (18.08, "18.1"), (1.026, "1.03"), (0.834, "0.83")])
 def test_errors_have_three_digits_and_two_below_the_noise(error: float | None, text: str) -> None:
-    assert times(error) == text
+    assert format_noise_ratio(error) == text
 
 
 @pytest.mark.parametrize(
     ("names", "text"), [([], ""), (["x"], "x"), (["x", "v"], "x and v"), (["x", "v", "a"], "x, v and a")]
 )
 def test_names_are_joined_as_in_a_sentence(names: list[str], text: str) -> None:
-    assert joined(names) == text
+    assert join_names(names) == text

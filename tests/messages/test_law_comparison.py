@@ -9,14 +9,14 @@ CASES = {"best": figures(4.0, 0.0), "pdc": figures(7800.0, 3.0), "relay": figure
 
 
 def test_a_row_holds_the_worst_of_all_scenarios_and_the_air_of_all() -> None:
-    (best, *_) = law_comparison.rows(CASES, 10.0)
+    (best, *_) = law_comparison.table_rows(CASES, 10.0)
     assert best == ["best", "4.00", "0", "–", "∞", "0.30", "0.800", "holds"]
     back = {name: by | {"load": by["load"] | {"recovery_s": 0.25}} for name, by in CASES.items()}
-    assert next(iter(law_comparison.rows(back, 10.0)))[4] == "0.25"
+    assert next(iter(law_comparison.table_rows(back, 10.0)))[4] == "0.25"
 
 
 def test_who_is_poor_is_said_with_its_numbers() -> None:
-    assert law_comparison.poor(CASES, 10.0) == [
+    assert law_comparison.shortcomings(CASES, 10.0) == [
         "pdc stays up to 7.8 mm off",
         "relay stays up to 30 µm off, moves by 40 µm at rest",
     ]

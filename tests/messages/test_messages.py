@@ -76,23 +76,23 @@ def one_line(text: str) -> str:
 
 
 def test_compare_says_error_worst_channel_events_and_what_to_do() -> None:
-    assert messages.of("compare", COMPARED, "p.toml").splitlines()[0] == (
+    assert messages.render("compare", COMPARED, "p.toml").splitlines()[0] == (
         "error    20.6 × noise on test recordings (12.0 on those fitted): the model misses something"
     )
-    told = one_line(messages.of("compare", COMPARED, "p.toml"))
+    told = one_line(messages.render("compare", COMPARED, "p.toml"))
     assert "worst x in driven_2, 25.4 × noise (5.31 mm rms)" in told
     assert "where driven_2: v, x and a at time 3.10 to 3.60 s, piston velocity −35.0 to 0 mm/s; 61 % of" in told
     assert told.endswith("do pneucli diagnose p.toml")
 
 
 def test_one_event_over_several_signals_is_one_line() -> None:
-    assert [len(event) for event in compare.events(COMPARED)] == [3, 1]
-    assert messages.of("compare", COMPARED, "p.toml").count("driven_2: ") == 2
+    assert [len(event) for event in compare.grouped_regions(COMPARED)] == [3, 1]
+    assert messages.render("compare", COMPARED, "p.toml").count("driven_2: ") == 2
 
 
 def test_the_table_of_channels_stands_behind_verbose() -> None:
-    assert "rms error" not in messages.of("compare", COMPARED, "p.toml")
-    assert "driven_2   test  x          5.31 mm" in messages.of("compare", COMPARED, "p.toml", verbose=True)
+    assert "rms error" not in messages.render("compare", COMPARED, "p.toml")
+    assert "driven_2   test  x          5.31 mm" in messages.render("compare", COMPARED, "p.toml", verbose=True)
 
 
 @pytest.mark.parametrize(
@@ -113,11 +113,11 @@ def test_the_verdict_of_a_comparison(errors: dict[str, float | None], said: str)
     [(0.9, 1.0, "toward +x"), (-1.0, -0.9, "toward −x"), (-0.1, 0.0, "at rest"), (-1.0, 0.1, "toward −x or at rest")],
 )
 def test_directions_are_said_in_words(low: float, high: float, said: str) -> None:
-    assert compare.span({"signal": "direction", "from": low, "to": high, "unit": "1"}) == said
+    assert compare.region_span({"signal": "direction", "from": low, "to": high, "unit": "1"}) == said
 
 
 def test_diagnose_says_what_is_missing_how_sure_what_changes_and_what_to_do() -> None:
-    told = one_line(messages.of("diagnose", DIAGNOSED, "p.toml"))
+    told = one_line(messages.render("diagnose", DIAGNOSED, "p.toml"))
     assert told.startswith("found the model lacks piston-leak (leak across the piston) sure the error falls from 18.1")
     assert "to 0.83 × noise on recordings that were not fitted; piston-leak area = 0.100 ± 0.010 mm²; no other" in told
     assert "changes valve.overlap_fill 0.475 V → 0.206 V (not plausible)" in told
@@ -126,33 +126,35 @@ def test_diagnose_says_what_is_missing_how_sure_what_changes_and_what_to_do() ->
 
 def test_what_was_tried_after_the_named_effect_does_not_count_as_its_fall() -> None:
     tried = [*DIAGNOSED["ladder"], {"add": "presliding", "error_train": 0.5, "error_test": 5.0}]
-    assert "from 18.1 to 0.83" in diagnose.sure(DIAGNOSED | {"verdict": "unexplained", "ladder": tried})
+    assert "from 18.1 to 0.83" in diagnose.evidence_summary(DIAGNOSED | {"verdict": "unexplained", "ladder": tried})
     nothing = DIAGNOSED | {"verdict": "unexplained", "missing": [], "ladder": tried, "unexplained_share": None}
-    assert diagnose.sure(nothing) == "the error is 18.1 × noise on recordings that were not fitted"
+    assert diagnose.evidence_summary(nothing) == "the error is 18.1 × noise on recordings that were not fitted"
 
 
 def test_twins_are_named() -> None:
     twin = {**DIAGNOSED["candidates"][0], "indistinguishable_from": ["dead-volume", "chamber-leak"]}
-    told = diagnose.sure(DIAGNOSED | {"candidates": [twin]})
+    told = diagnose.evidence_summary(DIAGNOSED | {"candidates": [twin]})
     assert "these recordings cannot tell it from chamber-leak and dead-volume" in told
 
 
 def test_an_adequate_model_comes_with_what_would_have_shown() -> None:
-    told = one_line(messages.of("diagnose", ADEQUATE, "p.toml"))
+    told = one_line(messages.render("diagnose", ADEQUATE, "p.toml"))
     assert "found nothing is missing that these recordings could show" in told
     assert "1 of 1 other effects would have shown, such as chamber-leak (area 0.00030 mm²)" in told
     cushion = {"effect": "end-cushion", "parameter": "damping", "size": 8.3, "unit": "N s/m"}
     somewhere = [cushion | {"where": [{"parameter": "length", "value": 0.08, "unit": "m"}]}]
-    told = diagnose.sure(ADEQUATE | {"detectable": somewhere})
+    told = diagnose.evidence_summary(ADEQUATE | {"detectable": somewhere})
     assert "such as end-cushion (damping 8.3 N·s/m, length 80 mm)" in told
     blind = [{**DIAGNOSED["detectable"][0], "size": None}]
-    assert "no other effect of the catalogue would have shown" in diagnose.sure(ADEQUATE | {"detectable": blind})
+    assert "no other effect of the catalogue would have shown" in diagnose.evidence_summary(
+        ADEQUATE | {"detectable": blind}
+    )
 
 
 def test_what_is_unexplained_comes_with_the_experiment() -> None:
     rest = {"verdict": "unexplained", "missing": [], "sentence": "Something remains.", "unexplained_share": 0.3}
     answer = ADEQUATE | rest | {"next_experiment": "Hold the piston."}
-    told = one_line(messages.of("diagnose", answer, "p.toml"))
+    told = one_line(messages.render("diagnose", answer, "p.toml"))
     assert "found unexplained: Something remains." in told
     assert "30 % of the error beyond noise stays" in told
     assert told.endswith("do Hold the piston.")
@@ -170,27 +172,27 @@ MODELS = [model(test=18.1), model("piston-leak", test=0.834, current=True)]
 def test_where_the_error_rises_with_what_readings_show_it_is_said() -> None:
     """A bias of an accelerometer, on which what is unknown of friction had leant."""
     rising = {**DIAGNOSED["ladder"][1], "error_test": 19.2}
-    told = diagnose.fall({**DIAGNOSED, "ladder": [DIAGNOSED["ladder"][0], rising]})
+    told = diagnose.error_reduction({**DIAGNOSED, "ladder": [DIAGNOSED["ladder"][0], rising]})
     assert told.startswith("the error rises from 18.1 to 19.2 × noise")
 
 
 def test_the_history_says_the_fall_and_draws_it() -> None:
     fall, _, first, last = history.lines(MODELS, "p.toml")
     assert fall == "error    18.1 → 0.83 × noise on test recordings with piston-leak"
-    assert first.split()[-1] == "#" * history.BAR
+    assert first.split()[-1] == "#" * history.BAR_LENGTH
     assert last.split()[-1] == "now"
-    assert history.bar(18.1**0.5, 18.1) == "#" * (history.BAR // 2)  # a logarithmic scale
+    assert history.error_bar(18.1**0.5, 18.1) == "#" * (history.BAR_LENGTH // 2)  # a logarithmic scale
 
 
 def test_models_on_other_data_are_never_on_one_line() -> None:
     other = model("stribeck", test=99.0, data="elsewhere")
-    assert history.fall(history.comparable([other, *MODELS])) == history.fall(MODELS)
+    assert history.error_reduction(history.models_on_current_data([other, *MODELS])) == history.error_reduction(MODELS)
     told = "\n".join(history.lines([other, *MODELS], "p.toml"))
     assert told.index("not to be compared") < told.index("99.0")
 
 
 def test_a_removed_effect_is_said() -> None:
-    assert history.changed(MODELS[1], model("stribeck", test=2.0)) == "stribeck without piston-leak"
+    assert history.effect_changes(MODELS[1], model("stribeck", test=2.0)) == "stribeck without piston-leak"
 
 
 def test_run_says_what_was_missing_and_is_there_now() -> None:
@@ -233,18 +235,18 @@ LOOP = {
 
 def test_the_controller_is_told_by_its_worst_figures() -> None:
     said = "4.0 µm at rest (tolerance 10 µm), 55 µm rms on the way (sine), a load is rejected to 50 µm in 0.26 s"
-    assert simulate.holds(LOOP) == said
-    assert simulate.missed(LOOP) == []
-    assert simulate.weak(LOOP) == ["presliding", "valve-lag"]
+    assert simulate.performance_line(LOOP) == said
+    assert simulate.failed_scenarios(LOOP) == []
+    assert simulate.harmful_effects(LOOP) == ["presliding", "valve-lag"]
 
 
 @pytest.mark.parametrize(
     "broken", [{"steady_um": 11.0}, {"steady_um": 1.0, "cycle_um": 12.0}, {"peak_um": 6000.0, "recovery_s": None}]
 )
 def test_a_scenario_fails_that_misses_the_tolerance_or_never_recovers(broken: dict[str, float | None]) -> None:
-    assert simulate.missed({**LOOP, "closed_loop": {"load": broken}}) == ["load"]
+    assert simulate.failed_scenarios({**LOOP, "closed_loop": {"load": broken}}) == ["load"]
 
 
 @pytest.mark.parametrize(("signal", "told"), [("", "driven_1"), ("p1", "driven_1, p1")])
 def test_a_repair_of_a_whole_file_names_no_signal(signal: str, told: str) -> None:
-    assert ingest.place({"recording": "driven_1", "signal": signal}) == told
+    assert ingest.repair_location({"recording": "driven_1", "signal": signal}) == told

@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from pneucli.diagnose.candidate import Reason
-from pneucli.messages.diagnose import HELD_OUT, WHY_NOT, why
+from pneucli.messages.diagnose import REJECTION_REASONS, VALIDATION_PHRASES, reason_sentence
 
 LEAK: dict[str, Any] = {
     "effect": "piston-leak",
@@ -20,12 +20,12 @@ LEAK: dict[str, Any] = {
 
 def said(reason: str, missing: list[str] | None = None, held_out: str = "apart", **changes: Any) -> str:
     candidate = LEAK | {"reason": reason, "supported": reason == "supported"} | changes
-    return why(candidate, missing or [], held_out, "The pressures creep toward each other.")
+    return reason_sentence(candidate, missing or [], held_out, "The pressures creep toward each other.")
 
 
 def test_every_reason_has_a_sentence_of_its_own() -> None:
-    assert set(WHY_NOT) == set(get_args(Reason)) - {"supported"}
-    assert len(set(WHY_NOT.values())) == len(WHY_NOT)
+    assert set(REJECTION_REASONS) == set(get_args(Reason)) - {"supported"}
+    assert len(set(REJECTION_REASONS.values())) == len(REJECTION_REASONS)
 
 
 @pytest.mark.parametrize("reason", sorted(set(get_args(Reason)) - {"supported", "not-significant"}))
@@ -40,9 +40,9 @@ def test_what_is_named_says_what_it_takes_and_how_it_looks() -> None:
     assert text.endswith("The pressures creep toward each other.")
 
 
-@pytest.mark.parametrize("held_out", HELD_OUT)
+@pytest.mark.parametrize("held_out", VALIDATION_PHRASES)
 def test_what_the_errors_are_errors_of_is_said(held_out: str) -> None:
-    assert HELD_OUT[held_out] in said("supported", ["piston-leak"], held_out)
+    assert VALIDATION_PHRASES[held_out] in said("supported", ["piston-leak"], held_out)
 
 
 def test_a_twin_says_of_what_it_cannot_be_told() -> None:

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from pneucli.noise import NoiseModel, estimate, free_of, jumps_of, pool
-from pneucli.noise.spectrum import find_lines
+from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
+from pneucli.noise.spectrum import detect_mains_lines
 
 PERIOD = 1e-3
 
@@ -44,7 +44,7 @@ def noisy(shape, model: NoiseModel, seed: int, duration: float = 4.0):
 @given(st.sampled_from(SHAPES), st.integers(0, 999), st.floats(100, 1500))
 def test_white_noise_is_found_within_15_percent(shape, seed, rms):
     time, values = noisy(shape, NoiseModel(white=rms, period=PERIOD), seed)
-    assert estimate(time, values).rms == pytest.approx(rms, rel=0.15)
+    assert estimate_noise(time, values).rms == pytest.approx(rms, rel=0.15)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -56,7 +56,7 @@ def test_coloured_noise_is_found_within_25_percent(shape, pole, tolerance):
     """
     truth = NoiseModel(white=0.0, coloured=400.0, pole=pole, period=PERIOD)
     for seed in range(4):
-        found = pool([estimate(*noisy(shape, truth, 10 * seed + k)) for k in range(3)])
+        found = pool_noise([estimate_noise(*noisy(shape, truth, 10 * seed + k)) for k in range(3)])
         assert found.rms == pytest.approx(400.0, rel=tolerance)
         assert found.pole == pytest.approx(pole, abs=0.12)
 
@@ -65,7 +65,7 @@ def test_coloured_noise_is_found_within_25_percent(shape, pole, tolerance):
 def test_hum_is_found_with_its_frequency_and_amplitude(mains):
     truth = NoiseModel(white=250.0, lines=((mains, 150.0),), period=PERIOD)
     for seed in range(3):
-        (frequency, amplitude), *others = estimate(*noisy(charge_and_discharge, truth, seed)).lines
+        (frequency, amplitude), *others = estimate_noise(*noisy(charge_and_discharge, truth, seed)).lines
         assert frequency == pytest.approx(mains, abs=0.3)
         assert amplitude == pytest.approx(150.0, rel=0.2)
         assert not others
@@ -74,7 +74,7 @@ def test_hum_is_found_with_its_frequency_and_amplitude(mains):
 def test_no_hum_is_found_where_there_is_none():
     """Six searches (two mains, three harmonics) at 1e-4 each: 60 signals give 0.04 false lines on average."""
     truth = NoiseModel(white=0.0, coloured=250.0, pole=0.8, period=PERIOD)
-    found = [find_lines(noisy(shape, truth, seed)[1], PERIOD) for shape in SHAPES for seed in range(20)]
+    found = [detect_mains_lines(noisy(shape, truth, seed)[1], PERIOD) for shape in SHAPES for seed in range(20)]
     assert sum(map(bool, found)) <= 1
 
 
@@ -84,7 +84,7 @@ def test_motion_and_slips_without_noise_are_not_taken_for_noise():
     x = 1e-6 * np.round(
         1e6 * (0.03 + 4e-3 * (np.floor(time) + np.sin(np.pi / 2 * np.clip((time % 1 - 0.9) / 0.1, 0, 1))))
     )
-    found = estimate(time, x)
+    found = estimate_noise(time, x)
     assert found.step == pytest.approx(1e-6, rel=1e-6)
     assert found.rms == pytest.approx(1e-6 / np.sqrt(12), rel=0.05)
 
@@ -92,13 +92,13 @@ def test_motion_and_slips_without_noise_are_not_taken_for_noise():
 def test_a_stepped_command_has_no_noise():
     time = np.arange(0.0, 3.6, PERIOD)
     command = 0.5 * np.round(4 * np.sin(2 * np.pi * 0.7 * time))
-    assert estimate(time, command).rms == 0.0
+    assert estimate_noise(time, command).rms == 0.0
 
 
 @pytest.mark.parametrize("step", [10.0, 1000.0])
 def test_never_below_the_quantisation_step(step):
     time, values = noisy(motion, NoiseModel(white=20.0, step=step, period=PERIOD), 3)
-    found = estimate(time, values)
+    found = estimate_noise(time, values)
     assert found.step == pytest.approx(step, rel=1e-6)
     assert found.rms >= step / np.sqrt(12)
 
@@ -108,13 +108,13 @@ def test_slow_sampling_keeps_the_level(period, duration):
     """100 Hz and 10 Hz: content below a fortieth of the sampling rate, white noise."""
     truth = NoiseModel(white=50.0, period=period)
     time, values = noisy(lambda t: 1e5 + 4e3 * np.sin(2 * np.pi * t / (80 * period)), truth, 1, duration)
-    assert estimate(time, values).rms == pytest.approx(50.0, rel=0.2)
+    assert estimate_noise(time, values).rms == pytest.approx(50.0, rel=0.2)
 
 
 def test_fifteen_points_give_the_order_of_magnitude():
     """Twelve third differences: the mean of 40 draws within 30 %, each within a factor of 4."""
     time = np.linspace(0, 60, 15)
-    rms = [estimate(time, 300 - time + np.random.default_rng(s).normal(0, 2.0, 15)).rms for s in range(40)]
+    rms = [estimate_noise(time, 300 - time + np.random.default_rng(s).normal(0, 2.0, 15)).rms for s in range(40)]
     assert np.mean(rms) == pytest.approx(2.0, rel=0.3)
     assert min(rms) > 0.5
     assert max(rms) < 8.0
@@ -123,18 +123,18 @@ def test_fifteen_points_give_the_order_of_magnitude():
 def test_gaps_are_left_out():
     time, values = noisy(motion, NoiseModel(white=300.0, period=PERIOD), 5)
     values[1000:1100] = np.nan
-    assert estimate(time, values).rms == pytest.approx(300.0, rel=0.15)
+    assert estimate_noise(time, values).rms == pytest.approx(300.0, rel=0.15)
 
 
 def test_pooling_ignores_the_one_recording_that_is_off():
     models = [NoiseModel(white=w) for w in (100.0, 102.0, 98.0, 101.0, 900.0)]
-    assert pool(models).rms == pytest.approx(101.0, rel=0.01)
+    assert pool_noise(models).rms == pytest.approx(101.0, rel=0.01)
 
 
 def test_the_draw_of_an_estimate_sounds_like_the_original():
     truth = NoiseModel(white=0.0, coloured=400.0, pole=0.8, period=PERIOD)
     time, values = noisy(charge_and_discharge, truth, 11)
-    drawn = estimate(time, values).draw(np.arange(0, 20, PERIOD), np.random.default_rng(0))
+    drawn = estimate_noise(time, values).draw(np.arange(0, 20, PERIOD), np.random.default_rng(0))
     once = np.std(lfilter([1, -0.8], [1], drawn)[1:])
     assert once == pytest.approx(400 * np.sqrt(1 - 0.8**2), rel=0.2)
 
@@ -155,23 +155,23 @@ def test_kinks_of_a_switching_valve_are_not_taken_for_coloured_noise(seed):
     time = np.arange(0.0, 8.0, PERIOD)
     u, p = switched(time, seed)
     values = p + NoiseModel(white=0.0, coloured=400.0, pole=0.8, period=PERIOD).draw(time, np.random.default_rng(seed))
-    assert estimate(time, values, jumps_of([u], u.size)).rms == pytest.approx(400.0, rel=0.25)
+    assert estimate_noise(time, values, detect_jumps([u], u.size)).rms == pytest.approx(400.0, rel=0.25)
 
 
 def test_a_command_jumps_where_a_tenth_of_its_range_passes_within_a_sample():
     ramp, step = np.linspace(0.0, 10.0, 101), np.repeat([0.0, 0.9, 10.0], [40, 30, 31])
-    assert not jumps_of([ramp], 101).any()
-    assert np.flatnonzero(jumps_of([ramp, step], 101)).tolist() == [70]
-    assert not jumps_of([], 101).any()
+    assert not detect_jumps([ramp], 101).any()
+    assert np.flatnonzero(detect_jumps([ramp, step], 101)).tolist() == [70]
+    assert not detect_jumps([], 101).any()
 
 
 def test_segments_are_free_where_no_jump_lies_in_them_and_enough_of_them_are():
     jumps = np.zeros(8000, dtype=bool)
     jumps[1000] = True
-    free = free_of(jumps, PERIOD)  # 256 samples a segment, one every 128
+    free = jump_free_segments(jumps, PERIOD)  # 256 samples a segment, one every 128
     assert np.flatnonzero(~free).tolist() == [6, 7]
     jumps[::200] = True
-    assert free_of(jumps, PERIOD) is None
+    assert jump_free_segments(jumps, PERIOD) is None
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -181,12 +181,12 @@ def test_noise_of_a_force_is_found_between_the_turns_of_dry_friction(seed: int, 
     rng, time = np.random.default_rng(seed), 0.01 * np.arange(3000)
     turns = np.cumsum(np.tile([1.3, 2.6], 9))
     force = 20.0 * (-1.0) ** np.searchsorted(turns, time) + 3.0 * np.sin(time) + rng.normal(scale=rms, size=time.size)
-    found = estimate(time, force, own=jumps_of([force], time.size))
+    found = estimate_noise(time, force, signal_jumps=detect_jumps([force], time.size))
     assert found.rms == pytest.approx(rms, rel=0.15)
-    assert estimate(time, force).rms > 2.0 * rms  # as slow noise, all the turns would be noise
+    assert estimate_noise(time, force).rms > 2.0 * rms  # as slow noise, all the turns would be noise
 
 
 def test_where_a_signal_jumps_all_the_time_its_spectrum_is_that_of_all_of_it():
     time, values = 0.01 * np.arange(2000), np.random.default_rng(0).normal(size=2000)
     everywhere = np.ones(2000, dtype=bool)
-    assert estimate(time, values, own=everywhere) == estimate(time, values)
+    assert estimate_noise(time, values, signal_jumps=everywhere) == estimate_noise(time, values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.noise import NoiseModel, pool
+from pneucli.noise import NoiseModel, pool_noise
 
 TIME = 1e-3 * np.arange(40_000)
 
@@ -72,34 +72,36 @@ def test_a_sensor_that_only_rounds_draws_as_much_as_rounding_is_worth() -> None:
 
 def test_pooled_shares_are_means_of_powers_scaled_to_the_median_power() -> None:
     """Powers 1 + 0, 0 + 1 and 8 + 1: the median is 1; means 3 and 2/3 of 11/3 in all."""
-    found = pool([NoiseModel(1.0), NoiseModel(0.0, coloured=1.0, pole=0.4), NoiseModel(8**0.5, coloured=1.0, pole=0.8)])
+    found = pool_noise(
+        [NoiseModel(1.0), NoiseModel(0.0, coloured=1.0, pole=0.4), NoiseModel(8**0.5, coloured=1.0, pole=0.8)]
+    )
     assert found.white**2 == pytest.approx(9.0 / 11.0)
     assert found.coloured**2 == pytest.approx(2.0 / 11.0)
     assert found.pole == pytest.approx(0.6)
 
 
 def test_the_pole_is_weighted_by_the_coloured_power() -> None:
-    found = pool([NoiseModel(0.0, coloured=1.0, pole=0.9), NoiseModel(0.0, coloured=3.0, pole=0.5)])
+    found = pool_noise([NoiseModel(0.0, coloured=1.0, pole=0.9), NoiseModel(0.0, coloured=3.0, pole=0.5)])
     assert found.pole == pytest.approx((0.9 + 9 * 0.5) / 10)
 
 
 def test_the_pool_of_silence_is_silent() -> None:
-    found = pool([NoiseModel(0.0), NoiseModel(0.0)])
+    found = pool_noise([NoiseModel(0.0), NoiseModel(0.0)])
     assert (found.white, found.coloured, found.pole, found.rms) == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_period_and_step_are_the_median_and_the_finest() -> None:
-    found = pool([NoiseModel(1.0, period=p, step=s) for p, s in ((1e-3, 0.0), (2e-3, 4.0), (9e-3, 3.0))])
+    found = pool_noise([NoiseModel(1.0, period=p, step=s) for p, s in ((1e-3, 0.0), (2e-3, 4.0), (9e-3, 3.0))])
     assert found.period == 2e-3
     assert found.step == 3.0
-    assert pool([NoiseModel(1.0)]).step == 0.0
+    assert pool_noise([NoiseModel(1.0)]).step == 0.0
 
 
 @pytest.mark.parametrize(("heard", "kept"), [(1, False), (2, True), (4, True)])
 def test_hum_that_half_of_the_recordings_have_is_the_sensors(heard: int, kept: bool) -> None:
     """Its power is the mean over all of them, also those without."""
     models = [NoiseModel(1.0, lines=((50.0 + 0.1 * k, 2.0),)) for k in range(heard)]
-    found = pool([*models, *[NoiseModel(1.0)] * (4 - heard)]).lines
+    found = pool_noise([*models, *[NoiseModel(1.0)] * (4 - heard)]).lines
     assert bool(found) == kept
     if kept:
         ((frequency, amplitude),) = found
@@ -109,11 +111,11 @@ def test_hum_that_half_of_the_recordings_have_is_the_sensors(heard: int, kept: b
 
 def test_hum_of_two_in_five_recordings_is_not_the_sensors() -> None:
     heard = [NoiseModel(1.0, lines=((50.0, 2.0),))] * 2
-    assert pool([*heard, *[NoiseModel(1.0)] * 3]).lines == ()
+    assert pool_noise([*heard, *[NoiseModel(1.0)] * 3]).lines == ()
 
 
 def test_hum_and_its_harmonics_are_pooled_each_by_itself() -> None:
-    lines = pool(
+    lines = pool_noise(
         [NoiseModel(1.0, lines=((49.9, 3.0), (100.1, 1.0))), NoiseModel(1.0, lines=((50.1, 3.0), (60.0, 1.0)))]
     )
     assert [f for f, _ in lines.lines] == pytest.approx([50.0, 60.0, 100.1])

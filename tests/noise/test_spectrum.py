@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.noise import NoiseModel, estimate
-from pneucli.noise.spectrum import find_lines, noise_floor, quantisation_step, segment_length
+from pneucli.noise import NoiseModel, estimate_noise
+from pneucli.noise.spectrum import detect_mains_lines, noise_floor, quantisation_step, segment_length
 
 RNG = np.random.default_rng
 
@@ -95,39 +95,39 @@ def hum(frequency: float, amplitude: float = 1.0, seconds: float = 4.0, period: 
 
 @pytest.mark.parametrize("frequency", [50.0, 100.0, 150.0, 60.0, 120.0, 180.0])
 def test_mains_and_their_harmonics_are_heard(frequency: float) -> None:
-    (found,) = find_lines(hum(frequency), 1e-3)
+    (found,) = detect_mains_lines(hum(frequency), 1e-3)
     assert found[0] == pytest.approx(frequency, abs=0.1)
     assert found[1] == pytest.approx(1.0, rel=0.1)
 
 
 @pytest.mark.parametrize("frequency", [40.0, 51.5, 55.0, 200.0, 240.0])
 def test_what_is_not_of_the_mains_is_not_hum(frequency: float) -> None:
-    assert find_lines(hum(frequency, 0.5), 1e-3) == ()
+    assert detect_mains_lines(hum(frequency, 0.5), 1e-3) == ()
 
 
 def test_two_lines_are_told_apart() -> None:
-    both = find_lines(hum(50.0) + hum(150.0, 0.6), 1e-3)
+    both = detect_mains_lines(hum(50.0) + hum(150.0, 0.6), 1e-3)
     assert [f for f, _ in both] == pytest.approx([50.0, 150.0], abs=0.1)
     assert [a for _, a in both] == pytest.approx([1.0, 0.6], rel=0.15)
 
 
 def test_a_line_must_lie_well_below_half_the_sampling_rate_and_last_half_a_second() -> None:
     """By 8 Hz, which tell its background: 58 Hz."""
-    assert find_lines(hum(50.0, period=1.0 / 115.8, seconds=40.0), 1.0 / 115.8) == ()
-    assert find_lines(hum(50.0, period=1.0 / 116.2, seconds=40.0), 1.0 / 116.2) != ()
-    assert find_lines(hum(50.0, 9.0, seconds=0.49), 1e-3) == ()
-    assert find_lines(hum(50.0, 9.0, seconds=0.6), 1e-3) != ()
+    assert detect_mains_lines(hum(50.0, period=1.0 / 115.8, seconds=40.0), 1.0 / 115.8) == ()
+    assert detect_mains_lines(hum(50.0, period=1.0 / 116.2, seconds=40.0), 1.0 / 116.2) != ()
+    assert detect_mains_lines(hum(50.0, 9.0, seconds=0.49), 1e-3) == ()
+    assert detect_mains_lines(hum(50.0, 9.0, seconds=0.6), 1e-3) != ()
 
 
 def test_where_samples_are_missing_no_line_is_sought() -> None:
     values = hum(50.0)
     values[100] = np.nan
-    assert find_lines(values, 1e-3) == ()
+    assert detect_mains_lines(values, 1e-3) == ()
 
 
 def test_slow_content_hides_no_hum() -> None:
     time = np.arange(0.0, 4.0, 1e-3)
-    (found,) = find_lines(hum(50.0) + 1e4 * np.sin(2 * np.pi * 0.5 * time) + 500.0 * time**2, 1e-3)
+    (found,) = detect_mains_lines(hum(50.0) + 1e4 * np.sin(2 * np.pi * 0.5 * time) + 500.0 * time**2, 1e-3)
     assert found[1] == pytest.approx(1.0, rel=0.1)
 
 
@@ -173,7 +173,7 @@ def test_too_few_samples_for_a_spectrum_are_judged_by_their_differences() -> Non
     time = 0.1 * np.arange(60)
     levels = []
     for seed in range(20):
-        found = estimate(time, 50.0 + 3.0 * time - time**2 + 2.0 * RNG(seed).standard_normal(60))
+        found = estimate_noise(time, 50.0 + 3.0 * time - time**2 + 2.0 * RNG(seed).standard_normal(60))
         assert (found.coloured, found.lines, found.step) == (0.0, (), 0.0)
         assert found.period == pytest.approx(0.1)
         levels.append(found.white)
@@ -182,7 +182,7 @@ def test_too_few_samples_for_a_spectrum_are_judged_by_their_differences() -> Non
 
 @pytest.mark.parametrize(("values", "white"), [([1.0, 3.0], 2.0 / 2**0.5), ([np.nan, 1.0, np.nan, 3.0], 2.0 / 2**0.5)])
 def test_two_samples_give_their_difference_over_the_root_of_two(values: list[float], white: float) -> None:
-    found = estimate(1e-3 * np.arange(len(values)), np.array(values))
+    found = estimate_noise(1e-3 * np.arange(len(values)), np.array(values))
     assert found.white == pytest.approx(white)
     assert found.period == 1e-3
 
@@ -191,11 +191,11 @@ def test_one_outlier_among_few_samples_does_not_decide() -> None:
     time = 0.1 * np.arange(60)
     values = RNG(1).standard_normal(60)
     values[30] = 1e4
-    assert estimate(time, values).white < 3.0
+    assert estimate_noise(time, values).white < 3.0
 
 
 def test_a_held_command_is_silent_and_keeps_its_period() -> None:
-    found = estimate(2e-3 * np.arange(400), np.repeat([0.0, 1.0, 0.5, 2.0], 100))
+    found = estimate_noise(2e-3 * np.arange(400), np.repeat([0.0, 1.0, 0.5, 2.0], 100))
     assert (found.rms, found.step, found.lines) == (0.0, 0.0, ())
     assert found.period == pytest.approx(2e-3)
 
@@ -203,8 +203,8 @@ def test_a_held_command_is_silent_and_keeps_its_period() -> None:
 @pytest.mark.parametrize("pole", [0.5, 0.9])
 def test_colour_is_told_from_white(pole: float) -> None:
     time = 1e-3 * np.arange(20_000)
-    coloured = estimate(time, NoiseModel(0.0, coloured=3.0, pole=pole).draw(time, RNG(1)))
-    white = estimate(time, NoiseModel(3.0).draw(time, RNG(1)))
+    coloured = estimate_noise(time, NoiseModel(0.0, coloured=3.0, pole=pole).draw(time, RNG(1)))
+    white = estimate_noise(time, NoiseModel(3.0).draw(time, RNG(1)))
     assert coloured.white == 0.0
     assert coloured.coloured == pytest.approx(3.0, rel=0.1)
     assert coloured.pole == pytest.approx(pole, abs=0.04)
@@ -214,7 +214,7 @@ def test_colour_is_told_from_white(pole: float) -> None:
 
 def test_both_together_are_told_apart() -> None:
     time = 1e-3 * np.arange(40_000)
-    found = estimate(time, NoiseModel(2.0, coloured=4.0, pole=0.95).draw(time, RNG(1)))
+    found = estimate_noise(time, NoiseModel(2.0, coloured=4.0, pole=0.95).draw(time, RNG(1)))
     assert found.white == pytest.approx(2.0, rel=0.15)
     assert found.coloured == pytest.approx(4.0, rel=0.15)
     assert found.pole == pytest.approx(0.95, abs=0.03)
@@ -222,7 +222,7 @@ def test_both_together_are_told_apart() -> None:
 
 def test_hum_is_not_counted_as_noise_twice() -> None:
     time = 1e-3 * np.arange(8_000)
-    found = estimate(time, NoiseModel(1.0, lines=((50.0, 5.0), (100.0, 5.0))).draw(time, RNG(1)))
+    found = estimate_noise(time, NoiseModel(1.0, lines=((50.0, 5.0), (100.0, 5.0))).draw(time, RNG(1)))
     assert found.white == pytest.approx(1.0, rel=0.1)
     assert found.coloured == 0.0
     assert [a for _, a in found.lines] == pytest.approx([5.0, 5.0], rel=0.05)
@@ -230,6 +230,6 @@ def test_hum_is_not_counted_as_noise_twice() -> None:
 
 def test_exact_multiples_of_a_step_have_no_noise_below_rounding() -> None:
     time = 1e-3 * np.arange(4_000)
-    found = estimate(time, np.round(300.0 * np.sin(2 * np.pi * 0.5 * time)))
+    found = estimate_noise(time, np.round(300.0 * np.sin(2 * np.pi * 0.5 * time)))
     assert found.step == pytest.approx(1.0)
     assert found.white < 0.6

@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 import pneucli
-from pneucli.document import read
-from pneucli.notebook.data_frames import chosen
+from pneucli.document import read_toml
+from pneucli.notebook.data_frames import select_rows
 
 
 @pytest.fixture(scope="module")
 def recordings(axis: pneucli.Run) -> list[dict[str, Any]]:
     """The axis's recordings as arrays, as they would stand in a notebook."""
-    _, document = read(axis.pipeline.path)  # type: ignore[union-attr]
+    _, document = read_toml(axis.pipeline.path)  # type: ignore[union-attr]
     keys = ("name", "experiment", "use", "chamber_2")
     return [
-        {k: one[k] for k in keys} | {"data": chosen(axis.signals, {"recording": one["name"]}).drop(columns="recording")}
+        {k: one[k] for k in keys}
+        | {"data": select_rows(axis.signals, {"recording": one["name"]}).drop(columns="recording")}
         for one in document["recordings"]
     ]
 

@@ -20,20 +20,28 @@ from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.kernel import valve_area
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.physics.declaration import PORTS, Effect
-from pneucli.physics.effects import all_effects, catalogue, load_plugin, select
+from pneucli.physics.effects import all_effects, catalogue, load_plugin, select_effects
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import base_vector, run
 from pneucli.units import parse_quantity
-from tests.simulate.synthetic_experiments import FRICTION, RIG, bench, clock, model, steps_of_command, typical
+from tests.simulate.synthetic_experiments import (
+    FRICTION,
+    RIG,
+    held_commands,
+    make_experiment,
+    model,
+    time_grid,
+    typical_values,
+)
 
 EFFECTS = list(catalogue().values())
 VESSEL_VOLUME = {"rig.vessel_volume": 1.6e-4}
-FACTS = facts_of(model())
-TIME = clock(0.6)
-U = steps_of_command(TIME, (0.0, 3.0, -3.0, 0.5, 0.0, 0.0), 0.1)
+FACTS = rig_quantities(model())
+TIME = time_grid(0.6)
+U = held_commands(TIME, (0.0, 3.0, -3.0, 0.5, 0.0, 0.0), 0.1)
 FILL = 3e5 + 1.5e5 * np.sin(2 * np.pi * 2.0 * TIME)
 
 
@@ -41,12 +49,12 @@ def runs(effect: Effect) -> Iterator[Experiment]:
     """Short manoeuvres of every kind in which the effect acts; they move both ways, rest, and break away."""
     pneumatic = {"u": U}
     candidates = [
-        bench("valve", TIME, {**pneumatic, "p1": 2e5}),
-        bench("friction", TIME, {"p1": FILL, "p2": 3e5}),
-        bench("axis", TIME, pneumatic),
-        bench("axis", TIME, {**pneumatic, "u2": -U}, "valve", restarts=(0, 333)),
+        make_experiment("valve", TIME, {**pneumatic, "p1": 2e5}),
+        make_experiment("friction", TIME, {"p1": FILL, "p2": 3e5}),
+        make_experiment("axis", TIME, pneumatic),
+        make_experiment("axis", TIME, {**pneumatic, "u2": -U}, "valve", restarts=(0, 333)),
     ]
-    return (e for e in candidates if e.active((effect,)))
+    return (e for e in candidates if e.active_effects((effect,)))
 
 
 def simulated(effect: Effect | None, values: dict[str, float], experiment: Experiment) -> np.ndarray:
@@ -56,7 +64,7 @@ def simulated(effect: Effect | None, values: dict[str, float], experiment: Exper
 
 def nulls(effect: Effect) -> dict[str, float]:
     """The parameters at which the effect vanishes; a parameter without such a value is typical."""
-    own = typical([effect])
+    own = typical_values([effect])
     for p in effect.parameters:
         if p.null is not None:
             own[f"{effect.name}.{p.name}"] = FRICTION[p.null] if isinstance(p.null, str) else p.null
@@ -65,7 +73,7 @@ def nulls(effect: Effect) -> dict[str, float]:
 
 def corners(effect: Effect) -> Iterator[dict[str, float]]:
     names = [f"{effect.name}.{p.name}" for p in effect.parameters]
-    for values in itertools.product(*(p.on(FACTS)[:2] for p in effect.parameters)):
+    for values in itertools.product(*(p.range_on(FACTS)[:2] for p in effect.parameters)):
         yield dict(zip(names, values, strict=True))
 
 
@@ -81,7 +89,7 @@ def test_units_parse(effect: Effect) -> None:
 @every_effect
 def test_bounds_hold_null_and_typical_values(effect: Effect) -> None:
     for p in effect.parameters:
-        size = p.on(FACTS)
+        size = p.range_on(FACTS)
         assert -math.inf < size.lower < size.upper < math.inf
         assert size.typical
         assert all(size.lower <= value <= size.upper for value in size.typical)
@@ -133,9 +141,9 @@ def test_at_null_the_effect_is_absent(effect: Effect) -> None:
 def test_effects_without_a_finite_null_vanish_at_the_end_of_their_bounds(name: str, value: str) -> None:
     """A stiff regulator, rigid bristles; heat transfer reaches the isothermal chamber, not the base model's."""
     effect = catalogue()[name]
-    upper = next(p.on(FACTS).upper for p in effect.parameters if p.name == value)
+    upper = next(p.range_on(FACTS).upper for p in effect.parameters if p.name == value)
     for experiment in runs(effect):
-        near = simulated(effect, typical([effect]) | {f"{name}.{value}": upper}, experiment)
+        near = simulated(effect, typical_values([effect]) | {f"{name}.{value}": upper}, experiment)
         without = simulated(None, {}, experiment)
         if name == "heat-transfer":
             assert np.abs(near[:, at.GAS_T] - RIG.gas_temperature).max() < 10.0
@@ -150,7 +158,7 @@ def test_typical_values_show(effect: Effect) -> None:
     """Somewhere the effect changes what is compared, by more than rounding."""
     changes = []
     for experiment in runs(effect):
-        out, without = simulated(effect, typical([effect]), experiment), simulated(None, {}, experiment)
+        out, without = simulated(effect, typical_values([effect]), experiment), simulated(None, {}, experiment)
         shown = [at.X, at.A, at.R1, at.R2, at.GAS_T]
         changes.append(np.abs(out - without)[:, shown].max(axis=0) / np.array([1e-6, 1e-3, 1.0, 1.0, 1e-3]))
     assert np.max(changes) > 1.0
@@ -158,7 +166,7 @@ def test_typical_values_show(effect: Effect) -> None:
 
 @every_effect
 def test_finite_at_the_corners_of_the_bounds(effect: Effect) -> None:
-    for values in (typical([effect]), *corners(effect)):
+    for values in (typical_values([effect]), *corners(effect)):
         for experiment in runs(effect):
             assert np.all(np.isfinite(simulated(effect, values, experiment))), (values, experiment.recording.experiment)
 
@@ -174,10 +182,10 @@ def test_finite_at_the_corners_of_the_bounds(effect: Effect) -> None:
 )
 def test_friction_never_adds_energy(effect: Effect, corner: int, v: float, x: float, p1: float, p2: float) -> None:
     """Wherever the parameters stand in their bounds, dry and viscous friction oppose motion."""
-    values = [*corners(effect), typical([effect])]
+    values = [*corners(effect), typical_values([effect])]
     kernel = build((effect,), compiled=False)
-    th, on = tuple(kernel.vector(values[corner % len(values)])), (1, 0)
-    base = tuple(base_vector(model(), bench("friction", TIME, {})))
+    th, on = tuple(kernel.effect_vector(values[corner % len(values)])), (1, 0)
+    base = tuple(base_vector(model(), make_experiment("friction", TIME, {})))
     direction = 1.0 if v > 0 else -1.0
     rising, falling = kernel.functions.friction_levels(direction, abs(v), x, p1, p2, base, th, on)
     assert 0.0 < falling <= rising
@@ -188,7 +196,7 @@ def test_friction_never_adds_energy(effect: Effect, corner: int, v: float, x: fl
 def test_the_dead_band_means_the_same_in_the_catalogue_and_in_the_exams_rig() -> None:
     """The rig's truth, put into the catalogue's effect, opens the valve at the same commands as the rig does."""
     rig = Parameters(overlap=0.4)
-    width = BY_NAME["valve-deadband"].truth(rig)["width"]
+    width = BY_NAME["valve-deadband"].true_parameters(rig)["width"]
     command = catalogue()["valve-deadband"].ports["command"]
     for u in np.linspace(-1.0, 1.0, 201):
         assert (command(u, 0.0, 1e-3, width)[0] != 0.0) == (valve_area(rig, u, 0.0) != 0.0)
@@ -210,7 +218,7 @@ def test_a_users_effect_joins_the_catalogue(tmp_path: Path) -> None:
     (tmp_path / "drag.py").write_text(PLUGIN)
     known = all_effects([tmp_path / "drag.py"])
     assert set(known) == {*catalogue(), "drag"}
-    assert [e.name for e in select(["drag", "stribeck"], known)] == ["drag", "stribeck"]
+    assert [e.name for e in select_effects(["drag", "stribeck"], known)] == ["drag", "stribeck"]
 
 
 @pytest.mark.parametrize(
@@ -236,4 +244,4 @@ def test_a_bad_plugin_says_what_is_wrong(tmp_path: Path, text: str | None, messa
 
 def test_an_unknown_effect_is_refused_with_the_closest_name() -> None:
     with pytest.raises(InputError, match='did you mean "stribeck"'):
-        select(["stribek"], catalogue())
+        select_effects(["stribek"], catalogue())

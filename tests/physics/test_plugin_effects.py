@@ -14,12 +14,12 @@ from pneucli.physics.effects import load_plugin
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.model import Model
-from tests.simulate.synthetic_experiments import bench, clock, model
+from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 from tests.simulate.test_build import run_in
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "rod_wiper.py"
-TIME = clock(0.3)
+TIME = time_grid(0.3)
 HEAD = "import math\nfrom pneucli.physics.declaration import Effect, Parameter\n"
 TAIL = """
 EFFECT = Effect("own", "Own", "{part}", (Parameter("gain", "1", 0.0, 0.0, 1.0, (0.1,)),), {{"{port}": {function}}},
@@ -39,7 +39,7 @@ def test_the_worked_example_slows_the_way_back_by_what_it_says() -> None:
     runs = []
     for gain in (0.0, 1.0):
         which = Model(model().rig, (effect,), {"friction.coulomb": 20.0, "rod-wiper.gain": gain})
-        experiment = bench("friction", TIME, {"p1": 101_300.0, "p2": 101_300.0, "v": -0.2, "x": 0.15})
+        experiment = make_experiment("friction", TIME, {"p1": 101_300.0, "p2": 101_300.0, "v": -0.2, "x": 0.15})
         runs.append(run_in(build((effect,), compiled=False), which, experiment)[:, at.V])
     start = [float(np.polyfit(TIME[:5], v[:5], 1)[0]) for v in runs]
     assert start[0] == pytest.approx(20.0 / 2.2, rel=1e-3)

@@ -36,7 +36,7 @@ def survives(file: Path, operation: int) -> bool:
     if child == 0:
         pipeline = toy(file)
         kill_at(operation, pipeline.artifacts)
-        pipeline.bring_up(["page"])
+        pipeline.update(["page"])
         os._exit(0)
     return os.waitpid(child, 0)[1] == 0
 
@@ -45,7 +45,7 @@ def main(folder: Path) -> int:
     """Return at how many operations the run was killed; asserts the rules after each."""
     toys.PACE = 0.0
     file = new(folder)
-    toy(file).bring_up(["page"])
+    toy(file).update(["page"])
     artifacts, raw = toy(file).artifacts, file.parent / "raw" / "a.csv"
     operation = 0
     while True:
@@ -55,7 +55,7 @@ def main(folder: Path) -> int:
         for name in ("raw", "model", "judge", "page"):
             there = artifacts / name if (artifacts / name).exists() else artifacts / f".{name}.old"
             assert is_whole(there), f"{there} is half-written after a kill at operation {operation}"
-        assert generations({n: d for n, d in toy(file).bring_up(["page"]).items() if n != "plan"}) == {
+        assert generations({n: d for n, d in toy(file).update(["page"]).items() if n != "plan"}) == {
             f"{operation:03}0"
         }, "the next run did not continue"
         assert not list(artifacts.glob(".*.new")) + list(artifacts.glob(".*.old")), "leftovers"

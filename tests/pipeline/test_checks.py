@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.pipeline.checks import evaluate, find
+from pneucli.pipeline.checks import evaluate, resolve_path
 
 ANSWERS: dict[str, Any] = {
     "compare": {
@@ -38,7 +38,7 @@ ANSWERS: dict[str, Any] = {
     ],
 )
 def test_a_path_leads_by_key_position_or_name(path: str, value: object) -> None:
-    assert find(ANSWERS, path) == value
+    assert resolve_path(ANSWERS, path) == value
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def test_killed_at_every_operation_on_files(tmp_path: Path) -> None:
 
 def test_killed_at_random_moments(tmp_path: Path) -> None:
     file, chance = new(tmp_path / "toy"), random.Random(2)
-    toy(file).bring_up(["page"])
+    toy(file).update(["page"])
     for generation in range(12):
         (file.parent / "raw" / "a.csv").write_text(str(generation))
         process = start(file)
@@ -51,7 +51,7 @@ def test_killed_at_random_moments(tmp_path: Path) -> None:
         process.kill()
         process.communicate()
         whole(file)
-    done = toy(file).bring_up(["page"])
+    done = toy(file).update(["page"])
     done.pop("plan")
     assert generations(done) == {"110"}
     assert whole(file) == ["judge", "model", "page", "raw"]
@@ -61,7 +61,7 @@ def test_a_swap_that_was_cut_in_the_middle_is_undone(tmp_path: Path) -> None:
     (tmp_path / ".model.old").mkdir()
     (tmp_path / ".model.old" / "result").write_text("old")
     (tmp_path / ".model.new").mkdir()
-    folders.recover(tmp_path, "model")
+    folders.recover_folder(tmp_path, "model")
     assert (tmp_path / "model" / "result").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["model"]
 
@@ -76,7 +76,7 @@ def test_what_was_finished_before_the_kill_is_not_done_again(tmp_path: Path) -> 
     process.wait()
     process.stderr.close()
     assert runs(file)[:1] == ["raw"]
-    toy(file).bring_up(["page"])
+    toy(file).update(["page"])
     assert "raw" not in runs(file)
 
 
@@ -98,5 +98,5 @@ def test_a_dead_owners_lock_is_free(tmp_path: Path) -> None:
     process.kill()
     process.communicate()
     said: list[str] = []
-    toy(file).bring_up(["page"], say=said.append)
+    toy(file).update(["page"], notify=said.append)
     assert not any("waiting" in message for message in said)

@@ -28,7 +28,7 @@ def file(tmp_path: Path) -> Path:
 def bring_up(file: Path, *targets: str, program: str = "1") -> list[str]:
     """Bring the targets (default: the page) up to date; return what was said."""
     said: list[str] = []
-    toy(file, program).bring_up(targets or ["page"], say=said.append)
+    toy(file, program).update(targets or ["page"], notify=said.append)
     return said
 
 
@@ -64,7 +64,7 @@ def test_a_touched_file_makes_nothing_stale_and_is_hashed_once(file: Path, monke
     os.utime(touched, ns=(1, 1))
     assert bring_up(file) == []
     assert runs(file) == []
-    manifest = staleness.read(file.parent / "artifacts" / "toy" / "raw")
+    manifest = staleness.read_manifest(file.parent / "artifacts" / "toy" / "raw")
     assert manifest is not None
     assert manifest.inputs.files["raw/a.csv"].mtime_ns == 1  # so that the next run need not read it
 
@@ -146,7 +146,7 @@ def test_where_the_manifest_is_broken_nobody_knows_whose_the_files_are(file: Pat
 
 def test_options_stay_until_the_stage_is_asked_with_others(file: Path) -> None:
     def ask(options: dict[str, dict[str, object]] | None) -> list[str]:
-        toy(file).bring_up(["judge"], options)
+        toy(file).update(["judge"], options)
         return runs(file)
 
     ask({"judge": {"exclude": ["x"]}})
@@ -156,15 +156,15 @@ def test_options_stay_until_the_stage_is_asked_with_others(file: Path) -> None:
 
 
 def test_a_stage_that_does_not_apply_is_passed_over_once_and_told_when_asked_by_name(file: Path) -> None:
-    done = toy(file).bring_up(["page", "plan"])
+    done = toy(file).update(["page", "plan"])
     with pytest.raises(NotApplicable, match="no \\[plan\\]"):
         _ = done["plan"].answer
-    assert toy(file).bring_up(["plan"])["plan"].why == ()
+    assert toy(file).update(["plan"])["plan"].reasons == ()
 
 
 def test_an_answer_is_the_same_when_it_is_made_and_when_it_is_read(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.pipeline.toys.model.run", lambda context: {"pair": (1, 0.1), 2: None})
-    made, read = (toy(file).bring_up(["model"])["model"].answer for _ in range(2))
+    made, read = (toy(file).update(["model"])["model"].answer for _ in range(2))
     assert made == read == {"pair": [1, 0.1], "2": None}
 
 
@@ -174,7 +174,7 @@ def test_an_answer_that_json_cannot_hold_is_refused_before_it_is_kept(
 ) -> None:
     monkeypatch.setattr("tests.pipeline.toys.model.run", lambda context: {"value": value})
     with pytest.raises((ValueError, TypeError), match="JSON"):
-        toy(file).bring_up(["model"])
+        toy(file).update(["model"])
     assert not (file.parent / "artifacts" / "toy" / "model").exists()
 
 
@@ -186,7 +186,7 @@ def test_a_stage_has_one_blas_thread_whatever_the_machine_has(file: Path, monkey
 
     monkeypatch.setattr("tests.pipeline.toys.raw.run", blas)
     with threadpool_limits(2, user_api="blas"):
-        threads = toy(file).bring_up(["raw"])["raw"].answer["threads"]
+        threads = toy(file).update(["raw"])["raw"].answer["threads"]
         assert [i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"] == [2] * len(threads)
     assert threads
     assert set(threads) == {1}
@@ -293,8 +293,8 @@ def test_neither_a_folder_nor_a_pipe_nor_a_device_is_read(tmp_path: Path) -> Non
 
 
 def test_survey_writes_nothing(file: Path) -> None:
-    verdicts = toy(file).survey(["page"])
-    assert all(verdict.why == ("never done",) for verdict in verdicts.values())
+    verdicts = toy(file).stage_status(["page"])
+    assert all(verdict.reasons == ("never done",) for verdict in verdicts.values())
     assert not (file.parent / "artifacts").exists()
 
 

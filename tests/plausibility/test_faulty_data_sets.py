@@ -12,9 +12,9 @@ import pytest
 
 from pneucli import messages
 from pneucli.config import load
-from pneucli.messages.plausibility import doubts
+from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.pipeline.context import Context
-from pneucli.plausibility import Look
+from pneucli.plausibility import SignalSummary
 from pneucli.stages import ingest
 from tests.plausibility.faulty_data_sets import BASES, EXPLAINED, P1, PS, SETS, Rig, T, U, looked_at
 
@@ -69,10 +69,10 @@ def test_a_small_leak_at_a_shut_valve_needs_no_valve(tmp_path: Path) -> None:
 def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path) -> None:
     answer = looked_at(SETS["friction, p2 alone gauge read as absolute"].make(noise=True), tmp_path)
     json.dumps(answer, allow_nan=False)
-    assert answer["looks"]["driven_1"]["x"].keys() == vars(Look("m", *[0.0] * 7)).keys()
-    text = messages.of("ingest", answer, "p.toml").splitlines()
+    assert answer["looks"]["driven_1"]["x"].keys() == vars(SignalSummary("m", *[0.0] * 7)).keys()
+    text = messages.render("ingest", answer, "p.toml").splitlines()
     assert [line.split()[-3:-1] for line in text if line.split()[:2] == ["friction", "p2"]] == [["bar", "1000"]]
-    (line,) = doubts(answer["plausibility"])
+    (line,) = implausibility_sentences(answer["plausibility"])
     assert line.startswith("stickslip_2 and 2 more, p2 rests at 0.000 bar in an open chamber: gauge?")
     assert line.endswith('; write reference = "gauge" in [signals] p2')
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.plausibility.required_inputs import assumptions, needs, to_identify
+from pneucli.plausibility.required_inputs import assumptions, required_inputs, volumes_to_identify
 from pneucli.recording import Recording, Rig
 from tests.simulate.synthetic_experiments import RIG
 
@@ -27,7 +27,7 @@ VESSEL = recording("valve", {"u": 1.0, "p1": 3e5})
 
 
 def keys(one: Recording, rig: Rig) -> set[str]:
-    return {f"{need.table}.{need.key}" for need in needs([one], rig)}
+    return {f"{need.table}.{need.key}" for need in required_inputs([one], rig)}
 
 
 @pytest.mark.parametrize(
@@ -52,16 +52,16 @@ def test_a_pressure_that_is_not_recorded_needs_the_volume_behind_it() -> None:
     blind = replace(AXIS, signals={n: y for n, y in AXIS.signals.items() if n != "p2"})
     bare = replace(RIG, dead_volume_2=None)
     assert keys(blind, bare) == {"rig.cylinder.dead_volume_2"}
-    assert to_identify([blind], bare) == ()
-    assert to_identify([AXIS], bare) == ("rig.dead_volume_2",)
+    assert volumes_to_identify([blind], bare) == ()
+    assert volumes_to_identify([AXIS], bare) == ("rig.dead_volume_2",)
 
 
 def test_volumes_are_identified_where_a_motion_shows_them() -> None:
     bare = replace(RIG, dead_volume_1=None, vessel_volume=None)
-    assert to_identify([AXIS], bare) == ("rig.dead_volume_1",)
-    assert to_identify([AXIS, VESSEL], bare) == ("rig.dead_volume_1", "rig.vessel_volume")
-    assert to_identify([VESSEL], bare) == ()  # a vessel alone tells ratios to its volume
-    assert to_identify([AXIS, VESSEL], replace(RIG, vessel_volume=1e-4)) == ()
+    assert volumes_to_identify([AXIS], bare) == ("rig.dead_volume_1",)
+    assert volumes_to_identify([AXIS, VESSEL], bare) == ("rig.dead_volume_1", "rig.vessel_volume")
+    assert volumes_to_identify([VESSEL], bare) == ()  # a vessel alone tells ratios to its volume
+    assert volumes_to_identify([AXIS, VESSEL], replace(RIG, vessel_volume=1e-4)) == ()
 
 
 def test_what_is_taken_for_granted_is_said() -> None:
@@ -73,11 +73,11 @@ def test_what_is_taken_for_granted_is_said() -> None:
 
 
 def test_a_need_names_its_recordings_and_how_the_key_may_be_written() -> None:
-    (need,) = needs([PUSHED], Rig())
+    (need,) = required_inputs([PUSHED], Rig())
     assert "one" in need.wanted
     assert "cm^2" in need.example
 
 
 def test_a_recorded_flow_tells_the_volume_that_it_fills() -> None:
     metered = replace(VESSEL, signals=VESSEL.signals | {"flow": 1e-3 + TIME})
-    assert to_identify([metered], Rig()) == ("rig.vessel_volume",)
+    assert volumes_to_identify([metered], Rig()) == ("rig.vessel_volume",)

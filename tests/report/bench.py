@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.report import Check, Former, Material, Table
+from pneucli.report import Check, EarlierAnswer, ReportData, Table
 from tests.report import controlled
 
 RNG = np.random.default_rng(1)
@@ -243,13 +243,13 @@ def _open_loop() -> Table:
     return Table({**columns, "time": TIME, "value": value, "measured": np.full(SAMPLES, np.nan)})
 
 
-def whole() -> Material:
+def whole() -> ReportData:
     """A report with every section that there is."""
     parameters = {"friction.coulomb": {"value": 14.0078, "unit": "N", "ci95": [13.98, 14.03]}}
     signals = {name: np.tile(values, 2) for name, values in _signals().items() if name != "v"}
     named = [name for name in RECORDINGS for _ in TIME]
     metrics = {"channel": "x", "unit": "m", "from": 0.0, "to": 0.1, "end": 0.1, "rmsd": None, "fit_percent": None}
-    return Material(
+    return ReportData(
         name="bench & co",
         answers={
             "ingest": _ingest(),
@@ -282,7 +282,7 @@ def whole() -> Material:
             Check("compare.error.test", "max 1.5", 1.94, "compare.error.test = 1.94 (max 1.5): FAILED"),
             Check("identify.model.effects", "equals ['stribeck']", ["stribeck"]),
         ],
-        about={"made by": "a test"},
+        footer={"made by": "a test"},
         history=[before(("stribeck", "piston-leak"), {"p1": 1.0, "x": 3.0, "v": 1.1}, 0, current=True)],
     )
 
@@ -295,7 +295,7 @@ def before(effects: tuple[str, ...], ratios: dict[str, float], number: int, *, c
     return {**model, "data": "bench", "when": f"2026-11-2{number}T10:00:00Z", "current": current}
 
 
-def fallen() -> Material:
+def fallen() -> ReportData:
     """The same report after piston-leak was added: the first model had ten times the fault, and one was tried."""
     first = {"p1": 9.0, "x": 50.0, "v": 1.2}
     former = _compare(first)
@@ -311,13 +311,13 @@ def fallen() -> Material:
         now,
         answers={**now.answers, "diagnose": diagnosed},
         history=[before(effects, r, i, current=i == 2) for i, (effects, r) in enumerate(ways)],
-        before=Former(former | {"model": {"effects": ["stribeck"], "parameters": {}}}, _residuals(50.0)),
-        diagnoses=[Former(_diagnosis(), _shape())],
+        before=EarlierAnswer(former | {"model": {"effects": ["stribeck"], "parameters": {}}}, _residuals(50.0)),
+        diagnoses=[EarlierAnswer(_diagnosis(), _shape())],
         rig="cylinder",
     )
 
 
-def without(material: Material, *stages: str) -> Material:
+def without(material: ReportData, *stages: str) -> ReportData:
     """The same report, had these stages never run."""
     answers = {name: answer for name, answer in material.answers.items() if name not in stages}
     tables = {name: table for name, table in material.tables.items() if name.split("/")[0] not in stages}

@@ -2,15 +2,15 @@ from __future__ import annotations
 
 import pytest
 
-from pneucli.report import Material, to_html
+from pneucli.report import ReportData, to_html
 from tests.report.bench import whole
 
 
 @pytest.fixture(scope="session")
-def material() -> Material:
+def material() -> ReportData:
     return whole()
 
 
 @pytest.fixture(scope="session")
-def page(material: Material) -> str:
+def page(material: ReportData) -> str:
     return to_html(material)

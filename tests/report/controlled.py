@@ -106,7 +106,7 @@ def tables() -> dict[str, Table]:
     effects = [effect for effect, values in STUDY.items() for _ in values]
     recovery = np.array([np.inf if effect == "presliding" else 0.3 for effect in effects])
     return {
-        "design/gains": Table({"name": ["C_MASS", "C_REACH"], "value": [2.2, REACH], "unit": ["kg", "m"]}),
+        "design/gains": Table({"name": ["C_MASS", "C_HOLDING_BAND"], "value": [2.2, REACH], "unit": ["kg", "m"]}),
         "design/margins": Table(
             {
                 "loop": ["command"] * 4,

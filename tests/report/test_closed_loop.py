@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop.metrics import Metrics
-from pneucli.report import Check, Material
-from pneucli.report.page_elements import Cell, Figure, Grid, Note, Section, Zoom
-from pneucli.report.sections.closed_loop import ALONE, FIGURES, WITH
+from pneucli.report import Check, ReportData
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Section, ZoomPlot
+from pneucli.report.sections.closed_loop import COMPENSATED, METRIC_TITLES, UNCOMPENSATED
 from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.robustness import section as robustness
 from tests.report.bench import without
@@ -28,14 +28,14 @@ def grids(section: Section | None) -> list[Grid]:
 
 
 @pytest.fixture(scope="module")
-def section(material: Material) -> Section:
+def section(material: ReportData) -> Section:
     found = closed_loop(material)
     assert found is not None
     return found
 
 
 def test_every_figure_that_the_design_judges_by_has_its_words() -> None:
-    assert set(FIGURES) == set(Metrics.__annotations__)
+    assert set(METRIC_TITLES) == set(Metrics.__annotations__)
 
 
 def test_the_figures_stand_side_by_side(section: Section) -> None:
@@ -72,7 +72,7 @@ def test_the_design_tells_its_warnings_and_where_the_matching_condition_breaks(s
     assert rows["tolerance at rest"] == ["10.0 µm"]  # twice the reach of the bench
 
 
-def test_the_checks_of_design_and_simulation_stand_there_too(material: Material) -> None:
+def test_the_checks_of_design_and_simulation_stand_there_too(material: ReportData) -> None:
     failed = Check("simulate.closed_loop.steps.steady_um", "max 3", 4.0, "FAILED")
     found = grids(closed_loop(replace(material, checks=[*material.checks, failed])))
     assert list(texts(found[0])) == [failed.path]
@@ -85,31 +85,31 @@ def test_each_scenario_has_its_error_and_a_load_its_estimate(section: Section) -
 
 
 def test_the_plots_hold_the_error_in_micrometres_of_both_controllers(section: Section) -> None:
-    (zoom,) = (part for part in section.parts if isinstance(part, Zoom))
+    (zoom,) = (part for part in section.parts if isinstance(part, ZoomPlot))
     assert [run.name for run in zoom.runs] == list(SCENARIOS)
     panels = {panel.title: panel for panel in zoom.runs[0].panels}
     assert "command of the second valve" not in panels
     error = {curve.label: curve.values for curve in panels["reference − position"].series}
     # the bench's runs are 4 um and 117 um off throughout
-    assert np.allclose(error[WITH], 4.0)
-    assert np.allclose(error[ALONE], 117.0)
+    assert np.allclose(error[COMPENSATED], 4.0)
+    assert np.allclose(error[UNCOMPENSATED], 117.0)
 
 
-def test_a_second_valve_has_its_panel(material: Material) -> None:
+def test_a_second_valve_has_its_panel(material: ReportData) -> None:
     table = material.table("simulate/closed_loop")
     driven = replace(table, columns={**table.columns, "u2": table["u"]})
     section = closed_loop(replace(material, tables={**material.tables, "simulate/closed_loop": driven}))
     assert section is not None
-    (zoom,) = (part for part in section.parts if isinstance(part, Zoom))
+    (zoom,) = (part for part in section.parts if isinstance(part, ZoomPlot))
     assert "command of the second valve" in [panel.title for panel in zoom.runs[0].panels]
 
 
-def test_without_a_simulation_the_design_stands_alone(material: Material) -> None:
+def test_without_a_simulation_the_design_stands_alone(material: ReportData) -> None:
     found = closed_loop(without(material, "simulate"))
     assert [grid.head[0] for grid in grids(found)] == ["what", "loop cut"]
 
 
-def test_harmful_effects_stand_in_rows_and_the_others_in_a_sentence(material: Material) -> None:
+def test_harmful_effects_stand_in_rows_and_the_others_in_a_sentence(material: ReportData) -> None:
     section = robustness(material)
     rates, medians = grids(section)
     assert texts(rates) == {
@@ -130,6 +130,6 @@ def test_harmful_effects_stand_in_rows_and_the_others_in_a_sentence(material: Ma
     }
 
 
-def test_without_a_study_there_is_no_robustness(material: Material) -> None:
+def test_without_a_study_there_is_no_robustness(material: ReportData) -> None:
     answers = {**material.answers, "simulate": {"open_loop": []}}
     assert robustness(replace(material, answers=answers)) is None

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneucli.messages import diagnose
 from pneucli.report.report_data import Table
-from pneucli.report.sections.diagnosis import _unknown
+from pneucli.report.sections.diagnosis import _smooth_terms
 
 REST: dict[str, Any] = {
     "subsystem": "mechanics", "channel": "force", "times_noise": 12.83, "variable": "x", "share": 0.95,
@@ -17,7 +17,7 @@ REST: dict[str, Any] = {
 
 
 def test_it_is_told_where_it_is_and_of_what_it_is_a_function() -> None:
-    assert diagnose.unknown(REST) == (
+    assert diagnose.describe_discrepancy(REST) == (
         "What remains is a force, a function of piston position (a parabola), or of pressure of chamber 1, or of "
         "pressure of chamber 2: force errs by 13 times its noise (mechanics). A function of x explains 95 % of it in "
         "recordings that were left out."
@@ -32,7 +32,7 @@ def test_a_period_is_not_said_to_hold_in_what_was_left_out() -> None:
         "also_over": [],
         "character": "something that repeats over time",
     }
-    assert diagnose.unknown(rest) == (
+    assert diagnose.describe_discrepancy(rest) == (
         "What remains is something that repeats over time (a sine): force errs by 13 times its noise (mechanics). "
         "This explains 95 % of it."
     )
@@ -46,7 +46,7 @@ def test_of_what_has_no_shape_that_is_said() -> None:
         "also_over": [],
         "character": "something without a shape",
     }
-    assert diagnose.unknown(rest) == (
+    assert diagnose.describe_discrepancy(rest) == (
         "What remains is something without a shape: force errs by 13 times its noise (mechanics)."
     )
 
@@ -54,11 +54,11 @@ def test_of_what_has_no_shape_that_is_said() -> None:
 def test_its_law_is_drawn_over_its_signal() -> None:
     texts = {"channel": "force", "acts_as": "dry friction", "variable": "p1", "unit": "N"}
     columns = {name: [text] * 60 for name, text in texts.items()}
-    (figure,) = _unknown(Table(columns | {"value": np.linspace(1e5, 5e5, 60), "law": np.linspace(-2.0, 2.0, 60)}))
+    (figure,) = _smooth_terms(Table(columns | {"value": np.linspace(1e5, 5e5, 60), "law": np.linspace(-2.0, 2.0, 60)}))
     assert "pressure of chamber 1 in bar" in figure.svg
     assert "dry friction in N" in figure.svg
     assert "as force shows it" in figure.caption
 
 
 def test_where_nothing_is_known_nothing_is_drawn() -> None:
-    assert _unknown(Table({})) == []
+    assert _smooth_terms(Table({})) == []

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.report import Former, Material, to_html
-from pneucli.report.figure import broken
-from pneucli.report.overview import front, ladder
-from pneucli.report.worst_recording import failing
+from pneucli.report import EarlierAnswer, ReportData, to_html
+from pneucli.report.figure import with_gaps
+from pneucli.report.overview import overview, selection_path
+from pneucli.report.worst_recording import find_worst_recording
 from tests.report.bench import fallen, without
 
 
 @pytest.fixture(scope="module")
-def after() -> Material:
+def after() -> ReportData:
     return fallen()
 
 
-def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(after: Material) -> None:
-    tile = front(after).tiles[0]
+def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(after: ReportData) -> None:
+    tile = overview(after).tiles[0]
     # sqrt((9^2 + 50^2 + 1.2^2) / 3) and sqrt((1 + 9 + 1.21) / 3)
     assert tile.large == "29.3 → 1.93 × noise"
     assert tile.words.startswith("With piston-leak: area = 0.0520 ± 0.0010 mm².")
@@ -29,80 +29,82 @@ def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(aft
     assert tile.tone == ""  # near the noise, not at it
 
 
-def test_the_tile_of_what_is_missing_says_how_sure_that_is(material: Material, after: Material) -> None:
-    tile = front(material).tiles[1]
+def test_the_tile_of_what_is_missing_says_how_sure_that_is(material: ReportData, after: ReportData) -> None:
+    tile = overview(material).tiles[1]
     assert (tile.large, tile.tone) == ("piston-leak", "bad")
     assert "these recordings cannot tell it from chamber-leak" in tile.words
-    adequate = front(after).tiles[1]
+    adequate = overview(after).tiles[1]
     assert (adequate.large, adequate.tone) == ("nothing that shows", "good")
     assert adequate.words.startswith("1 of 1 other effects would have shown, such as valve-leak")
 
 
-def test_the_tile_of_the_controller_says_what_it_holds_and_where_it_fails(material: Material) -> None:
-    tile = front(material).tiles[2]
+def test_the_tile_of_the_controller_says_what_it_holds_and_where_it_fails(material: ReportData) -> None:
+    tile = overview(material).tiles[2]
     assert (tile.large, tile.tone) == ("5.0 µm at rest", "good")
     assert "Not safe against presliding" in tile.words
     loop = material.answers["simulate"]
     missed = {**loop, "closed_loop": {**loop["closed_loop"], "steps": {"steady_um": 99.0}}}
-    tile = front(replace(material, answers={**material.answers, "simulate": missed})).tiles[2]
+    tile = overview(replace(material, answers={**material.answers, "simulate": missed})).tiles[2]
     assert (tile.large, tile.tone) == ("99 µm at rest", "bad")
     assert "Fails: steps." in tile.words
 
 
-def test_the_ladder_goes_down_to_the_noise_floor(after: Material) -> None:
-    steps = ladder(after)
+def test_the_ladder_goes_down_to_the_noise_floor(after: ReportData) -> None:
+    steps = selection_path(after)
     assert [step.label for step in steps] == ["base model with stribeck", "+ valve-lag", "+ piston-leak − valve-lag"]
     assert steps[0].length == 1.0
     assert steps[-1].length == pytest.approx(np.log(1.93) / np.log(29.3), rel=0.01)
 
 
-def test_what_the_diagnosis_names_is_the_last_step_and_marked_as_not_yet_added(material: Material) -> None:
-    last = ladder(replace(material, answers={**material.answers, "diagnose": _judged_by_train(material)}))[-1]
+def test_what_the_diagnosis_names_is_the_last_step_and_marked_as_not_yet_added(material: ReportData) -> None:
+    last = selection_path(replace(material, answers={**material.answers, "diagnose": _judged_by_train(material)}))[-1]
     assert (last.label, last.error, last.only_if) == ("+ piston-leak", "1.02", True)
 
 
-def _judged_by_train(material: Material) -> dict[str, object]:
+def _judged_by_train(material: ReportData) -> dict[str, object]:
     ladder = [{**step, "error_test": step["error_train"]} for step in material.answers["diagnose"]["ladder"]]
     return {**material.answers["diagnose"], "ladder": ladder}
 
 
-def test_the_picture_is_of_the_held_out_recording_that_the_first_model_failed_worst(after: Material) -> None:
-    found = failing(after)
+def test_the_picture_is_of_the_held_out_recording_that_the_first_model_failed_worst(after: ReportData) -> None:
+    found = find_worst_recording(after)
     assert found is not None
     assert (found.recording, found.channel, found.kind) == ("axis_<b>&_$2$", "x", "held-out ")
-    assert found.fell == (50.0, 3.0)
+    assert found.error_ratios == (50.0, 3.0)
     assert found.before is not None
     # the fault is in the last second where x > 0.12 m, sin > 0.5: from 3 + 1/12 to 3 + 5/12 s; bins are of 0.2 s
     assert found.stretch == pytest.approx((3.0, 3.4), abs=0.2)
 
 
-def test_a_channel_without_noise_is_not_pictured(material: Material) -> None:
+def test_a_channel_without_noise_is_not_pictured(material: ReportData) -> None:
     compared = material.answers["compare"]
     silent = [{**c, "noise": 0.0, "ratio_to_noise": None} if c["channel"] == "x" else c for c in compared["channels"]]
-    found = failing(replace(material, answers={**material.answers, "compare": {**compared, "channels": silent}}))
+    found = find_worst_recording(
+        replace(material, answers={**material.answers, "compare": {**compared, "channels": silent}})
+    )
     assert found is not None
     assert found.channel == "v"
 
 
-def test_without_an_earlier_model_the_picture_has_one_model(material: Material) -> None:
-    found = failing(material)
+def test_without_an_earlier_model_the_picture_has_one_model(material: ReportData) -> None:
+    found = find_worst_recording(material)
     assert found is not None
     assert found.before is None
-    words = re.findall(r"<text[^>]*>([^<]*)</text>", front(material).pictures["wide"])
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", overview(material).pictures["wide"])
     assert {"measured", "model"} <= set(words)
     assert "before" not in words
 
 
-def test_the_first_screen_says_where_it_failed_and_what_to_do_next(material: Material, after: Material) -> None:
-    now = front(replace(material, file="axis.toml"))
+def test_the_first_screen_says_where_it_failed_and_what_to_do_next(material: ReportData, after: ReportData) -> None:
+    now = overview(replace(material, file="axis.toml"))
     assert now.failed.startswith("It fails most in axis_1: x at piston position 120 to 140 mm; 61 % of the error of x")
     assert now.following.startswith("Next: pneucli add axis.toml --suggested")
-    assert front(after).failed.startswith("It failed most in ")
-    assert front(after).following == "Next: pneucli export pipeline.toml --to c"
-    assert front(without(material, "diagnose")).following == "Next: pneucli diagnose pipeline.toml"
+    assert overview(after).failed.startswith("It failed most in ")
+    assert overview(after).following == "Next: pneucli export pipeline.toml --to c"
+    assert overview(without(material, "diagnose")).following == "Next: pneucli diagnose pipeline.toml"
 
 
-def test_the_verdict_stands_in_the_page_without_any_script(after: Material) -> None:
+def test_the_verdict_stands_in_the_page_without_any_script(after: ReportData) -> None:
     plain = re.sub(r"<script.*?</script>", "", to_html(after), flags=re.DOTALL)
     top = plain[: plain.index("<nav")]
     for words in ("29.3 → 1.93 × noise", "nothing that shows", "5.0 µm at rest", "It failed most in", "pneucli export"):
@@ -110,23 +112,23 @@ def test_the_verdict_stands_in_the_page_without_any_script(after: Material) -> N
     assert "cylinder · compared on 2026-11-22 · base model with stribeck and piston-leak · 2 recordings" in top
 
 
-def test_what_is_implausible_stands_before_all_else(material: Material) -> None:
+def test_what_is_implausible_stands_before_all_else(material: ReportData) -> None:
     finding = {"check": "silent", "signal": "p1", "recording": "axis_1", "found": "p1 stays", "mend": "check it"}
     other = {**finding, "signal": "p2"}
     answers = {**material.answers, "ingest": {**material.answers["ingest"], "plausibility": [finding, other]}}
     doubted = replace(material, answers=answers)
-    assert front(doubted).doubt == "Doubtful: axis_1, p1 stays; check it. 1 more under What was measured."
+    assert overview(doubted).doubt == "Doubtful: axis_1, p1 stays; check it. 1 more under What was measured."
     page = to_html(doubted)
     assert page.index("Doubtful: axis_1") < page.index('class="tiles"')
-    assert front(material).doubt == ""
+    assert overview(material).doubt == ""
 
 
-def test_a_first_screen_comes_out_of_ingest_alone(material: Material) -> None:
-    bare = front(without(material, "identify", "compare", "diagnose", "design", "simulate"))
+def test_a_first_screen_comes_out_of_ingest_alone(material: ReportData) -> None:
+    bare = overview(without(material, "identify", "compare", "diagnose", "design", "simulate"))
     assert (bare.tiles, bare.pictures, bare.failed) == ([], {}, "")
 
 
-def test_the_evidence_of_the_diagnosis_that_named_the_effect_stays(after: Material) -> None:
+def test_the_evidence_of_the_diagnosis_that_named_the_effect_stays(after: ReportData) -> None:
     page = to_html(after)
     evidence = page[page.index('<section id="diagnosis">') :].partition("</section>")[0]
     assert "Base model with stribeck: the model lacks piston-leak" in evidence
@@ -135,15 +137,17 @@ def test_the_evidence_of_the_diagnosis_that_named_the_effect_stays(after: Materi
 
 
 def test_a_restart_is_a_gap() -> None:
-    assert np.isnan(broken(np.arange(6.0), np.array([0, 0, 0, 1, 1, 1]))).tolist() == [False] * 2 + [True] + [False] * 3
+    assert (
+        np.isnan(with_gaps(np.arange(6.0), np.array([0, 0, 0, 1, 1, 1]))).tolist() == [False] * 2 + [True] + [False] * 3
+    )
 
 
-def test_the_first_screen_says_how_sure_what_remains_and_which_law_holds(after: Material) -> None:
+def test_the_first_screen_says_how_sure_what_remains_and_which_law_holds(after: ReportData) -> None:
     candidate = {"effect": "piston-leak", "confidence": 0.97}
-    earlier = [Former({"candidates": [candidate], "missing": ["piston-leak"]})]
+    earlier = [EarlierAnswer({"candidates": [candidate], "missing": ["piston-leak"]})]
     left = {"subsystem": "chambers", "channel": "p1", "size": 1.4, "time_constant_s": 0.3, "over": "x", "share": 0.5}
     answers = {**after.answers, "diagnose": {**after.answers["diagnose"], "discrepancy": [left]}}
-    model, missing, controller = front(replace(after, answers=answers, diagnoses=earlier)).tiles
+    model, missing, controller = overview(replace(after, answers=answers, diagnoses=earlier)).tiles
     assert "mm²; there with a probability of 97 %" in model.words
     assert missing.words.endswith("What remains: p1 by 1.40 × noise (chambers, over x, lasting 0.30 s).")
     assert "Of 3 laws “best” holds it; next is “pid”, 90 µm off." in controller.words

@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.report import Material, to_html
+from pneucli.report import ReportData, to_html
 from pneucli.report.page_elements import Cell, Grid, Note
 from pneucli.report.report_data import Table
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.comparison import section as comparison
 from pneucli.report.sections.correlations import section as relations
 from pneucli.report.sections.diagnosis import section as diagnosis
-from pneucli.report.sections.error_location import Cloud, _grid, _maps
+from pneucli.report.sections.error_location import StateSamples, _grid, _maps
 from pneucli.report.sections.valve import section as valve
 from tests.report.bench import without
 
@@ -51,20 +51,20 @@ def test_every_artifact_has_its_section(page: str) -> None:
 
 
 @pytest.mark.parametrize("stage", ["diagnose", "compare", "ingest", "identify", "design", "simulate"])
-def test_a_section_is_absent_where_its_stage_never_ran(material: Material, stage: str) -> None:
+def test_a_section_is_absent_where_its_stage_never_ran(material: ReportData, stage: str) -> None:
     makers = dict(zip(ANCHORS, SECTIONS, strict=True))
     for anchor, made_by in ANCHORS.items():
         if made_by == stage:
             assert makers[anchor](without(material, stage)) is None
 
 
-def test_a_report_comes_out_of_ingest_and_identify_alone(material: Material) -> None:
+def test_a_report_comes_out_of_ingest_and_identify_alone(material: ReportData) -> None:
     page = to_html(replace(without(material, "compare", "diagnose", "design", "simulate"), checks=[]))
     assert anchors(page) == ["parameters", "relations", "valve", "friction", "tensor", "thesis", "measured"]
 
 
 def test_a_report_comes_out_of_nothing() -> None:
-    assert anchors(to_html(Material("empty"))) == []
+    assert anchors(to_html(ReportData("empty"))) == []
 
 
 def test_the_page_needs_no_network(page: str) -> None:
@@ -79,7 +79,7 @@ def test_a_warning_stands_in_the_chapter_that_it_is_of(page: str) -> None:
     assert re.search(r"<h2>What was measured</h2>\s*<span>\(1 warning\)</span>", chapter)
 
 
-def test_without_test_recordings_it_says_so(material: Material) -> None:
+def test_without_test_recordings_it_says_so(material: ReportData) -> None:
     error = {"train": 1.0, "test": None}
     answers = {**material.answers, "compare": {**material.answers["compare"], "error": error}}
     section = comparison(replace(material, answers=answers))
@@ -104,7 +104,7 @@ def test_names_cannot_break_out_of_the_page(page: str) -> None:
     assert "axis_&lt;b&gt;&amp;_$2$" in page
 
 
-def test_the_same_material_gives_the_same_page(material: Material, page: str) -> None:
+def test_the_same_material_gives_the_same_page(material: ReportData, page: str) -> None:
     fresh = replace(material, tables={**material.tables})
     assert to_html(fresh) == page
 
@@ -121,12 +121,12 @@ def test_each_figure_says_what_to_see(page: str) -> None:
     assert all(len(caption) > 20 for caption in captions)
 
 
-def cloud(fault: np.ndarray, **states: np.ndarray) -> Cloud:
+def cloud(fault: np.ndarray, **states: np.ndarray) -> StateSamples:
     rng = np.random.default_rng(0)
-    return Cloud("axis", "x", rng.standard_normal(fault.size) + 6 * fault, states)
+    return StateSamples("axis", "x", rng.standard_normal(fault.size) + 6 * fault, states)
 
 
-def test_two_chambers_have_a_map_each_and_their_captions_say_whose(material: Material) -> None:
+def test_two_chambers_have_a_map_each_and_their_captions_say_whose(material: ReportData) -> None:
     names = ("map", "inverse", "lack_of_fit", "areas", "curves")
     tables = dict(material.tables)
     for name in (f"identify/valve_{name}" for name in names):
@@ -182,16 +182,16 @@ def test_maps_before_and_after_have_the_axes_and_the_scale_of_the_one_before() -
 def test_cells_with_few_samples_stay_empty() -> None:
     ones = np.ones(100)
     u, x = np.append(np.zeros(100), 1.0), np.append(np.zeros(100), 1.0)
-    _, _, rms, _ = _grid(Cloud("axis", "x", np.append(ones, 1e3), {"u": u, "x": x}), "u", "x")
+    _, _, rms, _ = _grid(StateSamples("axis", "x", np.append(ones, 1e3), {"u": u, "x": x}), "u", "x")
     assert np.isfinite(rms).sum() == 1
     assert np.nanmax(rms) == 1.0
 
 
-def test_only_what_is_missing_is_marked_among_the_candidates(material: Material) -> None:
+def test_only_what_is_missing_is_marked_among_the_candidates(material: ReportData) -> None:
     first = material.answers["diagnose"]["candidates"][0]
     helped = {**first, "effect": "valve-leak", "why": "It helps alone, but beside piston-leak it is not needed."}
     answer = {**material.answers["diagnose"], "candidates": [first, helped]}
-    section = diagnosis(Material("bench", {"diagnose": answer}))
+    section = diagnosis(ReportData("bench", {"diagnose": answer}))
     assert section is not None
     grid = next(part for part in section.parts if isinstance(part, Grid))
     assert [(row[1].text, row[1].tone) for row in grid.rows if isinstance(row[1], Cell)] == [
@@ -200,7 +200,7 @@ def test_only_what_is_missing_is_marked_among_the_candidates(material: Material)
     ]
 
 
-def test_what_stands_in_relation_is_said(material: Material) -> None:
+def test_what_stands_in_relation_is_said(material: ReportData) -> None:
     section = relations(material)
     assert section is not None
     (together,) = [part.text for part in section.parts if isinstance(part, Note)]
@@ -215,10 +215,10 @@ def test_what_stands_in_relation_is_said(material: Material) -> None:
     faint = relations(replace(material, tables={**material.tables, "compare/correlation": weak}))
     assert faint is not None
     assert "nothing to do with the inputs beyond chance" in faint.parts[-1].caption  # type: ignore[union-attr]
-    assert relations(Material("bench")) is None
+    assert relations(ReportData("bench")) is None
 
 
-def test_the_legend_says_how_well_each_model_fits(material: Material) -> None:
+def test_the_legend_says_how_well_each_model_fits(material: ReportData) -> None:
     section = comparison(material)
     assert section is not None
     zoom = next(part for part in section.parts if part.kind == "zoom")

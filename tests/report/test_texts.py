@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.messages.formatting import number, quantity
-from pneucli.report import Material, Table, to_junit, to_markdown
-from pneucli.report.figure import envelope
+from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.report import ReportData, Table, to_junit, to_markdown
+from pneucli.report.figure import envelope_indices
 
 
-def test_the_summary_holds_the_numbers_of_the_answers(material: Material) -> None:
+def test_the_summary_holds_the_numbers_of_the_answers(material: ReportData) -> None:
     text = to_markdown(material)
     for c in material.answers["compare"]["channels"]:
         cells = (c["recording"], c["use"], c["channel"], f"{c['rmsd']:.4g}", c["unit"])
@@ -25,14 +25,14 @@ def test_the_summary_holds_the_numbers_of_the_answers(material: Material) -> Non
     assert "| piston-leak | 1.02 | – |" in text
 
 
-def test_the_summary_says_what_the_first_screen_says_and_warnings_last(material: Material) -> None:
+def test_the_summary_says_what_the_first_screen_says_and_warnings_last(material: ReportData) -> None:
     text = to_markdown(material)
     parts = ("**The model: ", "**Still missing: piston-leak**", "## Checks", "## Model against", "## Warnings")
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
 
 
-def test_tables_of_the_summary_are_whole(material: Material) -> None:
+def test_tables_of_the_summary_are_whole(material: ReportData) -> None:
     rows = [line for line in to_markdown(material).splitlines() if line.startswith("|")]
     blocks = re.split(r"\n\n", to_markdown(material))
     tables = [block.splitlines() for block in blocks if block.startswith("|")]
@@ -40,7 +40,7 @@ def test_tables_of_the_summary_are_whole(material: Material) -> None:
     assert all(len({line.count("|") for line in table}) == 1 for table in tables)
 
 
-def test_junit_mirrors_the_checks(material: Material) -> None:
+def test_junit_mirrors_the_checks(material: ReportData) -> None:
     suites = ElementTree.fromstring(to_junit(material.name, material.checks))
     suite = suites.find("testsuite")
     assert suite is not None
@@ -67,7 +67,7 @@ def test_junit_mirrors_the_checks(material: Material) -> None:
     ],
 )
 def test_numbers_have_four_digits_and_powers_of_ten_where_they_must(value: float | None, text: str) -> None:
-    assert number(value) == text
+    assert format_number(value) == text
 
 
 @pytest.mark.parametrize(
@@ -75,12 +75,12 @@ def test_numbers_have_four_digits_and_powers_of_ten_where_they_must(value: float
     [(4e5, "Pa", "4.000 bar"), (0.1, "m", "100.0 mm"), (5.2e-8, "m^2", "0.05200 mm²"), (0.528, "1", "0.5280")],
 )
 def test_quantities_are_shown_in_the_units_that_people_read(value: float, unit: str, text: str) -> None:
-    assert quantity(value, unit) == text
+    assert format_quantity(value, unit) == text
 
 
 @given(st.floats(1e-8, 1e8), st.integers(2, 6))
 def test_a_shown_number_is_the_number(value: float, digits: int) -> None:
-    mantissa, _, exponent = number(value, digits).partition("·10")
+    mantissa, _, exponent = format_number(value, digits).partition("·10")
     power = int(exponent.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if exponent else 0
     # half a unit of the last of so many significant digits
     assert float(mantissa) * 10.0**power == pytest.approx(value, rel=0.5001 * 10.0 ** (1 - digits))
@@ -89,7 +89,7 @@ def test_a_shown_number_is_the_number(value: float, digits: int) -> None:
 @given(st.integers(1, 3000), st.integers(8, 300), st.integers(1, 3), st.integers(0, 2**32 - 1))
 def test_the_envelope_keeps_peaks_ends_and_order_in_few_samples(n: int, most: int, count: int, seed: int) -> None:
     curves = np.random.default_rng(seed).standard_normal((count, n))
-    kept = envelope(list(curves), most)
+    kept = envelope_indices(list(curves), most)
     assert (np.diff(kept) > 0).all()
     assert kept[0] == 0
     assert kept[-1] == n - 1
@@ -102,7 +102,7 @@ def test_the_envelope_keeps_peaks_ends_and_order_in_few_samples(n: int, most: in
 def test_the_envelope_knows_gaps() -> None:
     curve = np.full(1000, np.nan)
     curve[400:600] = np.arange(200.0)
-    kept = envelope([curve], 50)
+    kept = envelope_indices([curve], 50)
     assert np.nanmax(curve[kept]) == 199.0
     assert np.nanmin(curve[kept]) == 0.0
 

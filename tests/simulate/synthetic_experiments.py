@@ -12,7 +12,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.rig_quantities import facts_of
+from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 
 # of the size of the thesis's cylinder; no test depends on these very numbers
@@ -38,13 +38,13 @@ def model(names: Sequence[str] = (), values: dict[str, float] | None = None, rig
     return Model(rig, tuple(catalogue()[n] for n in names), FRICTION | (values or {}), VALVE)
 
 
-def typical(effects: Sequence[Effect], rig: Rig = RIG) -> dict[str, float]:
+def typical_values(effects: Sequence[Effect], rig: Rig = RIG) -> dict[str, float]:
     """The first typical value of every parameter, in its unit."""
-    facts = facts_of(Model(rig, (), FRICTION, VALVE))
-    return {f"{e.name}.{p.name}": p.on(facts).typical[0] for e in effects for p in e.parameters}
+    facts = rig_quantities(Model(rig, (), FRICTION, VALVE))
+    return {f"{e.name}.{p.name}": p.range_on(facts).typical[0] for e in effects for p in e.parameters}
 
 
-def bench(
+def make_experiment(
     kind: str,
     time: np.ndarray,
     signals: dict[str, np.ndarray | float],
@@ -69,11 +69,11 @@ def bench(
     return Experiment(recording, rig, raw, {}, {}, None, inputs, np.array(restarts), flags)
 
 
-def clock(duration: float, period: float = 1e-3) -> np.ndarray:
+def time_grid(duration: float, period: float = 1e-3) -> np.ndarray:
     """Equidistant time stamps in s."""
     return period * np.arange(round(duration / period) + 1)
 
 
-def steps_of_command(time: np.ndarray, levels: Sequence[float], each: float) -> np.ndarray:
+def held_commands(time: np.ndarray, levels: Sequence[float], each: float) -> np.ndarray:
     """The levels in V one after the other, each held for ``each`` s, the last to the end."""
     return np.asarray(levels)[np.minimum((time / each + 1e-9).astype(int), len(levels) - 1)]

@@ -15,7 +15,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector, effects_of, kernel_for, run, run_many, tables
+from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run, run_many
 
 from .benches import bench, clock, model, steps_of_command, typical
 
@@ -62,11 +62,11 @@ def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.n
         experiment.inputs,
         experiment.restarts,
         base_vector(which, experiment),
-        kernel.vector(which.effect_values()),
-        kernel.switches(experiment.active(which.effects)),
+        kernel.effect_vector(which.effect_values()),
+        kernel.effect_switches(experiment.active_effects(which.effects)),
         given["flags"],
-        *tables(which, experiment),
-        experiment.step,
+        *area_tables(which, experiment),
+        experiment.max_step,
         np.zeros(1),
         given["cp"],
         out,
@@ -131,7 +131,7 @@ def test_kernels_are_kept_on_disk_and_one_text_is_one_file(tmp_path: Path, monke
     monkeypatch.setattr(kernels, "_build", kernels._build.__wrapped__)  # as a new process would find it
     for name in [n for n in sys.modules if n.startswith("pneucli_kernel_")]:
         monkeypatch.delitem(sys.modules, name)
-    stribeck, lag = effects_of(["stribeck"]), effects_of(["valve-lag"])
+    stribeck, lag = effects_by_name(["stribeck"]), effects_by_name(["valve-lag"])
     for effects in (stribeck, lag, stribeck):
         build(effects, compiled=False)
     assert len(list((tmp_path / "kernels").glob("*.py"))) == 2

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.kernel_settings import filling_step, longest_step
+from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.run import run
 
 from .benches import RIG, bench, clock, model, steps_of_command
@@ -100,7 +100,7 @@ def test_steps_are_a_300th_of_the_time_in_which_the_faster_chamber_fills_where_t
     """A sine of 5 Hz between 2 and 4 bar rises by at most 31.4 bar/s, and would fill 4 bar in 0.13 s."""
     wave = {name: 3e5 + 1e5 * np.sin(10 * np.pi * clock(1.0))}
     e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
-    assert e.step == longest_step(RIG, 1e-3)
+    assert e.step == max_motion_step(RIG, 1e-3)
     e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
     e.flags[at.MECHANICS] = 0.0
     assert e.step == pytest.approx(4e5 / (10e5 * np.pi) / 300, rel=1e-3)
@@ -123,7 +123,7 @@ def test_what_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
 def test_where_samples_are_short_each_is_one_step(period: float, step: float) -> None:
     """How often a logger samples does not change how fast a chamber fills."""
     still = np.full(100, 2e5)
-    assert filling_step(still, np.zeros(100), period) == filling_step(still, np.full(100, 1e3), period) == step
+    assert max_filling_step(still, np.zeros(100), period) == max_filling_step(still, np.full(100, 1e3), period) == step
 
 
 @settings(max_examples=20, deadline=None)

@@ -22,7 +22,7 @@ from pneucli.config import load
 from pneucli.io.recordings import load_recordings
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
-from pneucli.simulate.end_stops import with_ends
+from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -72,7 +72,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[C
             for r in load_recordings(out)
             if r.name.startswith(RECORDINGS[name])
         ]
-        ends = with_ends(ready, model.rig)
+        ends = with_end_stops(ready, model.rig)
         return [r for e in ends for r in compare(model, e, expected_rms(model, e, draws=ENOUGH)).results]
 
     return results

@@ -9,11 +9,11 @@ import pytest
 
 from pneucli.compare.channel_errors import compare
 from pneucli.compare.expected_error import expected_rms
-from pneucli.identify.residuals import Imposed
+from pneucli.identify.residuals import ImposedMotion
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.imposed_motion import turning
+from pneucli.simulate.imposed_motion import detect_reversals
 from pneucli.simulate.model import Model
 
 RIG = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
@@ -37,14 +37,14 @@ def driven(low_pass: float | None = None) -> Experiment:
 def test_the_samples_beside_a_turn_are_those_where_the_velocity_changes_its_sign() -> None:
     e = driven()
     crossings = np.flatnonzero(np.diff(np.sign(SPEED)))
-    found = np.flatnonzero(turning(e))
+    found = np.flatnonzero(detect_reversals(e))
     assert {round(f) for f in crossings} <= {*found, *(found - 1), *(found + 1)}
     assert found.size == pytest.approx(2 * crossings.size, abs=2)
 
 
 def test_a_low_pass_spreads_a_turn_over_as_long_as_it_takes_to_rise() -> None:
     """0.35 / 5 Hz is 7 samples, before and after."""
-    turns = turning(driven(5.0))
+    turns = detect_reversals(driven(5.0))
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], turns.astype(int), [0]]))))[::2]
     assert set(runs.tolist()) <= {16, 17}  # one more where a sample stands at the turn
 
@@ -54,15 +54,15 @@ def test_a_true_model_leaves_noise_where_the_motion_turns() -> None:
     e = driven()
     (found,) = compare(TRUE, e).results
     assert found.ratio_to_noise < 1.2
-    left = Imposed(e).residual(TRUE)["force"]
-    assert np.array_equal(left == 0.0, turning(e))
+    left = ImposedMotion(e).residual(TRUE)["force"]
+    assert np.array_equal(left == 0.0, detect_reversals(e))
     assert np.sqrt(np.mean(left**2)) < 1.2 * NOISE
 
 
 def test_drawn_noise_says_nothing_there_either() -> None:
     e = driven()
     assert expected_rms(TRUE, e)["force"] < 1.5 * NOISE
-    assert Imposed(e).drawn_rms(TRUE, {}, 6, 0)["force"] < 1.5
+    assert ImposedMotion(e).monte_carlo_rms(TRUE, {}, 6, 0)["force"] < 1.5
 
 
 def test_where_the_friction_is_wrong_the_error_stays() -> None:
@@ -74,18 +74,18 @@ def test_where_the_friction_is_wrong_the_error_stays() -> None:
 def test_a_piston_at_rest_turns_nowhere_and_one_that_only_shakes_is_compared_all_the_same() -> None:
     e = driven()
     still = prepare(replace(e.recording, signals={**e.recording.signals, "x": np.full(TIME.size, 0.1)}), RIG, None)
-    assert not turning(still).any()
+    assert not detect_reversals(still).any()
     shaken = {
         **e.recording.signals,
         "x": 0.1 + 1e-3 * (-1.0) ** np.arange(TIME.size),
         "v": (-1.0) ** np.arange(TIME.size),
     }
-    assert not turning(prepare(replace(e.recording, signals=shaken), RIG, None)).any()
+    assert not detect_reversals(prepare(replace(e.recording, signals=shaken), RIG, None)).any()
 
 
 def test_a_rest_between_two_ways_is_part_of_the_turn() -> None:
     v = np.concatenate([np.full(300, 0.02), np.zeros(100), np.full(400, -0.02)])
     e = driven()
     rested = {**e.recording.signals, "x": 0.05 + np.cumsum(v) * PERIOD, "v": v}
-    found = np.flatnonzero(turning(prepare(replace(e.recording, signals=rested), RIG, None)))
+    found = np.flatnonzero(detect_reversals(prepare(replace(e.recording, signals=rested), RIG, None)))
     assert (found[0], found[-1], found.size) == (299, 400, 102)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.simulate.valve_forms.area import POINTS, ValveArea
+from pneucli.simulate.valve_forms.area import TABLE_POINTS, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 
 VALVE = LinearValve(2e-7, 8.0)
@@ -17,13 +17,13 @@ def test_the_area_is_proportional_to_the_command_both_ways():
 
 def test_the_table_ends_at_the_largest_command_asked_for():
     table = VALVE.table(10.0)
-    assert table.shape == (POINTS,)
+    assert table.shape == (TABLE_POINTS,)
     assert table[0] == table[-1] == pytest.approx(2e-6)
 
 
 def test_one_parameter_is_read_and_set_by_name():
-    assert VALVE.named() == {"valve.gain": (2e-7, "m^2/V")}
-    assert VALVE.with_named({"valve.gain": 3e-7, "rig.moving_mass": 1.0}).gain == 3e-7
+    assert VALVE.parameters() == {"valve.gain": (2e-7, "m^2/V")}
+    assert VALVE.with_parameters({"valve.gain": 3e-7, "rig.moving_mass": 1.0}).gain == 3e-7
     assert VALVE.scaled(2.0).gain == 4e-7
 
 

@@ -8,13 +8,13 @@ from scipy.integrate import cumulative_trapezoid
 
 from pneucli.noise import NoiseModel
 from pneucli.simulate.smoothing import (
-    Kinematics,
+    MotionSmoother,
     autocovariance,
-    deviations,
-    integrated,
-    lateness,
-    local_fits,
-    window,
+    choose_windows,
+    estimate_acceleration_delay,
+    least_squares_motion,
+    polynomial_window,
+    window_deviations,
 )
 
 N, PERIOD = 600, 1e-3
@@ -26,13 +26,13 @@ DRAWN = NOISE.draw(TIME, RNG)
 
 @pytest.mark.parametrize(("a", "b"), [(0.0, 0.0), (5.0, 30.0), (-2.0, -1e3)])
 def test_lines_pass_within_the_noise_and_have_their_slope(a: float, b: float) -> None:
-    smoother = local_fits(a + b * TIME + DRAWN, NOISE, PERIOD)
+    smoother = choose_windows(a + b * TIME + DRAWN, NOISE, PERIOD)
     assert smoother(a + b * TIME) == pytest.approx(a + b * TIME, abs=0.5)  # constants serve where noise hides the slope
     assert smoother.slope(a + b * TIME) == pytest.approx(np.full(N, b), abs=1e-6)
 
 
 def test_it_is_linear() -> None:
-    smoother = local_fits(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
+    smoother = choose_windows(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
     one, other = RNG.standard_normal((2, N))
     assert smoother(2.0 * one - 3.0 * other) == pytest.approx(2.0 * smoother(one) - 3.0 * smoother(other), abs=1e-12)
 
@@ -40,20 +40,20 @@ def test_it_is_linear() -> None:
 def test_a_kink_stays_a_kink() -> None:
     """A ramp of 100 noises that begins within a sample: away from it noise is averaged, at it nothing is rounded."""
     ramp = 100.0 * np.maximum(TIME - 0.3, 0.0) / 0.1
-    smoother = local_fits(ramp + DRAWN, NOISE, PERIOD)
+    smoother = choose_windows(ramp + DRAWN, NOISE, PERIOD)
     # what smoothing does to the signal itself may nowhere exceed a few noises, though windows reach 256 samples
     assert np.abs(smoother(ramp) - ramp).max() < 3.0
 
 
 def test_a_rest_is_averaged_long() -> None:
-    smoother = local_fits(DRAWN, NOISE, PERIOD)
+    smoother = choose_windows(DRAWN, NOISE, PERIOD)
     assert np.std(smoother(DRAWN)) < 0.25
 
 
 def test_the_deviation_of_a_window_is_that_of_its_estimates() -> None:
     drawn = np.array([NOISE.draw(TIME[:17], RNG) for _ in range(400)])
-    estimates = drawn @ window(8, 1).value[8]
-    assert deviations(NOISE, 8, 1)[8] == pytest.approx(1 / np.sqrt(17), rel=1e-9)
+    estimates = drawn @ polynomial_window(8, 1).value[8]
+    assert window_deviations(NOISE, 8, 1)[8] == pytest.approx(1 / np.sqrt(17), rel=1e-9)
     assert np.std(estimates) == pytest.approx(1 / np.sqrt(17), rel=0.15)  # the mean of 17 samples
 
 
@@ -73,7 +73,7 @@ def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
     time = PERIOD * np.arange(5000)
     x, v, a = 0.05 * np.sin(6 * time), 0.3 * np.cos(6 * time), -1.8 * np.sin(6 * time)
     noisy_x, noisy_a = x + x_noise * RNG.standard_normal(5000), a + bias + a_noise * RNG.standard_normal(5000)
-    found_x, found_v, found_bias = Kinematics(time, x_noise, a_noise)(noisy_x, noisy_a)
+    found_x, found_v, found_bias = MotionSmoother(time, x_noise, a_noise)(noisy_x, noisy_a)
     assert found_bias == pytest.approx(bias, abs=0.01)
     # integrated alone, the bias would be 2 m/s off after 5 s
     assert np.abs(found_v - v).max() < 0.01
@@ -82,7 +82,7 @@ def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
 
 
 def test_every_sample_takes_the_fit_of_its_own_window() -> None:
-    smoother = local_fits(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
+    smoother = choose_windows(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
     y = RNG.standard_normal(N)
     for k in (0, 3, 300, N - 2):
         half, degree = (int(a[smoother.for_value[k]]) for a in (smoother.bank.half, smoother.bank.degree))
@@ -108,7 +108,7 @@ def test_the_path_is_the_least_squares_of_all_readings_and_steps() -> None:
         rows += [wv[k] * speed, wp[k] * place]
         right += [wv[k] * h * (a[k] + a[k + 1]) / 2, wp[k] * h**2 * (2 * a[k] + a[k + 1]) / 6]
     expected = np.linalg.lstsq(np.array(rows), np.array(right))[0]
-    found_x, found_v, bias = integrated(dt, wx, wv, wp)(x, a)
+    found_x, found_v, bias = least_squares_motion(dt, wx, wv, wp)(x, a)
     assert np.concatenate([found_x, found_v, [bias]]) == pytest.approx(expected, abs=1e-9)
 
 
@@ -120,8 +120,8 @@ def test_an_accelerometer_behind_a_filter_of_its_own_is_late_by_whole_samples(la
     x = cumulative_trapezoid(cumulative_trapezoid(a, time, initial=0.0), time, initial=0.0)
     x += 3e-7 * rng.standard_normal(time.size)
     reading = np.convolve(a, np.full(late + 1, 1.0 / (late + 1)))[: a.size] + 0.05 * rng.standard_normal(time.size)
-    assert lateness(x, reading, 2e-4, 1.4e-3) == found
+    assert estimate_acceleration_delay(x, reading, 2e-4, 1.4e-3) == found
 
 
 def test_a_short_record_tells_no_lateness() -> None:
-    assert lateness(np.zeros(40), np.zeros(40), 1e-3, 1.4e-3) == 0
+    assert estimate_acceleration_delay(np.zeros(40), np.zeros(40), 1e-3, 1.4e-3) == 0

@@ -10,17 +10,17 @@ import pytest
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.run import run
-from pneucli.simulate.substitutes import stand_in
-from tests.simulate.synthetic_experiments import BALANCED, RIG, bench, clock, model, steps_of_command
+from pneucli.simulate.substitutes import substitute_missing_inputs
+from tests.simulate.synthetic_experiments import BALANCED, RIG, held_commands, make_experiment, model, time_grid
 
-TIME = clock(4.0)
-COMMANDS = steps_of_command(TIME, [2.0, -2.0, 3.0, -2.5, 1.5, -1.5, 2.5, -3.0], 0.5)
+TIME = time_grid(4.0)
+COMMANDS = held_commands(TIME, [2.0, -2.0, 3.0, -2.5, 1.5, -1.5, 2.5, -3.0], 0.5)
 
 
 @pytest.fixture(scope="module")
 def moved() -> np.ndarray:
     """The kernel's output for a piston that is driven to and fro against a gas shut in chamber 2."""
-    return run(model(), bench("axis", TIME, {"u": COMMANDS, "x": 0.1, "p1": BALANCED["p1"]}))
+    return run(model(), make_experiment("axis", TIME, {"u": COMMANDS, "x": 0.1, "p1": BALANCED["p1"]}))
 
 
 def filled(out: np.ndarray, recorded: set[str], chamber_2: str, **rig: float | None) -> np.ndarray:
@@ -29,7 +29,9 @@ def filled(out: np.ndarray, recorded: set[str], chamber_2: str, **rig: float | N
     for column, shown in ((at.IN_P1, at.P1), (at.IN_X, at.X), (at.IN_V, at.V)):
         inputs[:, column] = out[:, shown]
     signals = dict.fromkeys(recorded, np.zeros(TIME.size))
-    stand_in(inputs, Recording("bench", "axis", "train", TIME, signals, chamber_2=chamber_2), replace(RIG, **rig))
+    substitute_missing_inputs(
+        inputs, Recording("bench", "axis", "train", TIME, signals, chamber_2=chamber_2), replace(RIG, **rig)
+    )
     return inputs
 
 

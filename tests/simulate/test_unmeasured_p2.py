@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.residuals import Forces, Inferred, views_of
+from pneucli.identify.residuals import ForceBalance, ForceBalanceInferredP2, residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, prepare
-from pneucli.simulate.outputs import imposed_force, outputs, with_settled_p2
+from pneucli.simulate.outputs import required_force, simulate_outputs, with_estimated_p2
 from pneucli.simulate.run import run, with_p2
-from pneucli.stages.diagnose import unread_p2
-from tests.simulate.synthetic_experiments import BALANCED, RIG, bench, clock, model, steps_of_command
+from pneucli.stages.diagnose import unmeasured_p2_warnings
+from tests.simulate.synthetic_experiments import BALANCED, RIG, held_commands, make_experiment, model, time_grid
 
 SHUT_IN = float(BALANCED["p2"])  # Pa, in chamber 2 at the start
 LOAD = {"constant-force.force": 20.0}
@@ -26,10 +26,10 @@ NOISE = {"x": 5e-6, "p1": 300.0, "a": 0.02}
 @pytest.fixture(scope="module", params=["closed", "valve"])
 def unread(request: pytest.FixtureRequest) -> tuple[Experiment, np.ndarray]:
     """A piston driven to and fro under a load, read without p2; and the true p2."""
-    time, rng = clock(4.0), np.random.default_rng(5)
-    u = steps_of_command(time, [2.0, -2.0, 3.0, -2.5, 1.5, -1.5, 2.5, -3.0], 0.5)
+    time, rng = time_grid(4.0), np.random.default_rng(5)
+    u = held_commands(time, [2.0, -2.0, 3.0, -2.5, 1.5, -1.5, 2.5, -3.0], 0.5)
     given = {"u": u} | ({"u2": -u} if request.param == "valve" else {})
-    exact = bench("axis", time, {**given, "x": 0.1, "p1": BALANCED["p1"]}, request.param)
+    exact = make_experiment("axis", time, {**given, "x": 0.1, "p1": BALANCED["p1"]}, request.param)
     out = run(TRUE[request.param], exact)
     signals = {n: out[:, c] for n, c in (("x", at.X), ("a", at.A), ("p1", at.R1))}
     signals = {n: y + rng.normal(scale=NOISE[n], size=time.size) for n, y in signals.items()}
@@ -42,16 +42,16 @@ def test_only_a_pressure_that_acts_and_that_no_sensor_reads_is_inferred(unread: 
     read = replace(e.recording, signals={**e.recording.signals, "p2": p2})
     still = {n: y for n, y in e.recording.signals.items() if n != "x"}
     assert e.infers_p2
-    assert [replace(e, recording=replace(e.recording, chamber_2=c)).lacks_p2 for c in ("closed", "valve", "open")] == [
+    assert [replace(e, recording=replace(e.recording, chamber_2=c)).p2_is_unmeasured for c in ("closed", "valve", "open")] == [
         True, True, False,
     ]  # fmt: skip
-    assert not prepare(read, e.rig, 0.5).lacks_p2
+    assert not prepare(read, e.rig, 0.5).p2_is_unmeasured
     assert not prepare(read, e.rig, 0.5).infers_p2
     assert not prepare(replace(e.recording, chamber_2="open"), e.rig, 0.5).infers_p2
     assert not replace(e, raw=still).infers_p2
     assert not replace(e, rig=replace(e.rig, piston_area_1=None, piston_area_2=None)).infers_p2
-    assert next(type(v) for v in views_of([e])) is Inferred
-    assert next(type(v) for v in views_of([prepare(read, e.rig, 0.5)])) is Forces
+    assert next(type(v) for v in residual_models([e])) is ForceBalanceInferredP2
+    assert next(type(v) for v in residual_models([prepare(read, e.rig, 0.5)])) is ForceBalance
 
 
 def test_the_with_settled_p2_follows_from_the_balance_of_forces(unread: tuple[Experiment, np.ndarray]):
@@ -61,7 +61,7 @@ def test_the_with_settled_p2_follows_from_the_balance_of_forces(unread: tuple[Ex
     wrong = e.inputs.copy()
     wrong[:, at.IN_P2] = 1.33 * SHUT_IN
     for _ in range(2):  # a valve that lets the gas out is not quite linear in the start
-        wrong = with_settled_p2(true, e, wrong)
+        wrong = with_estimated_p2(true, e, wrong)
     assert wrong[0, at.IN_P2] == pytest.approx(SHUT_IN, rel=0.005)
     assert with_p2(true, e, wrong)[:, at.IN_P2] == pytest.approx(p2, rel=0.005)
 
@@ -72,10 +72,10 @@ def test_what_the_accelerometer_reads_at_rest_is_no_force(unread: tuple[Experime
     true = TRUE[e.recording.chamber_2]
     biased = model(["constant-force", "acceleration-bias"], {**LOAD, "acceleration-bias.bias": 0.5})
     tilted = replace(e, raw=e.raw | {"a": e.raw["a"] + 0.5})
-    assert with_settled_p2(biased, tilted, e.inputs) == pytest.approx(with_settled_p2(true, e, e.inputs))
-    assert with_settled_p2(true, tilted, e.inputs) != pytest.approx(with_settled_p2(true, e, e.inputs))
-    assert imposed_force(biased, replace(tilted, fusion=None)) == pytest.approx(
-        imposed_force(true, replace(e, fusion=None))
+    assert with_estimated_p2(biased, tilted, e.inputs) == pytest.approx(with_estimated_p2(true, e, e.inputs))
+    assert with_estimated_p2(true, tilted, e.inputs) != pytest.approx(with_estimated_p2(true, e, e.inputs))
+    assert required_force(biased, replace(tilted, fusion=None)) == pytest.approx(
+        required_force(true, replace(e, fusion=None))
     )
 
 
@@ -102,21 +102,21 @@ def test_the_model_keeps_its_p2_over_a_restart(unread: tuple[Experiment, np.ndar
 def test_a_true_model_errs_by_noise_where_p2_is_not_read(unread: tuple[Experiment, np.ndarray]):
     """Within 0.3 mm after each 0.5 s: an ambient p2, as before, would let the piston run to its end."""
     e, _ = unread
-    modelled = outputs(TRUE[e.recording.chamber_2], e)
+    modelled = simulate_outputs(TRUE[e.recording.chamber_2], e)
     assert np.abs(modelled["x"] - e.inputs[:, at.IN_X]).max() < 3e-4
 
 
 def test_an_effect_on_the_piston_is_found_without_p2(unread: tuple[Experiment, np.ndarray]):
     """The load within 10 %: a start of p2 that is not known takes the place of a part of it."""
     e, _ = unread
-    found = fit_model(TRUE[e.recording.chamber_2], views_of([e]), [catalogue()["constant-force"]])
+    found = fit_model(TRUE[e.recording.chamber_2], residual_models([e]), [catalogue()["constant-force"]])
     assert found["constant-force.force"].value == pytest.approx(20.0, rel=0.1)
 
 
 def test_a_diagnosis_says_where_p2_was_inferred_and_where_it_could_not_be(unread: tuple[Experiment, np.ndarray]):
     e, p2 = unread
     read = prepare(replace(e.recording, signals={**e.recording.signals, "p2": p2}), e.rig, 0.5)
-    assert unread_p2(views_of([read])) == []
-    inferred, blind = unread_p2([*views_of([e]), Forces(e)])
+    assert unmeasured_p2_warnings(residual_models([read])) == []
+    inferred, blind = unmeasured_p2_warnings([*residual_models([e]), ForceBalance(e)])
     assert inferred.startswith("bench: p2 was not recorded and follows from the model")
     assert "record p2" in blind

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.simulate.valve_forms.area import POINTS, ValveArea
+from pneucli.simulate.valve_forms.area import TABLE_POINTS, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
 
@@ -20,7 +20,7 @@ U = np.linspace(-12.0, 12.0, 4801)
 @given(knot=st.integers(0, len(COMMANDS) - 1), factor=st.sampled_from((0.6, 0.95, 1.05, 1.7)))
 def test_outside_the_range_that_is_told_a_moved_knot_changes_nothing(knot: int, factor: float) -> None:
     moved = replace(VALVE, areas=tuple(a * factor if i == knot else a for i, a in enumerate(AREAS)))
-    ((low, high),) = VALVE.changed(moved)
+    ((low, high),) = VALVE.changed_ranges(moved)
     outside = (low > U) | (high < U)
     assert moved(U[outside]) == pytest.approx(VALVE(U[outside]), rel=1e-12, abs=0.0)  # one unit in the last place
     assert low <= COMMANDS[knot] <= high
@@ -29,29 +29,29 @@ def test_outside_the_range_that_is_told_a_moved_knot_changes_nothing(knot: int, 
 
 def test_an_inner_knot_reaches_to_its_second_neighbours_and_no_further() -> None:
     moved = replace(VALVE, areas=(*AREAS[:7], 7.7e-7, *AREAS[8:]))  # at 3 V
-    assert VALVE.changed(moved) == ((1.0, 7.0),)
+    assert VALVE.changed_ranges(moved) == ((1.0, 7.0),)
     mirrored = replace(VALVE, areas=(*AREAS[:2], 1e-6, *AREAS[3:]))  # at -4 V
-    assert VALVE.changed(mirrored) == ((-9.0, -1.0),)
+    assert VALVE.changed_ranges(mirrored) == ((-9.0, -1.0),)
     last = replace(VALVE, areas=(*AREAS[:-1], 2.2e-6))  # at 10 V, and the power law beyond
-    assert VALVE.changed(last) == ((5.0, np.inf),)
+    assert VALVE.changed_ranges(last) == ((5.0, np.inf),)
 
 
 def test_an_overlap_changes_the_whole_of_its_direction() -> None:
-    assert VALVE.changed(replace(VALVE, overlap_fill=0.5)) == ((0.0, np.inf),)
-    assert VALVE.changed(replace(VALVE, overlap_vent=0.5)) == ((-np.inf, 0.0),)
-    assert VALVE.changed(VALVE) == ()
+    assert VALVE.changed_ranges(replace(VALVE, overlap_fill=0.5)) == ((0.0, np.inf),)
+    assert VALVE.changed_ranges(replace(VALVE, overlap_vent=0.5)) == ((-np.inf, 0.0),)
+    assert VALVE.changed_ranges(VALVE) == ()
 
 
 def test_a_table_is_the_area_at_its_points() -> None:
-    u = np.linspace(-8.0, 8.0, POINTS)
+    u = np.linspace(-8.0, 8.0, TABLE_POINTS)
     assert VALVE.table(8.0) == pytest.approx(VALVE(u), rel=1e-12, abs=1e-20)
-    assert VALVE.table(8.0)[POINTS // 2] == 0.0
+    assert VALVE.table(8.0)[TABLE_POINTS // 2] == 0.0
 
 
 def test_other_forms_tell_their_directions() -> None:
     line, pair = LinearValve(2e-7, 10.0), SwitchingValve(2e-6, 1e-6, 24.0)
-    assert line.changed(line.scaled(1.1)) == ((-np.inf, np.inf),)
-    assert line.changed(line) == ()
-    assert pair.changed(replace(pair, fill=3e-6)) == ((0.0, np.inf),)
-    assert pair.changed(replace(pair, vent=3e-6)) == ((-np.inf, 0.0),)
-    assert pair.changed(pair) == ()
+    assert line.changed_ranges(line.scaled(1.1)) == ((-np.inf, np.inf),)
+    assert line.changed_ranges(line) == ()
+    assert pair.changed_ranges(replace(pair, fill=3e-6)) == ((0.0, np.inf),)
+    assert pair.changed_ranges(replace(pair, vent=3e-6)) == ((-np.inf, 0.0),)
+    assert pair.changed_ranges(pair) == ()

@@ -25,7 +25,7 @@ def run_stages(path: Path, out: Path) -> dict[str, Any]:
 
 def known_as_declared(stage: str, answer: dict[str, Any]) -> None:
     """Hold an answer's keys, and where they are declared the keys below, against what checks may look into."""
-    begins = [tuple(begin.split(".")) for begin in STAGES[stage].answer]
+    begins = [tuple(begin.split(".")) for begin in STAGES[stage].answer_paths]
     assert answer.keys() - {"schema", "pipeline"} <= {begin[0] for begin in begins}
     for first, second in (begin for begin in begins if len(begin) == 2 and begin[0] in answer):
         assert second in answer[first]

@@ -16,9 +16,9 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
 from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
-from pneucli.quantities import CHANNELS, LOCATORS
+from pneucli.quantities import CHANNELS, RESIDUAL_VARIABLES
 from pneucli.recording import Recording
-from pneucli.stages.pipeline_data import Study
+from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -39,7 +39,7 @@ def test_the_answer_has_the_interfaces_keys(answer: dict[str, Any]) -> None:
     assert all(wanted | {"noise", "ratio_to_noise"} <= c.keys() for c in answer["channels"])
     for region in answer["where"]:
         assert {"recording", "channel", "unit", "share_of_error", "share_of_samples"} <= region.keys()
-        assert region["signal"] in LOCATORS
+        assert region["signal"] in RESIDUAL_VARIABLES
         assert region["from"] < region["to"]
         assert region["share_of_samples"] < region["share_of_error"] <= 1.0
 
@@ -79,7 +79,7 @@ def test_residuals_add_up_to_the_answer(demo: Demo, answer: dict[str, Any]) -> N
 
 
 def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
-    told = messages.of("compare", answer, "demo.toml", verbose=True).splitlines()
+    told = messages.render("compare", answer, "demo.toml", verbose=True).splitlines()
     uses = [line.split()[1] for line in told[-len(answer["channels"]) :]]
     assert uses == sorted(uses)  # test, then train
     assert told[0].startswith("error ")
@@ -93,7 +93,7 @@ def test_time_in_the_wrong_unit_is_refused_before_anything_is_simulated(
     monkeypatch.setattr("pneucli.stages.pipeline_data.prepare", lambda *arguments: pytest.fail("it was simulated"))
     time = period * np.arange(50)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
-    study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path))
+    study = PipelineData(Context(DEMO, load(DEMO), tmp_path, tmp_path))
     monkeypatch.setitem(study.__dict__, "recordings", [slow])
     with pytest.raises(InputError, match=f"slow has a sample every {period:g} s, the horizon is 0.5 s") as error:
         _ = study.experiments
@@ -108,18 +108,20 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
     monkeypatch.setattr(
         "pneucli.stages.pipeline_data.prepare", lambda *arguments: SimpleNamespace(channels=(), recording=slow)
     )
-    monkeypatch.setattr("pneucli.stages.pipeline_data.with_commands", lambda experiments, rig: experiments)
-    monkeypatch.setattr("pneucli.stages.pipeline_data.with_one_range", lambda experiments: experiments)
+    monkeypatch.setattr("pneucli.stages.pipeline_data.with_intersample_commands", lambda experiments, rig: experiments)
+    monkeypatch.setattr("pneucli.stages.pipeline_data.with_common_command_range", lambda experiments: experiments)
     time = 0.1 * np.arange(72_000)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
-    study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message)))
+    study = PipelineData(
+        Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message))
+    )
     monkeypatch.setitem(study.__dict__, "recordings", [slow])
     _ = study.experiments
     assert told[0] == "2 h of recordings, if the unit of time is right: this takes long"
 
 
 def test_a_dead_sensor_is_refused_but_an_open_chamber_may_stand_still(tmp_path: Path) -> None:
-    study = Study(Context(DEMO, load(DEMO), tmp_path, tmp_path))
+    study = PipelineData(Context(DEMO, load(DEMO), tmp_path, tmp_path))
     dead: Any = SimpleNamespace(channels=("p2",), noise={"p2": NoiseModel(0.0)})
     for chamber_2, refused in (("closed", True), ("open", False)):
         dead.recording = SimpleNamespace(name="axis_1", chamber_2=chamber_2)

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.simulation import run
+from pneucli.closed_loop.simulation import simulate
 from pneucli.compare import Comparison
 from pneucli.controller import layout as at
 from pneucli.errors import InputError
 from pneucli.export import export_files
-from pneucli.export.controller_file import Exported, load
+from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.messages import controller_logs as words
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
@@ -28,7 +28,7 @@ REFERENCE = np.where(TIME < 0.5, 0.1, 0.12)
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    log = run(MODEL, CONTROLLER, axis.scenario(CONTROLLER, REFERENCE), axis.BENCH, seed=4).log
+    log = simulate(MODEL, CONTROLLER, axis.scenario(CONTROLLER, REFERENCE), axis.BENCH, seed=4).log
     read = {"x": at.L_READ_X, "p1": at.L_READ_P1, "p2": at.L_READ_P2, "u": at.L_U1}
     digits = {"x": 9, "p1": 1, "p2": 1, "u": 5}
     signals = {"x_ref": REFERENCE, **{name: np.round(log[:, place], digits[name]) for name, place in read.items()}}
@@ -38,7 +38,7 @@ def recording() -> Recording:
 
 
 def compared(recording: Recording, controller=CONTROLLER) -> Comparison:
-    looked = controller_logs.look(MODEL, recording, Exported(controller, "float64", "hash"))
+    looked = controller_logs.replay_recording(MODEL, recording, ExportedController(controller, "float64", "hash"))
     bare = Comparison(prepare(recording, axis.RIG, 0.5), (), {}, {})
     return controller_logs.with_commands(bare, {"log": looked}, MODEL)
 
@@ -61,8 +61,8 @@ def test_a_recording_without_a_known_controller_is_left_as_it_is(recording: Reco
 
 
 def test_what_was_foretold_stands_beside_what_came(recording: Recording) -> None:
-    told = controller_logs.answer_of(
-        controller_logs.look(MODEL, recording, Exported(CONTROLLER, "float64", "hash")), MODEL
+    told = controller_logs.log_answer(
+        controller_logs.replay_recording(MODEL, recording, ExportedController(CONTROLLER, "float64", "hash")), MODEL
     )
     assert told["measured"]["steady_um"] < 10.0
     assert told["foretold"]["settling_s"] == pytest.approx(told["measured"]["settling_s"], rel=0.3)
@@ -79,9 +79,11 @@ def test_controllers_are_found_beside_the_pipeline_and_an_unknown_one_is_none(
     found = [
         SimpleNamespace(name=n, where="pipeline.toml", table=SimpleNamespace(controller=c)) for n, c in tables.items()
     ]
-    monkeypatch.setattr(controller_logs, "sources", lambda config: found)
+    monkeypatch.setattr(controller_logs, "recording_sources", lambda config: found)
     context = SimpleNamespace(config=None, path=tmp_path / "pipeline.toml")
-    assert controller_logs.controllers_of(context) == {"a": load(tmp_path / "pneucli_controller.c", "here")}
+    assert controller_logs.controllers_by_recording(context) == {
+        "a": load_controller(tmp_path / "pneucli_controller.c", "here")
+    }
     found[0].table.controller = "nowhere/controller.c"
     with pytest.raises(InputError, match="controller"):
-        controller_logs.controllers_of(context)
+        controller_logs.controllers_by_recording(context)

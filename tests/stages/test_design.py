@@ -16,7 +16,7 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages import closed_loop, design, export
-from pneucli.stages.pipeline_data import Study
+from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
 
@@ -50,7 +50,7 @@ def test_the_design_says_what_it_chose_and_what_does_not_hold(designed: Demo) ->
     assert answer["matching"]["mechanical"]["holds"]
     assert answer["sector"]["resolved"]["steepness"] <= 0.2 < answer["sector"]["vertices"]["steepness"]
     assert "too steep" in answer["sector"]["vertices"]["remark"]
-    assert "decay rate" in messages.of("design", answer, "demo.toml", verbose=True)
+    assert "decay rate" in messages.render("design", answer, "demo.toml", verbose=True)
 
 
 def test_the_margins_are_those_of_the_loop_that_is_exported(designed: Demo) -> None:
@@ -61,7 +61,7 @@ def test_the_margins_are_those_of_the_loop_that_is_exported(designed: Demo) -> N
     assert found["worst"]["position"]["delay"] == min(p["delay"] for p in found["points"] if p["loop"] == "position")
     ratios = read_table(designed[0] / "design" / "margins.parquet")
     assert set(ratios["loop"]) == {"command", "position"}
-    assert "margins" in messages.of("design", designed[1]["design"], "demo.toml", verbose=False)
+    assert "margins" in messages.render("design", designed[1]["design"], "demo.toml", verbose=False)
 
 
 def test_every_rate_that_is_told_is_verified(designed: Demo) -> None:
@@ -100,7 +100,7 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
         + more.format("load", "hold") + 'load = "-50 N"\nload_to = "3.5 s"\n'
         + '\n[[scenarios]]\nkind = "monte-carlo"\nruns = 4\n',
     )  # fmt: skip
-    answer = closed_loop.simulate_closed_loop(Study(context_of(designed, "simulate", path)))
+    answer = closed_loop.simulate_closed_loop(PipelineData(context_of(designed, "simulate", path)))
     known_as_declared("simulate", answer)
     json.dumps(answer, allow_nan=False)
     loop, alone = answer["closed_loop"], answer["pid_alone"]
@@ -111,7 +111,7 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
     assert answer["robust"]["runs"] == 4
     signals = read_table(designed[0] / "simulate" / "closed_loop.parquet")
     assert set(signals["controller"]) == {"compensated", "pid_alone"}
-    told = messages.of("simulate", {"open_loop": [], **answer}, "demo.toml", verbose=True)
+    told = messages.render("simulate", {"open_loop": [], **answer}, "demo.toml", verbose=True)
     assert told.startswith("holds    ")
     assert "closed loop, " in told
 
@@ -125,7 +125,7 @@ def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) 
     assert answer["ablation"]["nothing"] == answer["compare"]["best"]
     rest = {name: messages.bench.worst_of(by, "steady_um") for name, by in answer["compare"].items()}
     assert rest["best"] <= answer["tolerance_um"] < min(rest["relay"], rest["pdc"], rest["sector"])
-    told = messages.of("design", answer, "demo.toml", verbose=True)
+    told = messages.render("design", answer, "demo.toml", verbose=True)
     assert "cascade without" in told
     assert "off" in next(line for line in told.splitlines() if line.strip().startswith("pdc"))
     table = read_table(designed[0] / "design" / "comparison.parquet")
@@ -146,7 +146,7 @@ def test_the_controller_of_the_file_is_simulated_and_exported_and_another_one_on
     folder = context_of(designed, "relays", path)
     answer = design.run(folder)
     assert next(line for line in answer["surface"] if line["taken"])["slope"] == pytest.approx(30.0)
-    assert design.chosen_controller(folder.out, answer).law == "relay"
+    assert design.selected_controller(folder.out, answer).law == "relay"
     asked = context_of(designed, "export", options={"to": ["c"], "controller": "pdc"})
     assert export.run(asked)["controller"] == "pdc"
     assert "parallel distributed" in (asked.out / "pneucli_controller.h").read_text(encoding="utf-8")

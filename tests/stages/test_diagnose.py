@@ -11,16 +11,16 @@ from typing import Any, get_args
 import pytest
 
 from pneucli.config import load
-from pneucli.diagnose.adequacy import Remainder
+from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Reason
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
-from pneucli.identify.residuals import Chambers
+from pneucli.identify.residuals import ChamberPressures
 from pneucli.io.artifacts import read_table
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
-from pneucli.stages.diagnose_sentence import sentence
+from pneucli.stages.diagnose_sentence import verdict_sentence
 from tests.stages.chain import known_as_declared
 
 Diagnosed = tuple[Path, dict[str, Any]]
@@ -107,9 +107,10 @@ def test_what_remains_is_told_by_channel(hysteresis: Diagnosed) -> None:
 
 def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
     open_, fits, missed = (
-        Remainder(Chambers, name, ratio, ratio, (), 4.7) for name, ratio in (("p1", 7.7), ("p2", 1.1), ("p2", 77.0))
+        LackOfFit(ChamberPressures, name, ratio, ratio, (), 4.7)
+        for name, ratio in (("p1", 7.7), ("p2", 1.1), ("p2", 77.0))
     )
-    (said,) = diagnose.left_open([open_, fits, missed])
+    (said,) = diagnose.parameter_uncertainty_warnings([open_, fits, missed])
     assert "p1 of recordings that were not fitted errs by 7.7 times its noise" in said
     assert "record such commands or speeds" in said
 
@@ -127,7 +128,7 @@ def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: st
         verdict="inconclusive", missing=(), found=SimpleNamespace(last=last),
         detectable=[SimpleNamespace(typical=t) for t in typical],
     )  # fmt: skip
-    told = sentence(found, [{"train": 1.1, "test": None}], None)
+    told = verdict_sentence(found, [{"train": 1.1, "test": None}], None)
     assert told == f"Nothing can be said: {words} (error 1.1 times the noise)."
 
 
@@ -200,9 +201,9 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
 def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alone() -> None:
     rungs = ("base", "with a", "with a and b", "with a, b and c")
     found: Any = SimpleNamespace(missing=("a", "b"), found=SimpleNamespace(added=("a", "b", "c"), rungs=rungs))
-    assert diagnose._settled(found) == "with a and b"
+    assert diagnose._selected_model(found) == "with a and b"
     found.missing = ()
-    assert diagnose._settled(found) == "base"
+    assert diagnose._selected_model(found) == "base"
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from pneucli import messages
 from pneucli.io.artifacts import read_metadata, read_table
-from pneucli.stages.tables.valve import FOLLOWED, _lack_warning, valve_warnings
+from pneucli.stages.tables.valve import MAX_TRAIN_RESIDUAL, _lack_warning, valve_warnings
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -97,7 +97,7 @@ def test_one_valve(demo: Demo) -> None:
     assert np.asarray(table["difference"]) == pytest.approx(np.asarray(table["measured"]) - np.asarray(table["model"]))
     assert residual["train"] == pytest.approx(1.0, abs=0.1)
     # 1.75 V was fitted on short stairs: an area 0.1 % off shows as 3 on its long step
-    assert residual["test"] < FOLLOWED
+    assert residual["test"] < MAX_TRAIN_RESIDUAL
     found = answer["model"]["parameters"]
     assert answer["valve"]["overlap"]["charge"] == found["valve.overlap_fill"]
     assert answer["valve"]["overlap"]["discharge"] == found["valve.overlap_vent"]
@@ -138,7 +138,7 @@ def test_a_map_beyond_all_measure_is_named() -> None:
 def test_the_answer_is_json_and_words(demo: Demo) -> None:
     answer = demo[1]["identify"]
     json.dumps(answer, allow_nan=False)
-    told = messages.of("identify", answer, "demo.toml")
+    told = messages.render("identify", answer, "demo.toml")
     assert told.startswith("found    ")
     assert re.search(r"^friction.coulomb +1[34]\.\d+ ± 0\.\d\d+ N$", told, re.MULTILINE)
     assert re.search(

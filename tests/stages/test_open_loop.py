@@ -12,7 +12,7 @@ from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
-from pneucli.simulate.open_loop import default_runs, free_run, run_scenario
+from pneucli.simulate.open_loop import default_free_runs, free_run, run_scenario
 from pneucli.simulate.valve_forms.area import ValveArea
 
 AREA = 2e-7  # m^2 at 10 V and at -10 V, linear from the closed centre
@@ -118,5 +118,5 @@ def test_a_free_run_shows_what_restarts_forget() -> None:
 def test_test_recordings_run_by_default_and_imposed_motion_never() -> None:
     ready = [prepare(recorded(name, use), RIG, None) for name, use in (("a", "train"), ("b", "test"), ("c", "train"))]
     imposed = replace(ready[0], recording=replace(ready[0].recording, experiment="friction", imposed="motion"))
-    assert [run.scenario for run in default_runs(MODEL, [*ready, imposed])] == ["b"]
-    assert [run.scenario for run in default_runs(MODEL, [ready[0], ready[2]])] == ["a"]
+    assert [run.scenario for run in default_free_runs(MODEL, [*ready, imposed])] == ["b"]
+    assert [run.scenario for run in default_free_runs(MODEL, [ready[0], ready[2]])] == ["a"]

@@ -9,18 +9,18 @@ import pytest
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
-from pneucli.plausibility.required_inputs import Need
-from pneucli.recording import Known
-from pneucli.stages.parameter_priors import known_of
-from pneucli.stages.pipeline_data import require
+from pneucli.plausibility.required_inputs import RequiredInput
+from pneucli.recording import ParameterPrior
+from pneucli.stages.parameter_priors import parameter_priors
+from pneucli.stages.pipeline_data import require_stated
 from tests.config.test_config import BASE, write
 
 
-def known(tmp_path: Path, entries: str) -> dict[str, Known]:
+def known(tmp_path: Path, entries: str) -> dict[str, ParameterPrior]:
     (tmp_path / "raw").mkdir(exist_ok=True)
     path = tmp_path / "pipeline.toml"
     path.write_text(BASE.replace("[checks]", f"[model.parameters]\n{entries}\n[checks]"))
-    return known_of(load(path), catalogue())
+    return parameter_priors(load(path), catalogue())
 
 
 def test_quantities_are_read_in_the_parameters_own_unit(tmp_path: Path) -> None:
@@ -34,8 +34,8 @@ def test_quantities_are_read_in_the_parameters_own_unit(tmp_path: Path) -> None:
         "valve.effective_area(+1 V)" = { max = "1 mm^2" }
         """,
     )
-    assert found["friction.viscous"] == Known("N s/m", fixed=45.0)
-    assert found["rig.moving_mass"] == Known("kg", None, 2.2, 2.0, 3.0, 0.1)
+    assert found["friction.viscous"] == ParameterPrior("N s/m", fixed=45.0)
+    assert found["rig.moving_mass"] == ParameterPrior("kg", None, 2.2, 2.0, 3.0, 0.1)
     assert (found["rig.piston_area_1"].start, found["rig.piston_area_1"].sigma) == pytest.approx((9.5e-4, 1e-5))
     assert found["valve.effective_area(+1 V)"].upper == pytest.approx(1e-6)
 
@@ -61,15 +61,15 @@ def test_what_cannot_be_meant_is_told_with_its_key(tmp_path: Path, entry: str, s
 
 
 def test_the_file_without_entries_knows_nothing(tmp_path: Path) -> None:
-    assert known_of(load(write(tmp_path)), catalogue()) == {}
+    assert parameter_priors(load(write(tmp_path)), catalogue()) == {}
 
 
 def test_every_key_that_is_missing_is_told_with_an_example(tmp_path: Path) -> None:
-    area = Need("rig.cylinder", "piston_area_1", "the area on which p1 acts (axis_1)", '"8.04 cm^2"')
-    pressure = Need("[recordings]", "p2", "the pressure of chamber 2 (axis_1)", '"1.013 bar"')
+    area = RequiredInput("rig.cylinder", "piston_area_1", "the area on which p1 acts (axis_1)", '"8.04 cm^2"')
+    pressure = RequiredInput("[recordings]", "p2", "the pressure of chamber 2 (axis_1)", '"1.013 bar"')
     with pytest.raises(InputError) as error:
-        require([area, pressure], tmp_path / "p.toml")
+        require_stated([area, pressure], tmp_path / "p.toml")
     assert "key rig.cylinder.piston_area_1: missing" in str(error.value)
     assert 'add piston_area_1 = "8.04 cm^2" below [rig.cylinder]' in str(error.value)
     assert "key recordings.p2: missing" in str(error.value)
-    require([], tmp_path / "p.toml")
+    require_stated([], tmp_path / "p.toml")

@@ -9,7 +9,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.pipeline.runner import open_pipeline
-from pneucli.stages.pipeline_file import load
+from pneucli.stages.pipeline_file import load_pipeline_file
 from tests.cli.toys import PIPELINE
 from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
@@ -47,13 +47,13 @@ def edited(tmp_path: Path, more: str) -> Path:
 )
 def test_what_is_misspelt_is_found_at_once(tmp_path: Path, more: str, says: str) -> None:
     with pytest.raises(InputError) as error:
-        load(edited(tmp_path, more))
+        load_pipeline_file(edited(tmp_path, more))
     assert says in str(error.value)
 
 
 def test_all_of_it_is_told_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="3 faults"):
-        load(edited(tmp_path, '[design]\na = 1\n[[scenarios]]\nb = 1\n[checks]\n"c.d" = { max = 1 }'))
+        load_pipeline_file(edited(tmp_path, '[design]\na = 1\n[[scenarios]]\nb = 1\n[checks]\n"c.d" = { max = 1 }'))
 
 
 def test_plugins_run_where_effects_are_needed_and_not_to_load_or_read(tmp_path: Path) -> None:
@@ -63,11 +63,11 @@ def test_plugins_run_where_effects_are_needed_and_not_to_load_or_read(tmp_path: 
     path.write_text(
         PIPELINE.replace("[model]", '[model]\nplugins = ["own.py"]').replace('"test"', '"train"\nu = "1 V"')
     )
-    pipeline = open_pipeline(path, load)
-    pipeline.bring_up(["ingest"])
-    assert pipeline.survey(["ingest", "identify"])["ingest"].why == ()
+    pipeline = open_pipeline(path, load_pipeline_file)
+    pipeline.update(["ingest"])
+    assert pipeline.stage_status(["ingest", "identify"])["ingest"].reasons == ()
     with pytest.raises(InputError, match="it runs"):
-        pipeline.bring_up(["identify"])
+        pipeline.update(["identify"])
 
 
 @pytest.mark.parametrize("stage", ["ingest", "identify", "compare"])

@@ -77,7 +77,7 @@ def test_the_checks_are_those_of_the_pipeline_file(context: Context) -> None:
 
 
 def test_the_line_for_people_names_the_failed_checks(context: Context) -> None:
-    told = messages.of("report", report.run(context), "bench.toml")
+    told = messages.render("report", report.run(context), "bench.toml")
     assert "failed   checks: compare.error.test and diagnose.verdict" in told
 
 
@@ -85,5 +85,7 @@ def test_the_rig_is_said_in_a_few_words(context: Context) -> None:
     cylinder = {"piston_area_1": "8.0425 cm^2", "piston_area_2": "8 cm^2", "stroke": "200 mm"}
     rig = {**context.config.model_dump()["rig"], "supply_pressure": "7 bar", "cylinder": cylinder}
     config = context.config.model_validate({**context.config.document, "rig": {**rig, "vessel": {}}})
-    assert report.rig_in_words(config) == "cylinder ⌀ 32.0 mm × 200 mm, supply 7.00 bar"  # pi/4 (32 mm)^2 = 8.0425 cm^2
-    assert report.rig_in_words(context.config) == ""
+    assert (
+        report.rig_description(config) == "cylinder ⌀ 32.0 mm × 200 mm, supply 7.00 bar"
+    )  # pi/4 (32 mm)^2 = 8.0425 cm^2
+    assert report.rig_description(context.config) == ""

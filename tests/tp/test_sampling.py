@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.tp import check, sample, transform
-from pneucli.tp.sampling import gather
+from pneucli.tp.sampling import fit_samples
 
 from .cases import CASES, damping
 
@@ -34,7 +34,7 @@ def test_what_is_linear_in_each_parameter_is_recovered_exactly(seed, parameters)
     grids = [np.concatenate(([-1.1], g, [1.1])) for g in grids]
     points = rng.uniform(-1.1, 1.1, (3000, parameters))
     slope = rng.standard_normal((parameters, 2))
-    found = gather(points, 3.0 + points @ slope, grids)
+    found = fit_samples(points, 3.0 + points @ slope, grids)
     truth = 3.0 + np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1) @ slope
     assert np.abs(found.samples - truth).max() < 1e-8
     assert found.support.sum() == pytest.approx(3000)
@@ -42,7 +42,7 @@ def test_what_is_linear_in_each_parameter_is_recovered_exactly(seed, parameters)
 
 def test_a_gap_in_the_measurements_is_bridged_and_shown():
     points = np.concatenate((np.linspace(-1, -0.4, 200), np.linspace(0.4, 1, 200)))
-    found = gather(points, 2 * points, [LINE])
+    found = fit_samples(points, 2 * points, [LINE])
     assert found.samples == pytest.approx(2 * LINE, abs=1e-9)
     assert np.all(found.support[np.abs(LINE) < 0.35] < 1e-12)
 
@@ -53,7 +53,7 @@ def test_repeated_measurements_average_out():
 
     def error(count):
         at = rng.uniform(-1, 1, count)
-        return np.std(gather(at, np.cos(at) + 0.1 * rng.standard_normal(count), [LINE]).samples - np.cos(LINE))
+        return np.std(fit_samples(at, np.cos(at) + 0.1 * rng.standard_normal(count), [LINE]).samples - np.cos(LINE))
 
     few, many = (np.mean([error(count) for _ in range(20)]) for count in (1_000, 16_000))
     assert few / many == pytest.approx(4, rel=0.25)
@@ -64,7 +64,7 @@ def test_measurements_count_by_their_sigma():
     at = rng.uniform(-1, 1, 4000)
     sigma = np.where(np.arange(4000) % 2, 1.0, 1e-3)
     values = at**2 + sigma * rng.standard_normal(4000)
-    weighted, plain = gather(at, values, [LINE], sigma=sigma), gather(at, values, [LINE])
+    weighted, plain = fit_samples(at, values, [LINE], sigma=sigma), fit_samples(at, values, [LINE])
     assert np.std(weighted.samples - LINE**2) < 0.05 * np.std(plain.samples - LINE**2)
 
 
@@ -73,7 +73,7 @@ def test_direct_and_analytical_model_of_friction_agree():
     rng = np.random.default_rng(2)
     grid, v = np.linspace(-0.05, 0.05, 137), rng.uniform(-0.05, 0.05, 20_000)
     measured = damping(v) * (1 + 0.02 * rng.standard_normal(v.size))
-    direct = transform(gather(v, measured, [grid], sigma=damping(v)).samples, [grid])
+    direct = transform(fit_samples(v, measured, [grid], sigma=damping(v)).samples, [grid])
     analytical = transform(sample(damping, [grid]), [grid])
     assert check(direct) == []
     assert direct.vertices.shape == (2,)
@@ -85,7 +85,7 @@ def test_scattered_measurements_of_two_parameters_give_the_reference_case():
     case = CASES["c"]
     v, p = np.meshgrid(*case.grids, indexing="ij")
     points = np.column_stack((v.ravel(), p.ravel()))
-    found = gather(points, case.samples.ravel(), case.grids, smoothing=1e-9)
+    found = fit_samples(points, case.samples.ravel(), case.grids, smoothing=1e-9)
     assert found.samples == pytest.approx(case.samples, rel=1e-6)
 
 
@@ -101,4 +101,4 @@ def test_scattered_measurements_of_two_parameters_give_the_reference_case():
 )
 def test_measurements_that_do_not_fit_are_refused(points, values, options, message):
     with pytest.raises(InputError, match=message):
-        gather(points, values, [LINE], **options)
+        fit_samples(points, values, [LINE], **options)

@@ -108,7 +108,7 @@ def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed
 @given(cloud=clouds)
 def test_each_type_is_best_at_what_it_is_for(cloud):
     h = sx.homogeneous(cloud)
-    smallest, closest, equal = sx.smallest_simplices(h)[0], sx.closest_simplex(h), sx.equal_simplex(h)
+    smallest, closest, equal = sx.smallest_simplices(h)[0], sx.closest_simplex(h), sx.equal_maxima_simplex(h)
     assume(equal is not None)
     others = [sx.regular_simplex(h), sx.tighten(h, sx.spanned_simplex(h)), closest, equal]
     assert all(sx.log_reciprocal_volume(smallest) >= sx.log_reciprocal_volume(m) - 1e-3 for m in others)

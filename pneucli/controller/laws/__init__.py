@@ -6,23 +6,24 @@ from collections.abc import Iterable
 from typing import Any
 
 from pneucli.controller.laws import cascade, compensated, pdc, pid, relay, sector
-from pneucli.controller.laws.base import Law
+from pneucli.controller.laws.base import ControlLaw
 from pneucli.errors import InputError, did_you_mean
 
 # the first is the project's own; the kernel asks for a law by its place
-LAWS: dict[str, Law] = {
-    law.name: law for law in (cascade.LAW, pid.ALONE, pid.FEEDFORWARD, relay.LAW, sector.LAW, compensated.LAW, pdc.LAW)
+LAWS: dict[str, ControlLaw] = {
+    law.name: law
+    for law in (cascade.LAW, pid.PID, pid.PID_FEEDFORWARD, relay.LAW, sector.LAW, compensated.LAW, pdc.LAW)
 }
 DEFAULT = cascade.LAW.name
 
 
-def law_named(name: Any, where: str) -> Law:
+def find_law(name: Any, where: str) -> ControlLaw:
     """Return a law by its name; raises InputError, which ``where`` begins, where there is none."""
     if not isinstance(name, str) or name not in LAWS:
         raise InputError(where, f"{name!r}", f"one of {', '.join(LAWS)}", did_you_mean(str(name), LAWS))
     return LAWS[name]
 
 
-def laws_named(names: Iterable[str], where: str) -> list[Law]:
+def select_laws(names: Iterable[str], where: str) -> list[ControlLaw]:
     """Return laws by their names, each once, in the order asked for."""
-    return [law_named(name, where) for name in dict.fromkeys(names)]
+    return [find_law(name, where) for name in dict.fromkeys(names)]

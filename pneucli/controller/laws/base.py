@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneucli.controller import layout
-from pneucli.controller.parameters import Controller, usual_load
+from pneucli.controller.parameters import Controller, nominal_load
 
 if TYPE_CHECKING:
-    from pneucli.design.bandwidths import Corners
+    from pneucli.design.bandwidths import Bandwidths
     from pneucli.design.pdc import Pdc
     from pneucli.design.requirements import Requirements
     from pneucli.tp import TPModel
@@ -40,54 +40,54 @@ def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
     return list(done.values())
 
 
-Numbers = Mapping[str, "float | tuple[float, ...]"]
+LawParameters = Mapping[str, "float | tuple[float, ...]"]
 
 
 @dataclass(frozen=True)
-class Plan:
+class DesignData:
     """What laws are designed from.
 
     ``cascade``: the project's own controller, whose numbers of the axis, gains and inverse map the others share.
-    ``corners``: those of loops that predict nothing. ``surface``: slope of the sliding line in
+    ``bandwidths``: those of loops that predict nothing. ``surface_slope``: slope of the sliding line in
     1/s. ``vertices``: a22 of the direct TP friction model in 1/s. ``scheduled``: the TP model of the axis and its PDC.
     What could not be had is empty, and ``missing`` says why, by the names here.
     """
 
     cascade: Controller
-    wanted: Requirements
-    corners: Corners
-    surface: float
+    requirements: Requirements
+    bandwidths: Bandwidths
+    surface_slope: float
     vertices: tuple[float, ...] = ()
     scheduled: tuple[TPModel, Pdc] | None = None
     missing: Mapping[str, str] | None = None
 
     @property
-    def most(self) -> float:
+    def switching_force(self) -> float:
         """Force M in N of the switching terms: more than breakaway friction and a usual load together."""
         c = self.cascade.values
-        return self.wanted.switching_gain * (c["C_STATIC"] + usual_load(c))
+        return self.requirements.switching_gain * (c["C_STATIC"] + nominal_load(c))
 
-    def why(self, name: str) -> str:
+    def reason_missing(self, name: str) -> str:
         """Return why something is missing."""
         return (self.missing or {}).get(name, "not known")
 
 
 @dataclass(frozen=True)
-class Law:
+class ControlLaw:
     """One control law: ``step(x_ref, x, p1, p2, s, c)`` is its sample, in the scalar code of ``pneucli.controller.cascade``.
 
     ``source`` names its equations in the thesis. ``design`` returns from a plan all its own numbers, a table last, and
-    those of the common ones that it changes; it raises InputError where the plan lacks what it needs. ``estimates``:
-    whether it has an estimate of the load; ``pressure``: whether it has a pressure loop that takes a reference.
+    those of the common ones that it changes; it raises InputError where the plan lacks what it needs. ``estimates_load``:
+    whether it has an estimate of the load; ``controls_pressure``: whether it has a pressure loop that takes a reference.
     """
 
     name: str
     title: str
     source: str
     step: Callable[..., None]
-    design: Callable[[Plan], Numbers]
-    estimates: bool = False
-    pressure: bool = True
+    design: Callable[[DesignData], LawParameters]
+    estimates_load: bool = False
+    controls_pressure: bool = True
 
     @cached_property
     def constants(self) -> dict[str, int]:
@@ -95,13 +95,13 @@ class Law:
         modules = {sys.modules[f.__module__] for f in callees_first(self.step)}
         return {name: place for module in modules for name, place in own_constants(vars(module)).items()}
 
-    def controller(self, plan: Plan) -> Controller:
+    def controller(self, plan: DesignData) -> Controller:
         """Return the controller of this law; raises InputError where the plan lacks what it needs."""
         found = self.design(plan)
         common = {n: v for n, v in found.items() if n in layout.PARAMETERS and not isinstance(v, tuple)}
         own = np.concatenate([[], *(np.atleast_1d(found[name]) for name in self.parameters)])
         assert set(found) == {*common, *self.parameters}
-        return plan.cascade.governed(self.name, common, tuple(map(float, own)))
+        return plan.cascade.with_law(self.name, common, tuple(map(float, own)))
 
     @property
     def parameters(self) -> tuple[str, ...]:

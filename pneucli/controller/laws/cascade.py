@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from pneucli.controller import cascade
-from pneucli.controller.laws.base import Law, Numbers, Plan
+from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
 
 
-def designed(plan: Plan) -> Numbers:
+def cascade_parameters(data: DesignData) -> LawParameters:
     """Return nothing: the cascade is taken as it is."""
     return {}
 
 
-LAW = Law(
-    "best", "cascade with friction ahead, observers, standstill", "7.1-7.3, 5.15-5.21", cascade.step, designed,
-    estimates=True,
+LAW = ControlLaw(
+    "best", "cascade with friction ahead, observers, standstill", "7.1-7.3, 5.15-5.21", cascade.cascade_step, cascade_parameters,
+    estimates_load=True,
 )  # fmt: skip

@@ -16,43 +16,51 @@ from __future__ import annotations
 
 import math
 
-from pneucli.controller.cascade import pressure_references
-from pneucli.controller.laws.base import Law, Numbers, Plan
-from pneucli.controller.laws.shared_blocks import FREE_NUMBER, FREE_STATE, S_RATE, drive_1, drive_2, readings, shared
+from pneucli.controller.cascade import set_pressure_references
+from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.shared_blocks import (
+    NEXT_LAW_PARAMETER,
+    NEXT_LAW_STATE,
+    S_UNFILTERED_SPEED,
+    drive_chamber_1,
+    drive_chamber_2,
+    read_sensors,
+    shared_parameters,
+)
 from pneucli.controller.layout import *
 from pneucli.controller.observers import pressure_force
 from pneucli.controller.plant import clamp
 from pneucli.controller.reference import follow_reference
 
 (
-    S_SEEN_V,  # m/s: observed speed
-    S_SEEN_P1,  # Pa: observed pressures
-    S_SEEN_P2,
-    S_FORCE_RATE,  # Pa/s: what the last command should make of the first
-) = range(FREE_STATE, FREE_STATE + 4)
+    S_OBSERVED_V,  # m/s: observed speed
+    S_OBSERVED_P1,  # Pa: observed pressures
+    S_OBSERVED_P2,
+    S_LAST_GRADIENT,  # Pa/s: what the last command should make of the first
+) = range(NEXT_LAW_STATE, NEXT_LAW_STATE + 4)
 (
-    C_LOW_LOAD,  # 1: shares by which the filtered values are followed in a sample
-    C_LOW_FLOW,
-) = range(FREE_NUMBER, FREE_NUMBER + 2)
+    C_LOAD_FILTER,  # 1: shares by which the filtered values are followed in a sample
+    C_FLOW_FILTER,
+) = range(NEXT_LAW_PARAMETER, NEXT_LAW_PARAMETER + 2)
 
 
-def compensate_load(s, c):
+def observe_load(s, c):
     """Observe the speed (5.17-5.19); S_LOAD becomes the filtered equivalent value in N, positive toward +x (5.20)."""
     h = c[C_PERIOD]
-    force = pressure_force(s, c) - c[C_VISCOUS] * s[S_SEEN_V] + s[S_LOAD]
-    foreseen = s[S_SEEN_V] + h * force / c[C_MASS]
-    fed = clamp(c[C_MASS] * (s[S_RATE] - foreseen) / h, -c[C_LOAD_STEP], c[C_LOAD_STEP])
-    s[S_SEEN_V] = foreseen + h * fed / c[C_MASS]
-    s[S_LOAD] += c[C_LOW_LOAD] * fed
+    force = pressure_force(s, c) - c[C_VISCOUS] * s[S_OBSERVED_V] + s[S_LOAD]
+    foreseen = s[S_OBSERVED_V] + h * force / c[C_MASS]
+    fed = clamp(c[C_MASS] * (s[S_UNFILTERED_SPEED] - foreseen) / h, -c[C_LOAD_STEP_MAX], c[C_LOAD_STEP_MAX])
+    s[S_OBSERVED_V] = foreseen + h * fed / c[C_MASS]
+    s[S_LOAD] += c[C_LOAD_FILTER] * fed
 
 
-def compensate_flow(p, made, seen: int, flow: int, s, c):
+def observe_flow(p, made, seen: int, flow: int, s, c):
     """Observe a pressure in Pa that the valve should change by ``made`` in Pa/s; s[flow] becomes what else does."""
     h = c[C_PERIOD]
     foreseen = s[seen] + h * (made + s[flow])
-    fed = clamp((p - foreseen) / h, -c[C_FLOW_STEP], c[C_FLOW_STEP])
+    fed = clamp((p - foreseen) / h, -c[C_FLOW_STEP_MAX], c[C_FLOW_STEP_MAX])
     s[seen] = foreseen + h * fed
-    s[flow] += c[C_LOW_FLOW] * fed
+    s[flow] += c[C_FLOW_FILTER] * fed
 
 
 def load_pressure(s, c):
@@ -71,31 +79,31 @@ def ideal_force(s, c):
 
 def compensated_step(x_ref, x, p1, p2, s, c):
     """Advance both loops by one sample; readings and commands as in step."""
-    x_ref = readings(x_ref, x, p1, p2, s, c)
-    if s[S_SEEN_P2] <= 0.0:
-        s[S_SEEN_P1] = load_pressure(s, c)
-        s[S_SEEN_P2] = s[S_P2]
-    compensate_load(s, c)
-    compensate_flow(load_pressure(s, c), s[S_FORCE_RATE], S_SEEN_P1, S_FLOW1, s, c)
+    x_ref = read_sensors(x_ref, x, p1, p2, s, c)
+    if s[S_OBSERVED_P2] <= 0.0:
+        s[S_OBSERVED_P1] = load_pressure(s, c)
+        s[S_OBSERVED_P2] = s[S_P2]
+    observe_load(s, c)
+    observe_flow(load_pressure(s, c), s[S_LAST_GRADIENT], S_OBSERVED_P1, S_FLOW1, s, c)
     if follow_reference(x_ref, s, c):
-        pressure_references(ideal_force(s, c) - s[S_LOAD], s, c)
-    s[S_FORCE_RATE] = drive_1(c[C_P_KP] * (s[S_P1_REF] - s[S_P1]) - s[S_FLOW1], s, c)
+        set_pressure_references(ideal_force(s, c) - s[S_LOAD], s, c)
+    s[S_LAST_GRADIENT] = drive_chamber_1(c[C_P_KP] * (s[S_P1_REF] - s[S_P1]) - s[S_FLOW1], s, c)
     if c[C_TWO_VALVES] > 0.5:
-        compensate_flow(s[S_P2], s[S_RATE2], S_SEEN_P2, S_FLOW2, s, c)
-        drive_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]) - s[S_FLOW2], s, c)
+        observe_flow(s[S_P2], s[S_RATE2], S_OBSERVED_P2, S_FLOW2, s, c)
+        drive_chamber_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]) - s[S_FLOW2], s, c)
 
 
-def designed(plan: Plan) -> Numbers:
+def compensated_parameters(data: DesignData) -> LawParameters:
     """Return both loops; the low-passes are as fast as the position loop, and as the flow observer."""
-    h = plan.wanted.period
+    h = data.requirements.period
     own = {
-        "C_LOW_LOAD": 1.0 - math.exp(-plan.corners.position * h),
-        "C_LOW_FLOW": 1.0 - math.exp(-plan.corners.flow_observer * h),
+        "C_LOAD_FILTER": 1.0 - math.exp(-data.bandwidths.position * h),
+        "C_FLOW_FILTER": 1.0 - math.exp(-data.bandwidths.flow_observer * h),
     }
-    return shared(plan) | own
+    return shared_parameters(data) | own
 
 
-LAW = Law(
+LAW = ControlLaw(
     "compensated", "model reference adaptive compensation in both loops", "5.15-5.21, 7.2, 7.3", compensated_step,
-    designed, estimates=True,
+    compensated_parameters, estimates_load=True,
 )  # fmt: skip

@@ -12,8 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.controller.laws.base import Law, Numbers, Plan
-from pneucli.controller.laws.shared_blocks import FREE_NUMBER, drive_1, drive_2, readings, shared
+from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.shared_blocks import (
+    NEXT_LAW_PARAMETER,
+    drive_chamber_1,
+    drive_chamber_2,
+    read_sensors,
+    shared_parameters,
+)
 from pneucli.controller.layout import *
 from pneucli.controller.observers import pressure_force
 from pneucli.controller.plant import clamp
@@ -23,15 +29,15 @@ from pneucli.errors import InputError
 (
     C_PDC_SPEEDS,  # nodes of speed from -C_V_MAX to C_V_MAX, and weights there
     C_PDC_V_WEIGHTS,
-    C_PDC_PLACES,  # nodes of position, the first and the last in m, and weights there
+    C_PDC_POSITIONS,  # nodes of position, the first and the last in m, and weights there
     C_PDC_FIRST,
     C_PDC_LAST,
     C_PDC_X_WEIGHTS,
     C_PDC_TABLE,  # weights of speed by node, weights of position by node, three gains a vertex (kg/s over m, m/s, N)
-) = range(FREE_NUMBER, FREE_NUMBER + 7)
+) = range(NEXT_LAW_PARAMETER, NEXT_LAW_PARAMETER + 7)
 
 
-def weight(at, nodes: int, count: int, which: int, table: int, c):
+def interpolated_weight(at, nodes: int, count: int, which: int, table: int, c):
     """Return a weight at a place between nodes, linear."""
     i: int = min(int(at), nodes - 2)
     before = c[table + i * count + which]
@@ -42,7 +48,7 @@ def pdc_flow(s, c):
     """Return the gas flow in kg/s: the gains of all vertices, weighted (4.4)."""
     speeds: int = int(c[C_PDC_SPEEDS])
     v_count: int = int(c[C_PDC_V_WEIGHTS])
-    places: int = int(c[C_PDC_PLACES])
+    places: int = int(c[C_PDC_POSITIONS])
     x_count: int = int(c[C_PDC_X_WEIGHTS])
     x_table: int = C_PDC_TABLE + speeds * v_count
     gains: int = x_table + places * x_count
@@ -53,9 +59,9 @@ def pdc_flow(s, c):
     force = pressure_force(s, c)
     flow = 0.0
     for i in range(v_count):
-        of_speed = weight(v_at, speeds, v_count, i, C_PDC_TABLE, c)
+        of_speed = interpolated_weight(v_at, speeds, v_count, i, C_PDC_TABLE, c)
         for j in range(x_count):
-            share = of_speed * weight(x_at, places, x_count, j, x_table, c)
+            share = of_speed * interpolated_weight(x_at, places, x_count, j, x_table, c)
             own: int = gains + 3 * (i * x_count + j)
             flow -= share * (c[own] * off + c[own + 1] * rate + c[own + 2] * force)
     return flow
@@ -63,33 +69,38 @@ def pdc_flow(s, c):
 
 def pdc_step(x_ref, x, p1, p2, s, c):
     """Advance the regulator by one sample; readings and commands as in step. A second valve keeps the mean pressure."""
-    x_ref = readings(x_ref, x, p1, p2, s, c)
+    x_ref = read_sensors(x_ref, x, p1, p2, s, c)
     shape_reference(x_ref, s, c)
     s[S_P1_REF] = s[S_P1]
     s[S_P2_REF] = c[C_P_MEAN]
-    drive_1(c[C_GAMMA_R_T] / (c[C_DEAD_1] + c[C_AREA_1] * s[S_X]) * pdc_flow(s, c), s, c)
+    drive_chamber_1(c[C_GAMMA_R_T] / (c[C_DEAD_VOLUME_1] + c[C_AREA_1] * s[S_X]) * pdc_flow(s, c), s, c)
     if c[C_TWO_VALVES] > 0.5:
-        drive_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]), s, c)
+        drive_chamber_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]), s, c)
 
 
-def designed(plan: Plan) -> Numbers:
+def pdc_parameters(data: DesignData) -> LawParameters:
     """Return the regulator of the plan's TP model; raises InputError where there is none."""
-    if plan.scheduled is None:
-        raise InputError("the PDC", plan.why("scheduled"), "gains that the LMIs allow")
-    model, pdc = plan.scheduled
+    if data.scheduled is None:
+        raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow")
+    model, pdc = data.scheduled
     by_speed, by_place = model.weights
     own = {
         "C_PDC_SPEEDS": float(by_speed.shape[0]),
         "C_PDC_V_WEIGHTS": float(by_speed.shape[1]),
-        "C_PDC_PLACES": float(by_place.shape[0]),
+        "C_PDC_POSITIONS": float(by_place.shape[0]),
         "C_PDC_FIRST": float(model.grids[1][0]),
         "C_PDC_LAST": float(model.grids[1][-1]),
         "C_PDC_X_WEIGHTS": float(by_place.shape[1]),
     }
     table = np.concatenate([by_speed.ravel(), by_place.ravel(), pdc.gains.ravel()])
-    return {**shared(plan), **own, "C_PDC_TABLE": tuple(map(float, table))}
+    return {**shared_parameters(data), **own, "C_PDC_TABLE": tuple(map(float, table))}
 
 
-LAW = Law(
-    "pdc", "parallel distributed compensation, scheduled by TP weights", "4.4-4.6", pdc_step, designed, pressure=False
+LAW = ControlLaw(
+    "pdc",
+    "parallel distributed compensation, scheduled by TP weights",
+    "4.4-4.6",
+    pdc_step,
+    pdc_parameters,
+    controls_pressure=False,
 )

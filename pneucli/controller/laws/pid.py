@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from functools import partial
 
-from pneucli.controller.cascade import pressure_references
-from pneucli.controller.laws.base import Law
-from pneucli.controller.laws.shared_blocks import known_force, press, readings, shared
+from pneucli.controller.cascade import set_pressure_references
+from pneucli.controller.laws.base import ControlLaw
+from pneucli.controller.laws.shared_blocks import feedforward_force, pressure_pi, read_sensors, shared_parameters
 from pneucli.controller.layout import *
 from pneucli.controller.reference import follow_reference
 
@@ -23,19 +23,19 @@ def pid_force(s, c):
     error = s[S_X_SHAPED] - s[S_X]
     rate = s[S_V_SHAPED] - s[S_V]
     s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
-    return c[C_MASS] * (c[C_KD] * rate + c[C_KP] * error) + s[S_INTEGRAL] + c[C_AHEAD] * known_force(s, c)
+    return c[C_MASS] * (c[C_KD] * rate + c[C_KP] * error) + s[S_INTEGRAL] + c[C_FEEDFORWARD] * feedforward_force(s, c)
 
 
 def pid_step(x_ref, x, p1, p2, s, c):
     """Advance the PIDs by one sample; readings and commands as in step."""
-    x_ref = readings(x_ref, x, p1, p2, s, c)
+    x_ref = read_sensors(x_ref, x, p1, p2, s, c)
     if follow_reference(x_ref, s, c):
-        pressure_references(pid_force(s, c), s, c)
-    press(s, c)
+        set_pressure_references(pid_force(s, c), s, c)
+    pressure_pi(s, c)
 
 
-ALONE = Law("pid", "PIDs of position and pressure", "7.1-7.3", pid_step, shared)
-FEEDFORWARD = Law(
+PID = ControlLaw("pid", "PIDs of position and pressure", "7.1-7.3", pid_step, shared_parameters)
+PID_FEEDFORWARD = ControlLaw(
     "pid-feedforward", "the PIDs with mass, friction and motion ahead", "7.1-7.3, 3.6", pid_step,
-    partial(shared, ahead=True),
+    partial(shared_parameters, ahead=True),
 )  # fmt: skip

@@ -17,18 +17,18 @@ from __future__ import annotations
 
 import math
 
-from pneucli.controller.cascade import pressure_references
-from pneucli.controller.laws.base import Law, Numbers, Plan
-from pneucli.controller.laws.shared_blocks import FREE_NUMBER, press, readings, shared
+from pneucli.controller.cascade import set_pressure_references
+from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, pressure_pi, read_sensors, shared_parameters
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, dry_friction
 from pneucli.controller.reference import follow_reference
 
 (
-    C_RELAY_MOST,  # N: M
+    C_RELAY_FORCE,  # N: M
     C_RELAY_SLOPE,  # 1/s: lambda
     C_RELAY_EQUIVALENT,  # 1: with equivalent control, 0: the relay alone
-) = range(FREE_NUMBER, FREE_NUMBER + 3)
+) = range(NEXT_LAW_PARAMETER, NEXT_LAW_PARAMETER + 3)
 
 
 def relay_force(s, c):
@@ -38,25 +38,29 @@ def relay_force(s, c):
     friction = dry_friction(math.fabs(s[S_V]), s, c) * clamp(s[S_V] / c[C_V_FLOOR], -1.0, 1.0)
     friction += c[C_VISCOUS] * s[S_V]
     equivalent = c[C_MASS] * (s[S_A_SHAPED] + c[C_RELAY_SLOPE] * rate) + friction
-    return c[C_RELAY_EQUIVALENT] * equivalent + clamp(c[C_MASS] * line / c[C_PERIOD], -c[C_RELAY_MOST], c[C_RELAY_MOST])
+    return c[C_RELAY_EQUIVALENT] * equivalent + clamp(
+        c[C_MASS] * line / c[C_PERIOD], -c[C_RELAY_FORCE], c[C_RELAY_FORCE]
+    )
 
 
 def relay_step(x_ref, x, p1, p2, s, c):
     """Advance the relay by one sample; readings and commands as in step."""
-    x_ref = readings(x_ref, x, p1, p2, s, c)
+    x_ref = read_sensors(x_ref, x, p1, p2, s, c)
     if follow_reference(x_ref, s, c):
-        pressure_references(relay_force(s, c), s, c)
-    press(s, c)
+        set_pressure_references(relay_force(s, c), s, c)
+    pressure_pi(s, c)
 
 
-def designed(plan: Plan) -> Numbers:
+def relay_parameters(data: DesignData) -> LawParameters:
     """Return the relay on the surface of the plan."""
     own = {
-        "C_RELAY_MOST": plan.most,
-        "C_RELAY_SLOPE": plan.surface,
-        "C_RELAY_EQUIVALENT": float(plan.wanted.equivalent_control),
+        "C_RELAY_FORCE": data.switching_force,
+        "C_RELAY_SLOPE": data.surface_slope,
+        "C_RELAY_EQUIVALENT": float(data.requirements.equivalent_control),
     }
-    return shared(plan) | own
+    return shared_parameters(data) | own
 
 
-LAW = Law("relay", "relay with equivalent control on one line", "5.2, 5.6, 5.9, 5.10", relay_step, designed)
+LAW = ControlLaw(
+    "relay", "relay with equivalent control on one line", "5.2, 5.6, 5.9, 5.10", relay_step, relay_parameters
+)

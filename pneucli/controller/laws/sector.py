@@ -18,9 +18,15 @@ from __future__ import annotations
 
 import math
 
-from pneucli.controller.cascade import dry_ahead, pressure_references
-from pneucli.controller.laws.base import Law, Numbers, Plan
-from pneucli.controller.laws.shared_blocks import FREE_NUMBER, known_force, press, readings, shared
+from pneucli.controller.cascade import friction_feedforward, set_pressure_references
+from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.shared_blocks import (
+    NEXT_LAW_PARAMETER,
+    feedforward_force,
+    pressure_pi,
+    read_sensors,
+    shared_parameters,
+)
 from pneucli.controller.layout import *
 from pneucli.controller.plant import dry_friction, sign
 from pneucli.controller.reference import follow_reference
@@ -28,70 +34,72 @@ from pneucli.design.sliding_sector import sector_from_vertices
 from pneucli.errors import InputError
 
 (
-    C_SLIDE_MOST,  # N: M
-    C_SLIDE_1,  # 1/s: lambda1, lambda2, and the lower vertex a1
-    C_SLIDE_2,
-    C_SLIDE_A,
-) = range(FREE_NUMBER, FREE_NUMBER + 4)
+    C_SECTOR_FORCE,  # N: M
+    C_LAMBDA_1,  # 1/s: lambda1, lambda2, and the lower vertex a1
+    C_LAMBDA_2,
+    C_VERTEX_1,
+) = range(NEXT_LAW_PARAMETER, NEXT_LAW_PARAMETER + 4)
 
 
-def between(x1, x2, c):
+def sector_sign(x1, x2, c):
     """Return phi, -1 to 1: the sign of both lines outside the sector, continuous within it (5.13)."""
-    s1 = x2 + c[C_SLIDE_1] * x1
-    s2 = x2 + c[C_SLIDE_2] * x1
+    s1 = x2 + c[C_LAMBDA_1] * x1
+    s2 = x2 + c[C_LAMBDA_2] * x1
     total = math.fabs(s1) + math.fabs(s2)
     return (s1 + s2) / total if total > 0.0 else 0.0
 
 
-def rate_after(x1, x2, s, c):
+def implicit_error_rate(x1, x2, s, c):
     """Return the rate in m/s at the end of the sample, m and m/s before it."""
     h = c[C_PERIOD]
-    stiff = 1.0 + c[C_SLIDE_1] * h
-    kick = h * c[C_SLIDE_MOST] / c[C_MASS]
+    stiff = 1.0 + c[C_LAMBDA_1] * h
+    kick = h * c[C_SECTOR_FORCE] / c[C_MASS]
     brake = h * dry_friction(math.fabs(s[S_V]), s, c) / c[C_MASS]
-    ahead = h * dry_ahead(s, c) / c[C_MASS]
+    ahead = h * friction_feedforward(s, c) / c[C_MASS]
     low = (x2 - kick - 2.0 * brake - math.fabs(ahead)) / stiff
     high = (x2 + kick + 2.0 * brake + math.fabs(ahead)) / stiff
     for _i in range(60):
         y = 0.5 * (low + high)
         held = brake * sign(y + s[S_V_SHAPED]) - ahead
-        if stiff * y + kick * between(x1 + h * y, y, c) + held > x2:
+        if stiff * y + kick * sector_sign(x1 + h * y, y, c) + held > x2:
             high = y
         else:
             low = y
     return 0.5 * (low + high)
 
 
-def slide_force(s, c):
+def sector_force(s, c):
     """Return the force in N: equivalent (6.16) and switching (5.13) at the end of the sample; and what goes ahead."""
     x1 = s[S_X] - s[S_X_SHAPED]
     x2 = s[S_V] - s[S_V_SHAPED]
-    y = rate_after(x1, x2, s, c)
-    equivalent = c[C_MASS] * (c[C_SLIDE_A] - c[C_SLIDE_1]) * y
-    return equivalent - c[C_SLIDE_MOST] * between(x1 + c[C_PERIOD] * y, y, c) + known_force(s, c)
+    y = implicit_error_rate(x1, x2, s, c)
+    equivalent = c[C_MASS] * (c[C_VERTEX_1] - c[C_LAMBDA_1]) * y
+    return equivalent - c[C_SECTOR_FORCE] * sector_sign(x1 + c[C_PERIOD] * y, y, c) + feedforward_force(s, c)
 
 
-def slide_step(x_ref, x, p1, p2, s, c):
+def sector_step(x_ref, x, p1, p2, s, c):
     """Advance the sliding sector by one sample; readings and commands as in step."""
-    x_ref = readings(x_ref, x, p1, p2, s, c)
+    x_ref = read_sensors(x_ref, x, p1, p2, s, c)
     if follow_reference(x_ref, s, c):
-        pressure_references(slide_force(s, c), s, c)
-    press(s, c)
+        set_pressure_references(sector_force(s, c), s, c)
+    pressure_pi(s, c)
 
 
-def designed(plan: Plan) -> Numbers:
+def sector_parameters(data: DesignData) -> LawParameters:
     """Return the sector of the plan's vertices; raises InputError where there are none."""
-    if not plan.vertices:
-        raise InputError("the sliding sector", plan.why("vertices"), "a direct TP friction model (C)")
-    c, wanted = plan.cascade.values, plan.wanted
-    found = sector_from_vertices(plan.vertices, c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio)
+    if not data.vertices:
+        raise InputError("the sliding sector", data.reason_missing("vertices"), "a direct TP friction model (C)")
+    c, wanted = data.cascade.values, data.requirements
+    found = sector_from_vertices(data.vertices, c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio)
     own = {
-        "C_SLIDE_MOST": plan.most,
-        "C_SLIDE_1": found.lambda_1,
-        "C_SLIDE_2": found.lambda_2,
-        "C_SLIDE_A": found.a_1,
+        "C_SECTOR_FORCE": data.switching_force,
+        "C_LAMBDA_1": found.lambda_1,
+        "C_LAMBDA_2": found.lambda_2,
+        "C_VERTEX_1": found.a_1,
     }
-    return shared(plan) | own
+    return shared_parameters(data) | own
 
 
-LAW = Law("sector", "sliding sector from the direct TP friction model", "5.11-5.14, 6.9-6.20", slide_step, designed)
+LAW = ControlLaw(
+    "sector", "sliding sector from the direct TP friction model", "5.11-5.14, 6.9-6.20", sector_step, sector_parameters
+)

@@ -12,91 +12,101 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pneucli.controller.cascade import dry_ahead
+from pneucli.controller.cascade import friction_feedforward
 from pneucli.controller.layout import *
-from pneucli.controller.observers import begin
-from pneucli.controller.plant import both_ways, reached, reached_2, usable, valve_command, valve_command_2
+from pneucli.controller.observers import initialise_at_first_sample
+from pneucli.controller.plant import (
+    drive_mirrored_valve,
+    is_plausible,
+    limit_gradient_1,
+    limit_gradient_2,
+    valve_command,
+    valve_command_2,
+)
 from pneucli.design.bandwidths import loop_gains
 
 if TYPE_CHECKING:
-    from pneucli.controller.laws.base import Plan
+    from pneucli.controller.laws.base import DesignData
 
-S_RATE = OWN_STATE  # m/s: unfiltered rate of the last two positions
-C_FILTER = OWN_NUMBER  # 1: share by which the rate is followed in a sample
-FREE_STATE, FREE_NUMBER = OWN_STATE + 1, OWN_NUMBER + 1  # from where on a law's own ones stand
+S_UNFILTERED_SPEED = FIRST_LAW_STATE  # m/s: unfiltered rate of the last two positions
+C_SPEED_FILTER = FIRST_LAW_PARAMETER  # 1: share by which the rate is followed in a sample
+NEXT_LAW_STATE, NEXT_LAW_PARAMETER = (
+    FIRST_LAW_STATE + 1,
+    FIRST_LAW_PARAMETER + 1,
+)  # from where on a law's own ones stand
 
 
-def readings(x_ref, x, p1, p2, s, c):
+def read_sensors(x_ref, x, p1, p2, s, c):
     """Take the readings in, the speed as the filtered rate of position; return the reference.
 
     A reading that cannot be one is bridged: the position goes on at its speed, a pressure stays.
     """
-    x_ref = begin(x_ref, x, p1, p2, s, c)
+    x_ref = initialise_at_first_sample(x_ref, x, p1, p2, s, c)
     h = c[C_PERIOD]
-    if usable(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
-        s[S_RATE] = (x - s[S_X]) / h
-        s[S_V] += c[C_FILTER] * (s[S_RATE] - s[S_V])
+    if is_plausible(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
+        s[S_UNFILTERED_SPEED] = (x - s[S_X]) / h
+        s[S_V] += c[C_SPEED_FILTER] * (s[S_UNFILTERED_SPEED] - s[S_V])
         s[S_X] = x
     else:
         s[S_X] += h * s[S_V]
-    if usable(p1, 0.3 * c[C_AMBIENT], 2.0 * c[C_SUPPLY]):
+    if is_plausible(p1, 0.3 * c[C_AMBIENT], 2.0 * c[C_SUPPLY]):
         s[S_P1] = p1
-    if usable(p2, 0.3 * c[C_AMBIENT], 2.0 * c[C_SUPPLY]):
+    if is_plausible(p2, 0.3 * c[C_AMBIENT], 2.0 * c[C_SUPPLY]):
         s[S_P2] = p2
     return x_ref
 
 
-def known_force(s, c):
+def feedforward_force(s, c):
     """Return the force in N that the reference's way takes of mass and friction (3.6, 2.48), where it goes ahead."""
-    return c[C_MASS] * s[S_A_SHAPED] + c[C_VISCOUS] * s[S_V_SHAPED] + dry_ahead(s, c)
+    return c[C_MASS] * s[S_A_SHAPED] + c[C_VISCOUS] * s[S_V_SHAPED] + friction_feedforward(s, c)
 
 
-def motion_1(s, c):
+def motion_compensation_1(s, c):
     """Return dp/dt in Pa/s of chamber 1 that makes up for the piston's motion (the a32 term of 2.47)."""
-    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
+    volume = c[C_DEAD_VOLUME_1] + c[C_AREA_1] * s[S_X]
     moved = c[C_GAMMA] * s[S_P1] * c[C_AREA_1] * s[S_V] / volume
     if c[C_TWO_VALVES] < 0.5:
-        volume_2 = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+        volume_2 = c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
         moved += c[C_AREA_2] / c[C_AREA_1] * c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume_2
     return moved
 
 
-def drive_1(wanted, s, c):
+def drive_chamber_1(wanted, s, c):
     """Set the command that makes dp/dt of chamber 1 in Pa/s by the inverse map; return what of it the valve makes."""
     if c[C_MIRRORED] > 0.5:
-        return both_ways(wanted, s[S_X], s[S_P1], s[S_P2], s, c)
-    volume = c[C_DEAD_1] + c[C_AREA_1] * s[S_X]
+        return drive_mirrored_valve(wanted, s[S_X], s[S_P1], s[S_P2], s, c)
+    volume = c[C_DEAD_VOLUME_1] + c[C_AREA_1] * s[S_X]
     s[S_U1] = valve_command(wanted, s[S_P1], volume, s, c)
-    s[S_RATE1] = reached(wanted, s[S_P1], volume, s, c)
+    s[S_RATE1] = limit_gradient_1(wanted, s[S_P1], volume, s, c)
     return s[S_RATE1]
 
 
-def drive_2(wanted, s, c):
+def drive_chamber_2(wanted, s, c):
     """Set the command of the valve of chamber 2 likewise."""
-    volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+    volume = c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
     s[S_U2] = valve_command_2(wanted, s[S_P2], volume, s, c)
-    s[S_RATE2] = reached_2(wanted, s[S_P2], volume, s, c)
+    s[S_RATE2] = limit_gradient_2(wanted, s[S_P2], volume, s, c)
     return s[S_RATE2]
 
 
-def press(s, c):
+def pressure_pi(s, c):
     """Drive the pressures to their references: a PI a valve, and the piston's motion where it goes ahead."""
     error = s[S_P1_REF] - s[S_P1]
-    wanted = c[C_P_KP] * error + s[S_INTEGRAL1] + c[C_AHEAD] * motion_1(s, c)
-    if drive_1(wanted, s, c) == wanted:
+    wanted = c[C_P_KP] * error + s[S_INTEGRAL1] + c[C_FEEDFORWARD] * motion_compensation_1(s, c)
+    if drive_chamber_1(wanted, s, c) == wanted:
         s[S_INTEGRAL1] += c[C_PERIOD] * c[C_P_KI] * error
     if c[C_TWO_VALVES] > 0.5:
         error = s[S_P2_REF] - s[S_P2]
-        volume = c[C_DEAD_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
+        volume = c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
         moved = -c[C_GAMMA] * s[S_P2] * c[C_AREA_2] * s[S_V] / volume
-        wanted = c[C_P_KP] * error + s[S_INTEGRAL2] + c[C_AHEAD] * moved
-        if drive_2(wanted, s, c) == wanted:
+        wanted = c[C_P_KP] * error + s[S_INTEGRAL2] + c[C_FEEDFORWARD] * moved
+        if drive_chamber_2(wanted, s, c) == wanted:
             s[S_INTEGRAL2] += c[C_PERIOD] * c[C_P_KI] * error
 
 
-def shared(plan: Plan, *, ahead: bool = False) -> dict[str, float]:
+def shared_parameters(data: DesignData, *, ahead: bool = False) -> dict[str, float]:
     """Return the numbers that every law of the thesis has: no estimates, standstill or lead, the rate's filter."""
-    share = 1.0 - math.exp(-plan.corners.motion_observer * plan.wanted.period)
-    off = dict.fromkeys(("C_ESTIMATES", "C_HOLD", "C_SWITCHING"), 0.0)
-    loops = loop_gains(plan.corners, plan.wanted)
-    return loops | off | {"C_AHEAD": float(ahead), "C_LEAD": 0.0, "C_FILTER": share}
+    share = 1.0 - math.exp(-data.bandwidths.motion_observer * data.requirements.period)
+    off = dict.fromkeys(("C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING"), 0.0)
+    loops = loop_gains(data.bandwidths, data.requirements)
+    return loops | off | {"C_FEEDFORWARD": float(ahead), "C_FRICTION_LEAD": 0.0, "C_SPEED_FILTER": share}

@@ -8,37 +8,37 @@ import numpy as np
 
 from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, PSI_MAX, Array
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.simulation import LOOP, Manoeuvre
+from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
 
-FOLLOWS = 0.4  # s, in which the piston comes after its reference
-STAIRS = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0])
+FOLLOWING_TIME = 0.4  # s, in which the piston comes after its reference
+STAIRCASE = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0])
 
 
-def valve_step(par: Parameters, volts: float) -> Manoeuvre:
+def valve_step(par: Parameters, volts: float) -> Excitation:
     """Charge at +volts and discharge at -volts from the null, each 1.15 s, with a rest before either."""
     levels = [(150, 0.0), (1150, volts), (150, 0.0), (1150, -volts)]
-    return _bench(par, np.concatenate([np.full(n, level) for n, level in levels]))
+    return _valve_test(par, np.concatenate([np.full(n, level) for n, level in levels]))
 
 
-def valve_stairs(par: Parameters, small: float, large: float) -> Manoeuvre:
+def valve_staircase(par: Parameters, small: float, large: float) -> Excitation:
     """Two staircases up, down and back, of 90 ms a level, the second in steps of ``large`` V."""
-    first, second = np.repeat(small * STAIRS, 90), np.repeat(large * STAIRS, 90)
+    first, second = np.repeat(small * STAIRCASE, 90), np.repeat(large * STAIRCASE, 90)
     command = np.concatenate([np.zeros(190), first, np.zeros(290), second, np.zeros(200)])
-    return _bench(par, np.round(command, 4))
+    return _valve_test(par, np.round(command, 4))
 
 
-def valve_pulses(par: Parameters, rng: np.random.Generator) -> Manoeuvre:
+def valve_pulses(par: Parameters, rng: np.random.Generator) -> Excitation:
     """Charge in pulses of 15 to 60 ms at the full command with rests of 40 to 90 ms between, then discharge so."""
     levels = [(150, 0.0)]
     for side in (1.0, -1.0):
         for _ in range(14):
             levels += [(int(rng.integers(15, 60)), side * par.command_range), (int(rng.integers(40, 90)), 0.0)]
-    return _bench(par, np.concatenate([np.full(n, level) for n, level in levels]))
+    return _valve_test(par, np.concatenate([np.full(n, level) for n, level in levels]))
 
 
 def stick_slip(
     par: Parameters, rate: float, position: float = 0.03, samples: int = 5000, load: float = 0.0
-) -> Manoeuvre:
+) -> Excitation:
     """Fill chamber 1 through a small constant opening, so that p1 rises at about ``rate`` (Pa/s) while stuck.
 
     At the start p1 carries a ``load`` (N, toward x = 0).
@@ -48,7 +48,7 @@ def stick_slip(
     area = mass_flow / (par.supply * np.sqrt(2 / (GAS_CONSTANT * par.temperature)) * PSI_MAX)
     opened = (area / par.effective_area) ** (1 / par.exponent)
     volts = par.overlap + (par.command_range - par.overlap) * opened
-    return Manoeuvre(
+    return Excitation(
         np.full(samples, volts),
         chamber_2_open=True,
         position=position,
@@ -58,16 +58,16 @@ def stick_slip(
 
 
 def closed_loop(
-    par: Parameters, reference: Array, gain: float, gauge: float, load: float = 0.0, second: Array | None = None
-) -> Manoeuvre:
+    par: Parameters, reference: Array, gain: float, gauge: float, load: float = 0.0, command_2: Array | None = None
+) -> Excitation:
     """Position control from rest in balance with a ``load`` (N, toward x = 0), p1 being ``gauge`` (Pa) above ambient.
 
-    Chamber 2 is shut, or follows the valve; ``second`` (V): what its own valve opens beside the opposite of the first.
+    Chamber 2 is shut, or follows the valve; ``command_2`` (V): what its own valve opens beside the opposite of the first.
     """
     other = max((gauge * par.piston_area_1 - load) / par.piston_area_2, 0.0)
-    return Manoeuvre(
+    return Excitation(
         reference,
-        second=np.zeros(1) if second is None else second,
+        command_2=np.zeros(1) if command_2 is None else command_2,
         gain=gain,
         position=float(reference[0]),
         pressure_1=par.ambient + gauge,
@@ -75,22 +75,24 @@ def closed_loop(
     )
 
 
-def single_acting(par: Parameters, reference: Array, gain: float, load: float) -> Manoeuvre:
+def single_acting(par: Parameters, reference: Array, gain: float, load: float) -> Excitation:
     """Position control with chamber 2 open, from rest, where p1 carries the ``load`` (N, toward x = 0)."""
     shut = closed_loop(par, reference, gain, load / par.piston_area_1, load)
     return replace(shut, chamber_2_open=True, pressure_2=par.ambient)
 
 
-def wandering(rng: np.random.Generator, samples: int, stroke: float = 0.2) -> Array:
+def two_sine_reference(rng: np.random.Generator, samples: int, stroke: float = 0.2) -> Array:
     """A position reference in m, shape (samples,): two sines from the middle, within 0.1 to 0.95 of ``stroke`` (m)."""
-    time = LOOP * np.arange(samples)
+    time = LOOP_PERIOD * np.arange(samples)
     slow, fast = rng.uniform(0.045, 0.065), rng.uniform(0.005, 0.02)
     period, ratio = rng.uniform(2.0, 4.0), rng.uniform(2.2, 3.7)
     phase = 2 * np.pi * time / period * rng.choice([-1.0, 1.0])
     return np.asarray((0.1 + slow * np.sin(phase) + fast * np.sin(ratio * phase)) * (stroke / 0.2))
 
 
-def to_and_fro(rng: np.random.Generator, samples: int, share: float, levels: tuple[float, float]) -> Array:
+def back_and_forth_reference(
+    rng: np.random.Generator, samples: int, share: float, levels: tuple[float, float]
+) -> Array:
     """A reference in m, shape (samples,), between two levels, each held for about that share of the time.
 
     A level beyond an end presses the piston against it.
@@ -98,11 +100,11 @@ def to_and_fro(rng: np.random.Generator, samples: int, share: float, levels: tup
     travels = rng.uniform(0.3, 0.8, 1 + samples // 300)  # s
     corners, heights = [0.0], [0.5 * (max(levels[0], 0.0) + levels[1])]
     for k, travel in enumerate(travels):
-        rest = (travel + FOLLOWS) * share / (1.0 - share) * rng.uniform(0.8, 1.2)
-        corners += [corners[-1] + travel, corners[-1] + travel + FOLLOWS + rest]
+        rest = (travel + FOLLOWING_TIME) * share / (1.0 - share) * rng.uniform(0.8, 1.2)
+        corners += [corners[-1] + travel, corners[-1] + travel + FOLLOWING_TIME + rest]
         heights += [levels[k % 2], levels[k % 2]]
-    return np.asarray(np.interp(LOOP * np.arange(samples), corners, heights))
+    return np.asarray(np.interp(LOOP_PERIOD * np.arange(samples), corners, heights))
 
 
-def _bench(par: Parameters, command: Array) -> Manoeuvre:
-    return Manoeuvre(command, pressure_1=par.ambient, pressure_2=par.ambient)
+def _valve_test(par: Parameters, command: Array) -> Excitation:
+    return Excitation(command, pressure_1=par.ambient, pressure_2=par.ambient)

@@ -10,11 +10,11 @@ from pneucli.caches import compiled
 from pneucli.exam.rig.kernel import P1, P2, Array, V, X, dry_friction, net_force
 from pneucli.exam.rig.parameters import Parameters
 
-TURN = 0.15  # s, in which the machine turns round
+REVERSAL_TIME = 0.15  # s, in which the machine turns round
 
 
 @dataclass(frozen=True)
-class Machine:
+class MotionMachine:
     """What the machine does: strokes between two positions (m), their speeds in turn (m/s), chamber 1 at ``pressure``.
 
     The pressure (Pa) is absolute; ``swing`` is the part of its gauge value by which the regulator lets it follow the
@@ -28,7 +28,7 @@ class Machine:
     swing: float = 0.0
 
 
-def driven(par: Parameters, machine: Machine, rate: float) -> dict[str, Array]:
+def simulate_imposed_motion(par: Parameters, machine: MotionMachine, rate: float) -> dict[str, Array]:
     """Return the true signals (n,), SI, at the samples 0, 1, ... over ``rate`` (Hz), with the machine's ``force``."""
     velocity = _velocity(machine, rate)
     x = machine.positions[0] + np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))]) / rate
@@ -36,24 +36,24 @@ def driven(par: Parameters, machine: Machine, rate: float) -> dict[str, Array]:
     middle, half = float(np.mean(machine.positions)), 0.5 * float(np.ptp(machine.positions))
     gauge = (machine.pressure - par.ambient) * (1.0 - machine.swing * (x - middle) / half)
     p1, p2 = par.ambient + gauge, np.full(x.size, par.ambient)
-    force = _needed(par, np.arange(x.size) / rate, x, velocity, a, p1, p2)
+    force = _machine_force(par, np.arange(x.size) / rate, x, velocity, a, p1, p2)
     still = dict.fromkeys(("u", "u2"), np.zeros(x.size)) | {"p_supply": np.full(x.size, par.supply)}
     return still | {"p1": p1, "p2": p2, "x": x, "v": velocity, "a": a, "force": force}
 
 
-def _velocity(machine: Machine, rate: float) -> Array:
+def _velocity(machine: MotionMachine, rate: float) -> Array:
     """Return trapezes of the velocity, one a stroke, each as long as its way takes."""
     way, parts = machine.positions[1] - machine.positions[0], []
     for k in range(machine.strokes):
         speed = machine.speeds[k % len(machine.speeds)]
-        time = np.arange(0.0, abs(way) / speed + TURN, 1.0 / rate)
-        ramp = np.minimum(np.minimum(time, time[-1] - time) / TURN, 1.0)
+        time = np.arange(0.0, abs(way) / speed + REVERSAL_TIME, 1.0 / rate)
+        ramp = np.minimum(np.minimum(time, time[-1] - time) / REVERSAL_TIME, 1.0)
         parts.append((-1.0) ** k * np.sign(way) * speed * ramp)
     return np.concatenate(parts)
 
 
 @compiled()
-def _needed(par: Parameters, time: Array, x: Array, v: Array, a: Array, p1: Array, p2: Array) -> Array:
+def _machine_force(par: Parameters, time: Array, x: Array, v: Array, a: Array, p1: Array, p2: Array) -> Array:
     """Force in N toward +x that the motion needs beside all forces of the rig."""
     out, s, direction = np.zeros(x.size), np.zeros(10), 1.0
     for k in range(x.size):

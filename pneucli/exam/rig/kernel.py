@@ -1,6 +1,6 @@
 """The rig's own equations and integrator, compiled; no code is shared with the simulator that it examines.
 
-One fixed step, ``STEP`` at most, holds the valve's area, takes the midpoint rule for gas and motion with the sign of
+One fixed step, ``MAX_STEP`` at most, holds the valve's area, takes the midpoint rule for gas and motion with the sign of
 the friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves
 the breakaway level.
 """
@@ -18,18 +18,18 @@ from pneucli.exam.rig.parameters import Parameters
 Array = NDArray[np.float64]
 Flows = tuple[float, float, float, float]  # kg/s: into and out of chamber 1, into and out of chamber 2
 
-STEP = 25e-6  # s, the longest
+MAX_STEP = 25e-6  # s, the longest
 KAPPA = 1.4
 GAS_CONSTANT = 287.0
 PSI_MAX = 0.484
 LEAK_RATIO = 0.528
 # state: position, velocity, pressure and temperature of both chambers, supply, bristle, load's position and velocity
 X, V, P1, T1, P2, T2, PS, Z, XL, VL = range(10)
-SETTLING = 1.5  # s, of what is outside the catalogue and drifts
+DRIFT_TIME_CONSTANT = 1.5  # s, of what is outside the catalogue and drifts
 
 
 @compiled()
-def flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> float:
+def orifice_flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> float:
     """Mass flow in kg/s through an orifice (thesis 2.42, 2.46), zero against the pressure difference."""
     r = p_down / p_up
     if r >= 1.0:
@@ -41,7 +41,7 @@ def flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> 
 
 
 @compiled()
-def _opened(par: Parameters, opening: float, full: float, overlap: float, exponent: float, t: float) -> float:
+def _edge_area(par: Parameters, opening: float, full: float, overlap: float, exponent: float, t: float) -> float:
     if par.switching > 0.0:
         return math.copysign(full, opening) if abs(opening) > 0.5 * par.command_range else 0.0
     beyond = abs(opening) - overlap
@@ -54,28 +54,28 @@ def _opened(par: Parameters, opening: float, full: float, overlap: float, expone
 @compiled()
 def valve_area(par: Parameters, opening: float, t: float) -> float:
     """Effective area in m^2 of the edges to chamber 1, positive toward the supply, negative toward the exhaust."""
-    return _opened(par, opening, par.effective_area, par.overlap, par.exponent, t)
+    return _edge_area(par, opening, par.effective_area, par.overlap, par.exponent, t)
 
 
 @compiled()
 def valve_area_2(par: Parameters, opening: float, t: float) -> float:
     """The same of the edges to chamber 2."""
-    return _opened(par, opening, par.effective_area_2, par.overlap_2, par.exponent_2, t)
+    return _edge_area(par, opening, par.effective_area_2, par.overlap_2, par.exponent_2, t)
 
 
 @compiled()
 def valve_flow(par: Parameters, area: float, t: float, s: Array, chamber: int = 0) -> tuple[float, float]:
-    """Mass flows in kg/s (supply to chamber, chamber to exhaust); neither reverses. ``chamber``: 0 or 1."""
+    """Mass flows in kg/s (supply to chamber, chamber to exhaust); neither reverses. ``chamber_rates``: 0 or 1."""
     open_in, open_out = max(area, 0.0) + par.valve_leak_area, max(-area, 0.0) + par.valve_leak_area
     supply = s[PS] + par.ripple * math.sin(2.0 * math.pi * par.ripple_frequency * t)
     p, temperature = s[P1 + 2 * chamber], s[T1 + 2 * chamber]
-    q_in = flow(open_in, supply, par.temperature, p, par.critical_ratio)
-    q_out = flow(open_out, p, temperature, par.ambient, par.critical_ratio)
+    q_in = orifice_flow(open_in, supply, par.temperature, p, par.critical_ratio)
+    q_out = orifice_flow(open_out, p, temperature, par.ambient, par.critical_ratio)
     return q_in, q_out / (1.0 + par.silencer * q_out)
 
 
 @compiled()
-def chamber(
+def chamber_rates(
     par: Parameters, p: float, t: float, volume: float, growth: float, q: float, heat: float
 ) -> tuple[float, float]:
     """Rates of p and T (Pa/s, K/s) from mass and energy; ``heat`` is the sum of q T over all flows in (kg K/s)."""
@@ -87,37 +87,37 @@ def chamber(
 
 
 @compiled()
-def relief(par: Parameters, p: float) -> float:
+def relief_leak_area(par: Parameters, p: float) -> float:
     """Area in m^2 of a leak that opens with the pressure."""
     return par.relief_growth * max(p - par.ambient - par.relief_pressure, 0.0)
 
 
 @compiled()
-def seeping(par: Parameters, p: float) -> float:
+def laminar_leak_flow(par: Parameters, p: float) -> float:
     """Mass flow in kg/s through a long narrow gap: laminar, at the mean of the densities of both ends."""
     return par.laminar_conductance * (p - par.ambient) * 0.5 * (p / par.ambient + 1.0)
 
 
 @compiled()
-def gas(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
+def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
     """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
     if held == 2:
         return
     wall = par.temperature
-    lost = flow(par.leak_area + relief(par, s[P1]), s[P1], s[T1], par.ambient, LEAK_RATIO)
-    drawn = flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
-    over = flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
-    back = flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
-    gained, given = q[0] + drawn, q[1] + lost + seeping(par, s[P1])
+    lost = orifice_flow(par.leak_area + relief_leak_area(par, s[P1]), s[P1], s[T1], par.ambient, LEAK_RATIO)
+    drawn = orifice_flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
+    over = orifice_flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
+    back = orifice_flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
+    gained, given = q[0] + drawn, q[1] + lost + laminar_leak_flow(par, s[P1])
     volume_1 = par.dead_volume_1 + par.dead_volume_added + par.piston_area_1 * s[X]
     heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
     mass_1 = gained - given + back - over
-    ds[P1], ds[T1] = chamber(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1)
+    ds[P1], ds[T1] = chamber_rates(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1)
     if held == 0:
         volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - s[X])
         heat_2 = q[2] * wall + over * s[T1] - (q[3] + back) * s[T2]
         mass_2 = q[2] - q[3] + over - back
-        ds[P2], ds[T2] = chamber(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2)
+        ds[P2], ds[T2] = chamber_rates(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2)
     if par.supply_volume > 0.0:
         feed = par.regulator_conductance * max(par.supply - s[PS], 0.0)
         ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q[0] - q[2]) / par.supply_volume
@@ -130,14 +130,14 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     if par.position_from <= s[X] <= par.position_to:
         factor *= 1.0 + par.position_gain
     factor *= 1.0 + par.bent_guide * s[X] / par.stroke
-    factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / SETTLING)))
+    factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT)))
     rise = max(par.static - par.coulomb, 0.0) / (1.0 + (s[V] / par.stribeck_velocity) ** 2)
     rising = factor * (par.coulomb + rise)
     return rising, factor * par.coulomb * (1.0 - par.drop) if par.drop > 0.0 else rising
 
 
 @compiled()
-def coupling(par: Parameters, s: Array) -> float:
+def coupling_force(par: Parameters, s: Array) -> float:
     """Force in N of a flexibly coupled load on the piston."""
     stretch = s[XL] - s[X]
     taken = math.copysign(max(abs(stretch) - 0.5 * par.load_gap, 0.0), stretch)
@@ -145,7 +145,7 @@ def coupling(par: Parameters, s: Array) -> float:
 
 
 @compiled()
-def contact(par: Parameters, x: float, v: float) -> float:
+def end_stop_force(par: Parameters, x: float, v: float) -> float:
     """Force in N of the ends on the piston: each pushes it away, or does nothing."""
     if x < 0.0:
         return max(-par.stop_stiffness * x - par.stop_damping * v, 0.0)
@@ -162,11 +162,11 @@ def net_force(par: Parameters, t: float, s: Array) -> float:
     force -= par.constant_force + par.spring_stiffness * (s[X] - par.spring_rest)
     force -= par.pitch_force * math.sin(2.0 * math.pi * s[X] / par.pitch)
     force -= par.swinging_force * math.sin(2.0 * math.pi * par.swinging_frequency * t)
-    force += contact(par, s[X], v)
+    force += end_stop_force(par, s[X], v)
     if par.load_mass > 0.0:
-        force += coupling(par, s)
+        force += coupling_force(par, s)
     slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
-    slope *= 1.0 - par.warming * (1.0 - math.exp(-t / SETTLING))
+    slope *= 1.0 - par.warming * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT))
     room = max(s[X] if v < 0.0 else par.stroke - s[X], 0.0)
     if room < par.cushion_length:
         slope += par.cushion_damping * (1.0 - room / par.cushion_length)
@@ -189,17 +189,17 @@ def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) ->
 
 
 @compiled()
-def rates(par: Parameters, t: float, s: Array, mode: float, q: Flows, held: int, ds: Array) -> None:
+def state_rates(par: Parameters, t: float, s: Array, mode: float, q: Flows, held: int, ds: Array) -> None:
     """Time derivative of the whole state."""
-    gas(par, s, q, held, ds)
+    gas_rates(par, s, q, held, ds)
     if par.piston_area_1 > 0.0:
         ds[X], ds[V] = s[V], acceleration(par, t, s, mode, ds)
     if par.load_mass > 0.0:
-        ds[XL], ds[VL] = s[VL], -coupling(par, s) / par.load_mass
+        ds[XL], ds[VL] = s[VL], -coupling_force(par, s) / par.load_mass
 
 
 @compiled()
-def mode_at(par: Parameters, t: float, s: Array, rest: float) -> float:
+def motion_sign(par: Parameters, t: float, s: Array, rest: float) -> float:
     """Sign of the motion that begins or goes on; 0 while the piston sticks."""
     if s[V] != 0.0:
         return float(np.sign(s[V]))

@@ -12,7 +12,7 @@ from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import Parameters
 
 HUM_HZ = 50.0
-SLOWEST = 1000.0  # Hz, at which the sensors themselves are followed
+MIN_SENSOR_RATE = 1000.0  # Hz, at which the sensors themselves are followed
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class Sensors:
     force: float = 0.0  # N
 
     @property
-    def kept(self) -> int:
+    def decimation(self) -> int:
         """Of so many values of the sensors the logger keeps one."""
-        return math.ceil(SLOWEST / self.rate - 1e-9)
+        return math.ceil(MIN_SENSOR_RATE / self.rate - 1e-9)
 
     @property
-    def fine_rate(self) -> float:
+    def sensor_rate(self) -> float:
         """Values a second (Hz) that the sensors show."""
-        return self.rate * self.kept
+        return self.rate * self.decimation
 
 
 def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
@@ -53,21 +53,21 @@ def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.
 
     ``truth`` is at ``sensors.fine_rate``.
     """
-    kept = slice(None, None, sensors.kept)
+    kept = slice(None, None, sensors.decimation)
     u, u2, x, a = (truth[name][kept] for name in ("u", "u2", "x", "a"))
-    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "u2": u2, "x": _rounded(x, sensors.position_step)}
+    seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "u2": u2, "x": _round_to_step(x, sensors.position_step)}
     seen["p_supply"] = truth["p_supply"][kept] - par.ambient + _pressure_noise(sensors, u.size, rng)
     for name in ("p1", "p2"):
-        shown = _pressure(par, truth[name], 1.0 / sensors.fine_rate, name == "p1")[kept]
+        shown = _pressure_reading(par, truth[name], 1.0 / sensors.sensor_rate, name == "p1")[kept]
         seen[name] = shown + _pressure_noise(sensors, u.size, rng)
     seen["a"] = a + par.acceleration_bias + sensors.acceleration * rng.standard_normal(u.size)
     if "force" in truth:
         seen["force"] = truth["force"][kept] + sensors.force * rng.standard_normal(u.size)
     seen["x"] = seen["x"] + par.position_curvature * x * (par.stroke - x)
-    return _converted(par, sensors, _disturbed(sensors, seen, rng))
+    return _quantized(par, sensors, _with_drift_and_outliers(sensors, seen, rng))
 
 
-def _disturbed(sensors: Sensors, seen: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+def _with_drift_and_outliers(sensors: Sensors, seen: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
     """Zeros that wander and samples that are wrong; the noise of a position is taken as ten of its steps."""
     noises = dict.fromkeys(("p_supply", "p1", "p2"), sensors.pressure)
     noises |= {"x": 10 * sensors.position_step, "a": sensors.acceleration}
@@ -85,32 +85,32 @@ def _disturbed(sensors: Sensors, seen: dict[str, Array], rng: np.random.Generato
     return seen
 
 
-def _converted(par: Parameters, sensors: Sensors, seen: dict[str, Array]) -> dict[str, Array]:
+def _quantized(par: Parameters, sensors: Sensors, seen: dict[str, Array]) -> dict[str, Array]:
     """What a converter of that many bits leaves of every sensor, over a range that holds what is measured."""
     if sensors.bits == 0:
         return seen
     gauge = 1.25 * (par.supply - par.ambient)
     spans = {"p_supply": gauge, "p1": gauge, "p2": gauge, "x": 1.1 * par.stroke}
-    spans["a"] = 2 * _range(float(np.max(np.abs(seen["a"]), initial=1e-9)))
-    return seen | {name: _rounded(seen[name], span / 2**sensors.bits) for name, span in spans.items()}
+    spans["a"] = 2 * _converter_range(float(np.max(np.abs(seen["a"]), initial=1e-9)))
+    return seen | {name: _round_to_step(seen[name], span / 2**sensors.bits) for name, span in spans.items()}
 
 
-def _range(largest: float) -> float:
+def _converter_range(largest: float) -> float:
     """The smallest of 1, 2, 5, 10, ... that holds it."""
     decade = 10.0 ** math.floor(math.log10(largest))
     return next(decade * step for step in (1.0, 2.0, 5.0, 10.0) if decade * step >= largest)
 
 
-def _pressure(par: Parameters, p: Array, period: float, is_first: bool) -> Array:
+def _pressure_reading(par: Parameters, p: Array, period: float, is_first: bool) -> Array:
     gauge = (p - par.ambient) * par.pressure_scale
     if is_first:
         gauge = gauge + par.pressure_offset + par.pressure_curvature * gauge**2
-    gauge = _lagged(gauge, period, par.pressure_lag)
+    gauge = _first_order_lag(gauge, period, par.pressure_lag)
     time = period * np.arange(p.size)
     return np.asarray(np.interp(time - par.pressure_skew, time, gauge), dtype=np.float64)
 
 
-def _lagged(signal: Array, period: float, time_constant: float) -> Array:
+def _first_order_lag(signal: Array, period: float, time_constant: float) -> Array:
     """First-order lag, exact for a signal that is linear between its samples, at rest before the first."""
     if time_constant <= 0:
         return signal
@@ -129,5 +129,5 @@ def _pressure_noise(sensors: Sensors, n: int, rng: np.random.Generator) -> Array
     return np.asarray(sensors.pressure * coloured + hum)
 
 
-def _rounded(signal: Array, step: float) -> Array:
+def _round_to_step(signal: Array, step: float) -> Array:
     return step * np.round(signal / step) if step > 0 else signal

@@ -12,10 +12,10 @@ import numpy as np
 
 from pneucli.caches import compiled
 from pneucli.exam.rig.kernel import (
+    MAX_STEP,
     P1,
     P2,
     PS,
-    STEP,
     T1,
     T2,
     XL,
@@ -23,8 +23,8 @@ from pneucli.exam.rig.kernel import (
     Flows,
     V,
     X,
-    mode_at,
-    rates,
+    motion_sign,
+    state_rates,
     valve_area,
     valve_area_2,
     valve_flow,
@@ -32,40 +32,42 @@ from pneucli.exam.rig.kernel import (
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 
 COLUMNS = ("u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "temperature", "temperature_2")
-NOTHING = np.empty((0, 2))
-LOOP = 1e-3  # s, the period of the commands
+NO_PRESSURES = np.empty((0, 2))
+LOOP_PERIOD = 1e-3  # s, the period of the commands
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
-    """What is done to the rig: ``command`` holds one value a period of the loop (``LOOP``), held until the next.
+class Excitation:
+    """What is done to the rig: ``command`` holds one value a period of the loop (``LOOP_PERIOD``), held until the next.
 
     It is the opening of the valve in V, from its null. With ``gain`` (V/m) above zero it is a position reference in m,
     and the opening is gain (reference - x) within the valve's range; a switching valve opens beyond a tenth of that.
-    ``second`` is the same for the valve of chamber 2, where it has one; with a gain it is added to the opposite of the
+    ``command_2`` is the same for the valve of chamber 2, where it has one; with a gain it is added to the opposite of the
     first's opening. ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the commands.
     """
 
     command: Array
-    second: Array = field(default_factory=lambda: np.zeros(1))
+    command_2: Array = field(default_factory=lambda: np.zeros(1))
     gain: float = 0.0
     chamber_2_open: bool = False
     position: float = 0.0
     velocity: float = 0.0
     pressure_1: float = 101_300.0
     pressure_2: float = 101_300.0
-    imposed: Array = field(default_factory=lambda: NOTHING)
+    imposed: Array = field(default_factory=lambda: NO_PRESSURES)
 
 
-def run(par: Parameters, manoeuvre: Manoeuvre, rate: float = 1000.0) -> dict[str, Array]:
+def simulate_rig(par: Parameters, excitation: Excitation, rate: float = 1000.0) -> dict[str, Array]:
     """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... over ``rate`` (Hz)."""
-    m = manoeuvre
-    every = math.ceil(1.0 / (rate * STEP) - 1e-9)  # steps a sample, then a command
+    m = excitation
+    every = math.ceil(1.0 / (rate * MAX_STEP) - 1e-9)  # steps a sample, then a command
     step = 1.0 / (rate * every)
-    hold = round(LOOP / step)
+    hold = round(LOOP_PERIOD / step)
     start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
     held = 2 if m.imposed.size else int(m.chamber_2_open)
-    rows = _run(par, m.command, np.resize(m.second, m.command.size), m.gain, held, start, m.imposed, step, hold, every)
+    rows = _simulate_rows(
+        par, m.command, np.resize(m.command_2, m.command.size), m.gain, held, start, m.imposed, step, hold, every
+    )
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
@@ -73,16 +75,16 @@ def run(par: Parameters, manoeuvre: Manoeuvre, rate: float = 1000.0) -> dict[str
 def _step(par: Parameters, t: float, h: float, s: Array, mode: float, q: Flows, held: int, work: Array) -> None:
     """One midpoint step of length h (s) into ``s``."""
     middle, ds = work[0], work[1]
-    rates(par, t, s, mode, q, held, ds)
+    state_rates(par, t, s, mode, q, held, ds)
     middle[:] = s + 0.5 * h * ds
-    rates(par, t + 0.5 * h, middle, mode, q, held, ds)
+    state_rates(par, t + 0.5 * h, middle, mode, q, held, ds)
     s += h * ds
 
 
 @compiled()
 def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flows, held: int, work: Array) -> float:
     """Advance ``s`` by h (s), cut where the piston comes to rest; returns the time at rest in s."""
-    mode = mode_at(par, t, s, rest)
+    mode = motion_sign(par, t, s, rest)
     before = work[2]
     before[:] = s
     _step(par, t, h, s, mode, q, held, work)
@@ -91,7 +93,7 @@ def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flow
         s[:] = before
         _step(par, t, part * h, s, mode, q, held, work)
         s[V] = 0.0
-        mode = mode_at(par, t, s, 0.0)
+        mode = motion_sign(par, t, s, 0.0)
         _step(par, t, (1.0 - part) * h, s, mode, q, held, work)
     return rest + h if mode == 0.0 else 0.0
 
@@ -108,14 +110,14 @@ def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, openin
 
 
 @compiled()
-def empty_line(par: Parameters, step: float) -> Array:
+def empty_delay_line(par: Parameters, step: float) -> Array:
     """What is under way in the hose: flows (kg/s) of as many steps as it delays, and of this one; none yet."""
     line: Array = np.zeros((round(par.line_delay / step) + 1, 4))
     return line
 
 
 @compiled()
-def drive(
+def step_rig(
     par: Parameters,
     i: int,
     step: float,
@@ -149,7 +151,7 @@ def drive(
 
 
 @compiled()
-def limited(par: Parameters, opening: float) -> float:
+def limit_opening(par: Parameters, opening: float) -> float:
     """The opening in V that the valve's amplifier passes on."""
     if par.switching > 0.0:
         return math.copysign(par.command_range, opening) if abs(opening) > 0.1 * par.command_range else 0.0
@@ -160,13 +162,13 @@ def limited(par: Parameters, opening: float) -> float:
 def _row(
     par: Parameters, o: float, o2: float, t: float, s: Array, rest: float, q: Flows, held: int, work: Array
 ) -> Array:
-    rates(par, t, s, mode_at(par, t, s, rest), q, held, work[1])
+    state_rates(par, t, s, motion_sign(par, t, s, rest), q, held, work[1])
     u, u2 = par.command_null + par.command_sign * o, par.command_null + o2
     return np.array([u, u2, s[PS], s[P1], s[P2], s[X], s[V], work[1][V], s[T1], s[T2]])
 
 
 @compiled()
-def _run(
+def _simulate_rows(
     par: Parameters,
     command: Array,
     second: Array,
@@ -183,26 +185,26 @@ def _run(
     s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty(((steps - 1) // every + 1, 10))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
     s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
-    spools, line = np.zeros(6), empty_line(par, step)
+    spools, line = np.zeros(6), empty_delay_line(par, step)
     o, o2, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
     for i in range(steps):
         k, t = i // hold, i * step
         if i % hold == 0:
-            o = limited(par, command[k])
+            o = limit_opening(par, command[k])
             if gain > 0.0:
-                o = round(limited(par, gain * (command[k] - s[X])), 4)
+                o = round(limit_opening(par, gain * (command[k] - s[X])), 4)
             if par.arrangement == TWO_VALVES:
-                o2 = limited(par, second[k] - o if gain > 0.0 else second[k])
+                o2 = limit_opening(par, second[k] - o if gain > 0.0 else second[k])
         if i % every == 0:
             rows[i // every] = _row(par, o, o2, t, s, rest, q, held, work)
         if imposed.size:
-            s[P1 : P2 + 1 : 2] = _between(imposed, k, (i % hold + 0.5) / hold)
-        rest, q = drive(par, i, step, o, o2, spools, line, s, rest, held, work)
+            s[P1 : P2 + 1 : 2] = _interpolated(imposed, k, (i % hold + 0.5) / hold)
+        rest, q = step_rig(par, i, step, o, o2, spools, line, s, rest, held, work)
     return rows
 
 
 @compiled()
-def _between(imposed: Array, k: int, part: float) -> Array:
+def _interpolated(imposed: Array, k: int, part: float) -> Array:
     after = min(k + 1, len(imposed) - 1)
     value: Array = imposed[k] * (1.0 - part) + imposed[after] * part
     return value

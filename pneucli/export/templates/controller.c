@@ -61,7 +61,7 @@ void pneucli_controller_reset(pneucli_controller *c, @REAL@ x, @REAL@ p1, @REAL@
 void pneucli_controller_step(pneucli_controller *c, @REAL@ x_ref, @REAL@ x, @REAL@ p1, @REAL@ p2, @REAL@ u[2])
 {
     @REAL@ *s = c->state;
-    if (s[S_OFF] > 0) {
+    if (s[S_DISABLED] > 0) {
         shut(s, PARAMETERS);
     } else {
         @STEP@(asked(x_ref, x, p1, p2, s, PARAMETERS), x, p1, p2, s, PARAMETERS);

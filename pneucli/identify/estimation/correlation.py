@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.residuals import View
+from pneucli.identify.residuals import ResidualModel
 
 Array = NDArray[np.float64]
 
-PERCENT = 0.01
+RELATIVE_CHANGE = 0.01
 
 
 class Sensitivity(NamedTuple):
@@ -24,20 +24,20 @@ class Sensitivity(NamedTuple):
     times_noise: float
 
 
-def correlation(found: Fit) -> Array:
+def parameter_correlation(found: Fit) -> Array:
     """Return the correlation of the fitted parameters (k, k), in the order of ``found.estimates``.
 
     From the curvature of the data at the end of the fit: what recordings of this kind can tell only together. Priors
     and chance, which the intervals hold as well, are left out. A parameter that does not show has 0 with all others.
     """
-    deviation = np.sqrt(np.maximum(np.diag(found.bread), 0.0))
+    deviation = np.sqrt(np.maximum(np.diag(found.inverse_hessian), 0.0))
     scale = np.where(deviation > 0.0, deviation, np.inf)
-    together = found.bread / scale[:, None] / scale
+    together = found.inverse_hessian / scale[:, None] / scale
     np.fill_diagonal(together, 1.0)
     return np.clip(together, -1.0, 1.0)
 
 
-def sensitivities(found: Fit, views: Sequence[View]) -> list[Sensitivity]:
+def sensitivities(found: Fit, views: Sequence[ResidualModel]) -> list[Sensitivity]:
     """Return what each parameter does to each channel that it changes; one of value 0 has none.
 
     The derivatives are those of the fit at its end: of one subsystem at a time, the rest fed with measurements.
@@ -58,7 +58,9 @@ def sensitivities(found: Fit, views: Sequence[View]) -> list[Sensitivity]:
             power[:, place] += np.einsum("ij,ij->j", part, part)  # without a copy: it is large
             counts[place] += size
             first += size
-    size_of = [PERCENT * abs(e.value) / f.slope(e.value) for f, e in zip(found.free, found.estimates, strict=True)]
+    size_of = [
+        RELATIVE_CHANGE * abs(e.value) / f.derivative(e.value) for f, e in zip(found.free, found.estimates, strict=True)
+    ]
     rms = np.sqrt(power / np.maximum(counts, 1)) * np.abs(np.array(size_of))[:, None]
     return [
         Sensitivity(f.name, channel, float(rms[j, c]))

@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FIRST_DAMPING = 1e-3
-MOST_DAMPING = 1e8
-TRIES = 8  # of one direction, with ever more damping
-SHORT = 0.01  # of the sum: after a step that lowers it by less derivatives have hardly changed
-SHY = 1.5  # times the promised fall: a step that gains more was too short
-DOUBLINGS = 6  # of such a step
-KEPT = 0.25  # of the promised fall: a step that gains less asks for derivatives anew (usual in trust regions)
+INITIAL_DAMPING = 1e-3
+MAX_DAMPING = 1e8
+MAX_DAMPING_TRIES = 8  # of one direction, with ever more damping
+MAX_DECREASE_FOR_REUSE = 0.01  # of the sum: after a step that lowers it by less derivatives have hardly changed
+MIN_EXTENSION_RATIO = 1.5  # times the promised fall: a step that gains more was too short
+MAX_STEP_DOUBLINGS = 6  # of such a step
+MIN_GAIN_RATIO = 0.25  # of the promised fall: a step that gains less asks for derivatives anew (usual in trust regions)
 
 
-class Normal(NamedTuple):
+class NormalEquations(NamedTuple):
     """What is to be solved of residuals r and derivatives J, where J would fill the memory: J'r (k,), J'J (k, k)."""
 
     gradient: Array
     curvature: Array
 
 
-J = TypeVar("J", Array, Normal)
+J = TypeVar("J", Array, NormalEquations)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Solution(Generic[J]):
     z: Array
     residual: Array
     jacobian: J
-    rounds: int
+    iterations: int
 
 
 class Step(NamedTuple):
@@ -53,7 +53,7 @@ class Step(NamedTuple):
     z: Array
     residual: Array
     damping: float
-    kept: bool
+    as_predicted: bool
 
 
 def minimise(
@@ -62,78 +62,80 @@ def minimise(
     start: Array,
     bounds: tuple[Array, Array],
     *,
-    rounds: int,
+    max_iterations: int,
     tolerance: float,
-    each_round: Callable[[float], None] = lambda cost: None,
-    at_start: J | None = None,
+    callback: Callable[[float], None] = lambda cost: None,
+    initial_jacobian: J | None = None,
 ) -> Solution[J]:
     """Minimise the sum of squares from ``start`` (k,) within ``bounds``.
 
-    ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations; ``at_start`` are those at the
+    ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations; ``initial_jacobian`` are those at the
     start where they are known. Ends when the first step with new derivatives lowers the sum by less than ``tolerance``
-    of it (the derivatives stay those before that step), or after ``rounds`` of them; ``each_round`` is told the sum, at
+    of it (the derivatives stay those before that step), or after ``max_iterations`` of them; ``callback`` is told the sum, at
     the start and then. Near the end, where steps are short, derivatives serve for more than one.
     """
-    z, damping = np.clip(start, *bounds), FIRST_DAMPING
-    r, j = residuals(z), jacobian(z) if at_start is None else at_start
-    each_round(_cost(r))
-    for done in range(1, rounds + 1):
+    z, damping = np.clip(start, *bounds), INITIAL_DAMPING
+    r, j = residuals(z), jacobian(z) if initial_jacobian is None else initial_jacobian
+    callback(_sum_of_squares(r))
+    for done in range(1, max_iterations + 1):
         new, fall = True, np.inf
-        while (step := _step(residuals, z, r, j, bounds, damping, TRIES if new else 1)) is not None:
-            fall = 1.0 - _cost(step.residual) / _cost(r)
+        while (step := _step(residuals, z, r, j, bounds, damping, MAX_DAMPING_TRIES if new else 1)) is not None:
+            fall = 1.0 - _sum_of_squares(step.residual) / _sum_of_squares(r)
             z, r, damping = step.z, step.residual, step.damping
-            if fall < tolerance or fall > SHORT or not step.kept:
+            if fall < tolerance or fall > MAX_DECREASE_FOR_REUSE or not step.as_predicted:
                 break
             new = False
-        each_round(_cost(r))
+        callback(_sum_of_squares(r))
         if new and (step is None or fall < tolerance):
             return Solution(z, r, j, done)
         del j  # before the next one is made: it is what most memory goes into
         j = jacobian(z)
-    return Solution(z, r, j, rounds)
+    return Solution(z, r, j, max_iterations)
 
 
 def _step(
     residuals: Callable[[Array], Array],
     z: Array,
     r: Array,
-    j: Array | Normal,
+    j: Array | NormalEquations,
     bounds: tuple[Array, Array],
     damping: float,
     tries: int,
 ) -> Step | None:
     """Return the next step, None where none of so many ``tries``, with ever more damping, lowers the sum."""
-    gradient, curvature = j if isinstance(j, Normal) else normal(r, j)
+    gradient, curvature = j if isinstance(j, NormalEquations) else normal_equations(r, j)
     told = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
     held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~told
     free = np.flatnonzero(~held)
     if not free.size:
         return None
-    cost, inner, g = _cost(r), curvature[np.ix_(free, free)], gradient[free]
+    cost, inner, g = _sum_of_squares(r), curvature[np.ix_(free, free)], gradient[free]
     for _ in range(tries):
         moved = z.copy()
         moved[free] -= np.linalg.lstsq(inner + damping * np.diag(np.diag(inner)), g, rcond=1e-14)[0]
         moved = np.clip(moved, *bounds)
         tried = residuals(moved)
-        if _cost(tried) < cost:
+        if _sum_of_squares(tried) < cost:
             step = (moved - z)[free]
             promised = -float(2.0 * g @ step + step @ inner @ step)
-            if cost - _cost(tried) > SHY * promised:
-                moved, tried = _further(residuals, z, moved, tried, bounds)
-            return Step(moved, tried, max(damping / 9.0, 1e-9), cost - _cost(tried) > KEPT * promised)
+            if cost - _sum_of_squares(tried) > MIN_EXTENSION_RATIO * promised:
+                moved, tried = _extend_step(residuals, z, moved, tried, bounds)
+            return Step(
+                moved, tried, max(damping / 9.0, 1e-9), cost - _sum_of_squares(tried) > MIN_GAIN_RATIO * promised
+            )
         damping = max(damping * 8.0, 1e-4)
-        if damping > MOST_DAMPING:
+        if damping > MAX_DAMPING:
             break
     return None
 
 
-def normal(residual: Array, jacobian: Array) -> Normal:
+def normal_equations(residual: Array, jacobian: Array) -> NormalEquations:
     """Return the normal equations of residuals (N,) and their derivatives (N, k)."""
     with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away has no derivatives
-        return Normal(jacobian.T @ residual, jacobian.T @ jacobian)
+        return NormalEquations(jacobian.T @ residual, jacobian.T @ jacobian)
 
 
-def inverse(curvature: Array) -> Array:
+def pseudo_inverse(curvature: Array) -> Array:
     """Return the inverse of a curvature (k, k), 0 for what is not told; whatever the sizes of the coordinates."""
     size = np.sqrt(curvature.diagonal())
     size = np.where(size > 0.0, size, 1.0)
@@ -141,24 +143,24 @@ def inverse(curvature: Array) -> Array:
     return np.asarray(np.linalg.pinv(scaled, hermitian=True) / size[:, None] / size)
 
 
-def _cost(residual: Array) -> float:
+def _sum_of_squares(residual: Array) -> float:
     """Return the sum of squares; infinite for a model that runs away."""
     with np.errstate(over="ignore", invalid="ignore"):
         cost = float(residual @ residual)
     return cost if np.isfinite(cost) else np.inf
 
 
-def _further(
+def _extend_step(
     residuals: Callable[[Array], Array], z: Array, moved: Array, tried: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Return where a step from z to ``moved``, doubled as long as the sum falls, leads, and the residuals there.
 
     Noise in the derivatives adds to the curvature and makes steps too short: the sum tells.
     """
-    for _ in range(DOUBLINGS):
+    for _ in range(MAX_STEP_DOUBLINGS):
         beyond = np.clip(2.0 * moved - z, *bounds)
         more = residuals(beyond)
-        if not _cost(more) < _cost(tried):
+        if not _sum_of_squares(more) < _sum_of_squares(tried):
             break
         moved, tried = beyond, more
     return moved, tried

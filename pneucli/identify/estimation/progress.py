@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 
-class Round(NamedTuple):
+class Iteration(NamedTuple):
     """One round: the effects of the model that is fitted, which search and round of it, and the rms residual.
 
     The residual is in units of the noise, over all channels, what is known beforehand counted with it.
@@ -21,31 +21,31 @@ class Round(NamedTuple):
     residual: float
 
 
-_watcher: ContextVar[Callable[[Round], None] | None] = ContextVar("watcher", default=None)
-_searches: ContextVar[int] = ContextVar("searches", default=0)
+_observer: ContextVar[Callable[[Iteration], None] | None] = ContextVar("watcher", default=None)
+_search_count: ContextVar[int] = ContextVar("searches", default=0)
 
 
 @contextmanager
-def watching(see: Callable[[Round], None]) -> Iterator[None]:
-    """Let ``see`` be told of each round of the fits in this thread, while it lasts."""
-    tokens = _watcher.set(see), _searches.set(0)
+def report_iterations_to(observer: Callable[[Iteration], None]) -> Iterator[None]:
+    """Let ``observer`` be told of each round of the fits in this thread, while it lasts."""
+    tokens = _observer.set(observer), _search_count.set(0)
     try:
         yield
     finally:
-        _watcher.reset(tokens[0])
-        _searches.reset(tokens[1])
+        _observer.reset(tokens[0])
+        _search_count.reset(tokens[1])
 
 
-def watched(effects: Sequence[str], residuals: int) -> Callable[[float], None]:
+def iteration_callback(effects: Sequence[str], residuals: int) -> Callable[[float], None]:
     """Return what a search of so many ``residuals`` calls with its sum of squares, first before its first round."""
-    see = _watcher.get()
+    see = _observer.get()
     if see is None:
         return lambda cost: None
-    search = _searches.get() + 1
-    _searches.set(search)
+    search = _search_count.get() + 1
+    _search_count.set(search)
     done = iter(range(1_000_000))
 
     def tell(cost: float) -> None:
-        see(Round(tuple(effects), search, next(done), math.sqrt(cost / max(residuals, 1))))
+        see(Iteration(tuple(effects), search, next(done), math.sqrt(cost / max(residuals, 1))))
 
     return tell

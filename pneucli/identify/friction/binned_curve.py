@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from pneucli.identify.friction.samples import Samples
+from pneucli.identify.friction.samples import MovingSamples
 
 Array = NDArray[np.float64]
 Branch = Literal["accelerating", "slowing", "both"]
 
-BINS = 40  # per direction, narrower toward standstill
-FEWEST = 3  # blocks in a bin, below which it has no interval of its own
-MASKS: dict[Branch, tuple[int, ...]] = {"accelerating": (1,), "slowing": (-1,), "both": (-1, 0, 1)}
+BINS_PER_DIRECTION = 40  # per direction, narrower toward standstill
+MIN_BLOCKS = 3  # blocks in a bin, below which it has no interval of its own
+BRANCH_SIGNS: dict[Branch, tuple[int, ...]] = {"accelerating": (1,), "slowing": (-1,), "both": (-1, 0, 1)}
 
 
 @dataclass(frozen=True)
@@ -35,26 +35,28 @@ class FrictionCurve:
     count: NDArray[np.int64]
 
 
-def curve(samples: Samples, branch: Branch) -> FrictionCurve:
+def binned_curve(samples: MovingSamples, branch: Branch) -> FrictionCurve:
     """Return friction over velocity of one branch; bins without a sample are left out."""
-    s = samples.where(np.isin(samples.branch, MASKS[branch]))
+    s = samples.select(np.isin(samples.branch, BRANCH_SIGNS[branch]))
     if not len(s):
         empty = np.zeros(0)
         return FrictionCurve(branch, empty, empty, empty, empty, np.zeros(0, dtype=np.int64))
-    edges = np.abs(s.v).max() * np.linspace(0, 1, BINS + 1) ** 2
-    number = np.sign(s.v).astype(np.int64) * (1 + np.clip(np.searchsorted(edges, np.abs(s.v)) - 1, 0, BINS - 1))
-    rows = np.array([_bin(s.where(number == k)) for k in np.unique(number)])
+    edges = np.abs(s.v).max() * np.linspace(0, 1, BINS_PER_DIRECTION + 1) ** 2
+    number = np.sign(s.v).astype(np.int64) * (
+        1 + np.clip(np.searchsorted(edges, np.abs(s.v)) - 1, 0, BINS_PER_DIRECTION - 1)
+    )
+    rows = np.array([_bin(s.select(number == k)) for k in np.unique(number)])
     v, force, half, count = rows.T
     return FrictionCurve(branch, v, force, force - half, force + half, count.astype(np.int64))
 
 
-def _bin(s: Samples) -> tuple[float, float, float, float]:
+def _bin(s: MovingSamples) -> tuple[float, float, float, float]:
     """Return mean velocity, mean force, half its interval, and the number of samples."""
     mean, n = float(np.mean(s.friction)), len(s)
     _, index = np.unique(s.block, return_inverse=True)
     sums = np.bincount(index, weights=s.friction - mean)
     blocks = sums.size
-    if blocks < FEWEST:  # the sensors' noise alone, as if it were common to a block
+    if blocks < MIN_BLOCKS:  # the sensors' noise alone, as if it were common to a block
         return float(np.mean(s.v)), mean, float(1.96 * np.mean(s.sigma) / np.sqrt(blocks)), n
     error = np.sqrt(blocks / (blocks - 1) * np.sum(sums**2)) / n
     return float(np.mean(s.v)), mean, float(student.ppf(0.975, blocks - 1) * error), n

@@ -8,30 +8,38 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.identify.friction.binned_curve import FrictionCurve, curve
+from pneucli.identify.friction.binned_curve import FrictionCurve, binned_curve
 from pneucli.identify.friction.imposed_motion import KineticFriction, kinetic_friction
-from pneucli.identify.friction.kinematics import Motion, motion_of
-from pneucli.identify.friction.model_error import Deviation, Replay, deviations, replays
-from pneucli.identify.friction.models_a_to_f import GRID, Domain, FrictionModel, Name, identify_models
-from pneucli.identify.friction.regression import FittedLaw, fit_coulomb, fit_stribeck
-from pneucli.identify.friction.samples import Samples, Value, pool
-from pneucli.identify.friction.stick_slip import Averaged, Cut, average, cut
+from pneucli.identify.friction.kinematics import Motion, estimate_motion
+from pneucli.identify.friction.model_error import Deviation, StickSlipReplay, model_deviations, replay_stick_slip
+from pneucli.identify.friction.models_a_to_f import (
+    DEFAULT_NODES,
+    FrictionModel,
+    ModelName,
+    VelocityDomain,
+    identify_models,
+)
+from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck
+from pneucli.identify.friction.samples import IntervalEstimate, MovingSamples, pool_samples
+from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips
 from pneucli.identify.friction.summary_figures import (
     BreakAway,
-    OverPressure,
-    Repeats,
+    PressureDependence,
+    Repeatability,
     break_away,
-    over_pressure,
-    repeats,
+    pressure_dependence,
+    repeatability,
 )
-from pneucli.identify.friction.unmodelled_effects import lacking
-from pneucli.messages.formatting import number, quantity
+from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
+from pneucli.messages.formatting import format_number, format_quantity
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 
-FEWEST = 100  # moving samples
-RESTLESS = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise
-UNKNOWN = 0.5  # half the interval of an identified mass over its value, beyond which it counts as not identifiable
+MIN_MOVING_SAMPLES = 100  # moving samples
+MAX_RESIDUAL_TO_NOISE = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise
+MAX_RELATIVE_MASS_ERROR = (
+    0.5  # half the interval of an identified mass over its value, beyond which it counts as not identifiable
+)
 
 
 @dataclass(frozen=True)
@@ -42,28 +50,28 @@ class FrictionIdentification:
     a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
     (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
     ``deviations`` are the tables 6.2 and 6.3, ``replays`` one slip under each model; they, ``kinetic`` friction,
-    ``break_aways``, growth ``over_pressure`` and ``repeats`` have the test recordings in them; all else rests on the
+    ``break_aways``, growth ``pressure_dependence`` and ``repeatability`` have the test recordings in them; all else rests on the
     training ones.
-    ``taken_out`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``lacking``
+    ``removed_effects`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``unmodelled_effects``
     for each of A to F the effects on friction that it cannot show.
     """
 
-    mass: Value | None
-    parameters: Mapping[str, Value]
-    domain: Domain
+    mass: IntervalEstimate | None
+    parameters: Mapping[str, IntervalEstimate]
+    domain: VelocityDomain
     motions: tuple[Motion, ...]
     curves: tuple[FrictionCurve, ...]
-    cuts: tuple[Cut, ...]
-    averages: tuple[Averaged, ...]
+    stick_slips: tuple[StickSlip, ...]
+    averages: tuple[AveragedFriction, ...]
     models: tuple[FrictionModel, ...]
     deviations: tuple[Deviation, ...]
-    replays: tuple[Replay, ...]
+    replays: tuple[StickSlipReplay, ...]
     kinetic: tuple[KineticFriction, ...]
     break_aways: tuple[BreakAway, ...]
-    over_pressure: OverPressure | None
-    repeats: tuple[Repeats, ...]
-    taken_out: tuple[str, ...]
-    lacking: Mapping[Name, tuple[str, ...]]
+    pressure_dependence: PressureDependence | None
+    repeatability: tuple[Repeatability, ...]
+    removed_effects: tuple[str, ...]
+    unmodelled_effects: Mapping[ModelName, tuple[str, ...]]
     warnings: tuple[str, ...]
 
     @property
@@ -83,32 +91,36 @@ def identify_friction(
     recordings: Sequence[Recording],
     model: Model,
     nodes: int | None = None,
-    top: float | None = None,
-    eta: float | None = None,
+    max_velocity: float | None = None,
+    sign_steepness: float | None = None,
 ) -> FrictionIdentification:
     """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
 
     What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. Of the TP models
-    ``nodes`` is the number of grid points, ``top`` (m/s) the end of their velocities, by default the highest of the
-    tests, ``eta`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits the recordings of
+    ``nodes`` is the number of grid points, ``max_velocity`` (m/s) the end of their velocities, by default the highest of the
+    tests, ``sign_steepness`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits the recordings of
     use ``train``. Raises InputError where there is none, where the drive or the motion was not recorded, or where
     hardly anything moves.
     """
-    motions = tuple(motion_of(r, model) for r in _usable(recordings))
+    motions = tuple(estimate_motion(r, model) for r in _friction_recordings(recordings))
     train = [m for m in motions if m.recording.use == "train"]
     warnings: list[str] = []
     mass = _mass(train, warnings)
     inertia = mass.value if mass else 0.0
-    samples, lacks = pool(train, inertia), lacking(model, train)
-    if len(samples) < FEWEST:
-        raise InputError("friction recordings", f"{len(samples)} moving samples", f"at least {FEWEST}", "move further")
+    samples, lacks = pool_samples(train, inertia), unmodelled_effects(model, train)
+    if len(samples) < MIN_MOVING_SAMPLES:
+        raise InputError(
+            "friction recordings", f"{len(samples)} moving samples", f"at least {MIN_MOVING_SAMPLES}", "move further"
+        )
     if not samples.both_directions:
         warnings.append("motion in one direction only: a constant force can't be told from dry friction")
     both = fit_stribeck(samples, offset=samples.both_directions)
     fastest = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
-    domain = Domain(top or fastest, max(m.floor for m in train), nodes or GRID, eta)
+    domain = VelocityDomain(
+        max_velocity or fastest, max(m.rest_speed for m in train), nodes or DEFAULT_NODES, sign_steepness
+    )
     models, missing = identify_models(samples, both, domain, inertia or 1.0)
-    cuts = tuple(c for m in train if not m.imposed for c in cut(m, inertia))
+    cuts = tuple(c for m in train if not m.imposed for c in find_stick_slips(m, inertia))
     levels = tuple(k for m in motions if (k := kinetic_friction(m, inertia)))
     ambient, imposed = model.rig.ambient_pressure, {m.recording.name for m in motions if m.imposed}
     strokes = [k for k in levels if k.recording in imposed]  # of others the pressure changes as they move
@@ -117,23 +129,23 @@ def identify_friction(
         parameters=both.values(),
         domain=domain,
         motions=motions,
-        curves=tuple(curve(samples, branch) for branch in ("accelerating", "slowing", "both")),
-        cuts=cuts,
-        averages=tuple(average(cuts)),
+        curves=tuple(binned_curve(samples, branch) for branch in ("accelerating", "slowing", "both")),
+        stick_slips=cuts,
+        averages=tuple(average_stick_slips(cuts)),
         models=models,
-        deviations=deviations(models, motions, inertia),
-        replays=replays(models, motions, cuts, inertia),
+        deviations=model_deviations(models, motions, inertia),
+        replays=replay_stick_slip(models, motions, cuts, inertia),
         kinetic=levels,
         break_aways=tuple(b for m in motions if (b := break_away(m))),
-        over_pressure=over_pressure(strokes, ambient),
-        repeats=tuple(repeats(strokes, ambient)),
-        taken_out=train[0].beside.names,
-        lacking={m.name: lacks[m.name] for m in models},
-        warnings=(*warnings, *missing, *_doubts(both, samples, lacks), *_differing(strokes)),
+        pressure_dependence=pressure_dependence(strokes, ambient),
+        repeatability=tuple(repeatability(strokes, ambient)),
+        removed_effects=train[0].non_friction.effect_names,
+        unmodelled_effects={m.name: lacks[m.name] for m in models},
+        warnings=(*warnings, *missing, *_model_a_warnings(both, samples, lacks), *_level_warnings(strokes)),
     )
 
 
-def _usable(recordings: Sequence[Recording]) -> list[Recording]:
+def _friction_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     moving = [r for r in recordings if r.kind.cylinder]
     tests = [r for r in moving if not r.kind.valve] or moving
     if not any(r.use == "train" for r in tests):
@@ -141,15 +153,15 @@ def _usable(recordings: Sequence[Recording]) -> list[Recording]:
     return tests
 
 
-def _mass(train: Sequence[Motion], warnings: list[str]) -> Value | None:
+def _mass(train: Sequence[Motion], warnings: list[str]) -> IntervalEstimate | None:
     """Return all mass that moves: given, or fitted together with Coulomb and viscous friction where it shows."""
-    if given := train[0].beside.model.rig.moving_mass:
-        mass = given + train[0].beside.mass
-        return Value(mass, mass, mass, "kg")
-    samples = pool(train, 0.0)
+    if given := train[0].non_friction.model.rig.moving_mass:
+        mass = given + train[0].non_friction.added_mass
+        return IntervalEstimate(mass, mass, mass, "kg")
+    samples = pool_samples(train, 0.0)
     fit = fit_coulomb(samples, offset=samples.both_directions, mass=True)
     found = fit.values()["mass"]
-    if found.value and found.ci_high - found.value < UNKNOWN * found.value:
+    if found.value and found.ci_high - found.value < MAX_RELATIVE_MASS_ERROR * found.value:
         return found
     if not all(m.imposed for m in train):
         raise InputError("rig.cylinder.moving_mass", "missing, and these recordings do not tell it", "the moving mass")
@@ -157,7 +169,7 @@ def _mass(train: Sequence[Motion], warnings: list[str]) -> Value | None:
     return None
 
 
-def _reason(lacks: Mapping[Name, tuple[str, ...]]) -> str:
+def _misfit_reason(lacks: Mapping[ModelName, tuple[str, ...]]) -> str:
     """Return why a function of velocity alone does not describe the friction, as far as the pipeline's model knows."""
     if not lacks["A"]:
         return (
@@ -169,25 +181,29 @@ def _reason(lacks: Mapping[Name, tuple[str, ...]]) -> str:
     return f"A, a function of velocity alone, lacks {', '.join(lacks['A'])}, which the pipeline's model has{told}"
 
 
-def _differing(levels: Sequence[KineticFriction]) -> list[str]:
+def _level_warnings(levels: Sequence[KineticFriction]) -> list[str]:
     """Return a warning where kinetic friction differs between recordings by more than both intervals."""
     if not levels or max(k.friction.ci_low for k in levels) <= min(k.friction.ci_high for k in levels):
         return []
     values = [k.friction.value for k in levels]
-    spread = f"{number(min(values), 3)} to {quantity(max(values), 'N', 3)}"
+    spread = f"{format_number(min(values), 3)} to {format_quantity(max(values), 'N', 3)}"
     return [f"kinetic friction differs between recordings ({spread}): model A pools them; see each one's own level"]
 
 
-def _doubts(both: FittedLaw, samples: Samples, lacks: Mapping[Name, tuple[str, ...]]) -> list[str]:
+def _model_a_warnings(
+    both: FrictionFit, samples: MovingSamples, lacks: Mapping[ModelName, tuple[str, ...]]
+) -> list[str]:
     """Return what the user should know about the fit of model A."""
     out = []
     values = both.values()
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
         otherwise = "or friction differs by direction, or a sensor or an area errs"
-        out.append(f"a constant force of {quantity(force, 'N', 3)} acts beside friction ({otherwise})")
-    if both.deviation > RESTLESS:
-        out.append(f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_reason(lacks)}")
+        out.append(f"a constant force of {format_quantity(force, 'N', 3)} acts beside friction ({otherwise})")
+    if both.deviation > MAX_RESIDUAL_TO_NOISE:
+        out.append(
+            f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_misfit_reason(lacks)}"
+        )
     if values["coulomb"].ci_low <= 0:
         out.append("dry friction is not told from zero")
     if "velocity" in values and samples.v.size and values["velocity"].value > 0.25 * np.abs(samples.v).max():

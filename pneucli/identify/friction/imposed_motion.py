@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import Z95, Value
+from pneucli.identify.friction.samples import Z95, IntervalEstimate
 
 Array = NDArray[np.float64]
 
-STROKING = 0.5  # of the median speed while moving: slower is turning, not stroking
+MIN_STROKE_SPEED_RATIO = 0.5  # of the median speed while moving: slower is turning, not stroking
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class KineticFriction:
     recording: str
     pressures: dict[str, float]
     speed: float
-    forward: Value
-    backward: Value
-    friction: Value
-    offset: Value
+    forward: IntervalEstimate
+    backward: IntervalEstimate
+    friction: IntervalEstimate
+    offset: IntervalEstimate
 
 
 def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
@@ -39,25 +39,27 @@ def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
     if not moving.any():
         return None
     speed = float(np.median(np.abs(motion.v[moving])))
-    stroking = moving & (np.abs(motion.v) > STROKING * speed)
+    stroking = moving & (np.abs(motion.v) > MIN_STROKE_SPEED_RATIO * speed)
     sides = [stroking & (np.sign(motion.v) == d) for d in (1, -1)]
     if not all(side.any() for side in sides):
         return None
     friction = motion.friction(mass)
-    (forward, e1), (backward, e2) = (_median(friction[side], motion.time[side], motion.block) for side in sides)
+    (forward, e1), (backward, e2) = (
+        _bootstrapped_median(friction[side], motion.time[side], motion.block_length) for side in sides
+    )
     both = float(np.hypot(e1, e2)) / 2
     return KineticFriction(
         recording=motion.recording.name,
         pressures={n: float(np.nanmedian(motion.recording[n])) for n in ("p1", "p2") if n in motion.recording},
         speed=float(np.median(np.abs(motion.v[stroking]))),
-        forward=_value(forward, e1),
-        backward=_value(backward, e2),
-        friction=_value(0.5 * (forward - backward), both),
-        offset=_value(0.5 * (forward + backward), both),
+        forward=_with_interval(forward, e1),
+        backward=_with_interval(backward, e2),
+        friction=_with_interval(0.5 * (forward - backward), both),
+        offset=_with_interval(0.5 * (forward + backward), both),
     )
 
 
-def _median(force: Array, time: Array, length: float) -> tuple[float, float]:
+def _bootstrapped_median(force: Array, time: Array, length: float) -> tuple[float, float]:
     """Return the median and its standard error, by a bootstrap of the strokes' blocks of ``length`` s."""
     _, block = np.unique(np.floor(time / length), return_inverse=True)
     order = np.argsort(block, kind="stable")
@@ -68,5 +70,5 @@ def _median(force: Array, time: Array, length: float) -> tuple[float, float]:
     return float(np.median(force)), float(np.std(medians))
 
 
-def _value(value: float, error: float) -> Value:
-    return Value(value, value - Z95 * error, value + Z95 * error, "N")
+def _with_interval(value: float, error: float) -> IntervalEstimate:
+    return IntervalEstimate(value, value - Z95 * error, value + Z95 * error, "N")

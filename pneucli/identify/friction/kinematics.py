@@ -12,25 +12,31 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from pneucli.errors import InputError
-from pneucli.identify.friction.non_friction_forces import Beside
-from pneucli.identify.friction.velocity_estimation import Smoother, fuse, gentlest, integrate, rests
-from pneucli.noise import NoiseModel, estimate
+from pneucli.identify.friction.non_friction_forces import NonFrictionForces
+from pneucli.identify.friction.velocity_estimation import (
+    Smoother,
+    fuse_position_and_acceleration,
+    integrate_between_rests,
+    rest_mask,
+    strongest_low_pass,
+)
+from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import filled
+from pneucli.simulate.experiment import fill_gaps
 from pneucli.simulate.model import Model
-from pneucli.simulate.smoothing import local_fits
+from pneucli.simulate.smoothing import choose_windows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Kinematics = Callable[[Array, Array], tuple[Array, Array]]
 
-CLEAR = 5.0  # standard deviations of the velocity, below which a piston counts as resting
-RINGING = 1e-3  # of the highest speed: what smoothing leaves of it beside a stop
-LEAST = 1e-5  # of a signal's spread: below, a computed signal's sampling errs more than its sensor
-BLOCKS = 10  # that a recording falls into at least
-DRAWS = 6  # of the sensors' noise, at most
-ENOUGH = 600_000  # samples of them: what so many tell, more draws of a long recording do not tell better
-DISTINCT = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
+REST_SIGMA = 5.0  # standard deviations of the velocity, below which a piston counts as resting
+RINGING_RATIO = 1e-3  # of the highest speed: what smoothing leaves of it beside a stop
+MIN_NOISE_RATIO = 1e-5  # of a signal's spread: below, a computed signal's sampling errs more than its sensor
+MIN_BLOCKS = 10  # that a recording falls into at least
+MAX_DRAWS = 6  # of the sensors' noise, at most
+MAX_DRAWN_SAMPLES = 600_000  # samples of them: what so many tell, more draws of a long recording do not tell better
+ACCELERATION_SIGMA = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
 
 
 @dataclass(frozen=True)
@@ -38,15 +44,15 @@ class Motion:
     """Signals of one recording, each of shape (n,), SI; forces toward +x.
 
     ``drive`` is all that acts on the piston but friction and inertia: pressures as true sensors would read them, a
-    measured force, and the ``load`` that the model's effects state (``beside``). ``smooth_drive`` and ``smooth_a`` are
-    freed from noise, ``redrawn`` (draws, n) is what the sensors' noise leaves in the smooth drive; ``a`` is without
+    measured force, and the ``load`` that the model's effects state (``non_friction``). ``smooth_drive`` and ``smooth_a`` are
+    freed from noise, ``drive_noise_draws`` (draws, n) is what the sensors' noise leaves in the smooth drive; ``a`` is without
     the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of what is not smoothed) are
-    standard deviations, ``measured_a`` that of the accelerometer (0: none). ``valid``: measured. Velocity and force are
-    smoothed over ``blur`` samples to each side.
+    standard deviations, ``accelerometer_noise`` that of the accelerometer (0: none). ``valid``: measured. Velocity and force are
+    smoothed over ``smoothing_samples`` samples to each side.
     """
 
     recording: Recording
-    beside: Beside
+    non_friction: NonFrictionForces
     x: Array
     v: Array
     a: Array
@@ -54,13 +60,13 @@ class Motion:
     drive: Array
     smooth_drive: Array
     load: Array
-    redrawn: Array
+    drive_noise_draws: Array
     valid: Mask
-    blur: int
+    smoothing_samples: int
     sigma_v: float
     sigma_a: float
     sigma_drive: float
-    measured_a: float
+    accelerometer_noise: float
 
     @property
     def time(self) -> Array:
@@ -73,25 +79,25 @@ class Motion:
         return self.recording.imposed == "motion"
 
     @property
-    def floor(self) -> float:
+    def rest_speed(self) -> float:
         """The velocity in m/s below which the piston counts as resting."""
-        return max(CLEAR * self.sigma_v, RINGING * float(np.abs(self.v).max()))
+        return max(REST_SIGMA * self.sigma_v, RINGING_RATIO * float(np.abs(self.v).max()))
 
     @property
     def moving(self) -> Mask:
         """Samples of certain motion: velocities that the sensors resolve, of one sign as far as smoothing reaches."""
-        return self.sliding(self.blur)
+        return self.sliding(self.smoothing_samples)
 
     def sliding(self, reach: int) -> Mask:
         """Return where the sensors resolve a velocity, and one of the same sign ``reach`` samples to either side."""
-        way = np.where(np.abs(self.v) > self.floor, np.sign(self.v), 0.0)
+        way = np.where(np.abs(self.v) > self.rest_speed, np.sign(self.v), 0.0)
         size = 2 * reach + 1
         forward = minimum_filter1d(way, size, mode="constant") > 0
         backward = maximum_filter1d(way, size, mode="constant") < 0
         return np.asarray((forward | backward) & self.valid)
 
     @cached_property
-    def block(self) -> float:
+    def block_length(self) -> float:
         """How long residuals may be correlated, in s: a slide in one direction (half of all motion is in ones as long).
 
         What a law of friction does not say comes back with every slide.
@@ -100,7 +106,7 @@ class Motion:
         edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
         lasting = np.diff(self.time[np.minimum(edges, way.size - 1)])
         lasting = np.sort(lasting[way[edges[:-1]] != 0.0])
-        most = (self.time[-1] - self.time[0]) / BLOCKS
+        most = (self.time[-1] - self.time[0]) / MIN_BLOCKS
         half = np.searchsorted(np.cumsum(lasting), 0.5 * lasting.sum())
         return float(min(lasting[half], most)) if lasting.sum() else float(most)
 
@@ -108,7 +114,7 @@ class Motion:
     def branch(self) -> NDArray[np.int8]:
         """1 where the piston speeds up for certain, -1 where it slows, 0 where that is open, shape (n,)."""
         along = np.sign(self.v) * self.smooth_a
-        sure = np.abs(along) > DISTINCT * self.sigma_a
+        sure = np.abs(along) > ACCELERATION_SIGMA * self.sigma_a
         return np.where(self.moving & sure, np.sign(along), 0).astype(np.int8)
 
     def friction(self, mass: float) -> Array:
@@ -117,10 +123,10 @@ class Motion:
 
     def sigma_friction(self, mass: float) -> float:
         """Return the standard deviation of one sample of :meth:`friction` in N."""
-        return float(np.hypot(self.sigma_drive, mass * self.measured_a))
+        return float(np.hypot(self.sigma_drive, mass * self.accelerometer_noise))
 
 
-def motion_of(recording: Recording, model: Model) -> Motion:
+def estimate_motion(recording: Recording, model: Model) -> Motion:
     """Return motion and driving force of a recording with x, a or both, and p1, p2, force or several of them.
 
     What the model's effects state of sensors, forces and mass is taken out. A pressure that was not recorded counts as
@@ -128,20 +134,20 @@ def motion_of(recording: Recording, model: Model) -> Motion:
     area is missing, where p2 is missing of a chamber that is not open, and where a force depends on a position that
     was not recorded.
     """
-    parts, beside, time = _drive_parts(recording, model.rig), Beside(model), recording.time
-    raw = {n: filled(time, recording[n]) for n in (*parts, "x", "a") if n in recording}
+    parts, beside, time = _drive_parts(recording, model.rig), NonFrictionForces(model), recording.time
+    raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "a") if n in recording}
     noise = {n: _noise(recording, n, y) for n, y in raw.items()}
     derive, smoothers, a, blur = _estimators(recording, raw, noise)
 
     def push(readings: Mapping[str, Array]) -> Array:
-        true = beside.true_readings(time, readings)
+        true = beside.corrected_readings(time, readings)
         return np.asarray(sum(gain * (true[n] - zero) for n, (gain, zero) in parts.items()))
 
     x = raw.get("x", np.full(time.size, np.nan))
     v, smooth_a = derive(raw.get("x", np.zeros(time.size)), a)
-    load = _loads(recording, beside, x, v)
+    load = _non_friction_force(recording, beside, x, v)
     rng = np.random.default_rng(0)
-    redrawn = np.empty((int(np.clip(ENOUGH // time.size, 1, DRAWS)), time.size))
+    redrawn = np.empty((int(np.clip(MAX_DRAWN_SAMPLES // time.size, 1, MAX_DRAWS)), time.size))
     draws = ({n: its.draw(time, rng) for n, its in noise.items()} for _ in redrawn)
     first = next(draws)
     v_error, a_error = derive(*(first.get(n, np.zeros(time.size)) for n in ("x", "a")))
@@ -150,12 +156,12 @@ def motion_of(recording: Recording, model: Model) -> Motion:
     for out, one in zip(redrawn, chain([first], draws), strict=True):
         out[:] = push({n: y + smoothers[n](one[n]) for n, y in quiet.items()}) - smooth
     missed = push({n: raw[n] + first[n] for n in parts}) - rough
-    moved = beside.loads(x + first.get("x", 0.0), v + v_error) - load
+    moved = beside.forces(x + first.get("x", 0.0), v + v_error) - load
     # without an accelerometer the force is smoothed as the motion is, so that both sides of the equation agree
     accelerometer = "a" in raw
     return Motion(
         recording=recording,
-        beside=beside,
+        non_friction=beside,
         x=x,
         v=v,
         a=a if accelerometer else smooth_a,
@@ -163,18 +169,18 @@ def motion_of(recording: Recording, model: Model) -> Motion:
         drive=(rough if accelerometer else smooth) + load,
         smooth_drive=smooth + load,
         load=load,
-        redrawn=redrawn,
+        drive_noise_draws=redrawn,
         valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw]),
-        blur=blur,
+        smoothing_samples=blur,
         sigma_v=float(np.std(v_error)),
         sigma_a=float(np.std(a_error)),
         sigma_drive=float(np.hypot(np.std(missed), np.std(moved))),
-        measured_a=noise["a"].rms if accelerometer else 0.0,
+        accelerometer_noise=noise["a"].rms if accelerometer else 0.0,
     )
 
 
-def _loads(recording: Recording, beside: Beside, x: Array, v: Array) -> Array:
-    load = beside.loads(x, v)
+def _non_friction_force(recording: Recording, beside: NonFrictionForces, x: Array, v: Array) -> Array:
+    load = beside.forces(x, v)
     if np.isfinite(load).all():
         return load
     names = ", ".join(e.name for e in beside.model.effects if "force" in e.ports)
@@ -182,9 +188,9 @@ def _loads(recording: Recording, beside: Beside, x: Array, v: Array) -> Array:
 
 
 def _noise(recording: Recording, name: str, values: Array) -> NoiseModel:
-    """Return a signal's noise, as given or estimated, but no less than ``LEAST`` of its spread (or of its level)."""
-    given = recording.noise.get(name) or estimate(recording.time, values)
-    least = LEAST * float(np.std(values) or np.abs(values).max() or 1.0)
+    """Return a signal's noise, as given or estimated, but no less than ``MIN_NOISE_RATIO`` of its spread (or of its level)."""
+    given = recording.noise.get(name) or estimate_noise(recording.time, values)
+    least = MIN_NOISE_RATIO * float(np.std(values) or np.abs(values).max() or 1.0)
     return given if given.rms >= least else replace(given, white=least)
 
 
@@ -212,20 +218,20 @@ def _estimators(
     if "a" not in raw and "x" not in raw:
         raise InputError(f"recording {recording.name}", "neither x nor a", "position, acceleration, or both")
     if "a" not in raw:
-        smooth, cutoff = gentlest(time, raw["x"], noise["x"])
+        smooth, cutoff = strongest_low_pass(time, raw["x"], noise["x"])
         blur = int(np.ceil(0.5 / (cutoff * recording.period)))
         return _derivatives(time, smooth), dict.fromkeys(raw, smooth), np.zeros(time.size), blur
-    fits: dict[str, Smoother] = {n: local_fits(y, noise[n], recording.period) for n, y in raw.items()}
+    fits: dict[str, Smoother] = {n: choose_windows(y, noise[n], recording.period) for n, y in raw.items()}
     if "x" in raw:
-        velocity = fuse(time, raw["a"], noise["x"].rms, noise["a"].rms)
+        velocity = fuse_position_and_acceleration(time, raw["a"], noise["x"].rms, noise["a"].rms)
         bias = velocity(raw["x"], raw["a"])[1]
         derive: Kinematics = lambda x, a: (velocity(x, a)[0], fits["a"](a))  # noqa: E731
     else:
-        rest = rests(time, raw["a"], noise["a"])
+        rest = rest_mask(time, raw["a"], noise["a"])
         if not rest.any():
             raise InputError(f"recording {recording.name}", "never at rest", "x, or rests to integrate from")
         bias = float(np.mean(raw["a"][rest]))
-        derive = lambda _, a: (integrate(time, a, rest), fits["a"](a))  # noqa: E731
+        derive = lambda _, a: (integrate_between_rests(time, a, rest), fits["a"](a))  # noqa: E731
     return derive, fits, raw["a"] - bias, 1
 
 

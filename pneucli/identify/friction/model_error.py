@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.models_a_to_f import FrictionModel, Name
-from pneucli.identify.friction.stick_slip import Cut
+from pneucli.identify.friction.models_a_to_f import FrictionModel, ModelName
+from pneucli.identify.friction.stick_slip import StickSlip
 
 Array = NDArray[np.float64]
 Channel = Literal["a", "v", "force"]
 
-STEPS = 10  # of the simulation, from one sample to the next
-FINER = 4  # nodes of the simulator's table to one of the models' grid, so that the grid's own error shows
+SUBSTEPS = 10  # of the simulation, from one sample to the next
+TABLE_REFINEMENT = 4  # nodes of the simulator's table to one of the models' grid, so that the grid's own error shows
 UNITS: dict[Channel, str] = {"a": "m/s^2", "v": "m/s", "force": "N"}
 POOLED = "all"
 
@@ -30,7 +30,7 @@ class Deviation:
     ``noise`` is what the noise of the sensors alone makes of it, in the channel and through the drive (``unit``).
     """
 
-    model: Name
+    model: ModelName
     recording: str
     use: Literal["train", "test"]
     channel: Channel
@@ -41,7 +41,7 @@ class Deviation:
     noise: float
 
 
-class Compared(NamedTuple):
+class ChannelSums(NamedTuple):
     """How a channel compares: the number of its samples, and sums of squares over them.
 
     Of what was ``measured``, of what the model ``missed`` of it, and of what ``noise`` makes of that, the mean over
@@ -58,14 +58,14 @@ class Compared(NamedTuple):
 
 def level_tables(model: FrictionModel) -> tuple[Array, float]:
     """Return the friction levels (N), shape (2, 2, n): toward +x and -x, then speeding up and slowing; and the step."""
-    n = FINER * model.domain.nodes // 2
-    step = model.domain.top / n
+    n = TABLE_REFINEMENT * model.domain.nodes // 2
+    step = model.domain.max_velocity / n
     speed = np.asarray(step * (np.arange(n) + 0.5), dtype=np.float64)
     rows = [[model.level(d * speed, accelerating=b) for b in (True, False)] for d in (1.0, -1.0)]
     return np.maximum(np.array(rows), 0.0), step
 
 
-def driven(
+def simulate_driven(
     model: FrictionModel, motion: Motion, mass: float, noise: Array | float = 0.0, span: slice = slice(None)
 ) -> Array:
     """Return v (m/s) and a (m/s^2), shape (2, n), of the model under a recording's drive, started once at its v.
@@ -75,16 +75,18 @@ def driven(
     """
     tables, step = level_tables(model)
     begin = float(motion.v[span][0])
-    start = begin if abs(begin) > motion.floor else 0.0
+    start = begin if abs(begin) > motion.rest_speed else 0.0
     drive = motion.smooth_drive - motion.load - model.offset + noise
-    return motion.beside.driven(motion.time[span], drive[span], motion.x[span], start, mass, tables, step, STEPS)
+    return motion.non_friction.simulate_driven(
+        motion.time[span], drive[span], motion.x[span], start, mass, tables, step, SUBSTEPS
+    )
 
 
 @dataclass(frozen=True)
-class Replay:
+class StickSlipReplay:
     """One stick-slip as measured and as a model gives it under the same drive; arrays of shape (n,), SI."""
 
-    model: Name
+    model: ModelName
     recording: str
     time: Array
     v: Array
@@ -93,9 +95,9 @@ class Replay:
     a_model: Array
 
 
-def replays(
-    models: Sequence[FrictionModel], motions: Sequence[Motion], cuts: Sequence[Cut], mass: float
-) -> tuple[Replay, ...]:
+def replay_stick_slip(
+    models: Sequence[FrictionModel], motions: Sequence[Motion], cuts: Sequence[StickSlip], mass: float
+) -> tuple[StickSlipReplay, ...]:
     """Return what each model makes of the single stick-slip with the highest speed (figures 6.14-6.19, 6.34-6.39)."""
     by_name = {m.recording.name: m for m in motions}
     one = max(cuts, key=lambda c: c.peak_speed, default=None)
@@ -105,12 +107,12 @@ def replays(
     span = slice(max(one.start, one.breakaway - slide), min(one.end, one.stop + slide))
     out = []
     for model in models:
-        v, a = driven(model, motion, mass, span=span)
+        v, a = simulate_driven(model, motion, mass, span=span)
         time, measured = (
             motion.time[span] - motion.time[one.breakaway],
-            motion.a if motion.measured_a else motion.smooth_a,
+            motion.a if motion.accelerometer_noise else motion.smooth_a,
         )
-        out.append(Replay(model.name, one.recording, time, motion.v[span], v, measured[span], a))
+        out.append(StickSlipReplay(model.name, one.recording, time, motion.v[span], v, measured[span], a))
     return tuple(out)
 
 
@@ -120,61 +122,63 @@ def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
     return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
 
-def deviations(models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float) -> tuple[Deviation, ...]:
+def model_deviations(models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float) -> tuple[Deviation, ...]:
     """Return the tables 6.2 and 6.3: per model, recording and channel, and pooled per use.
 
     Acceleration is compared where an accelerometer measured it; an imposed motion is compared by its force.
     """
     out: list[Deviation] = []
     for model in models:
-        pairs: dict[tuple[Literal["train", "test"], Channel], list[Compared]] = {}
+        pairs: dict[tuple[Literal["train", "test"], Channel], list[ChannelSums]] = {}
         for m in motions:
-            for channel, compared in _compared(model, m, mass).items():
+            for channel, compared in _channel_sums(model, m, mass).items():
                 use = m.recording.use
                 out.append(_deviation(model.name, m.recording.name, use, channel, compared))
                 pairs.setdefault((use, channel), []).append(compared)
         for (use, channel), several in pairs.items():
-            out.append(_deviation(model.name, POOLED, use, channel, _together(several)))
+            out.append(_deviation(model.name, POOLED, use, channel, _pooled(several)))
     return tuple(out)
 
 
-def _compared(model: FrictionModel, m: Motion, mass: float) -> dict[Channel, Compared]:
+def _channel_sums(model: FrictionModel, m: Motion, mass: float) -> dict[Channel, ChannelSums]:
     """Return how the model compares with the channels that were measured."""
     rng = np.random.default_rng(0)
     if m.imposed:
         spread = mass * m.sigma_a
-        drawn = np.mean([_power(one + spread * rng.standard_normal(one.size), m) for one in m.redrawn])
+        drawn = np.mean(
+            [_sum_of_squares(one + spread * rng.standard_normal(one.size), m) for one in m.drive_noise_draws]
+        )
         return {"force": _sums(m, m.drive - m.load, predicted_force(model, m, mass), float(drawn))}
-    nominal, own = driven(model, m, mass), np.array([[m.sigma_v], [m.measured_a]])
+    nominal, own = simulate_driven(model, m, mass), np.array([[m.sigma_v], [m.accelerometer_noise]])
     powers = []
-    for noise in m.redrawn:
-        missed = driven(model, m, mass, noise)
+    for noise in m.drive_noise_draws:
+        missed = simulate_driven(model, m, mass, noise)
         missed -= nominal
         missed += own * rng.standard_normal(missed.shape)
-        powers.append([_power(one, m) for one in missed])
+        powers.append([_sum_of_squares(one, m) for one in missed])
     of_v, of_a = np.mean(powers, axis=0)
     v, a = _sums(m, m.v, nominal[0], of_v), _sums(m, m.a, nominal[1], of_a)
-    return {"a": a, "v": v} if m.measured_a else {"v": v}
+    return {"a": a, "v": v} if m.accelerometer_noise else {"v": v}
 
 
-def _power(values: Array, m: Motion) -> float:
+def _sum_of_squares(values: Array, m: Motion) -> float:
     """Return the sum of squares where the recording is valid."""
     return float(np.sum(values[m.valid] ** 2))
 
 
-def _sums(m: Motion, measured: Array, modelled: Array, noise: float) -> Compared:
+def _sums(m: Motion, measured: Array, modelled: Array, noise: float) -> ChannelSums:
     seen = measured[m.valid]
-    power, missed = _power(measured, m), _power(measured - modelled, m)
-    return Compared(seen.size, power, missed, noise, float(seen.min()), float(seen.max()))
+    power, missed = _sum_of_squares(measured, m), _sum_of_squares(measured - modelled, m)
+    return ChannelSums(seen.size, power, missed, noise, float(seen.min()), float(seen.max()))
 
 
-def _together(several: Sequence[Compared]) -> Compared:
+def _pooled(several: Sequence[ChannelSums]) -> ChannelSums:
     samples, measured, missed, noise, low, high = zip(*several, strict=True)
-    return Compared(sum(samples), sum(measured), sum(missed), sum(noise), min(low), max(high))
+    return ChannelSums(sum(samples), sum(measured), sum(missed), sum(noise), min(low), max(high))
 
 
 def _deviation(
-    name: Name, recording: str, use: Literal["train", "test"], channel: Channel, compared: Compared
+    name: ModelName, recording: str, use: Literal["train", "test"], channel: Channel, compared: ChannelSums
 ) -> Deviation:
     size, rmsd, noise = (np.sqrt(power / compared.samples) for power in compared[1:4])
     spread = compared.high - compared.low

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.binned_curve import Branch
-from pneucli.identify.friction.regression import FittedLaw, fit_coulomb, fit_stribeck, law
-from pneucli.identify.friction.samples import Samples, Value
-from pneucli.tp import TPModel, gather, transform
+from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck, velocity_friction
+from pneucli.identify.friction.samples import IntervalEstimate, MovingSamples
+from pneucli.tp import TPModel, fit_samples, transform
 
 Array = NDArray[np.float64]
-Name = Literal["A", "B", "C", "D", "E", "F"]
+ModelName = Literal["A", "B", "C", "D", "E", "F"]
 
-TITLES: dict[Name, str] = {
+TITLES: dict[ModelName, str] = {
     "A": "Stribeck friction",
     "B": "TP model of A",
     "C": "TP model of the measurement",
@@ -30,38 +30,38 @@ TITLES: dict[Name, str] = {
     "E": "TP models of D, one per branch",
     "F": "TP models of the measurement, one per branch",
 }
-GRID = 1000  # nodes of the thesis
-RESOLVED = 0.95  # what the smoothed sign reaches at the velocity that the sensors resolve
-FEWEST = 50  # samples that a branch, or one direction of it, is identified from
-WELL = 0.5  # samples at a node, below which the outermost nodes of a direct model do not count as measured
+DEFAULT_NODES = 1000  # nodes of the thesis
+SIGN_AT_RESOLVED_VELOCITY = 0.95  # what the smoothed sign reaches at the velocity that the sensors resolve
+MIN_BRANCH_SAMPLES = 50  # samples that a branch, or one direction of it, is identified from
+MIN_NODE_SUPPORT = 0.5  # samples at a node, below which the outermost nodes of a direct model do not count as measured
 
 
 @dataclass(frozen=True)
-class Domain:
-    """Velocities on which the models live: ``nodes`` from -``top`` to ``top`` (m/s), and the sign's steepness.
+class VelocityDomain:
+    """Velocities on which the models live: ``nodes`` from -``max_velocity`` to ``max_velocity`` (m/s), and the sign's steepness.
 
     The nodes' distance grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
     distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
     broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve
-    (``resolved``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its
+    (``resolved_velocity``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its
     smoothing. ``steepness`` (s/m) states eta instead.
     """
 
-    top: float
-    resolved: float
-    nodes: int = GRID
+    max_velocity: float
+    resolved_velocity: float
+    nodes: int = DEFAULT_NODES
     steepness: float | None = None
 
     @property
     def grid(self) -> Array:
         """The nodes, shape (nodes,), m/s; standstill is none of them where their number is even."""
-        most = np.arcsinh(self.top / self.resolved)
-        return np.asarray(self.resolved * np.sinh(np.linspace(-most, most, self.nodes)))
+        most = np.arcsinh(self.max_velocity / self.resolved_velocity)
+        return np.asarray(self.resolved_velocity * np.sinh(np.linspace(-most, most, self.nodes)))
 
     @property
-    def even(self) -> Array:
+    def uniform_speeds(self) -> Array:
         """As many positive speeds, (n,), in m/s at equal distances: a measurement is averaged alike at all of them."""
-        speeds = np.linspace(-self.top, self.top, self.nodes)
+        speeds = np.linspace(-self.max_velocity, self.max_velocity, self.nodes)
         return speeds[speeds > 0]
 
     @property
@@ -74,7 +74,10 @@ class Domain:
         """Steepness of the smoothed sign in s/m."""
         if self.steepness is not None:
             return self.steepness
-        return float(np.log((1 + RESOLVED) / (1 - RESOLVED)) / max(self.resolved, 2 * self.step))
+        return float(
+            np.log((1 + SIGN_AT_RESOLVED_VELOCITY) / (1 - SIGN_AT_RESOLVED_VELOCITY))
+            / max(self.resolved_velocity, 2 * self.step)
+        )
 
     def sign(self, v: Array) -> Array:
         """Return 2 / (1 + exp(-eta v)) - 1 (6.22)."""
@@ -90,7 +93,7 @@ class ModelBranch:
 
     branch: Branch
     force: Callable[[Array], Array]
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    parameters: Mapping[str, IntervalEstimate] = field(default_factory=dict)
     tp: TPModel | None = None
 
 
@@ -102,8 +105,8 @@ class FrictionModel:
     A for A to C, by D for D to F, since one law for two branches would take their difference for a force.
     """
 
-    name: Name
-    domain: Domain
+    name: ModelName
+    domain: VelocityDomain
     branches: tuple[ModelBranch, ...]
     offset: float = 0.0
 
@@ -121,7 +124,7 @@ class FrictionModel:
 
         The domain's ends hold for velocities beyond it.
         """
-        inside = np.clip(v, -self.domain.top, self.domain.top)
+        inside = np.clip(v, -self.domain.max_velocity, self.domain.max_velocity)
         up, down = (self.branch(accelerating=b).force(inside) for b in (True, False))
         return np.where(accelerating, up, down)
 
@@ -134,69 +137,78 @@ class FrictionModel:
         return np.asarray(self.force(clear, accelerating) / self.domain.sign(clear))
 
 
-def parametric(name: Name, domain: Domain, fits: Mapping[Branch, FittedLaw], offset: float) -> FrictionModel:
+def parametric_model(
+    name: ModelName, domain: VelocityDomain, fits: Mapping[Branch, FrictionFit], offset: float
+) -> FrictionModel:
     """Return model A (one fit, of ``both``) or D (``accelerating`` and ``slowing``)."""
     return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()), offset)
 
 
-def _parametric(domain: Domain, branch: Branch, fit: FittedLaw) -> ModelBranch:
+def _parametric(domain: VelocityDomain, branch: Branch, fit: FrictionFit) -> ModelBranch:
     def force(v: Array) -> Array:
         v = np.asarray(v, dtype=np.float64)
-        dry = law(np.abs(v), fit) - fit["viscous"] * np.abs(v)
+        dry = velocity_friction(np.abs(v), fit) - fit["viscous"] * np.abs(v)
         return np.asarray(np.where(v == 0, 0.0, dry) * domain.sign(v) + fit["viscous"] * v)
 
     return ModelBranch(branch, force, fit.values())
 
 
-def transformed(name: Name, source: FrictionModel, mass: float) -> FrictionModel:
+def tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> FrictionModel:
     """Return model B or E: the TP models of the branches of A or D."""
-    branches = tuple(_resampled(one, source.domain, source.domain.grid, mass) for one in source.branches)
+    branches = tuple(_tp_on_grid(one, source.domain, source.domain.grid, mass) for one in source.branches)
     return FrictionModel(name, source.domain, branches, source.offset)
 
 
-def _resampled(one: ModelBranch, domain: Domain, grid: Array, mass: float) -> ModelBranch:
+def _tp_on_grid(one: ModelBranch, domain: VelocityDomain, grid: Array, mass: float) -> ModelBranch:
     """Return the TP model of a branch on any grid."""
     safe = np.where(grid == 0, 1e-6 / domain.eta, grid)  # a22's limit at standstill
-    return _tp(grid, one.branch, one.force(safe) / (mass * safe), mass)
+    return _tp_branch(grid, one.branch, one.force(safe) / (mass * safe), mass)
 
 
-def direct(
-    name: Name, domain: Domain, samples: Mapping[Branch, Samples], viscous: float, offset: float, mass: float
+def tp_from_samples(
+    name: ModelName,
+    domain: VelocityDomain,
+    samples: Mapping[Branch, MovingSamples],
+    viscous: float,
+    offset: float,
+    mass: float,
 ) -> FrictionModel | None:
     """Return model C or F: TP models directly from the measured samples of each branch, less the ``offset`` (N).
 
-    A direction with fewer than ``FEWEST`` samples mirrors the other. Beyond the measured velocities friction goes on
+    A direction with fewer than ``MIN_BRANCH_SAMPLES`` samples mirrors the other. Beyond the measured velocities friction goes on
     with the slope ``viscous`` (N s/m), toward standstill it is held. None where a branch has too few in either.
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
     branches = []
     for branch, s in samples.items():
-        sides = [side for d in (1, -1) if (side := _side(domain, s, viscous, offset, d))]
+        sides = [side for d in (1, -1) if (side := _friction_of_direction(domain, s, viscous, offset, d))]
         if not sides:
             return None
         levels = [np.interp(speed, *side) for side in (sides[0], sides[-1])]
         level = np.where(domain.grid >= 0, *levels)
-        branches.append(_tp(domain.grid, branch, level * smoothed, mass))
+        branches.append(_tp_branch(domain.grid, branch, level * smoothed, mass))
     return FrictionModel(name, domain, tuple(branches), offset)
 
 
-def _side(domain: Domain, s: Samples, viscous: float, offset: float, direction: int) -> tuple[Array, Array] | None:
+def _friction_of_direction(
+    domain: VelocityDomain, s: MovingSamples, viscous: float, offset: float, direction: int
+) -> tuple[Array, Array] | None:
     """Return speeds (m/s) and the friction (N) measured in one direction, by least squares; None without."""
-    nodes = domain.even
+    nodes = domain.uniform_speeds
     speed = direction * s.v
-    mine = (speed >= max(nodes[0], domain.resolved)) & (speed <= nodes[-1])
-    if np.count_nonzero(mine) < FEWEST:
+    mine = (speed >= max(nodes[0], domain.resolved_velocity)) & (speed <= nodes[-1])
+    if np.count_nonzero(mine) < MIN_BRANCH_SAMPLES:
         return None
     friction = direction * (s.friction[mine] - offset)
-    found = gather(speed[mine], friction, (nodes,), sigma=s.sigma[mine])
-    seen = np.flatnonzero(found.support >= WELL)
+    found = fit_samples(speed[mine], friction, (nodes,), sigma=s.sigma[mine])
+    seen = np.flatnonzero(found.support >= MIN_NODE_SUPPORT)
     first, last = seen[0], seen[-1]
     beyond = viscous * np.maximum(nodes - nodes[last], 0.0)
     return nodes, found.samples[np.clip(np.arange(nodes.size), first, last)] + beyond
 
 
-def _tp(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBranch:
+def _tp_branch(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBranch:
     tp = transform(a22[:, None, None], (grid,))
 
     def force(v: Array) -> Array:
@@ -206,30 +218,30 @@ def _tp(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBranch:
 
 
 def identify_models(
-    samples: Samples, both: FittedLaw, domain: Domain, mass: float
+    samples: MovingSamples, both: FrictionFit, domain: VelocityDomain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
     """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
-    a, viscous = parametric("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
+    a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
     found: list[FrictionModel | None] = [
         a,
-        transformed("B", a, mass),
-        direct("C", domain, {"both": samples}, viscous, a.offset, mass),
+        tp_from_model("B", a, mass),
+        tp_from_samples("C", domain, {"both": samples}, viscous, a.offset, mass),
     ]
-    parts: dict[Branch, Samples] = {
-        "accelerating": samples.where(samples.branch > 0),
-        "slowing": samples.where(samples.branch < 0),
+    parts: dict[Branch, MovingSamples] = {
+        "accelerating": samples.select(samples.branch > 0),
+        "slowing": samples.select(samples.branch < 0),
     }
-    if all(len(s) >= FEWEST for s in parts.values()):
+    if all(len(s) >= MIN_BRANCH_SAMPLES for s in parts.values()):
         offset = _common_offset(parts)
-        d = parametric("D", domain, _branch_fits(parts, offset), offset)
-        found += [d, transformed("E", d, mass), direct("F", domain, parts, viscous, offset, mass)]
+        d = parametric_model("D", domain, _branch_fits(parts, offset), offset)
+        found += [d, tp_from_model("E", d, mass), tp_from_samples("F", domain, parts, viscous, offset, mass)]
     models = tuple(m for m in found if m is not None)
     missing = [name for name in TITLES if name not in {m.name for m in models}]
     counts = ", ".join(f"{len(s)} {name}" for name, s in parts.items())
     return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
 
 
-def _common_offset(parts: Mapping[Branch, Samples]) -> float:
+def _common_offset(parts: Mapping[Branch, MovingSamples]) -> float:
     """Return the constant force in N beside both branches, weighed by how sure each is; 0 where it can't be told."""
     if not all(s.both_directions for s in parts.values()):
         return 0.0
@@ -240,7 +252,7 @@ def _common_offset(parts: Mapping[Branch, Samples]) -> float:
     return float(np.average([v.value for v in told], weights=[(v.ci_high - v.ci_low) ** -2.0 for v in told]))
 
 
-def _branch_fits(parts: Mapping[Branch, Samples], offset: float) -> dict[Branch, FittedLaw]:
+def _branch_fits(parts: Mapping[Branch, MovingSamples], offset: float) -> dict[Branch, FrictionFit]:
     rising, falling = (replace(parts[b], friction=parts[b].friction - offset) for b in ("accelerating", "slowing"))
     return {"accelerating": fit_stribeck(rising, offset=False), "slowing": fit_coulomb(falling, offset=False)}
 
@@ -250,11 +262,11 @@ def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -
 
     The smoothed sign is the source's throughout: the grid alone changes.
     """
-    fine = np.linspace(-source.domain.top, source.domain.top, 40_001)
+    fine = np.linspace(-source.domain.max_velocity, source.domain.max_velocity, 40_001)
     out = []
     for nodes in sizes:
         grid = replace(source.domain, nodes=nodes).grid
-        copies = [_resampled(one, source.domain, grid, mass) for one in source.branches]
+        copies = [_tp_on_grid(one, source.domain, grid, mass) for one in source.branches]
         errors = [copy.force(fine) - one.force(fine) for copy, one in zip(copies, source.branches, strict=True)]
         out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))
     return out

@@ -16,26 +16,29 @@ from pneucli.simulate.run import kernel_for
 
 Array = NDArray[np.float64]
 
-TAKEN_OUT = {"mechanics", "pressure sensor"}  # sides of ports; an accelerometer's bias is found from the motion itself
+REMOVED_SIDES = {
+    "mechanics",
+    "pressure sensor",
+}  # sides of ports; an accelerometer's bias is found from the motion itself
 
 
 @dataclass(frozen=True)
-class Beside:
-    """A model's equations at the ports of the sides ``TAKEN_OUT``."""
+class NonFrictionForces:
+    """A model's equations at the ports of the sides ``REMOVED_SIDES``."""
 
     model: Model
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def effect_names(self) -> tuple[str, ...]:
         """The effects that are taken out of the forces before friction is sought in them."""
-        return tuple(e.name for e in self.model.effects if TAKEN_OUT & e.sides)
+        return tuple(e.name for e in self.model.effects if REMOVED_SIDES & e.balances)
 
     @property
-    def mass(self) -> float:
+    def added_mass(self) -> float:
         """What moves beside the rig's mass in kg."""
-        return self.model.total("mass")
+        return self.model.sum_of_port("mass")
 
-    def true_readings(self, time: Array, readings: Mapping[str, Array]) -> dict[str, Array]:
+    def corrected_readings(self, time: Array, readings: Mapping[str, Array]) -> dict[str, Array]:
         """Return readings, each (n,), those of p1 and p2 as sensors without fault would have read them."""
         inputs = np.full((time.size, len(at.INPUTS)), self.model.rig.ambient_pressure)
         columns = {"p1": at.IN_P1, "p2": at.IN_P2}
@@ -44,13 +47,13 @@ class Beside:
         self._kernel.functions.run_true_pressures(time, inputs, *self._vectors)
         return {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()}
 
-    def loads(self, x: Array, v: Array) -> Array:
+    def forces(self, x: Array, v: Array) -> Array:
         """Return the effects' forces toward +x in N, shape (n,), at positions in m and velocities in m/s."""
         out = np.zeros(x.size)
         self._kernel.functions.run_forces(x, v, *self._vectors, out)
         return out
 
-    def driven(
+    def simulate_driven(
         self, time: Array, drive: Array, x: Array, start: float, mass: float, tables: Array, step: float, parts: int
     ) -> Array:
         """Return v (m/s) and a (m/s^2), shape (2, n); see :func:`pneucli.simulate.kernel.table_friction.run_driven`."""
@@ -66,9 +69,9 @@ class Beside:
 
     @cached_property
     def _vectors(self) -> tuple[Array, Array, NDArray[np.uint8]]:
-        base = self.model.base()
+        base = self.model.base_values()
         return (
-            np.array([base[name] for name in at.BASE]),
-            self._kernel.vector(self.model.effect_values()),
-            self._kernel.switches([e.name for e in self.model.effects]),
+            np.array([base[name] for name in at.BASE_NAMES]),
+            self._kernel.effect_vector(self.model.effect_values()),
+            self._kernel.effect_switches([e.name for e in self.model.effects]),
         )

@@ -16,7 +16,7 @@ Z95 = 1.96
 
 
 @dataclass(frozen=True)
-class Value:
+class IntervalEstimate:
     """A number with its 95 % interval and its unit."""
 
     value: float
@@ -26,7 +26,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Samples:
+class MovingSamples:
     """Moving samples of several recordings, each of shape (n,): velocity (m/s), acceleration (m/s^2), drive (N).
 
     ``friction`` is drive - mass a (N), ``sigma`` its standard deviation (N), ``branch`` as in :class:`Motion`, and
@@ -44,9 +44,9 @@ class Samples:
     def __len__(self) -> int:
         return self.v.size
 
-    def where(self, mask: NDArray[np.bool_]) -> Samples:
+    def select(self, mask: NDArray[np.bool_]) -> MovingSamples:
         """Return the samples that ``mask`` (n,) keeps."""
-        return Samples(*(getattr(self, name)[mask] for name in self.__dataclass_fields__))
+        return MovingSamples(*(getattr(self, name)[mask] for name in self.__dataclass_fields__))
 
     @property
     def both_directions(self) -> bool:
@@ -55,13 +55,13 @@ class Samples:
         return 0.1 <= share <= 0.9
 
 
-def pool(motions: Sequence[Motion], mass: float) -> Samples:
+def pool_samples(motions: Sequence[Motion], mass: float) -> MovingSamples:
     """Return the moving samples of all recordings, for a moving mass in kg."""
     parts: list[list[NDArray[Any]]] = []
     for number, m in enumerate(motions):
         keep = m.moving
         friction = m.friction(mass)[keep]
-        block = number * 10**6 + ((m.time[keep] - m.time[0]) / m.block).astype(np.int64)
+        block = number * 10**6 + ((m.time[keep] - m.time[0]) / m.block_length).astype(np.int64)
         sigma = np.full(friction.size, m.sigma_friction(mass))
         parts.append([m.v[keep], m.smooth_a[keep], m.drive[keep], friction, sigma, m.branch[keep], block])
-    return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return MovingSamples(*(np.concatenate(column) for column in zip(*parts, strict=True)))

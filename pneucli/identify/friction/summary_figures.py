@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from pneucli.identify.friction.imposed_motion import KineticFriction
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import Z95, Value
+from pneucli.identify.friction.samples import Z95, IntervalEstimate
 
 Array = NDArray[np.float64]
 
-RESTED = 5  # samples at rest, before which nothing broke away
-AT_END = 3  # of them, whose mean force is the one that broke away
-ALIKE = 0.1  # of a level of pressure above ambient, within which recordings repeat each other
-AS_FAST = 0.3  # of their speed, with which kinetic friction changes little
-EARLY = 0.2  # of a stroke, in which the force of its break-away is sought
-FEWEST = 3  # levels, from which a line has an error of its own
+MIN_REST_SAMPLES = 5  # samples at rest, before which nothing broke away
+BREAKAWAY_SAMPLES = 3  # of them, whose mean force is the one that broke away
+MAX_PRESSURE_DIFFERENCE = 0.1  # of a level of pressure above ambient, within which recordings repeat each other
+MAX_SPEED_DIFFERENCE = 0.3  # of their speed, with which kinetic friction changes little
+BREAKAWAY_STROKE_RATIO = 0.2  # of a stroke, in which the force of its break-away is sought
+MIN_LEVELS = 3  # levels, from which a line has an error of its own
 
 
 @dataclass(frozen=True)
@@ -30,22 +30,22 @@ class BreakAway:
     """
 
     recording: str
-    force: Value
-    least: float
-    most: float
+    force: IntervalEstimate
+    minimum: float
+    maximum: float
     count: int
 
 
 @dataclass(frozen=True)
-class OverPressure:
+class PressureDependence:
     """Kinetic friction over the pressure of chamber 1 above ambient: N at ambient pressure, and N/Pa."""
 
-    at_ambient: Value
-    slope: Value
+    at_ambient: IntervalEstimate
+    slope: IntervalEstimate
 
 
 @dataclass(frozen=True)
-class Repeats:
+class Repeatability:
     """Recordings at one pressure and speed: the mean of their friction, and its standard deviation over the mean."""
 
     recordings: tuple[str, ...]
@@ -55,55 +55,59 @@ class Repeats:
 
 def break_away(motion: Motion) -> BreakAway | None:
     """Return the break-away forces of one recording; None where the piston never rests before it moves."""
-    forces = np.array(list(_pulled(motion) if motion.imposed else _held(motion)))
+    forces = np.array(
+        list(_breakaway_forces_of_strokes(motion) if motion.imposed else _breakaway_forces_at_rest(motion))
+    )
     forces = forces[np.isfinite(forces)]
     if not forces.size:
         return None
     middle, error = float(np.median(forces)), 1.2533 * float(np.std(forces)) / np.sqrt(forces.size)  # of a median
     low, high = (middle - Z95 * error, middle + Z95 * error) if forces.size > 1 else (np.nan, np.nan)
-    force = Value(middle, low, high, "N")
+    force = IntervalEstimate(middle, low, high, "N")
     return BreakAway(motion.recording.name, force, float(forces.min()), float(forces.max()), forces.size)
 
 
-def _held(motion: Motion) -> Iterator[float]:
+def _breakaway_forces_at_rest(motion: Motion) -> Iterator[float]:
     """Yield the force at the end of each rest, of a piston that is free to rest until it is pushed enough."""
-    still = np.abs(motion.v) <= motion.floor
+    still = np.abs(motion.v) <= motion.rest_speed
     for k in np.flatnonzero(still[:-1] & ~still[1:]):
-        if k + 1 >= RESTED and still[k + 1 - RESTED : k + 1].all():
-            yield abs(float(np.nanmean(motion.drive[k + 1 - AT_END : k + 1])))
+        if k + 1 >= MIN_REST_SAMPLES and still[k + 1 - MIN_REST_SAMPLES : k + 1].all():
+            yield abs(float(np.nanmean(motion.drive[k + 1 - BREAKAWAY_SAMPLES : k + 1])))
 
 
-def _pulled(motion: Motion) -> Iterator[float]:
+def _breakaway_forces_of_strokes(motion: Motion) -> Iterator[float]:
     """Yield the largest force at the start of each stroke that a machine makes: it turns before the seal lets go."""
-    way = np.where(np.abs(motion.v) > motion.floor, np.sign(motion.v), 0.0)
+    way = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
     edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
     for first, end in pairwise(edges):
-        if way[first] and end - first >= RESTED / EARLY:
-            early = motion.smooth_drive[max(first - RESTED, 0) : first + int(EARLY * (end - first))]
+        if way[first] and end - first >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO:
+            early = motion.smooth_drive[
+                max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))
+            ]
             yield float(np.max(way[first] * early))
 
 
-def over_pressure(levels: Sequence[KineticFriction], ambient: float) -> OverPressure | None:
+def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> PressureDependence | None:
     """Return the line through the recordings' friction; None where they are fewer than three, or at one pressure."""
     known = [k for k in levels if "p1" in k.pressures]
     p = np.array([k.pressures["p1"] - ambient for k in known])
-    if p.size < FEWEST or np.ptp(p) <= ALIKE * np.abs(p).max():
+    if p.size < MIN_LEVELS or np.ptp(p) <= MAX_PRESSURE_DIFFERENCE * np.abs(p).max():
         return None
     design, force = np.column_stack([np.ones(p.size), p / 1e5]), np.array([k.friction.value for k in known])
     found, squares, *_ = np.linalg.lstsq(design, force, rcond=None)
     errors = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * float(np.sum(squares)) / (p.size - 2))
     (at_ambient, slope), (e0, e1) = found.tolist(), errors.tolist()
-    return OverPressure(
-        Value(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
-        Value(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
+    return PressureDependence(
+        IntervalEstimate(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
+        IntervalEstimate(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
     )
 
 
-def repeats(levels: Sequence[KineticFriction], ambient: float) -> list[Repeats]:
+def repeatability(levels: Sequence[KineticFriction], ambient: float) -> list[Repeatability]:
     """Return the groups of recordings at one pressure and speed, in the recordings' order."""
     groups: list[list[KineticFriction]] = []
     for level in levels:
-        group = next((g for g in groups if _alike(g[0], level, ambient)), None)
+        group = next((g for g in groups if _is_repeat(g[0], level, ambient)), None)
         if group is None:
             groups.append([level])
         else:
@@ -113,13 +117,13 @@ def repeats(levels: Sequence[KineticFriction], ambient: float) -> list[Repeats]:
         values = np.array([k.friction.value for k in group])
         if len(group) > 1:
             spread = float(np.std(values, ddof=1) / values.mean())
-            out.append(Repeats(tuple(k.recording for k in group), float(values.mean()), spread))
+            out.append(Repeatability(tuple(k.recording for k in group), float(values.mean()), spread))
     return out
 
 
-def _alike(one: KineticFriction, other: KineticFriction, ambient: float) -> bool:
+def _is_repeat(one: KineticFriction, other: KineticFriction, ambient: float) -> bool:
     if one.pressures.keys() != other.pressures.keys():
         return False
-    pairs = [(one.speed, other.speed, AS_FAST)]
-    pairs += [(p - ambient, other.pressures[n] - ambient, ALIKE) for n, p in one.pressures.items()]
+    pairs = [(one.speed, other.speed, MAX_SPEED_DIFFERENCE)]
+    pairs += [(p - ambient, other.pressures[n] - ambient, MAX_PRESSURE_DIFFERENCE) for n, p in one.pressures.items()]
     return all(abs(a - b) <= share * max(abs(a), abs(b), 1e-9) for a, b, share in pairs)

@@ -8,53 +8,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.models_a_to_f import TITLES, Name
+from pneucli.identify.friction.models_a_to_f import TITLES, ModelName
 from pneucli.physics.declaration import PORTS, Effect
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-STATES = 100  # of each recording, at which a factor is looked at
-BY_BRANCH, BY_DIRECTION, NONE = set("DEF"), set("CF"), set[str]()
+MAX_STATES = 100  # of each recording, at which a factor is looked at
+BY_BRANCH, BY_DIRECTION, NO_MODEL = set("DEF"), set("CF"), set[str]()
 # ports of friction, and the models that can show what enters there; a rise in both branches is more than D has
-SHOWN = {"dry_rise": set("ABCF"), "slowing": BY_BRANCH, "viscous_factor": BY_DIRECTION}
+MODELS_BY_PORT = {"dry_rise": set("ABCF"), "slowing": BY_BRANCH, "viscous_factor": BY_DIRECTION}
 
 
-def lacking(model: Model, motions: Sequence[Motion]) -> dict[Name, tuple[str, ...]]:
+def unmodelled_effects(model: Model, motions: Sequence[Motion]) -> dict[ModelName, tuple[str, ...]]:
     """Return for each of A to F the model's effects on friction that it cannot show in these recordings."""
-    return {name: tuple(e.name for e in model.effects if not _shows(name, e, model, motions)) for name in TITLES}
+    return {name: tuple(e.name for e in model.effects if not _represents(name, e, model, motions)) for name in TITLES}
 
 
-def _shows(name: Name, effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
+def _represents(name: ModelName, effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
     ports = [port for port in effect.ports if PORTS[port].side == "friction"]
-    return all(name in _shown(port, effect, model, motions) for port in ports)
+    return all(name in _representing_models(port, effect, model, motions) for port in ports)
 
 
-def _shown(port: str, effect: Effect, model: Model, motions: Sequence[Motion]) -> set[str]:
+def _representing_models(port: str, effect: Effect, model: Model, motions: Sequence[Motion]) -> set[str]:
     if port == "dry_rise" and any("slowing" in e.ports for e in model.effects):  # then it is one branch's, as in D
-        return SHOWN[port] | BY_BRANCH
+        return MODELS_BY_PORT[port] | BY_BRANCH
     if port == "dry_factor" and _by_direction_alone(effect, model, motions):
         return BY_DIRECTION
-    return SHOWN.get(port, NONE)
+    return MODELS_BY_PORT.get(port, NO_MODEL)
 
 
 def _by_direction_alone(effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
     """Whether the factor on dry friction is one number for each direction wherever the piston moved."""
-    ambient, own = model.rig.ambient_pressure, model.own(effect)
+    ambient, own = model.rig.ambient_pressure, model.effect_parameters(effect)
     for direction in (1.0, -1.0):
         factors = [
             effect.ports["dry_factor"](direction, *state, ambient, *own)
             for m in motions
-            for state in _states(m, ambient)
+            for state in _sampled_states(m, ambient)
         ]
         if factors and np.ptp(np.array(factors, dtype=np.float64)) > 0.0:
             return False
     return True
 
 
-def _states(m: Motion, ambient: float) -> list[tuple[float, float, float]]:
+def _sampled_states(m: Motion, ambient: float) -> list[tuple[float, float, float]]:
     """Return some positions and pressures p1, p2 at which the piston moved."""
     at = np.flatnonzero(m.moving)
-    at = at[:: max(1, at.size // STATES)]
+    at = at[:: max(1, at.size // MAX_STATES)]
     p1, p2 = (m.recording[n][at] if n in m.recording else np.full(at.size, ambient) for n in ("p1", "p2"))
     return [(float(x), float(a), float(b)) for x, a, b in zip(m.x[at], p1, p2, strict=True)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.guesses.chamber_balance import PRESSURES, Chamber, gas_of
+from pneucli.identify.guesses.chamber_balance import PRESSURE_SIGNALS, Chamber, measured_gas
 from pneucli.physics.gas import critical_ratio_of, flow_constant
 from pneucli.physics.vectorised import orifice_flows
 from pneucli.recording import Rig
@@ -19,56 +19,58 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Command:
+class CommandConversion:
     """What goes to the valve, in V, for an opening of one chamber's paths, which is positive where they fill."""
 
     null: float
     sign: float
 
-    def of(self, opening: Array) -> Array:
+    def from_opening(self, opening: Array) -> Array:
         """Return the command for an opening."""
         return np.asarray(self.null + self.sign * opening)
 
-    def opening(self, command: Array | float) -> Array:
+    def to_opening(self, command: Array | float) -> Array:
         """Return the opening that a command makes."""
         return np.asarray(self.sign * (np.asarray(command, dtype=np.float64) - self.null))
 
 
-def command_of(rig: Rig, chamber: Chamber) -> Command:
+def command_conversion(rig: Rig, chamber: Chamber) -> CommandConversion:
     """Return how the paths of a chamber are commanded: those of chamber 2 may be one spool's other way."""
-    return Command(rig.valve_null, rig.sense(chamber))
+    return CommandConversion(rig.valve_null, rig.command_sign(chamber))
 
 
 @dataclass(frozen=True)
-class Paths:
+class FlowPathData:
     """A recording of the paths of one chamber, or of a vessel in its place; arrays of shape (n,).
 
     ``opening`` is the command in V from the null one, positive where it fills; ``flow`` the mass flow in kg/s into the
-    chamber by the base model's balance of the smoothed pressure, ``per_area`` that of the base model in kg/(s m^2) at
-    the sign of the opening; ``volume`` (m^3) and ``growth`` (m^3/s) are the chamber's.
+    chamber by the base model's balance of the smoothed pressure, ``mass_flux`` that of the base model in kg/(s m^2) at
+    the sign of the opening; ``volume`` (m^3) and ``volume_rate`` (m^3/s) are the chamber's.
     """
 
     experiment: Experiment
     opening: Array
     flow: Array
-    per_area: Array
+    mass_flux: Array
     volume: Array
-    growth: Array
+    volume_rate: Array
 
 
-def driven(experiments: Sequence[Experiment]) -> list[Experiment]:
+def valve_driven(experiments: Sequence[Experiment]) -> list[Experiment]:
     """Return the experiments in which a valve is commanded."""
     return [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
 
 
-def paths(experiments: Sequence[Experiment], rig: Rig, chamber: Chamber, vessel_volume: float) -> Iterator[Paths]:
+def flow_path_data(
+    experiments: Sequence[Experiment], rig: Rig, chamber: Chamber, vessel_volume: float
+) -> Iterator[FlowPathData]:
     """Yield what each driven experiment shows of the paths of chamber 1 or 2."""
-    for e in driven(experiments):
-        if opening_of(e, chamber) is not None:
-            yield _paths(e, rig, chamber, vessel_volume)
+    for e in valve_driven(experiments):
+        if opening_from_null(e, chamber) is not None:
+            yield _flow_path_data(e, rig, chamber, vessel_volume)
 
 
-def opening_of(e: Experiment, chamber: Chamber) -> Array | None:
+def opening_from_null(e: Experiment, chamber: Chamber) -> Array | None:
     """Return the command in V from the null one of the paths of a chamber; None where they are not seen."""
     null = e.rig.valve_null
     if e.vessel:
@@ -81,15 +83,15 @@ def opening_of(e: Experiment, chamber: Chamber) -> Array | None:
     return np.asarray(null - e.inputs[:, at.IN_U] if mirrored else e.inputs[:, at.IN_U2] - null)
 
 
-def on_a_vessel(e: Experiment, chamber: Chamber) -> Experiment | None:
+def as_valve_test(e: Experiment, chamber: Chamber) -> Experiment | None:
     """Return the paths of a chamber as a valve test shows them, or would: from the null, positive where they fill.
 
     Of a piston's chamber only command, pressure and supply are taken over; None where the paths are not seen.
     """
-    opening = opening_of(e, chamber)
+    opening = opening_from_null(e, chamber)
     if opening is None:
         return None
-    name, column = PRESSURES[1 if e.vessel else chamber]
+    name, column = PRESSURE_SIGNALS[1 if e.vessel else chamber]
     inputs = e.inputs.copy()
     inputs[:, at.IN_U], inputs[:, at.IN_P1] = opening, inputs[:, column]
     signals = dict(e.recording.signals)
@@ -101,16 +103,16 @@ def on_a_vessel(e: Experiment, chamber: Chamber) -> Experiment | None:
     return replace(e, recording=recording, rig=replace(e.rig, valve_null=0.0), inputs=inputs)
 
 
-def _paths(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> Paths:
-    opening = opening_of(e, chamber)
+def _flow_path_data(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> FlowPathData:
+    opening = opening_from_null(e, chamber)
     assert opening is not None
-    p = e.inputs[:, PRESSURES[1 if e.vessel else chamber][1]]
-    gas = gas_of(e, rig, chamber, vessel_volume)
-    per_area = flow_per_area(rig, opening, e.inputs[:, at.IN_SUPPLY], p)
-    return Paths(e, opening, gas.flow, per_area, gas.volume, gas.growth)
+    p = e.inputs[:, PRESSURE_SIGNALS[1 if e.vessel else chamber][1]]
+    gas = measured_gas(e, rig, chamber, vessel_volume)
+    per_area = mass_flux(rig, opening, e.inputs[:, at.IN_SUPPLY], p)
+    return FlowPathData(e, opening, gas.flow, per_area, gas.volume, gas.volume_rate)
 
 
-def flow_per_area(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
+def mass_flux(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
     """Return the mass flow per area in kg/(s m^2) into a chamber at p, filled or vented as an opening (V) does.
 
     Pressures in Pa, all (n,).

@@ -5,7 +5,7 @@ motion and pressures leave a friction force, which is held against the model's s
 say. ``Inferred``: the same where p2 was not recorded, with that of the model. ``Imposed``: the force that the model
 needs for the given motion against the measured one. ``Whole``: all channels simulated, where a subsystem lacks a
 signal. Each view is smooth in its parameters, which a free run with stick and slip is not. One module each; a new
-subsystem is one more, and a line in :func:`views_of`.
+subsystem is one more, and a line in :func:`residual_models`.
 """
 
 from __future__ import annotations
@@ -14,32 +14,46 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from pneucli.identify.residuals.base import View
-from pneucli.identify.residuals.chambers import Chambers
-from pneucli.identify.residuals.force_balance import Forces, Inferred
-from pneucli.identify.residuals.free_run import Imposed, Whole
+from pneucli.identify.residuals.base import ResidualModel
+from pneucli.identify.residuals.chambers import ChamberPressures
+from pneucli.identify.residuals.force_balance import ForceBalance, ForceBalanceInferredP2
+from pneucli.identify.residuals.free_run import FreeRun, ImposedMotion
 from pneucli.simulate.experiment import Experiment
 
-__all__ = ["Chambers", "Forces", "Imposed", "Inferred", "View", "Whole", "views_of", "weighted"]
+__all__ = [
+    "ChamberPressures",
+    "ForceBalance",
+    "ForceBalanceInferredP2",
+    "FreeRun",
+    "ImposedMotion",
+    "ResidualModel",
+    "residual_models",
+    "with_channel_weights",
+]
 
 
-def views_of(experiments: Sequence[Experiment], *, whitened: bool = False) -> list[View]:
-    """Return the views that the recorded signals allow; ``whitened`` chambers are so for the errors of their starts."""
-    return [view for e in experiments for view in _of(e, whitened=whitened) if view.channels]
+def residual_models(experiments: Sequence[Experiment], *, whiten_initial_state: bool = False) -> list[ResidualModel]:
+    """Return the views that the recorded signals allow; ``whiten_initial_state`` chambers are so for the errors of their starts."""
+    return [
+        view for e in experiments for view in _models_of_recording(e, whitened=whiten_initial_state) if view.channels
+    ]
 
 
-def _of(e: Experiment, *, whitened: bool) -> list[View]:
+def _models_of_recording(e: Experiment, *, whitened: bool) -> list[ResidualModel]:
     if e.recording.imposed == "motion":
-        return [Imposed(e)]
+        return [ImposedMotion(e)]
     if e.recording.kind.vessel:
-        return [Chambers(e, whitened)]
+        return [ChamberPressures(e, whitened)]
     if "x" not in e.raw:
-        return [Whole(e)]
+        return [FreeRun(e)]
     if not e.recording.kind.valve:
-        return [Forces(e)]
-    return [Inferred(e) if e.infers_p2 else Forces(e), Chambers(e.imposing(), whitened)]
+        return [ForceBalance(e)]
+    return [
+        ForceBalanceInferredP2(e) if e.infers_p2 else ForceBalance(e),
+        ChamberPressures(e.without_mechanics(), whitened),
+    ]
 
 
-def weighted(views: Sequence[View], weights: Mapping[Any, float]) -> list[View]:
+def with_channel_weights(views: Sequence[ResidualModel], weights: Mapping[Any, float]) -> list[ResidualModel]:
     """Return the views with weights by channel, by which a fit multiplies their residuals; 1 where none is given."""
     return [replace(view, weights=weights) for view in views] if weights else list(views)

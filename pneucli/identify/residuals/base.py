@@ -12,43 +12,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.guesses.chamber_balance import Chamber
-from pneucli.identify.guesses.flow_paths import opening_of
+from pneucli.identify.guesses.flow_paths import opening_from_null
 from pneucli.physics.declaration import Effect, Side
 from pneucli.quantities import SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.noise_propagation import deviations
+from pneucli.simulate.noise_propagation import sample_deviations
 
 Array = NDArray[np.float64]
 
-FAR = 1e9  # times the noise: more than any model errs that does not run away
+MAX_RESIDUAL = 1e9  # times the noise: more than any model errs that does not run away
 
 
 @dataclass(frozen=True)
-class Way:
+class DiscrepancyTerm:
     """As what something that a model lacks may act in one channel: its ``name``, its ``unit``, and what one such unit
     is over time (n,).
 
-    ``becomes`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
-    It may be a function of any signal, or of the one that is its ``only`` one. ``modelled`` (n,) is that signal as the
+    ``to_residual`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
+    It may be a function of any signal, or of the one that is its ``argument`` one. ``modelled`` (n,) is that signal as the
     model has it: of what was measured, what the model lacks is a part, which would explain itself.
     """
 
     name: str
     unit: str
-    one: Array
-    becomes: Callable[[Array], Array]
-    only: str | None = None
+    unit_signal: Array
+    to_residual: Callable[[Array], Array]
+    argument: str | None = None
     modelled: Array | None = None
 
 
 @dataclass(frozen=True)
-class View(ABC):
+class ResidualModel(ABC):
     """One experiment seen through one subsystem.
 
-    ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show, ``base`` the
-    groups of base parameters that matter. ``states_force``: an error of it is one of a force. ``replayed``: it is
+    ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show, ``base_groups`` the
+    groups of base parameters that matter. ``predicts_force``: an error of it is one of a force. ``is_simulated``: it is
     simulated from each restart on, so that errors grow until the next. ``weights`` by channel (1 where there is none)
     say how much a fit counts a residual.
     """
@@ -57,9 +57,9 @@ class View(ABC):
     weights: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     title: ClassVar[str]
     sides: ClassVar[frozenset[Side]]
-    base: ClassVar[frozenset[str]]
-    states_force: ClassVar[bool] = False
-    replayed: ClassVar[bool] = True
+    base_groups: ClassVar[frozenset[str]]
+    predicts_force: ClassVar[bool] = False
+    is_simulated: ClassVar[bool] = True
 
     @property
     def name(self) -> str:
@@ -67,7 +67,7 @@ class View(ABC):
         return f"{self.experiment.recording.name}: {type(self).__name__.lower()}"
 
     @property
-    def candidates(self) -> tuple[str, ...]:
+    def subsystem_channels(self) -> tuple[str, ...]:
         """The channels that belong to the subsystem, recorded or not."""
         return self.experiment.channels
 
@@ -75,45 +75,45 @@ class View(ABC):
     def channels(self) -> tuple[str, ...]:
         """The channels whose residuals the view holds; one without any noise has no measure for them."""
         e = self.experiment
-        return tuple(c for c in e.channels if c in self.candidates and (c not in e.noise or e.noise[c].rms))
+        return tuple(c for c in e.channels if c in self.subsystem_channels and (c not in e.noise or e.noise[c].rms))
 
-    def feels(self, effect: Effect) -> bool:
+    def is_sensitive_to(self, effect: Effect) -> bool:
         """Whether the effect can show in this view."""
-        return effect.part in self.experiment.parts and bool(self.sides & effect.sides)
+        return effect.part in self.experiment.parts and bool(self.sides & effect.balances)
 
-    def alone(self, effect: Effect) -> tuple[str, ...]:
+    def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
         """Return the channels in which nothing shows but effects such as this one, at the same port."""
         return ()
 
-    def feels_base(self, name: str) -> bool:
+    def is_sensitive_to_base(self, name: str) -> bool:
         """Whether a base parameter matters in this view."""
-        return name.partition(".")[0] in self.base
+        return name.partition(".")[0] in self.base_groups
 
     @abstractmethod
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return measured minus model by channel, each (n,), SI; 0 where nothing was measured.
 
-        ``errors`` of the starts are what :meth:`carried` gives, by default for this very model.
+        ``errors`` of the starts are what :meth:`initial_state_sensitivity` gives, by default for this very model.
         """
 
-    def carried(self, model: Model) -> dict[str, Array]:
+    def initial_state_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return what errors of the starts become (k, n), in units of noise; nothing where it has no such starts."""
         return {}
 
-    def flow_errors(self, model: Model) -> dict[str, Array]:
+    def flow_gain_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return what relative errors of the flow become, in units of noise; nothing where the view has no flow."""
         return {}
 
-    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+    def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return as what something that a model lacks may act in a channel."""
         one = np.ones(self.experiment.time.size)
-        return (Way("error", SIGNALS[channel].unit, one, lambda added: added / self.noise[channel]),)
+        return (DiscrepancyTerm("error", SIGNALS[channel].unit, one, lambda added: added / self.noise[channel]),)
 
-    def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+    def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals whitened for such errors."""
         return dict(residual)
 
-    def volume(self, errors: Mapping[str, Array]) -> Array:
+    def log_determinant(self, errors: Mapping[str, Array]) -> Array:
         """Return what a likelihood adds to the squares of the residuals for such errors, channel after channel (N,)."""
         return np.zeros(self.experiment.time.size * len(self.channels))
 
@@ -123,46 +123,48 @@ class View(ABC):
         e = self.experiment
         return {c: e.noise[c].rms for c in self.channels if c in e.noise}
 
-    def drawn_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
+    def monte_carlo_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
         """Return the rms by channel of drawn noise sent through the model, in units of the sensors' noise."""
-        drawn = deviations(model, self.experiment, draws)
-        settled = [self.settled({c: d[i] for c, d in drawn.items()}, errors) for i in range(draws)]
+        drawn = sample_deviations(model, self.experiment, draws)
+        settled = [self.apply_whitening({c: d[i] for c, d in drawn.items()}, errors) for i in range(draws)]
         power = {c: float(np.mean([np.mean(s[c] ** 2) for s in settled])) for c in self.channels}
         return {c: float(np.sqrt(p)) / self.noise[c] for c, p in power.items()}
 
-    def tells(self, a: Model, b: Model) -> bool:
+    def differs(self, a: Model, b: Model) -> bool:
         """Whether two models that differ in one parameter differ in this view at all."""
         if a.valves != b.valves:
-            return self.feels_valve(a, b)
+            return self.valve_differs(a, b)
         changed = {name for name in b.values if a.values.get(name) != b.values[name]}
         parts = {name.partition(".")[0] for name in changed}
-        felt = any(effect.name in parts and self.feels(effect) for effect in b.effects)
-        return felt or any(self.feels_base(name) for name in changed)
+        felt = any(effect.name in parts and self.is_sensitive_to(effect) for effect in b.effects)
+        return felt or any(self.is_sensitive_to_base(name) for name in changed)
 
-    def feels_valve(self, a: Model, b: Model) -> bool:
+    def valve_differs(self, a: Model, b: Model) -> bool:
         """Whether two models' valves may differ where this recording opened them."""
-        if self.valve_is_given:
+        if self.pressures_are_inputs:
             return False
-        pairs = [(a.second, b.second)] if self.experiment.recording.chamber == 2 else [(a.valve, b.valve)]
-        if len(self.openings) == 2:
-            pairs.append((a.second, b.second))
+        pairs = (
+            [(a.chamber_2_valve, b.chamber_2_valve)] if self.experiment.recording.chamber == 2 else [(a.valve, b.valve)]
+        )
+        if len(self.opening_ranges) == 2:
+            pairs.append((a.chamber_2_valve, b.chamber_2_valve))
         return any(
             low < most and high > least
-            for (old, new), (least, most) in zip(pairs, self.openings, strict=True)
-            for low, high in old.changed(new)  # type: ignore[arg-type]
+            for (old, new), (least, most) in zip(pairs, self.opening_ranges, strict=True)
+            for low, high in old.changed_ranges(new)  # type: ignore[arg-type]
         )
 
     @property
-    def valve_is_given(self) -> bool:
+    def pressures_are_inputs(self) -> bool:
         """Whether measured pressures take the place of the valve."""
-        return "valve" not in self.base
+        return "valve" not in self.base_groups
 
     @cached_property
-    def openings(self) -> list[tuple[float, float]]:
+    def opening_ranges(self) -> list[tuple[float, float]]:
         """Between which openings (V) each path may have been: from rest to its largest ones."""
         e = self.experiment
         chambers: list[Chamber] = [e.recording.chamber] if e.vessel else [1, 2]
-        opened = [u for u in (opening_of(e, chamber) for chamber in chambers) if u is not None]
+        opened = [u for u in (opening_from_null(e, chamber) for chamber in chambers) if u is not None]
         return [(min(float(u.min()), 0.0), max(float(u.max()), 0.0)) for u in opened]
 
     @cached_property
@@ -171,16 +173,18 @@ class View(ABC):
         return {c: self.experiment.measured(c) for c in self.channels}
 
 
-def forces(experiment: Experiment, noise: float) -> tuple[Way, ...]:
+def force_discrepancy_terms(experiment: Experiment, noise: float) -> tuple[DiscrepancyTerm, ...]:
     """Return as what a force, whose ``noise`` is in N, may act on the piston: 1 N of it, or 1 N s/m."""
     v = experiment.inputs[:, at.IN_V]
     each = (("force", "N", np.ones(v.size)), ("dry friction", "N", np.sign(v)), ("viscous friction", "N s/m", v))
-    return tuple(Way(name, unit, one, lambda added: added / noise) for name, unit, one in each)
+    return tuple(DiscrepancyTerm(name, unit, one, lambda added: added / noise) for name, unit, one in each)
 
 
-def difference(measured: Array, modelled: Array, noise: float) -> Array:
+def bounded_difference(measured: Array, modelled: Array, noise: float) -> Array:
     """Return measured minus model (n,), 0 where nothing was measured; of a model that runs away, very much."""
     with np.errstate(invalid="ignore", over="ignore"):
         apart = measured - modelled
     apart[np.isnan(measured)] = 0.0
-    return np.clip(np.nan_to_num(apart, copy=False, nan=FAR * noise), -FAR * noise, FAR * noise)
+    return np.clip(
+        np.nan_to_num(apart, copy=False, nan=MAX_RESIDUAL * noise), -MAX_RESIDUAL * noise, MAX_RESIDUAL * noise
+    )

@@ -9,110 +9,128 @@ from typing import ClassVar
 
 import numpy as np
 
-from pneucli.identify.guesses.chamber_balance import Chamber, Gas, misread, modelled_gas, pressure_of
-from pneucli.identify.guesses.flow_paths import opening_of
-from pneucli.identify.residuals.base import Array, View, Way, difference
-from pneucli.identify.residuals.flow_gain import flow_errors
-from pneucli.identify.residuals.initial_state import carried, start_errors, volume, whitened
+from pneucli.identify.guesses.chamber_balance import (
+    Chamber,
+    ChamberGas,
+    modelled_gas,
+    pressure_deviation,
+    sensor_error_deviation,
+)
+from pneucli.identify.guesses.flow_paths import opening_from_null
+from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, bounded_difference
+from pneucli.identify.residuals.flow_gain import flow_gain_sensitivity
+from pneucli.identify.residuals.initial_state import (
+    apply_whitening,
+    initial_state_errors,
+    initial_state_sensitivity,
+    log_determinant,
+)
 from pneucli.physics.declaration import Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
 
-CHAMBERS: dict[str, Chamber] = {"p1": 1, "p2": 2}
-MODELLED = {"p1": at.P1, "p2": at.P2}
-HYSTERESIS = (0.02, 0.06, 0.18)  # of the range of openings: plays that are tried
+CHAMBER_OF_SIGNAL: dict[str, Chamber] = {"p1": 1, "p2": 2}
+STATE_OF_SIGNAL = {"p1": at.P1, "p2": at.P2}
+PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: plays that are tried
 
 
 @dataclass(frozen=True)
-class Chambers(View):
+class ChamberPressures(ResidualModel):
     """Gas and valve.
 
-    ``whitened`` for the errors of the starts: right for costs that are compared. Where the model is wrong, the sum of
+    ``whiten_initial_state`` for the errors of the starts: right for costs that are compared. Where the model is wrong, the sum of
     squares itself is the better guide, since it is the error that the user sees.
     """
 
-    whitened: bool = False
+    whiten_initial_state: bool = False
     title: ClassVar[str] = "gas, valve and their sensors"
     sides: ClassVar[frozenset[Side]] = frozenset({"gas", "pressure sensor"})
-    base: ClassVar[frozenset[str]] = frozenset({"rig", "valve"})
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "valve"})
 
     @property
-    def candidates(self) -> tuple[str, ...]:
+    def subsystem_channels(self) -> tuple[str, ...]:
         """Pressures, the gas's temperature, and the flow through the valve."""
         return ("p1", "p2", "temperature", "flow")
 
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return measured minus model by channel, whitened for the ``errors`` of the starts."""
         modelled = simulate(model, self.experiment)
-        residual = {c: difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
-        return self.settled(residual, self.carried(model) if errors is None else errors)
+        residual = {c: bounded_difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
+        return self.apply_whitening(residual, self.initial_state_sensitivity(model) if errors is None else errors)
 
-    def carried(self, model: Model) -> dict[str, Array]:
+    def initial_state_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return what errors of the starts become, in units of noise (:mod:`pneucli.identify.residuals.initial_state`)."""
-        return carried(model, self.experiment, self._start_errors) if self.whitened else {}
+        return (
+            initial_state_sensitivity(model, self.experiment, self._initial_state_errors)
+            if self.whiten_initial_state
+            else {}
+        )
 
-    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+    def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return flows in kg/s into the chamber that a pressure reads: a flow, shares of what flows and is swept.
 
         Of the sensor an error in Pa, a function of what it reads.
         """
-        if channel not in CHAMBERS:
-            return super().lacking(model, channel)
-        e, pressure = self.experiment, run(model, self.experiment)[:, MODELLED[channel]]
+        if channel not in CHAMBER_OF_SIGNAL:
+            return super().discrepancy_terms(model, channel)
+        e, pressure = self.experiment, run(model, self.experiment)[:, STATE_OF_SIGNAL[channel]]
         gas = self._gas(model, channel, pressure)
-        opening = opening_of(e, e.recording.chamber if e.vessel else CHAMBERS[channel])
+        opening = opening_from_null(e, e.recording.chamber if e.vessel else CHAMBER_OF_SIGNAL[channel])
         opening = np.zeros(e.time.size) if opening is None else opening
-        fading, noise = self.carried(model).get(channel, np.ones((1, e.time.size)))[0], self.noise[channel]
+        fading, noise = (
+            self.initial_state_sensitivity(model).get(channel, np.ones((1, e.time.size)))[0],
+            self.noise[channel],
+        )
 
         def flow(added: Array) -> Array:
-            return pressure_of(e, gas, added, fading) / noise
+            return pressure_deviation(e, gas, added, fading) / noise
 
         return (
-            Way("flow", "kg/s", np.ones(gas.flow.size), flow),
-            Way("share of the flow", "1", gas.flow, flow),
-            Way("share of the swept volume", "1", gas.swept, flow),
+            DiscrepancyTerm("flow", "kg/s", np.ones(gas.flow.size), flow),
+            DiscrepancyTerm("share of the flow", "1", gas.flow, flow),
+            DiscrepancyTerm("share of the swept volume", "1", gas.swept_flow, flow),
             *(
-                Way("hysteresis of the flow", "1", gas.flow * in_play(opening, share), flow, "u")
-                for share in HYSTERESIS
+                DiscrepancyTerm("hysteresis of the flow", "1", gas.flow * play_operator(opening, share), flow, "u")
+                for share in PLAY_WIDTHS
             ),
-            Way(
+            DiscrepancyTerm(
                 "error of its sensor",
                 "Pa",
                 np.ones(gas.flow.size),
-                lambda read: misread(e, read, fading) / noise,
+                lambda read: sensor_error_deviation(e, read, fading) / noise,
                 channel,
                 pressure,
             ),
         )
 
-    def _gas(self, model: Model, channel: str, pressure: Array) -> Gas:
-        base = model.base()
-        dead_1, dead_2 = (base[f"rig.dead_volume_{i}"] + model.total(f"volume_{i}") for i in (1, 2))
+    def _gas(self, model: Model, channel: str, pressure: Array) -> ChamberGas:
+        base = model.base_values()
+        dead_1, dead_2 = (base[f"rig.dead_volume_{i}"] + model.sum_of_port(f"volume_{i}") for i in (1, 2))
         rig = replace(model.rig, dead_volume_1=dead_1, dead_volume_2=dead_2)
         vessel = model.values.get("rig.vessel_volume", 1.0)
-        return modelled_gas(self.experiment, rig, CHAMBERS[channel], vessel, pressure)
+        return modelled_gas(self.experiment, rig, CHAMBER_OF_SIGNAL[channel], vessel, pressure)
 
-    def flow_errors(self, model: Model) -> dict[str, Array]:
+    def flow_gain_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return what relative errors of the flow become, in units of noise (:mod:`pneucli.identify.residuals.flow_gain`)."""
-        return flow_errors(model, self.experiment)
+        return flow_gain_sensitivity(model, self.experiment)
 
-    def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+    def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals whitened for such errors."""
         starts = self.experiment.restarts
-        return {c: whitened(r, errors[c], starts) if c in errors else r for c, r in residual.items()}
+        return {c: apply_whitening(r, errors[c], starts) if c in errors else r for c, r in residual.items()}
 
-    def volume(self, errors: Mapping[str, Array]) -> Array:
+    def log_determinant(self, errors: Mapping[str, Array]) -> Array:
         """Return what a likelihood adds to the squares of the residuals for such errors, channel after channel (N,)."""
         starts, none = self.experiment.restarts, np.zeros(self.experiment.time.size)
-        return np.concatenate([volume(errors[c], starts) if c in errors else none for c in self.channels])
+        return np.concatenate([log_determinant(errors[c], starts) if c in errors else none for c in self.channels])
 
     @cached_property
-    def _start_errors(self) -> dict[str, tuple[float, float]]:
-        return start_errors(self.experiment)
+    def _initial_state_errors(self) -> dict[str, tuple[float, float]]:
+        return initial_state_errors(self.experiment)
 
 
-def in_play(opening: Array, share: float) -> Array:
+def play_operator(opening: Array, share: float) -> Array:
     """Return where an opening (n,) stands in a play that it drags along, from -1 to 1; of a constant one, 0.
 
     To each side the play has a share of the range. 1 where it fills more than before, or vents less.

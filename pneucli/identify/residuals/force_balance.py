@@ -10,28 +10,33 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.guesses.rest_detection import RESTED, STARTED, breakaways, unsure
-from pneucli.identify.residuals.base import Array, View, Way, forces
-from pneucli.identify.residuals.chambers import Chambers
+from pneucli.identify.guesses.rest_detection import (
+    MIN_REST_RATIO,
+    ONSET_SPEED_RATIO,
+    breakaway_velocities,
+    uncertain_direction,
+)
+from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, force_discrepancy_terms
+from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
-from pneucli.simulate.end_stops import contact
-from pneucli.simulate.experiment import kept, smooth
+from pneucli.simulate.end_stops import contact_side
+from pneucli.simulate.experiment import cache_draws, smooth_inputs
 from pneucli.simulate.imposed_motion import smooth_motion
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import resting_reading, with_settled_p2
+from pneucli.simulate.outputs import accelerometer_offset, with_estimated_p2
 from pneucli.simulate.run import base_vector, kernel_for
 
 
 @dataclass(frozen=True)
-class Forces(View):
+class ForceBalance(ResidualModel):
     """Mechanics: the force left over, and the accelerometer at rest."""
 
     title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
     sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
-    base: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
-    states_force: ClassVar[bool] = True
-    replayed: ClassVar[bool] = False
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
+    predicts_force: ClassVar[bool] = True
+    is_simulated: ClassVar[bool] = False
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -43,16 +48,16 @@ class Forces(View):
         """Return what the balance leaves over by channel, see :meth:`balance`."""
         return self.balance(model, self.experiment.inputs)
 
-    def alone(self, effect: Effect) -> tuple[str, ...]:
+    def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
         """Return the accelerometer, at rest: whatever acts on the piston, there it reads but its own fault."""
         return ("a",) if "read_a" in effect.ports and "a" in self.channels else ()
 
-    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+    def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return a force and frictions; by what the accelerometer errs at rest."""
-        at_rest = super().lacking(model, channel)
-        return forces(self.experiment, self.noise[channel]) if channel == "force" else at_rest
+        at_rest = super().discrepancy_terms(model, channel)
+        return force_discrepancy_terms(self.experiment, self.noise[channel]) if channel == "force" else at_rest
 
-    def known(self, model: Model, inputs: Array) -> Array:
+    def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:
         """Return inputs (n, 8) with what they lack."""
         return inputs
 
@@ -60,12 +65,12 @@ class Forces(View):
     def noise(self) -> dict[str, float]:
         """The standard deviation of each channel that the sensors alone would give."""
         e = self.experiment
-        share = {"p1": e.rig.areas[0], "p2": e.rig.areas[1], "a": e.rig.moving_mass or 1.0, "force": 1.0}
+        share = {"p1": e.rig.piston_areas[0], "p2": e.rig.piston_areas[1], "a": e.rig.moving_mass or 1.0, "force": 1.0}
         parts = [share[n] * e.noise[n].rms for n in share if n in e.noise]
         force = max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)
         return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
 
-    def drawn_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
+    def monte_carlo_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
         """Return what the sensors' noise does to the balance: at the edge of a stretch, or where a lag is undone.
 
         The accelerometer at rest reads its own noise, whatever the model.
@@ -74,55 +79,57 @@ class Forces(View):
         nominal = self.balance(model, e.inputs)
         bare = self.balance(model, e.inputs, noise=np.zeros(2))
         power = {c: float(np.mean(((nominal[c] - bare[c]) / self.noise[c]) ** 2)) for c in self.channels}
-        for inputs, loads in self._drawn(draws, seed):
+        for inputs, loads in self._noise_realisations(draws, seed):
             drawn = self.balance(model, inputs, loads)
             for c in self.channels:
                 seen = max(int(np.count_nonzero(nominal[c])), 1)
                 power[c] += float(np.sum(((drawn[c] - nominal[c]) / self.noise[c]) ** 2)) / (seen * draws)
         return {c: 1.0 if c == "a" else float(np.sqrt(p)) for c, p in power.items()}
 
-    def _drawn(self, draws: int, seed: int) -> Iterable[tuple[Array, tuple[Array, Array]]]:
+    def _noise_realisations(self, draws: int, seed: int) -> Iterable[tuple[Array, tuple[Array, Array]]]:
         """Return inputs (n, 8) and loads of other readings of the same run; what is taken for a rest stays one."""
-        drawn = (self._read_again(noise) for noise in self.experiment.noises(draws, seed))
+        drawn = (self._noise_realisation(noise) for noise in self.experiment.iterate_noise(draws, seed))
         numbers = draws * self.experiment.time.size * (len(at.INPUTS) + 2)
-        return kept(self._known_draws, (draws, seed), drawn, numbers)
+        return cache_draws(self._realisation_cache, (draws, seed), drawn, numbers)
 
-    def _read_again(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
-        e, (a, rough) = self.experiment, self._loads
-        shift = smooth(noise, e.smoothers, e.fusion, e.time)
+    def _noise_realisation(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
+        e, (a, rough) = self.experiment, self._acceleration_and_removed_force
+        shift = smooth_inputs(noise, e.smoothers, e.motion_smoother, e.time)
         shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
-        more = self.loads(noise, shift)
+        more = self.acceleration_and_removed_force(noise, shift)
         return e.inputs + shift, (a + more[0], rough + more[1])
 
     @cached_property
-    def _known_draws(self) -> dict[tuple[int, int], list[tuple[Array, tuple[Array, Array]]]]:
+    def _realisation_cache(self) -> dict[tuple[int, int], list[tuple[Array, tuple[Array, Array]]]]:
         return {}
 
     @cached_property
-    def _turns(self) -> tuple[Array, NDArray[np.bool_]]:
+    def _breakaways_and_uncertain_direction(self) -> tuple[Array, NDArray[np.bool_]]:
         """Velocities at which the piston breaks away (n,), and where the direction of motion is not known (n,)."""
         e = self.experiment
-        smoothed = smooth_motion(e.raw, e.smoothers, e.fusion, e.time)[1]
-        smeared = max(round(e.smear / e.recording.period), 1)
-        leaving = breakaways(e.inputs[:, at.IN_V], smoothed, STARTED * e.still, round(RESTED * smeared))
+        smoothed = smooth_motion(e.raw, e.smoothers, e.motion_smoother, e.time)[1]
+        smeared = max(round(e.smear_time / e.recording.period), 1)
+        leaving = breakaway_velocities(
+            e.inputs[:, at.IN_V], smoothed, ONSET_SPEED_RATIO * e.standstill_speed, round(MIN_REST_RATIO * smeared)
+        )
         bouncing = (self._contact != 0.0) & (e.inputs[:, at.IN_V] != 0.0)
-        return leaving, unsure(e.inputs[:, at.IN_V], leaving, smeared) | bouncing
+        return leaving, uncertain_direction(e.inputs[:, at.IN_V], leaving, smeared) | bouncing
 
     @cached_property
     def _contact(self) -> Array:
-        return contact(self.experiment)
+        return contact_side(self.experiment)
 
     @cached_property
-    def _loads(self) -> tuple[Array, Array]:
-        return self.loads(self.experiment.raw, self.experiment.inputs)
+    def _acceleration_and_removed_force(self) -> tuple[Array, Array]:
+        return self.acceleration_and_removed_force(self.experiment.raw, self.experiment.inputs)
 
-    def loads(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
+    def acceleration_and_removed_force(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
         """Return the acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
 
         Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 8). The accelerometer's reading is
         taken as it is: it jumps where the piston breaks away and stops, which smoothing would spread.
         """
-        (area_1, area_2), rough = self.experiment.rig.areas, np.zeros(self.experiment.time.size)
+        (area_1, area_2), rough = self.experiment.rig.piston_areas, np.zeros(self.experiment.time.size)
         for name, column, share in (("p1", at.IN_P1, area_1), ("p2", at.IN_P2, -area_2)):
             if name in raw:
                 rough += share * (raw[name] - inputs[:, column])
@@ -130,13 +137,15 @@ class Forces(View):
         return a, rough
 
     @cached_property
-    def _left_noise(self) -> Array:
+    def _remaining_force_noise(self) -> Array:
         """The noise that smoothing leaves in the force of the pressures, and its rate: (N, N/s)."""
         e = self.experiment
-        parts = [share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.areas, strict=True) if n in e.noise]
-        taken = float(np.mean(self._loads[1] ** 2))
+        parts = [
+            share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.piston_areas, strict=True) if n in e.noise
+        ]
+        taken = float(np.mean(self._acceleration_and_removed_force[1] ** 2))
         drawn, force = e.draw_noise(np.random.default_rng(0)), np.zeros(e.time.size)
-        for name, share in (("p1", e.rig.areas[0]), ("p2", -e.rig.areas[1])):
+        for name, share in (("p1", e.rig.piston_areas[0]), ("p2", -e.rig.piston_areas[1])):
             if name in drawn:
                 force += share * (e.smoothers[name](drawn[name]) if name in e.smoothers else drawn[name])
         left = max(float(np.sum(np.square(parts))) - taken, 0.0)
@@ -148,44 +157,47 @@ class Forces(View):
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
         ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
 
-        ``inputs`` (n, 8) and ``loads`` are the experiment's own, or of other readings of the same run; ``noise``
+        ``inputs`` (n, 8) and ``acceleration_and_removed_force`` are the experiment's own, or of other readings of the same run; ``noise``
         (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
-        (a, rough), (leaving, doubtful) = loads or self._loads, self._turns
+        (a, rough), (leaving, doubtful) = (
+            loads or self._acceleration_and_removed_force,
+            self._breakaways_and_uncertain_direction,
+        )
         out, gap = np.zeros(e.time.size), np.zeros(e.time.size)
         kernel.functions.run_balance(
             e.time,
-            self.known(model, inputs),
+            self.with_modelled_inputs(model, inputs),
             a,
             rough,
             leaving,
             doubtful,
             self._contact,
-            self._left_noise if noise is None else noise,
+            self._remaining_force_noise if noise is None else noise,
             base_vector(model, e),
-            kernel.vector(model.effect_values()),
-            kernel.switches(e.active(model.effects)),
+            kernel.effect_vector(model.effect_values()),
+            kernel.effect_switches(e.active_effects(model.effects)),
             out,
             gap,
         )
         if "a" not in self.channels:
             return {"force": out, "gap": gap}
         resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
-        return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - resting_reading(model, e), 0.0)}
+        return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - accelerometer_offset(model, e), 0.0)}
 
 
 @dataclass(frozen=True)
-class Inferred(Forces):
+class ForceBalanceInferredP2(ForceBalance):
     """Mechanics with the p2 that the model of gas and valve has for the measured motion and commands.
 
     What was in chamber 2 at the start is not known: it is what leaves least of the force. While the gas stays shut in,
     it acts like a spring of unknown preload, so that part of such a force cannot be told from it.
     """
 
-    sides: ClassVar[frozenset[Side]] = Forces.sides | Chambers.sides
-    base: ClassVar[frozenset[str]] = Forces.base | Chambers.base
+    sides: ClassVar[frozenset[Side]] = ForceBalance.sides | ChamberPressures.sides
+    base_groups: ClassVar[frozenset[str]] = ForceBalance.base_groups | ChamberPressures.base_groups
 
-    def known(self, model: Model, inputs: Array) -> Array:
+    def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:
         """Return inputs (n, 8) with the model's p2."""
-        return with_settled_p2(model, self.experiment, inputs)
+        return with_estimated_p2(model, self.experiment, inputs)

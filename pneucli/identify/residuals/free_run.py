@@ -8,41 +8,47 @@ from typing import ClassVar
 
 import numpy as np
 
-from pneucli.identify.residuals.base import Array, View, Way, difference, forces
+from pneucli.identify.residuals.base import (
+    Array,
+    DiscrepancyTerm,
+    ResidualModel,
+    bounded_difference,
+    force_discrepancy_terms,
+)
 from pneucli.physics.declaration import Side
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import outputs
+from pneucli.simulate.outputs import simulate_outputs
 
 
 @dataclass(frozen=True)
-class Whole(View):
+class FreeRun(ResidualModel):
     """All channels, where a subsystem lacks a signal."""
 
     title: ClassVar[str] = "the whole axis"
     sides: ClassVar[frozenset[Side]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
-    base: ClassVar[frozenset[str]] = frozenset({"rig", "friction", "valve"})
-    states_force: ClassVar[bool] = True
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction", "valve"})
+    predicts_force: ClassVar[bool] = True
 
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return measured minus model by channel."""
-        modelled = outputs(model, self.experiment)
-        return {c: difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
+        modelled = simulate_outputs(model, self.experiment)
+        return {c: bounded_difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
 
 
 @dataclass(frozen=True)
-class Imposed(Whole):
+class ImposedMotion(FreeRun):
     """The force that the model needs for the measured motion."""
 
     title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
     sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
-    base: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
-    states_force: ClassVar[bool] = False
-    replayed: ClassVar[bool] = False
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
+    predicts_force: ClassVar[bool] = False
+    is_simulated: ClassVar[bool] = False
 
-    def lacking(self, model: Model, channel: str) -> Sequence[Way]:
+    def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return a force and frictions."""
-        return forces(self.experiment, self.noise[channel])
+        return force_discrepancy_terms(self.experiment, self.noise[channel])
 
-    def settled(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+    def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
         """Return residuals without those at a turn, where nothing is held against the model."""
-        return {c: np.where(self.experiment.turning, 0.0, r) for c, r in residual.items()}
+        return {c: np.where(self.experiment.reversals, 0.0, r) for c, r in residual.items()}

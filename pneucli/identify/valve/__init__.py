@@ -6,7 +6,7 @@ from pneucli.identify.valve.identification import Curve, ValveIdentification, id
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import GradientMap, InverseMap
-from pneucli.identify.valve.moving_piston import identify_moving
+from pneucli.identify.valve.moving_piston import identify_valve_on_piston
 
 __all__ = [
     "Curve",
@@ -15,6 +15,6 @@ __all__ = [
     "IsoConductance",
     "LackOfFit",
     "ValveIdentification",
-    "identify_moving",
     "identify_valve",
+    "identify_valve_on_piston",
 ]

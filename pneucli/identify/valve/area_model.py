@@ -14,13 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.valve.model_gradient import Trend
+from pneucli.identify.valve.model_gradient import ModelGradient
 
 Array = NDArray[np.float64]
 Gradient = Callable[[Array, Array, Array], Array]
 
-SHARED, OWN, LEAK = 9, 3, 4  # coefficients of the shared and a command's own correction, and of l
-FURTHEST = 5.0  # of h: a hundredfold flow is no correction
+SHARED_COEFFICIENTS, OWN_COEFFICIENTS, LEAK_COEFFICIENTS = (
+    9,
+    3,
+    4,
+)  # coefficients of the shared and a command's own correction, and of l
+MAX_LOG_CORRECTION = 5.0  # of h: a hundredfold flow is no correction
 
 
 def polynomial(x: Array, coefficients: Array) -> Array:
@@ -41,22 +45,22 @@ class Direction:
     @property
     def size(self) -> int:
         """Number of corrections: shared shape, own shapes."""
-        return SHARED + OWN * self.nodes.size
+        return SHARED_COEFFICIENTS + OWN_COEFFICIENTS * self.nodes.size
 
-    def weights(self, u: Array) -> Array:
+    def node_weights(self, u: Array) -> Array:
         """Return the share of each node at u, shape ``u.shape + (nodes,)``: hats in log |u|, constant outside."""
         position = np.log(np.clip(self.sign * u, self.nodes[0], self.nodes[-1]))
         return np.stack([np.interp(position, np.log(self.nodes), e) for e in np.eye(self.nodes.size)], axis=-1)
 
 
 @dataclass(frozen=True)
-class Law:
-    """The gradient for parameters ``theta``: the trend's, those of each direction in turn, ``LEAK`` coefficients of l.
+class AreaModel:
+    """The gradient for parameters ``theta``: the trend's, those of each direction in turn, ``LEAK_COEFFICIENTS`` coefficients of l.
 
     Pressures absolute in Pa; ``scale`` is the gradient (Pa/s) that a leak coefficient of 1 stands for.
     """
 
-    trend: Trend
+    model_gradient: ModelGradient
     directions: tuple[Direction, ...]
     ambient: float
     supply: float
@@ -65,89 +69,100 @@ class Law:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return len(self.trend.free) + sum(d.size for d in self.directions) + LEAK
+        return len(self.model_gradient.free) + sum(d.size for d in self.directions) + LEAK_COEFFICIENTS
 
     def offsets(self) -> list[int]:
         """Return where each direction's parameters begin."""
-        return [len(self.trend.free) + sum(d.size for d in self.directions[:k]) for k in range(len(self.directions))]
+        return [
+            len(self.model_gradient.free) + sum(d.size for d in self.directions[:k])
+            for k in range(len(self.directions))
+        ]
 
-    def commands(self, count: int) -> Array:
+    def command_grid(self, count: int) -> Array:
         """Return commands in V over the tested range: ``count`` of them, or all that a switching valve has."""
         top = {d.sign: float(d.nodes[-1]) for d in self.directions}
         ends = -top.get(-1, 0.0), top.get(1, 0.0)
-        return np.unique([*ends, 0.0]) if self.trend.valve.form == "switching" else np.linspace(*ends, count)
+        return np.unique([*ends, 0.0]) if self.model_gradient.valve.form == "switching" else np.linspace(*ends, count)
 
-    def groups(self) -> dict[str, NDArray[np.int64]]:
+    def prior_groups(self) -> dict[str, NDArray[np.int64]]:
         """Return the indices of the corrections that share one prior width: ``shared``, ``own`` and ``leak``."""
         starts = list(zip(self.offsets(), self.directions, strict=True))
-        shared = [np.arange(o, o + SHARED) for o, _ in starts]
-        own = [np.arange(o + SHARED, o + d.size) for o, d in starts]
-        leak = np.arange(self.size - LEAK, self.size)
+        shared = [np.arange(o, o + SHARED_COEFFICIENTS) for o, _ in starts]
+        own = [np.arange(o + SHARED_COEFFICIENTS, o + d.size) for o, d in starts]
+        leak = np.arange(self.size - LEAK_COEFFICIENTS, self.size)
         return {"shared": np.concatenate(shared), "own": np.concatenate(own), "leak": leak}
 
-    def start(self) -> Array:
+    def initial_theta(self) -> Array:
         """Return theta (k,) of the model as it is, without corrections."""
-        return np.concatenate([self.trend.start, np.zeros(self.size - len(self.trend.free))])
+        return np.concatenate([self.model_gradient.start, np.zeros(self.size - len(self.model_gradient.free))])
 
-    def shape(self, theta: Array, u: Array) -> Array:
+    def correction_coefficients(self, theta: Array, u: Array) -> Array:
         """Return the coefficients of h over 2 r - 1, shape ``(SHARED, *u.shape)``."""
-        shape = np.zeros((SHARED, *u.shape))
+        shape = np.zeros((SHARED_COEFFICIENTS, *u.shape))
         for o, d in zip(self.offsets(), self.directions, strict=True):
             mine = np.sign(u) == d.sign
-            own = theta[o + SHARED : o + d.size].reshape(-1, OWN)
-            shape[:, mine] = theta[o : o + SHARED, None]
-            shape[:OWN, mine] += (d.weights(u[mine]) @ own).T
+            own = theta[o + SHARED_COEFFICIENTS : o + d.size].reshape(-1, OWN_COEFFICIENTS)
+            shape[:, mine] = theta[o : o + SHARED_COEFFICIENTS, None]
+            shape[:OWN_COEFFICIENTS, mine] += (d.node_weights(u[mine]) @ own).T
         return shape
 
-    def other(self, u: Array, supply: Array) -> Array:
+    def opposite_pressure(self, u: Array, supply: Array) -> Array:
         """Return the pressure in Pa on the valve's other side."""
         return np.asarray(np.where(u > 0, supply, self.ambient))
 
-    def ratio(self, u: Array, p: Array, supply: Array) -> Array:
+    def pressure_ratio(self, u: Array, p: Array, supply: Array) -> Array:
         """Return the ratio r of the lower to the higher pressure across the valve."""
-        other = self.other(u, supply)
+        other = self.opposite_pressure(u, supply)
         return np.minimum(p, other) / np.maximum(p, other)
 
-    def bent(self, theta: Array, shape: Array, trend: Array, u: Array, p: Array, supply: Array) -> Array:
+    def corrected_gradient(self, theta: Array, shape: Array, trend: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return the gradient in Pa/s from the trend's there."""
-        return np.asarray(trend * self.bend(shape, u, p, supply) + self.leak(theta, p))
+        return np.asarray(trend * self.correction_factor(shape, u, p, supply) + self.leak(theta, p))
 
-    def bend(self, shape: Array, u: Array, p: Array, supply: Array) -> Array:
+    def correction_factor(self, shape: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return exp(h), which a step of the fit that goes astray does not let grow beyond all numbers."""
-        return np.asarray(np.exp(np.clip(polynomial(2 * self.ratio(u, p, supply) - 1, shape), -FURTHEST, FURTHEST)))
+        return np.asarray(
+            np.exp(
+                np.clip(
+                    polynomial(2 * self.pressure_ratio(u, p, supply) - 1, shape),
+                    -MAX_LOG_CORRECTION,
+                    MAX_LOG_CORRECTION,
+                )
+            )
+        )
 
     def leak(self, theta: Array, p: Array) -> Array:
         """Return l(p) in Pa/s, a cubic in p, constant outside ambient to supply."""
-        return np.asarray(self.scale * polynomial(self._relative(p), theta[-LEAK:]))
+        return np.asarray(self.scale * polynomial(self._relative(p), theta[-LEAK_COEFFICIENTS:]))
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s; all arrays of one shape."""
-        trend = self.trend.at(self.moved(theta))(u, p, supply)
-        return self.bent(theta, self.shape(theta, u), trend, u, p, supply)
+        trend = self.model_gradient.at_coordinates(self.model_coordinates(theta))(u, p, supply)
+        return self.corrected_gradient(theta, self.correction_coefficients(theta, u), trend, u, p, supply)
 
-    def moved(self, theta: Array) -> Array:
+    def model_coordinates(self, theta: Array) -> Array:
         """Return the trend's own coordinates."""
-        return theta[: len(self.trend.free)]
+        return theta[: len(self.model_gradient.free)]
 
-    def away(self, theta: Array) -> Array:
+    def coordinate_shift(self, theta: Array) -> Array:
         """Return how far the trend's coordinates have moved from the model's."""
-        return np.asarray(self.moved(theta) - self.trend.start)
+        return np.asarray(self.model_coordinates(theta) - self.model_gradient.start)
 
     def sensitivity(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return the derivative of the gradient to theta, shape ``u.shape + (size,)``."""
-        z = self.moved(theta)
-        r = 2 * self.ratio(u, p, supply) - 1
-        bend = self.bend(self.shape(theta, u), u, p, supply)
-        flow = self.trend.at(z)(u, p, supply) * bend
-        powers = r[..., None] ** np.arange(SHARED)
+        z = self.model_coordinates(theta)
+        r = 2 * self.pressure_ratio(u, p, supply) - 1
+        bend = self.correction_factor(self.correction_coefficients(theta, u), u, p, supply)
+        flow = self.model_gradient.at_coordinates(z)(u, p, supply) * bend
+        powers = r[..., None] ** np.arange(SHARED_COEFFICIENTS)
         out = np.zeros((*u.shape, self.size))
-        out[..., : z.size] = bend[..., None] * self.trend.sensitivity(z, u, p, supply)
+        out[..., : z.size] = bend[..., None] * self.model_gradient.sensitivity(z, u, p, supply)
         for o, d in zip(self.offsets(), self.directions, strict=True):
             mine = np.sign(u) == d.sign
-            own = d.weights(u[mine])[..., :, None] * powers[mine][..., None, :OWN]
-            columns = [powers[mine], own.reshape(*own.shape[:-2], OWN * d.nodes.size)]
+            own = d.node_weights(u[mine])[..., :, None] * powers[mine][..., None, :OWN_COEFFICIENTS]
+            columns = [powers[mine], own.reshape(*own.shape[:-2], OWN_COEFFICIENTS * d.nodes.size)]
             out[mine, o : o + d.size] = flow[mine][..., None] * np.concatenate(columns, axis=-1)
-        out[..., -LEAK:] = self.scale * self._relative(p)[..., None] ** np.arange(LEAK)
+        out[..., -LEAK_COEFFICIENTS:] = self.scale * self._relative(p)[..., None] ** np.arange(LEAK_COEFFICIENTS)
         return out
 
     def _relative(self, p: Array) -> Array:

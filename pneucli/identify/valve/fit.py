@@ -8,22 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from pneucli.identify.estimation.least_squares import Normal, minimise, normal
-from pneucli.identify.valve.area_model import Law
-from pneucli.identify.valve.transients import Stretches
+from pneucli.identify.estimation.least_squares import NormalEquations, minimise, normal_equations
+from pneucli.identify.valve.area_model import AreaModel
+from pneucli.identify.valve.transients import Transients
 from pneucli.noise import NoiseModel
 from pneucli.simulate.smoothing import autocovariance
 
 Array = NDArray[np.float64]
 
-MEMORY = 16 << 20  # bytes of derivatives that are held at once; what they are made of takes a few times that
-ROUNDS, STEPS = 9, 6  # of prior widths, and of the search in each
+JACOBIAN_MEMORY = 16 << 20  # bytes of derivatives that are held at once; what they are made of takes a few times that
+EVIDENCE_ITERATIONS, SEARCH_ITERATIONS = 9, 6  # of prior widths, and of the search in each
 TOLERANCE = 1e-6  # of the sum of squares, at which a search ends
-SETTLED = 0.2  # change of the prior widths, as a logarithm, at which the rounds end
-ORDER = 8  # of the noise's autoregression: colour, and most of a mains line
-FIRST = {"shared": 0.05, "own": 0.005, "leak": 0.005}  # prior standard deviations to start from: the model first
-WIDEST = {"shared": 0.5, "own": 0.3, "leak": 0.2}
-NARROWEST = {"shared": 1e-3, "own": 1e-3, "leak": 5e-5}  # what a rig does not hold anyway
+WIDTH_TOLERANCE = 0.2  # change of the prior widths, as a logarithm, at which the rounds end
+AR_ORDER = 8  # of the noise's autoregression: colour, and most of a mains line
+INITIAL_PRIOR_WIDTHS = {
+    "shared": 0.05,
+    "own": 0.005,
+    "leak": 0.005,
+}  # prior standard deviations to start from: the model first
+MAX_PRIOR_WIDTHS = {"shared": 0.5, "own": 0.3, "leak": 0.2}
+MIN_PRIOR_WIDTHS = {"shared": 1e-3, "own": 1e-3, "leak": 5e-5}  # what a rig does not hold anyway
 
 
 @dataclass(frozen=True)
@@ -35,38 +39,41 @@ class Posterior:
     simulated: Array
 
 
-def simulate(law: Law, theta: Array, start: Array, s: Stretches) -> Array:
+def simulate_transients(law: AreaModel, theta: Array, start: Array, s: Transients) -> Array:
     """Return p(t), shape ``(N, L)`` in Pa, of all stretches from ``start`` (Pa, shape ``(L,)``).
 
     Midpoint rule with u held over each sample: its error, (h / time constant)^2 / 6 of the gradient, is below 1e-4.
     No step leads beyond the pressure on the valve's other side, where the slope of the flow function has no end.
     """
-    still, shape = law.trend.at(law.moved(theta)), law.shape(theta, s.u)
-    away = law.away(theta)[: s.beside.shape[-1] - 1]
-    other, beside = law.other(s.u, s.supply), s.beside[..., 0] + s.beside[..., 1:] @ away
+    still, shape = (
+        law.model_gradient.at_coordinates(law.model_coordinates(theta)),
+        law.correction_coefficients(theta, s.u),
+    )
+    away = law.coordinate_shift(theta)[: s.memory_gradient.shape[-1] - 1]
+    other, beside = law.opposite_pressure(s.u, s.supply), s.memory_gradient[..., 0] + s.memory_gradient[..., 1:] @ away
     p = np.empty_like(s.p)
     p[0] = start
-    h = s.period / s.steps
+    h = s.period / s.substeps
     for k in range(s.p.shape[0] - 1):
 
         def slope(q: Array, k: int = k) -> Array:
             here = s.u[k], q, s.supply[k]
-            return np.asarray(law.bent(theta, shape[:, k], still(*here), *here) + beside[k])
+            return np.asarray(law.corrected_gradient(theta, shape[:, k], still(*here), *here) + beside[k])
 
         q = p[k]
-        for _ in range(s.steps):
-            middle = _short_of(other[k], q, q + 0.5 * h * slope(q))
-            q = _short_of(other[k], q, q + h * slope(middle))
+        for _ in range(s.substeps):
+            middle = _limited_to_equilibrium(other[k], q, q + 0.5 * h * slope(q))
+            q = _limited_to_equilibrium(other[k], q, q + h * slope(middle))
         p[k + 1] = q
     return p
 
 
-def _short_of(other: Array, before: Array, after: Array) -> Array:
+def _limited_to_equilibrium(other: Array, before: Array, after: Array) -> Array:
     """Return pressures (L,) in Pa after a step, but at most those on the other side where the step would pass them."""
     return np.asarray(np.where((before - other) * (after - other) < 0.0, other, after))
 
 
-def start_sensitivity(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[Array, Array]:
+def initial_pressure_sensitivity(law: AreaModel, theta: Array, p: Array, s: Transients) -> tuple[Array, Array]:
     """Return how an error decays over each sample ``(N - 1, L)``, and dp/dp(0) ``(N, L)`` along a simulated ``p``."""
     delta = 1e-6 * law.supply
     ahead, behind = (law.gradient(theta, s.u, p + d, s.supply) for d in (delta, -delta))
@@ -75,10 +82,10 @@ def start_sensitivity(law: Law, theta: Array, p: Array, s: Stretches) -> tuple[A
     return decay, np.concatenate([np.ones((1, p.shape[1])), np.cumprod(decay, axis=0)])
 
 
-def sensitivity(law: Law, theta: Array, p: Array, decay: Array, s: Stretches) -> Array:
+def parameter_sensitivity(law: AreaModel, theta: Array, p: Array, decay: Array, s: Transients) -> Array:
     """Return dp/dtheta ``(N, L, size)`` along a simulated ``p``."""
     by_theta = law.sensitivity(theta, s.u, p, s.supply)
-    by_theta[..., : s.beside.shape[-1] - 1] += s.beside[..., 1:]
+    by_theta[..., : s.memory_gradient.shape[-1] - 1] += s.memory_gradient[..., 1:]
     force = 0.5 * s.period[:, None] * by_theta
     out = np.zeros_like(force)
     for k in range(p.shape[0] - 1):
@@ -86,24 +93,24 @@ def sensitivity(law: Law, theta: Array, p: Array, decay: Array, s: Stretches) ->
     return out
 
 
-def whitener(covariance: Array) -> tuple[Array, float]:
+def whitening_filter(covariance: Array) -> tuple[Array, float]:
     """Return the filter (1, -phi_1, ...) that whitens noise of these autocovariances, and its innovations' rms."""
     covariance = covariance * np.where(np.arange(covariance.size) == 0, 1 + 1e-6, 1.0)
     phi = solve_toeplitz(covariance[:-1], covariance[1:]) if covariance.size > 1 else np.zeros(0)
     return np.append(1.0, -phi), float(np.sqrt(max(covariance[0] - phi @ covariance[1:], 1e-300)))
 
 
-def averaged_noise(sensor: NoiseModel, joined: int, lags: int) -> Array:
-    """Return the autocovariances (lags,) of a sensor's noise, ``joined`` readings averaged in one."""
-    single = autocovariance(sensor, lags * joined)
-    apart = np.arange(1 - joined, joined)
-    weights = (joined - np.abs(apart)) / joined**2
-    return np.array([weights @ single[np.abs(k * joined + apart)] for k in range(lags)])
+def averaged_noise_autocovariance(sensor: NoiseModel, readings: int, lags: int) -> Array:
+    """Return the autocovariances (lags,) of a sensor's noise, ``readings`` readings averaged in one."""
+    single = autocovariance(sensor, lags * readings)
+    apart = np.arange(1 - readings, readings)
+    weights = (readings - np.abs(apart)) / readings**2
+    return np.array([weights @ single[np.abs(k * readings + apart)] for k in range(lags)])
 
 
 def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
     """Return the autocovariances of residuals ``(N, L)`` at lags from 0, as far as the samples allow."""
-    order = min(ORDER, max(0, int(valid.sum(axis=0).max()) // 20))
+    order = min(AR_ORDER, max(0, int(valid.sum(axis=0).max()) // 20))
     e = np.where(valid, residual, 0.0)
     covariance = np.array([np.sum(e[k:] * e[: e.shape[0] - k]) for k in range(order + 1)])
     pairs = np.array([np.sum(valid[k:] & valid[: e.shape[0] - k]) for k in range(order + 1)])
@@ -112,11 +119,11 @@ def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
 
 
 @dataclass
-class Part:
+class TransientBatch:
     """Whitened residuals of stretches that are taken together, their start pressures (Pa, ``(L,)``) eliminated."""
 
-    law: Law
-    data: Stretches
+    area_model: AreaModel
+    data: Transients
     whitening: Array
     noise: float
     start: Array
@@ -124,7 +131,7 @@ class Part:
     def __post_init__(self) -> None:
         self._last: tuple[Array, tuple[Array, Array, Array]] | None = None  # theta and what came along it
 
-    def white(self, signal: Array) -> Array:
+    def whiten(self, signal: Array) -> Array:
         """Return ``signal`` (leading axes ``(N, L)``) filtered, in units of its innovations, zero where not seen."""
         lags, samples = self.whitening.size - 1, signal.shape[0]
         if samples <= lags:
@@ -134,41 +141,41 @@ class Part:
         scaled = np.where(seen, 1 / self.noise, 0.0)
         return np.asarray(filtered * scaled.reshape(*seen.shape, *[1] * (signal.ndim - 2)))
 
-    def along(self, theta: Array) -> tuple[Array, Array, Array]:
+    def linearisation(self, theta: Array) -> tuple[Array, Array, Array]:
         """Return simulated pressures, the decay of errors, and what a start's error becomes, whitened, of norm 1."""
         if self._last is None or not np.array_equal(self._last[0], theta):
             self._last = theta.copy(), self._along(theta)
         return self._last[1]
 
     def _along(self, theta: Array) -> tuple[Array, Array, Array]:
-        p = simulate(self.law, theta, self.start, self.data)
-        decay, ahead = start_sensitivity(self.law, theta, p, self.data)
-        white = self.white(ahead)
+        p = simulate_transients(self.area_model, theta, self.start, self.data)
+        decay, ahead = initial_pressure_sensitivity(self.area_model, theta, p, self.data)
+        white = self.whiten(ahead)
         return p, decay, white / np.sqrt(np.sum(white**2, axis=0) + 1e-12)
 
     def residuals(self, theta: Array) -> Array:
         """Return what no start pressure can take up of the whitened residuals."""
-        p, _, starts = self.along(theta)
-        error = self.white(p - np.where(self.data.valid, self.data.p, 0.0))
+        p, _, starts = self.linearisation(theta)
+        error = self.whiten(p - np.where(self.data.valid, self.data.p, 0.0))
         error -= starts * np.sum(starts * error, axis=0)
         return error.ravel()
 
     def jacobian(self, theta: Array) -> Array:
         """Return the derivatives of the residuals, 0 where they are beyond all numbers: nothing is known there."""
-        p, decay, starts = self.along(theta)
-        by_theta = self.white(sensitivity(self.law, theta, p, decay, self.data))
+        p, decay, starts = self.linearisation(theta)
+        by_theta = self.whiten(parameter_sensitivity(self.area_model, theta, p, decay, self.data))
         by_theta -= starts[..., None] * np.einsum("nl,nlp->lp", starts, by_theta)
         return np.nan_to_num(by_theta.reshape(-1, theta.size), copy=False, nan=0.0, posinf=0.0, neginf=0.0)
 
-    def better_start(self, theta: Array) -> Array:
+    def improved_initial_pressures(self, theta: Array) -> Array:
         """Return the start pressures (L,) in Pa that suit the data best, in the straight line's sense."""
-        p = simulate(self.law, theta, self.start, self.data)
-        ahead = self.white(start_sensitivity(self.law, theta, p, self.data)[1])
-        error = self.white(p - np.where(self.data.valid, self.data.p, 0.0))
+        p = simulate_transients(self.area_model, theta, self.start, self.data)
+        ahead = self.whiten(initial_pressure_sensitivity(self.area_model, theta, p, self.data)[1])
+        error = self.whiten(p - np.where(self.data.valid, self.data.p, 0.0))
         return np.asarray(self.start - np.sum(ahead * error, axis=0) / (np.sum(ahead**2, axis=0) + 1e-12))
 
 
-class Problem:
+class TransientProblem:
     """All stretches, and what is known beforehand of theta.
 
     Stretches share only theta. They are taken some of like length at a time, so that derivatives of all are never held
@@ -177,41 +184,41 @@ class Problem:
 
     def __init__(
         self,
-        law: Law,
-        data: Stretches,
+        law: AreaModel,
+        data: Transients,
         whitening: Array,
         noise: float,
         prior: Array,
         start: Array,
-        memory: int = MEMORY,
+        memory: int = JACOBIAN_MEMORY,
     ) -> None:
         """``prior``: units of what is known beforehand (k, k); ``memory``: of derivatives held at once, in bytes."""
         self.law, self.prior = law, prior
-        self._which = list(data.parts(memory // (8 * law.size)))
-        self._parts = [Part(law, data.only(some), whitening, noise, start[some]) for some in self._which]
+        self._which = list(data.batches(memory // (8 * law.size)))
+        self._parts = [TransientBatch(law, data.select(some), whitening, noise, start[some]) for some in self._which]
 
     def residuals(self, theta: Array) -> Array:
         """Return the residuals of all stretches, and the prior's."""
-        return np.concatenate([*(part.residuals(theta) for part in self._parts), self._known(theta)])
+        return np.concatenate([*(part.residuals(theta) for part in self._parts), self._prior_residuals(theta)])
 
-    def normal(self, theta: Array) -> Normal:
+    def normal_equations(self, theta: Array) -> NormalEquations:
         """Return the normal equations."""
-        gradient, curvature = normal(self._known(theta), self.prior)
+        gradient, curvature = normal_equations(self._prior_residuals(theta), self.prior)
         for part in self._parts:
-            more = normal(part.residuals(theta), part.jacobian(theta))
+            more = normal_equations(part.residuals(theta), part.jacobian(theta))
             gradient, curvature = gradient + more.gradient, curvature + more.curvature
-        return Normal(gradient, curvature)
+        return NormalEquations(gradient, curvature)
 
-    def better_start(self, theta: Array) -> Array:
+    def improved_initial_pressures(self, theta: Array) -> Array:
         """Return the start pressures (L,) in Pa that suit the data best."""
-        found = np.concatenate([part.better_start(theta) for part in self._parts])
+        found = np.concatenate([part.improved_initial_pressures(theta) for part in self._parts])
         return found[np.argsort(np.concatenate(self._which))]
 
-    def _known(self, theta: Array) -> Array:
-        return np.asarray(self.prior @ (theta - self.law.start()))
+    def _prior_residuals(self, theta: Array) -> Array:
+        return np.asarray(self.prior @ (theta - self.law.initial_theta()))
 
 
-def fit_law(law: Law, data: Stretches, sensor: NoiseModel) -> Posterior:
+def fit_area_model(law: AreaModel, data: Transients, sensor: NoiseModel) -> Posterior:
     """Fit ``law`` to ``data`` from the model as it is and return the maximum of the posterior.
 
     Residuals are weighted as the noise of the pressure's ``sensor``; the covariance is that of the residuals as they
@@ -221,48 +228,57 @@ def fit_law(law: Law, data: Stretches, sensor: NoiseModel) -> Posterior:
     Corrections that the data do not ask for shrink to nothing, and what no data determine falls back on the model
     with the width that the rest of the map shows. Every parameter has a prior, so no matrix is singular.
     """
-    groups, widths = law.groups(), dict(FIRST)
-    order = min(ORDER, int(data.lengths.max()) // 2)  # a filter as long as the stretches would see none of them
-    whitening, noise = whitener(averaged_noise(sensor, int(np.median(data.joined)), order + 1))
-    theta, start = law.start(), first_pressures(data)
-    for _ in range(ROUNDS):
-        problem = Problem(law, data, whitening, noise, _prior(law, widths), start)
-        found = minimise(problem.residuals, problem.normal, theta, _bounds(law), rounds=STEPS, tolerance=TOLERANCE)
+    groups, widths = law.prior_groups(), dict(INITIAL_PRIOR_WIDTHS)
+    order = min(AR_ORDER, int(data.lengths.max()) // 2)  # a filter as long as the stretches would see none of them
+    whitening, noise = whitening_filter(
+        averaged_noise_autocovariance(sensor, int(np.median(data.averaged_readings)), order + 1)
+    )
+    theta, start = law.initial_theta(), initial_pressures(data)
+    for _ in range(EVIDENCE_ITERATIONS):
+        problem = TransientProblem(law, data, whitening, noise, _prior_matrix(law, widths), start)
+        found = minimise(
+            problem.residuals,
+            problem.normal_equations,
+            theta,
+            _bounds(law),
+            max_iterations=SEARCH_ITERATIONS,
+            tolerance=TOLERANCE,
+        )
         theta, before = found.z, dict(widths)
-        start = problem.better_start(theta)
+        start = problem.improved_initial_pressures(theta)
         variance = np.diag(_inverse(found.jacobian))
         for name, members in groups.items():
             determined = members.size - np.sum(variance[members]) / widths[name] ** 2
             supported = float(np.sqrt(np.sum(theta[members] ** 2) / max(determined, 1e-2)))
-            widths[name] = float(np.clip(supported, NARROWEST[name], WIDEST[name]))
-        if all(abs(np.log(widths[name] / before[name])) < SETTLED for name in widths):
+            widths[name] = float(np.clip(supported, MIN_PRIOR_WIDTHS[name], MAX_PRIOR_WIDTHS[name]))
+        if all(abs(np.log(widths[name] / before[name])) < WIDTH_TOLERANCE for name in widths):
             break
-    simulated = simulate(law, theta, start, data)
-    whitening, noise = whitener(autocovariances(simulated - data.p, data.valid))
-    as_it_is = Problem(law, data, whitening, noise, _prior(law, widths), start)
-    return Posterior(theta, _inverse(as_it_is.normal(theta)), simulated)
+    simulated = simulate_transients(law, theta, start, data)
+    whitening, noise = whitening_filter(autocovariances(simulated - data.p, data.valid))
+    as_it_is = TransientProblem(law, data, whitening, noise, _prior_matrix(law, widths), start)
+    return Posterior(theta, _inverse(as_it_is.normal_equations(theta)), simulated)
 
 
-def first_pressures(data: Stretches) -> Array:
+def initial_pressures(data: Transients) -> Array:
     """Return the first readings (L,) in Pa."""
     return np.asarray(np.nan_to_num(data.p[0], nan=float(np.nanmedian(data.p))))
 
 
-def _prior(law: Law, widths: dict[str, float]) -> Array:
-    prior, moved = np.zeros((law.size, law.size)), len(law.trend.free)
-    prior[:moved, :moved] = law.trend.tight
-    for name, members in law.groups().items():
+def _prior_matrix(law: AreaModel, widths: dict[str, float]) -> Array:
+    prior, moved = np.zeros((law.size, law.size)), len(law.model_gradient.free)
+    prior[:moved, :moved] = law.model_gradient.prior_whitening
+    for name, members in law.prior_groups().items():
         prior[members, members] = 1 / widths[name]
     return prior
 
 
-def _inverse(equations: Normal) -> Array:
+def _inverse(equations: NormalEquations) -> Array:
     """Return the inverse of the curvature (k, k), which what is known beforehand keeps from being singular."""
     return np.asarray(np.linalg.pinv(equations.curvature, hermitian=True))
 
 
-def _bounds(law: Law) -> tuple[Array, Array]:
+def _bounds(law: AreaModel) -> tuple[Array, Array]:
     lower, upper = np.full(law.size, -np.inf), np.full(law.size, np.inf)
-    of_trend = slice(len(law.trend.free))
-    lower[of_trend], upper[of_trend] = law.trend.bounds
+    of_trend = slice(len(law.model_gradient.free))
+    lower[of_trend], upper[of_trend] = law.model_gradient.bounds
     return lower, upper

@@ -9,30 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.valve.maps import Z95, GradientMap
-from pneucli.identify.valve.model_gradient import Trend
+from pneucli.identify.valve.model_gradient import ModelGradient
 
 Array = NDArray[np.float64]
 
-SLIGHT = 0.01  # of the largest gradient: below it a share of the gradient says little
-NOTED = 0.02  # of the gradient: a difference beyond that, and both intervals, at
-OFTEN = 0.05  # of the points is worth a warning
+MIN_GRADIENT_RATIO = 0.01  # of the largest gradient: below it a share of the gradient says little
+MIN_RELATIVE_DIFFERENCE = 0.02  # of the gradient: a difference beyond that, and both intervals, at
+MAX_SHARE_OUTSIDE = 0.05  # of the points is worth a warning
 
 
 @dataclass(frozen=True)
 class LackOfFit:
     """The model against what was measured at points ``u`` (V from the null) and ``p`` (Pa), arrays ``(nu, np)``.
 
-    In Pa/s; ``error`` is the model's own, standard, ``spread`` half the width of the 95 % interval of ``measured``.
-    ``seen`` where something was measured; ``counted`` where enough flows there.
+    In Pa/s; ``model_error`` is the model's own, standard, ``half_interval`` half the width of the 95 % interval of ``measured``.
+    ``covered`` where something was measured; ``has_flow`` where enough flows there.
     """
 
     u: Array
     p: Array
     model: Array
-    error: Array
+    model_error: Array
     measured: Array
-    spread: Array
-    seen: NDArray[np.bool_]
+    half_interval: Array
+    covered: NDArray[np.bool_]
 
     @property
     def difference(self) -> Array:
@@ -43,18 +43,18 @@ class LackOfFit:
     def outside(self) -> NDArray[np.bool_]:
         """Where the difference is more than each of both 95 % intervals allows for."""
         off = np.abs(self.difference)
-        return np.asarray(self.seen & (off > Z95 * self.error) & (off > self.spread))
+        return np.asarray(self.covered & (off > Z95 * self.model_error) & (off > self.half_interval))
 
     @cached_property
-    def counted(self) -> NDArray[np.bool_]:
+    def has_flow(self) -> NDArray[np.bool_]:
         """Where a share of the gradient says something."""
         size = np.abs(self.measured)
-        return np.asarray(self.seen & (size > SLIGHT * size.max(where=self.seen, initial=0.0)))
+        return np.asarray(self.covered & (size > MIN_GRADIENT_RATIO * size.max(where=self.covered, initial=0.0)))
 
     @property
-    def relative(self) -> Array:
+    def relative_difference(self) -> Array:
         """The size of the difference over that of the measured gradient, 0 where it is not counted."""
-        return np.asarray(np.abs(self.difference) / np.where(self.counted, np.abs(self.measured), np.inf))
+        return np.asarray(np.abs(self.difference) / np.where(self.has_flow, np.abs(self.measured), np.inf))
 
     @property
     def median(self) -> float | None:
@@ -69,21 +69,21 @@ class LackOfFit:
     @property
     def share_outside(self) -> float | None:
         """Share of those points that lie outside both intervals."""
-        return float(np.mean(self.outside[self.counted])) if self.counted.any() else None
+        return float(np.mean(self.outside[self.has_flow])) if self.has_flow.any() else None
 
     @property
-    def noticeable(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the model is off by more than both intervals and 2 % of the gradient at more than 5 % of them."""
-        off = self.outside & (self.relative > NOTED)
-        return bool(self.counted.any() and np.mean(off[self.counted]) > OFTEN)
+        off = self.outside & (self.relative_difference > MIN_RELATIVE_DIFFERENCE)
+        return bool(self.has_flow.any() and np.mean(off[self.has_flow]) > MAX_SHARE_OUTSIDE)
 
     def _quantile(self, q: float) -> float | None:
-        return float(np.quantile(self.relative[self.counted], q)) if self.counted.any() else None
+        return float(np.quantile(self.relative_difference[self.has_flow], q)) if self.has_flow.any() else None
 
 
-def lack_of_fit(model: Trend, supply_pressure: float, grid: GradientMap) -> LackOfFit:
+def compare_with_map(model: ModelGradient, supply_pressure: float, grid: GradientMap) -> LackOfFit:
     """Hold the model's valve at rest against the measured map, which is at this supply pressure in Pa."""
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
     supply = np.full(u.shape, supply_pressure)
-    modelled, error = model.at(model.start)(u, p, supply), model.error(u, p, supply)
+    modelled, error = model.at_coordinates(model.start)(u, p, supply), model.standard_error(u, p, supply)
     return LackOfFit(u, p, modelled, error, grid.gradient, 0.5 * (grid.ci_high - grid.ci_low), grid.covered)

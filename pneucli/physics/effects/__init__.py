@@ -19,7 +19,7 @@ from typing import get_args
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import Part
 from pneucli.physics.declaration import PORTS, Effect
-from pneucli.physics.equations import EquationError, check
+from pneucli.physics.equations import EquationError, check_effect
 
 
 @cache
@@ -50,11 +50,11 @@ def load_plugin(path: Path) -> Effect:
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise InputError(f"{path}", "it declares no EFFECT", "EFFECT = pneucli.physics.declaration.Effect(...)")
-    _check(effect, path)
+    _check_plugin(effect, path)
     return effect
 
 
-def _check(effect: Effect, path: Path) -> None:
+def _check_plugin(effect: Effect, path: Path) -> None:
     """Raise InputError for a name that is taken, an unknown part or port, or an equation that cannot be compiled."""
     if effect.name in catalogue():
         raise InputError(f"{path}", f'"{effect.name}" is an effect of the catalogue', "a name of its own")
@@ -69,7 +69,7 @@ def _check(effect: Effect, path: Path) -> None:
         if not p.name.isidentifier() or keyword.iskeyword(p.name):
             raise InputError(f"{path}", f'"{p.name}" is no name of a parameter', "letters, digits and _")
     try:
-        check(effect)
+        check_effect(effect)
     except EquationError as fault:
         raise InputError(f"{path}", fault.found, fault.wanted, "see docs/own-effect.md") from fault
 
@@ -80,7 +80,9 @@ def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
     return dict(sorted((catalogue() | {e.name: e for e in own}).items()))
 
 
-def select(names: Iterable[str], known: dict[str, Effect], where: str = "[model] effects") -> tuple[Effect, ...]:
+def select_effects(
+    names: Iterable[str], known: dict[str, Effect], where: str = "[model] effects"
+) -> tuple[Effect, ...]:
     """Return the named effects; raises InputError with the closest name for one that is not known."""
     chosen = []
     for name in names:

@@ -2,7 +2,7 @@
 
 from pneucli.physics.declaration import Effect, Parameter
 
-EDGE = "0.005 strokes"  # a fit must move an edge by as much, to have readings on both of its sides
+EDGE_STEP = "0.005 strokes"  # a fit must move an edge by as much, to have readings on both of its sides
 
 
 def dry_factor(
@@ -25,7 +25,7 @@ EFFECT = Effect(
             "1.1 ranges of x",
             tuple(f"{share} ranges of x" for share in (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)),
             "start of the stretch",
-            EDGE,
+            EDGE_STEP,
         ),
         Parameter(
             "to",
@@ -35,7 +35,7 @@ EFFECT = Effect(
             "1.1 ranges of x",
             tuple(f"{share} ranges of x" for share in (0.2, 0.35, 0.5, 0.65, 0.8, 1.0)),
             "end of the stretch",
-            EDGE,
+            EDGE_STEP,
         ),
         Parameter("gain", "1", 0.0, -0.95, 20.0, (1.0,), "growth of dry friction in it"),
     ),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pneucli.messages.formatting import number
+from pneucli.messages.formatting import format_number
 from pneucli.report.page_elements import Cell, Grid, Section
-from pneucli.report.report_data import Check, Material
+from pneucli.report.report_data import Check, ReportData
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the checks as a table; absent where the pipeline file has none."""
     if not material.checks:
         return None
@@ -25,7 +25,7 @@ def grid(checks: Sequence[Check], caption: str) -> Grid:
 
 
 def _row(check: Check) -> list[Cell]:
-    value = number(check.value) if isinstance(check.value, float) else str(check.value)
+    value = format_number(check.value) if isinstance(check.value, float) else str(check.value)
     found = Cell("nothing there" if check.value is None else value, numeric=False)
     verdict = Cell("failed", tone="bad", numeric=False) if check.failure else Cell("passed", tone="good", numeric=False)
     return [Cell(check.path, numeric=False), Cell(check.wanted, numeric=False), found, verdict]

@@ -10,35 +10,35 @@ import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from pneucli.messages.design import decay, matching, sector
-from pneucli.messages.formatting import number, shown
-from pneucli.messages.simulate import FIGURES
-from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope, figures
-from pneucli.report.page_elements import Cell, Grid, Panel, Part, Run, Section, Series, Zoom, warnings
-from pneucli.report.report_data import Material, Table
+from pneucli.messages.design import describe_decay_rate, describe_matching, describe_sector
+from pneucli.messages.formatting import format_number, in_display_unit
+from pneucli.messages.simulate import METRIC_TITLES
+from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
+from pneucli.report.page_elements import Cell, Grid, Panel, Part, PlotRun, Section, Series, ZoomPlot, warning_notes
+from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections import margins
 from pneucli.report.sections.checks import grid as checks_grid
 
 Answer = Mapping[str, Any]
-MOST = 800  # samples of a curve
-UM = 1e6
-LINEAR = 10.0  # um; errors below are drawn to scale, larger ones by their powers of ten
-WITH, ALONE = "with compensation", "PIDs alone"
+MAX_SAMPLES = 800  # samples of a curve
+MICROMETRES_PER_METRE = 1e6
+LINEAR_RANGE = 10.0  # um; errors below are drawn to scale, larger ones by their powers of ten
+COMPENSATED, UNCOMPENSATED = "with compensation", "PIDs alone"
 # a figure without bound is null, as is one that the scenario does not show; these are there where it does
-BESIDE = {"rise_s": "overshoot_um", "settling_s": "overshoot_um", "recovery_s": "peak_um"}
+COMPANION_FIGURES = {"rise_s": "overshoot_um", "settling_s": "overshoot_um", "recovery_s": "peak_um"}
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return design and closed-loop scenarios; absent where no controller was designed."""
     design, answer = material.answer("design"), material.answer("simulate")
     if not design:
         return None
-    parts = warnings(material, "design")
+    parts = warning_notes(material, "design")
     if own := [check for check in material.checks if check.path.split(".")[0] in ("design", "simulate")]:
         parts.append(checks_grid(own, "The checks of the pipeline file on design and simulation."))
     tolerance = _tolerance(material.table("design/gains"))
     parts.append(_design(design, tolerance))
-    parts += margins.parts(design.get("margins", {}), material.table("design/margins"))
+    parts += margins.margin_parts(design.get("margins", {}), material.table("design/margins"))
     if "closed_loop" in answer:
         parts.append(_figures(answer["closed_loop"], answer["pid_alone"]))
     parts += _scenarios(material.table("simulate/closed_loop"), tolerance)
@@ -51,18 +51,19 @@ def section(material: Material) -> Section | None:
 
 def _tolerance(gains: Table) -> float:
     """Return the error at rest in m that is good enough: twice the reach within which the piston is left alone."""
-    return 2.0 * float(gains.where(name="C_REACH")["value"][0])
+    return 2.0 * float(gains.where(name="C_HOLDING_BAND")["value"][0])
 
 
 def _design(answer: Answer, tolerance: float) -> Grid:
     period = answer["requirements"]["period"]
-    rows = [("sample time", f"{number(1e3 * period, 3)} ms"), ("tolerance at rest", _um(tolerance))]
+    rows = [("sample time", f"{format_number(1e3 * period, 3)} ms"), ("tolerance at rest", _um(tolerance))]
     rows += [
-        (f"corner: {name.replace('_', ' ')}", f"{number(c['value'], 3)} rad/s") for name, c in answer["corners"].items()
+        (f"corner: {name.replace('_', ' ')}", f"{format_number(c['value'], 3)} rad/s")
+        for name, c in answer["corners"].items()
     ]
-    rows += [("sliding sector", sector(name, s)) for name, s in answer["sector"].items()]
-    rows += [(f"{name} system", matching(m)) for name, m in answer["matching"].items()]
-    rows += [(f"PDC, weights {t['weight_type']}", decay(t)) for t in answer["lmi"]["types"]]
+    rows += [("sliding sector", describe_sector(name, s)) for name, s in answer["sector"].items()]
+    rows += [(f"{name} system", describe_matching(m)) for name, m in answer["matching"].items()]
+    rows += [(f"PDC, weights {t['weight_type']}", describe_decay_rate(t)) for t in answer["lmi"]["types"]]
     cells = [[Cell(name, numeric=False), Cell(value, numeric=False)] for name, value in rows]
     return Grid("How it was designed", ("what", "found"), cells, folded=True)
 
@@ -70,30 +71,30 @@ def _design(answer: Answer, tolerance: float) -> Grid:
 def _figures(compensated: Answer, alone: Answer) -> Grid:
     names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
     rows = [
-        [Cell(FIGURES.get(n, n), numeric=False), *(Cell(_both(f, alone[s], n)) for s, f in compensated.items())]
+        [Cell(METRIC_TITLES.get(n, n), numeric=False), *(Cell(_both(f, alone[s], n)) for s, f in compensated.items())]
         for n in names
     ]
-    caption = f"What is reached in each scenario: {WITH} / {ALONE}; ∞ where it is not reached while things rest."
+    caption = f"What is reached in each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞ where it is not reached while things rest."
     return Grid(caption, ("figure", *compensated), rows)
 
 
 def _shows(found: Answer, name: str) -> bool:
     """Return whether a run shows a figure, be it without bound."""
-    return found[name] is not None or found.get(BESIDE.get(name, "")) is not None
+    return found[name] is not None or found.get(COMPANION_FIGURES.get(name, "")) is not None
 
 
 def _both(compensated: Answer, alone: Answer, name: str) -> str:
-    texts = [bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, alone)]
+    texts = [format_bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, alone)]
     return "–" if texts == ["–", "–"] else " / ".join(texts)
 
 
-def bounded(value: float | None) -> str:
+def format_bounded(value: float | None) -> str:
     """Return a figure as text, infinity where it is without bound."""
-    return "∞" if value is None or math.isinf(value) else number(value, 3)
+    return "∞" if value is None or math.isinf(value) else format_number(value, 3)
 
 
 def _um(metres: float) -> str:
-    return f"{number(UM * metres, 3)} µm"
+    return f"{format_number(MICROMETRES_PER_METRE * metres, 3)} µm"
 
 
 def _scenarios(table: Table, tolerance: float) -> list[Part]:
@@ -110,25 +111,27 @@ def _scenarios(table: Table, tolerance: float) -> list[Part]:
         "Drag over a stretch to zoom in, down to the micrometres at rest; double-click to see all again. "
         "The estimate of the load and the pressure are those with compensation."
     )
-    runs = [Run(name, _panels(*pair)) for name, pair in pairs.items()]
-    return [*figures(drawings), Zoom("closed-loop", caption, runs)]
+    runs = [PlotRun(name, _panels(*pair)) for name, pair in pairs.items()]
+    return [*figures(drawings), ZoomPlot("closed-loop", caption, runs)]
 
 
 def _deviation(rows: Table) -> NDArray[Any]:
     """Return reference minus position in um."""
-    return np.asarray(UM * (rows["x_ref"] - rows["x"]))
+    return np.asarray(MICROMETRES_PER_METRE * (rows["x_ref"] - rows["x"]))
 
 
 def _error(name: str, compensated: Table, alone: Table, tolerance: float) -> Drawing:
-    caption = f"{name}: error of the position; to scale up to {number(LINEAR, 2)} µm, shaded: ± {_um(tolerance)}."
+    caption = f"{name}: error of the position; to scale up to {format_number(LINEAR_RANGE, 2)} µm, shaded: ± {_um(tolerance)}."
     with drawing(caption, "time in s", "reference − position in µm") as one:
         axes = one.axes
-        axes.axhspan(-UM * tolerance, UM * tolerance, color=GREY, alpha=0.25, linewidth=0)
-        for rows, label, colour in ((alone, ALONE, BLUE), (compensated, WITH, ORANGE)):
+        axes.axhspan(
+            -MICROMETRES_PER_METRE * tolerance, MICROMETRES_PER_METRE * tolerance, color=GREY, alpha=0.25, linewidth=0
+        )
+        for rows, label, colour in ((alone, UNCOMPENSATED, BLUE), (compensated, COMPENSATED, ORANGE)):
             error = _deviation(rows)
-            kept = envelope([error], MOST)
+            kept = envelope_indices([error], MAX_SAMPLES)
             axes.plot(rows["time"][kept], error[kept], color=colour, label=label, linewidth=1.0)
-        axes.set_yscale("symlog", linthresh=LINEAR, linscale=1.0)
+        axes.set_yscale("symlog", linthresh=LINEAR_RANGE, linscale=1.0)
         axes.yaxis.set_major_formatter(ScalarFormatter())
         axes.yaxis.set_minor_locator(NullLocator())
         one.canvas.legend(loc="outside upper right", ncols=2)
@@ -138,7 +141,7 @@ def _error(name: str, compensated: Table, alone: Table, tolerance: float) -> Dra
 def _load(name: str, rows: Table) -> Drawing:
     caption = f"{name}: the load on the piston and what the controller takes it for, from position and pressures alone."
     with drawing(caption, "time in s", "load in N") as one:
-        kept = envelope([rows["load"], rows["load_estimate"]], MOST)
+        kept = envelope_indices([rows["load"], rows["load_estimate"]], MAX_SAMPLES)
         one.axes.plot(rows["time"][kept], rows["load"][kept], color=GREY, linewidth=2.5, label="load")
         one.axes.plot(rows["time"][kept], rows["load_estimate"][kept], color=ORANGE, label="estimate")
         one.canvas.legend(loc="outside upper right", ncols=2)
@@ -146,11 +149,14 @@ def _load(name: str, rows: Table) -> Drawing:
 
 
 def _panels(compensated: Table, alone: Table) -> list[Panel]:
-    both = {ALONE: alone, WITH: compensated}  # what is judged lies on top
-    mm = {label: shown(rows["x"], "m") for label, rows in both.items()}
-    bar = {name: shown(compensated[column], "Pa") for name, column in (("reference", "p1_ref"), (WITH, "p1"))}
+    both = {UNCOMPENSATED: alone, COMPENSATED: compensated}  # what is judged lies on top
+    mm = {label: in_display_unit(rows["x"], "m") for label, rows in both.items()}
+    bar = {
+        name: in_display_unit(compensated[column], "Pa")
+        for name, column in (("reference", "p1_ref"), (COMPENSATED, "p1"))
+    }
     panels = [
-        ("position", "mm", {"reference": shown(compensated["x_ref"], "m"), **mm}),
+        ("position", "mm", {"reference": in_display_unit(compensated["x_ref"], "m"), **mm}),
         ("reference − position", "µm", {label: _deviation(rows) for label, rows in both.items()}),
         ("valve command", "V", {label: rows["u"] for label, rows in both.items()}),
         ("command of the second valve", "V", {label: rows["u2"] for label, rows in both.items()}),
@@ -166,7 +172,7 @@ def _moves(title: str, curves: Iterable[NDArray[Any]]) -> bool:
 
 
 def _panel(title: str, unit: str, time: NDArray[Any], curves: Mapping[str, NDArray[Any]]) -> Panel:
-    roles = {"reference": "measured", ALONE: "input"}
-    kept = envelope(list(curves.values()), MOST)
+    roles = {"reference": "measured", UNCOMPENSATED: "input"}
+    kept = envelope_indices(list(curves.values()), MAX_SAMPLES)
     drawn = [Series(label, roles.get(label, "model"), values[kept]) for label, values in curves.items()]
     return Panel(title, unit, time[kept], drawn)

@@ -9,21 +9,21 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from scipy.stats import norm
 
-from pneucli.messages.formatting import joined, number, short
+from pneucli.messages.formatting import format_number, format_setting, join_names
 from pneucli.quantities import CHANNELS, SIGNALS
-from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat
+from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 
-STRONG = 0.9  # of a correlation: one of the two may stand for the other
-PAIRS = 5  # that are named
-SHOWN = 6  # residuals that are drawn
+STRONG_CORRELATION = 0.9  # of a correlation: one of the two may stand for the other
+MAX_PAIRS = 5  # that are named
+MAX_RESIDUALS = 6  # residuals that are drawn
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the chapter; absent where neither fit nor residuals were kept."""
     parts: list[Part] = [
-        *_together(material.table("identify/correlation")),
+        *_parameter_correlation(material.table("identify/correlation")),
         *_sensitivity(material.table("identify/sensitivity")),
         *figures([*_iterations(material.table("identify/iterations"))]),
         *figures([*_residuals(material)]),
@@ -37,21 +37,23 @@ def section(material: Material) -> Section | None:
     return Section("relations", "Parameters and residuals in relation", lead, parts, folded=True)
 
 
-def _together(table: Table) -> Iterator[Part]:
+def _parameter_correlation(table: Table) -> Iterator[Part]:
     """Yield the matrix of correlations, and its strongest pairs in words."""
     names = list(dict.fromkeys(table["name"])) if len(table) else []
     if len(names) < 2:
         return
     matrix = table["correlation"].reshape(len(names), len(names))
     first, second = np.triu_indices(len(names), 1)
-    order = np.argsort(-np.abs(matrix[first, second]))[:PAIRS]
+    order = np.argsort(-np.abs(matrix[first, second]))[:MAX_PAIRS]
     strong = [(names[first[i]], names[second[i]], matrix[first[i], second[i]]) for i in order]
-    told = [f"{a} and {b} ({number(float(r), 2)})" for a, b, r in strong if abs(r) >= STRONG]
+    told = [f"{a} and {b} ({format_number(float(r), 2)})" for a, b, r in strong if abs(r) >= STRONG_CORRELATION]
     if told:
-        yield Note(f"These recordings know only together: {joined(told)}. One that moves but one of them helps.")
+        yield Note(f"These recordings know only together: {join_names(told)}. One that moves but one of them helps.")
     caption = "Correlation of the fitted parameters: near 1 or −1 one of two stands for the other."
     with drawing(caption, "", "", height=1.1 + 0.1 * len(names)) as one:
-        heat(one, np.arange(len(names)), np.arange(len(names)), matrix, "correlation", cmap="RdBu_r", vmin=-1, vmax=1)
+        heat_map(
+            one, np.arange(len(names)), np.arange(len(names)), matrix, "correlation", cmap="RdBu_r", vmin=-1, vmax=1
+        )
         places = range(1, len(names) + 1)
         one.axes.set_xticks(range(len(names)), [str(i) for i in places], rotation=90, fontsize=5.5)
         labels = [f"{name}  {i}" for i, name in zip(places, names, strict=True)]
@@ -70,13 +72,13 @@ def _sensitivity(table: Table) -> Iterator[Part]:
     }
     channels = [c for c in CHANNELS if any(c == channel for _, channel in felt)]
     names = list(dict.fromkeys(name for name, _ in felt))
-    rows = [[Cell(name, numeric=False), *(_felt(felt.get((name, c))) for c in channels)] for name in names]
+    rows = [[Cell(name, numeric=False), *(_sensitivity_cell(felt.get((name, c))) for c in channels)] for name in names]
     caption = "What a change by 1 % does to each channel of the fit, rms over all samples, × noise."
     yield Grid(caption, ("parameter", *channels), rows, folded=len(rows) > 12)
 
 
-def _felt(value: float | None) -> Cell:
-    return Cell("–" if value is None else number(value, 2))
+def _sensitivity_cell(value: float | None) -> Cell:
+    return Cell("–" if value is None else format_number(value, 2))
 
 
 def _iterations(table: Table) -> Iterator[Drawing]:
@@ -95,19 +97,19 @@ def _iterations(table: Table) -> Iterator[Drawing]:
             one.axes.plot(place, rows["residual"], ".-", color=colours[effects], markersize=3, label=label)
             colours[f"done {effects}"] = GREY
         one.axes.set_yscale("log")
-        one.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+        one.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_setting(value)))
         one.axes.yaxis.set_minor_formatter(NullFormatter())
         one.axes.legend()
     yield one
 
 
-def _residuals(material: Material) -> Iterator[Drawing]:
+def _residuals(material: ReportData) -> Iterator[Drawing]:
     """Yield the correlations of the residuals that are furthest above their noise, test recordings first."""
     table = material.table("compare/correlation")
     if not len(table):
         return
     judged = [c for c in material.answer("compare").get("channels", []) if c["ratio_to_noise"] is not None]
-    worst = sorted(judged, key=lambda c: (c["use"] != "test", -c["ratio_to_noise"]))[:SHOWN]
+    worst = sorted(judged, key=lambda c: (c["use"] != "test", -c["ratio_to_noise"]))[:MAX_RESIDUALS]
     for channel in worst:
         rows = table.where(recording=channel["recording"], channel=channel["channel"])
         if len(rows):
@@ -122,7 +124,7 @@ def _of_many(lags: int) -> float:
 def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
     name = channel["channel"]
     beyond = []
-    caption = f"Residual of {name} in {channel['recording']} ({number(channel['ratio_to_noise'], 3)} × noise)"
+    caption = f"Residual of {name} in {channel['recording']} ({format_number(channel['ratio_to_noise'], 3)} × noise)"
     with drawing(caption, "lag in s; above 0 the input came first", "correlation") as one:
         for i, ((against,), part) in enumerate(rows.groups("against")):
             own = str(against) == name
@@ -134,10 +136,10 @@ def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
                 one.axes.plot(part["lag"][[0, -1]], [-edge, -edge], ":", color=PALETTE[(i - 1) % 6], linewidth=0.8)
                 if np.abs(part["correlation"]).max() > edge * _of_many(len(part)):
                     most = int(np.argmax(np.abs(part["correlation"])))
-                    beyond.append(f"{against} at {short(float(part['lag'][most]))} s")
+                    beyond.append(f"{against} at {format_setting(float(part['lag'][most]))} s")
         one.axes.axhline(0.0, color=BLUE, linewidth=0.4)
         one.axes.legend()
-    told = f"beyond chance with {joined(beyond)}" if beyond else "nothing to do with the inputs beyond chance"
+    told = f"beyond chance with {join_names(beyond)}" if beyond else "nothing to do with the inputs beyond chance"
     one.caption = f"{caption}: {told} (dotted: 95 % at one lag, by Bartlett's formula)."
     if one.figure is not None:
         one.figure = type(one.figure)(one.figure.svg, one.caption)

@@ -7,25 +7,25 @@ from typing import Any
 
 from pneucli.messages import diagnose
 from pneucli.messages.formatting import (
-    axis,
-    joined,
-    number,
-    parameters,
-    percent,
-    quantity,
-    shown,
-    shown_unit,
+    axis_title,
+    format_number,
+    format_parameters,
+    format_percent,
+    format_quantity,
+    in_display_unit,
+    join_names,
     signal_unit,
+    unit_symbol,
 )
-from pneucli.report.figure import BLUE, INK, ORANGE, Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section, warnings
-from pneucli.report.report_data import Material, Table
+from pneucli.report.figure import BLUE, ORANGE, TEXT_COLOUR, Drawing, drawing, figures
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section, warning_notes
+from pneucli.report.report_data import ReportData, Table
 
 Answer = Mapping[str, Any]
-SHAPES = 4
+MAX_SHAPES = 4
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the evidence for what was named and the rivals that were refused; absent where nothing was diagnosed."""
     answer = material.answer("diagnose")
     if not answer:
@@ -35,9 +35,9 @@ def section(material: Material) -> Section | None:
         if set(former.answer["missing"]) & set(answer["model"]["effects"]):
             parts += _evidence(former.answer, former.table)
     parts += _evidence(answer, material.table("diagnose/shape"))
-    if moved := _moved(answer.get("moved") or []):
+    if moved := _changed_parameters(answer.get("moved") or []):
         parts.append(moved)
-    parts += [*_remarks(answer), *_unknown(material.table("diagnose/law")), *warnings(material, "diagnose")]
+    parts += [*_remarks(answer), *_smooth_terms(material.table("diagnose/law")), *warning_notes(material, "diagnose")]
     lead = (
         "Each effect of the catalogue was added in turn, refitted, and judged by how much of the error it explains on "
         "recordings that were not fitted."
@@ -49,9 +49,11 @@ def _evidence(answer: Answer, shape: Table) -> list[Part]:
     """Return what a diagnosis named, the residual over what tells it, and the rivals with their reasons."""
     missing = answer["missing"]
     tone = "good" if answer["verdict"] == "adequate" else ""
-    effects = joined(answer["model"]["effects"])
+    effects = join_names(answer["model"]["effects"])
     start = f"Base model{f' with {effects}' if effects else ''}"
-    parts: list[Part] = [Note(f"{start}: {diagnose.found(answer)}; {diagnose.sure(answer)}.", tone)]
+    parts: list[Part] = [
+        Note(f"{start}: {diagnose.verdict_sentence(answer)}; {diagnose.evidence_summary(answer)}.", tone)
+    ]
     parts += _shapes(shape, missing)
     grid = _candidates(answer.get("candidates", []), missing)
     return [*parts, *([grid] if grid else [])]
@@ -61,7 +63,7 @@ def _shapes(shape: Table, missing: Sequence[str]) -> list[Figure]:
     """Return the residual over the variable that tells an effect, before and after."""
     groups = shape.groups("effect", "recording", "channel", "variable")
     found = [one for one in groups if one[0][0] in missing]
-    return figures([_shape(*map(str, key), rows=rows) for key, rows in found[:SHAPES]])
+    return figures([_shape(*map(str, key), rows=rows) for key, rows in found[:MAX_SHAPES]])
 
 
 def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Table) -> Drawing:
@@ -70,17 +72,17 @@ def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Ta
         f"{effect}: the residual of {channel} in {recording} before and after adding it; dashed, what the effect takes "
         "away. The closer the dashed curve lies to the one before, the more it explains."
     )
-    with drawing(caption, axis(variable), f"residual of {channel} in {shown_unit(unit)}") as one:
-        x = shown(rows["value"], signal_unit(variable))
-        curves = {name: shown(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
+    with drawing(caption, axis_title(variable), f"residual of {channel} in {unit_symbol(unit)}") as one:
+        x = in_display_unit(rows["value"], signal_unit(variable))
+        curves = {name: in_display_unit(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
         one.axes.plot(x, curves["residual_before"], color=ORANGE, alpha=0.5, linewidth=3.5, label="before")
         one.axes.plot(x, curves["residual_after"], color=BLUE, label="after")
-        one.axes.plot(x, curves["expected"], "--", color=INK, linewidth=1.0, label="taken away")
+        one.axes.plot(x, curves["expected"], "--", color=TEXT_COLOUR, linewidth=1.0, label="taken away")
         one.canvas.legend(loc="outside upper right", ncols=3)
     return one
 
 
-def _unknown(law: Table) -> list[Figure]:
+def _smooth_terms(law: Table) -> list[Figure]:
     """Return the law of what no effect accounts for, over its signal."""
     if not len(law):
         return []
@@ -89,10 +91,12 @@ def _unknown(law: Table) -> list[Figure]:
         f"What no effect of the catalogue accounts for, as {channel} shows it: as a function of this signal it "
         "explains most of what was left out. Where the curve has a shape that you know, that is what to look for."
     )
-    title = f"{way} in {shown_unit(unit)}" if shown_unit(unit) else way
-    with drawing(caption, axis(variable), title) as one:
-        one.axes.axhline(0.0, color=INK, linewidth=0.6)
-        one.axes.plot(shown(law["value"], signal_unit(variable)), shown(law["law"], unit), color=ORANGE)
+    title = f"{way} in {unit_symbol(unit)}" if unit_symbol(unit) else way
+    with drawing(caption, axis_title(variable), title) as one:
+        one.axes.axhline(0.0, color=TEXT_COLOUR, linewidth=0.6)
+        one.axes.plot(
+            in_display_unit(law["value"], signal_unit(variable)), in_display_unit(law["law"], unit), color=ORANGE
+        )
     return figures([one])
 
 
@@ -103,10 +107,10 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
         [
             Cell(c["effect"], numeric=False),
             Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
-            Cell(percent(c["confidence"]) if c.get("confidence") is not None else "–"),
-            Cell(number(c.get("error_before"), 3)),
-            Cell(number(c.get("error_after"), 3)),
-            Cell(parameters(c.get("parameters", {})), numeric=False),
+            Cell(format_percent(c["confidence"]) if c.get("confidence") is not None else "–"),
+            Cell(format_number(c.get("error_before"), 3)),
+            Cell(format_number(c.get("error_after"), 3)),
+            Cell(format_parameters(c.get("parameters", {})), numeric=False),
             Cell(", ".join(c.get("indistinguishable_from", [])) or "–", numeric=False),
             Cell(c.get("why", ""), numeric=False),
         ]
@@ -116,14 +120,14 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
     return Grid("What was tried, and why it was taken or refused; errors are × noise", head, rows, folded=True)
 
 
-def _moved(moved: Sequence[Answer]) -> Grid | None:
+def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
     if not moved:
         return None
     rows = [
         [
             Cell(m["parameter"], numeric=False),
-            Cell(quantity(m["from"], m["unit"])),
-            Cell(quantity(m["to"], m["unit"])),
+            Cell(format_quantity(m["from"], m["unit"])),
+            Cell(format_quantity(m["to"], m["unit"])),
             Cell("yes" if m["plausible"] else "no", tone="" if m["plausible"] else "bad", numeric=False),
         ]
         for m in moved
@@ -135,14 +139,14 @@ def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
     share = answer.get("unexplained_share")
     if share and answer["verdict"] != "adequate":
-        parts.append(Note(f"{percent(share)} of the error beyond noise stays unexplained."))
+        parts.append(Note(f"{format_percent(share)} of the error beyond noise stays unexplained."))
     if rest := answer.get("unexplained"):
-        parts.append(Note(diagnose.unknown(rest)))
+        parts.append(Note(diagnose.describe_discrepancy(rest)))
     parts += _discrepancy(answer.get("discrepancy", []))
     if following := answer.get("next_experiment"):
         parts.append(Note(f"Next experiment: {following}"))
     if limits := answer.get("detectable"):
-        rows = [[Cell(diagnose.limit(one), numeric=False)] for one in limits]
+        rows = [[Cell(diagnose.describe_detection_limit(one), numeric=False)] for one in limits]
         parts.append(Grid("From which size on each effect would have shown", ("effect",), rows, folded=True))
     return parts
 
@@ -153,10 +157,10 @@ def _discrepancy(left: Sequence[Answer]) -> list[Part]:
         [
             Cell(one["channel"], numeric=False),
             Cell(one["subsystem"], numeric=False),
-            Cell(number(one["size"], 3)),
-            Cell("–" if one["time_constant_s"] is None else quantity(one["time_constant_s"], "s", 2)),
+            Cell(format_number(one["size"], 3)),
+            Cell("–" if one["time_constant_s"] is None else format_quantity(one["time_constant_s"], "s", 2)),
             Cell(one["over"] or "–", numeric=False),
-            Cell(percent(one["share"])),
+            Cell(format_percent(one["share"])),
         ]
         for one in left
     ]

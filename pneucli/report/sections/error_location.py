@@ -14,22 +14,30 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from pneucli.messages import compare
-from pneucli.messages.formatting import axis, joined, number, percent, short, shown, signal_unit
-from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat
+from pneucli.messages.formatting import (
+    axis_title,
+    format_number,
+    format_percent,
+    format_setting,
+    in_display_unit,
+    join_names,
+    signal_unit,
+)
+from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat_map
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
-CELLS = 24  # along each side of a map
-FULL = 5  # samples that a cell needs to be drawn
-MAPS = 3  # channels, those in which the first model failed worst
-FLOOR = 0.3  # times the noise: the end of the colours; no cell of five samples of pure noise lies far below
-PLACES = 3  # of one event, in words
+MAP_CELLS = 24  # along each side of a map
+MIN_CELL_SAMPLES = 5  # samples that a cell needs to be drawn
+MAX_MAPS = 3  # channels, those in which the first model failed worst
+COLOUR_FLOOR = 0.3  # times the noise: the end of the colours; no cell of five samples of pure noise lies far below
+MAX_LOCATIONS = 3  # of one event, in words
 STATES = ("u", "p1", "p2", "x", "v")
 
 
 @dataclass(frozen=True)
-class Cloud:
+class StateSamples:
     """Residuals of one channel in units of the noise floor (n,), and the states (n,) at which they arose."""
 
     experiment: str
@@ -43,19 +51,19 @@ class Cloud:
         return float(np.sqrt(np.nanmean(self.residual**2)))
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return maps of the first model and of the one as it is, and the stretches; absent where nothing was compared."""
     answer = material.answer("compare")
     if not answer:
         return None
     now = _clouds(material, answer, material.table("compare/residuals"))
-    former = material.before
+    former = material.first_comparison
     first = _clouds(material, former.answer, former.table) if former else {}
-    worst = sorted(now, key=lambda key: -(first.get(key) or now[key]).rms)[:MAPS]
+    worst = sorted(now, key=lambda key: -(first.get(key) or now[key]).rms)[:MAX_MAPS]
     parts: list[Part] = []
     for key in worst:
         parts += figures(_maps(first.get(key), now[key]))
-    events = compare.events(answer)
+    events = compare.grouped_regions(answer)
     parts += [_events(events)] if events else [Note("No channel errs remarkably beyond noise.", "good")]
     lead = (
         "The maps pool all recordings of an experiment, each over those two variables over which the error is least "
@@ -68,10 +76,10 @@ def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
     rows = [
         [
             Cell(event[0]["recording"], numeric=False),
-            Cell(joined(list(dict.fromkeys(r["channel"] for r in event))), numeric=False),
-            Cell("; ".join(dict.fromkeys(compare.place(r) for r in event[:PLACES])), numeric=False),
-            Cell(percent(event[0]["share_of_error"]), bar=event[0]["share_of_error"]),
-            Cell(percent(event[0]["share_of_samples"]), bar=event[0]["share_of_samples"]),
+            Cell(join_names(list(dict.fromkeys(r["channel"] for r in event))), numeric=False),
+            Cell("; ".join(dict.fromkeys(compare.describe_region(r) for r in event[:MAX_LOCATIONS])), numeric=False),
+            Cell(format_percent(event[0]["share_of_error"]), bar=event[0]["share_of_error"]),
+            Cell(format_percent(event[0]["share_of_samples"]), bar=event[0]["share_of_samples"]),
         ]
         for event in events
     ]
@@ -80,7 +88,7 @@ def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
     return Grid(caption, head, rows, folded=True)
 
 
-def _clouds(material: Material, answer: Mapping[str, Any], table: Table) -> dict[tuple[str, str], Cloud]:
+def _clouds(material: ReportData, answer: Mapping[str, Any], table: Table) -> dict[tuple[str, str], StateSamples]:
     """Return a model's residuals by experiment and channel, all recordings of it together."""
     noise = {(c["recording"], c["channel"]): c["noise"] for c in answer["channels"]}
     kind = {r["name"]: _kind(r) for r in material.answer("ingest").get("recordings", [])}
@@ -101,10 +109,10 @@ def _kind(recording: Mapping[str, Any]) -> str:
     return f"{recording['experiment']}{' (imposed motion)' if recording.get('imposed') else ''}"
 
 
-def _cloud(experiment: str, channel: str, parts: list[tuple[Array, dict[str, Array]]]) -> Cloud:
+def _cloud(experiment: str, channel: str, parts: list[tuple[Array, dict[str, Array]]]) -> StateSamples:
     shared = [name for name in STATES if all(name in states for _, states in parts)]
     states = {name: np.concatenate([one[name] for _, one in parts]) for name in shared}
-    return Cloud(experiment, channel, np.concatenate([residual for residual, _ in parts]), states)
+    return StateSamples(experiment, channel, np.concatenate([residual for residual, _ in parts]), states)
 
 
 def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
@@ -117,7 +125,7 @@ def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
     return states
 
 
-def _maps(first: Cloud | None, now: Cloud) -> list[Drawing]:
+def _maps(first: StateSamples | None, now: StateSamples) -> list[Drawing]:
     """Draw the rms residual of both models over the pair of states over which that of the first is least even.
 
     One scale for both; none is drawn where there is no pair of states that move.
@@ -134,25 +142,25 @@ def _maps(first: Cloud | None, now: Cloud) -> list[Drawing]:
     return [_map("before", first, pair, most), _map("after", now, pair, most)]
 
 
-def _map(when: str, cloud: Cloud, pair: tuple[str, str], most: float) -> Drawing:
+def _map(when: str, cloud: StateSamples, pair: tuple[str, str], most: float) -> Drawing:
     x, y = pair
     edges_x, edges_y, rms, _ = _grid(cloud, x, y)
-    worst = number(float(np.nanmax(rms, initial=0.0)), 3)
+    worst = format_number(float(np.nanmax(rms, initial=0.0)), 3)
     caption = (
-        f"{cloud.channel} in {cloud.experiment} recordings, {when}: {number(cloud.rms, 3)} × noise over all samples, "
+        f"{cloud.channel} in {cloud.experiment} recordings, {when}: {format_number(cloud.rms, 3)} × noise over all samples, "
         f"up to {worst} × in the worst cell."
     )
-    with drawing(caption, axis(x), axis(y)) as one:
-        ends = shown(edges_x, signal_unit(x)), shown(edges_y, signal_unit(y))
+    with drawing(caption, axis_title(x), axis_title(y)) as one:
+        ends = in_display_unit(edges_x, signal_unit(x)), in_display_unit(edges_y, signal_unit(y))
         title = f"rms residual of {cloud.channel}, × noise"
-        bar = heat(one, *ends, rms.T, title, norm=LogNorm(vmin=FLOOR, vmax=most))
+        bar = heat_map(one, *ends, rms.T, title, norm=LogNorm(vmin=COLOUR_FLOOR, vmax=most))
         bar.ax.axhline(1.0, color=ORANGE, linewidth=2)
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_setting(value)))
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
     return one
 
 
-def _grid(cloud: Cloud, x: str, y: str) -> tuple[Array, Array, Array, float]:
+def _grid(cloud: StateSamples, x: str, y: str) -> tuple[Array, Array, Array, float]:
     """Return edges, the rms residual (CELLS, CELLS), NaN where few samples fell, and how uneven it is (>= 0).
 
     Unevenness is the Kullback-Leibler divergence of the squared error's distribution from that of the samples.
@@ -160,10 +168,10 @@ def _grid(cloud: Cloud, x: str, y: str) -> tuple[Array, Array, Array, float]:
     a, b, squared = cloud.states[x], cloud.states[y], cloud.residual**2
     seen = np.isfinite(a) & np.isfinite(b) & np.isfinite(squared)
     a, b, squared = a[seen], b[seen], squared[seen]
-    edges = [np.histogram_bin_edges(values, CELLS) for values in (a, b)]
+    edges = [np.histogram_bin_edges(values, MAP_CELLS) for values in (a, b)]
     count, *_ = np.histogram2d(a, b, edges)
     total, *_ = np.histogram2d(a, b, edges, weights=squared)
-    full = count >= FULL
+    full = count >= MIN_CELL_SAMPLES
     if not full.any() or not total[full].sum() > 0:
         return edges[0], edges[1], np.full(count.shape, np.nan), -1.0
     error, samples = total[full] / total[full].sum(), count[full] / count[full].sum()

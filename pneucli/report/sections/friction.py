@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.messages.formatting import number, quantity, shown
-from pneucli.report.figure import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, Drawing, drawing, figures
+from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 
 BRANCHES = {"both": GREY, "accelerating": BLUE, "slowing": ORANGE}
 MODELS = {
@@ -20,14 +20,14 @@ MODELS = {
     "E": "TP of D, one a branch",
     "F": "TP direct, one a branch",
 }
-_COLOURS = dict(zip(MODELS, (INK, ORANGE, GREEN, PINK, SKY, BLUE), strict=True))
+_COLOURS = dict(zip(MODELS, (TEXT_COLOUR, ORANGE, GREEN, PINK, SKY, BLUE), strict=True))
 _LINES = dict(zip(MODELS, ("-", "--", ":", "-", "--", ":"), strict=True))
 CHANNELS = ("a", "v", "force")
-NEAR = 0.15  # of the range of velocity: where Stribeck friction is
-SCATTERED = 1500  # dots of a figure
+STRIBECK_RANGE = 0.15  # of the range of velocity: where Stribeck friction is
+MAX_DOTS = 1500  # dots of a figure
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the friction's figures and tables; absent where none was identified."""
     models = material.table("identify/friction_models")
     if not len(models):
@@ -47,7 +47,7 @@ def section(material: Material) -> Section | None:
     return Section("friction", "Friction", lead, parts, folded=True)
 
 
-def friction_warnings(material: Material) -> list[Part]:
+def friction_warnings(material: ReportData) -> list[Part]:
     """Return what the identification of friction warns of."""
     told = material.answer("identify").get("friction", {}).get("warnings", [])
     return [Note(f"{warning}.", "warning") for warning in told]
@@ -56,12 +56,12 @@ def friction_warnings(material: Material) -> list[Part]:
 def _scatter(cuts: Table) -> Drawing:
     caption = "Stick-slips cut out of the recordings: friction over speed, one line a slip; direction by colour."
     with drawing(caption, "speed in mm/s", "friction in N") as one:
-        step = max(1, len(cuts) // SCATTERED)
+        step = max(1, len(cuts) // MAX_DOTS)
         for (direction, _), rows in cuts.groups("direction", "cut"):
             some = rows.rows(np.arange(0, len(rows), step))
             colour = BLUE if direction > 0 else ORANGE
             force = some["force"] * (1 if some["force"].mean() > 0 else -1)
-            one.axes.plot(shown(some["speed"], "m/s"), force, color=colour, linewidth=0.7, alpha=0.7)
+            one.axes.plot(in_display_unit(some["speed"], "m/s"), force, color=colour, linewidth=0.7, alpha=0.7)
         for direction, colour, label in ((1, BLUE, "toward +x"), (-1, ORANGE, "toward −x")):
             if (np.sign(cuts["direction"]) == direction).any():
                 one.axes.plot([], [], color=colour, label=label)
@@ -74,16 +74,16 @@ def _curves(curves: Table) -> Drawing:
     with drawing(caption, "velocity in mm/s", "friction in N") as one:
         for branch, colour in BRANCHES.items():
             if len(rows := curves.where(branch=branch)):
-                _banded(one, rows, colour, branch)
+                _with_interval_band(one, rows, colour, branch)
         one.axes.legend()
     return one
 
 
-def _banded(one: Drawing, rows: Table, colour: str, label: str) -> None:
+def _with_interval_band(one: Drawing, rows: Table, colour: str, label: str) -> None:
     """Draw a branch for each direction, so that no line crosses standstill."""
     for i, side in enumerate((rows["v"] < 0, rows["v"] > 0)):
         part = rows.rows(np.flatnonzero(side)[np.argsort(rows["v"][side])])
-        v = shown(part["v"], "m/s")
+        v = in_display_unit(part["v"], "m/s")
         one.axes.fill_between(v, part["ci_low"], part["ci_high"], color=colour, alpha=0.25, linewidth=0)
         one.axes.plot(v, part["force"], color=colour, label=label if i else None)
 
@@ -97,14 +97,16 @@ def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawi
         caption = f"Models {', '.join(names)} near standstill."
     with drawing(caption, "velocity in mm/s", "friction in N") as one:
         if len(curves):
-            one.axes.plot(shown(curves["v"], "m/s"), curves["force"], ".", color=GREY, markersize=2, alpha=0.6)
+            one.axes.plot(
+                in_display_unit(curves["v"], "m/s"), curves["force"], ".", color=GREY, markersize=2, alpha=0.6
+            )
         for name in names:
             for i, (_, rows) in enumerate(models.where(model=name).groups("branch")):
-                v = shown(rows["v"], "m/s")
+                v = in_display_unit(rows["v"], "m/s")
                 label = name if i == 0 else None
                 one.axes.plot(v, rows["force"], _LINES.get(name, "-"), color=_COLOURS.get(name, GREY), label=label)
-        reach = 1.1 * float(np.abs(shown((curves if len(curves) else models)["v"], "m/s")).max())
-        reach *= NEAR if near else 1.0
+        reach = 1.1 * float(np.abs(in_display_unit((curves if len(curves) else models)["v"], "m/s")).max())
+        reach *= STRIBECK_RANGE if near else 1.0
         one.axes.set_xlim(-reach, reach)
         one.axes.legend()
     return one
@@ -112,7 +114,7 @@ def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawi
 
 def _kinetic(kinetic: Table) -> Drawing:
     over_pressure = np.isfinite(kinetic["p1"]).all()
-    x = shown(kinetic["p1"], "Pa") if over_pressure else shown(kinetic["speed"], "m/s")
+    x = in_display_unit(kinetic["p1"], "Pa") if over_pressure else in_display_unit(kinetic["speed"], "m/s")
     caption = "Kinetic friction with 95 % intervals, one point a recording."
     title = "pressure of chamber 1 in bar" if over_pressure else "speed in mm/s"
     with drawing(caption, title, "friction in N") as one:
@@ -123,7 +125,7 @@ def _kinetic(kinetic: Table) -> Drawing:
     return one
 
 
-def _tables(material: Material) -> Iterator[Part]:
+def _tables(material: ReportData) -> Iterator[Part]:
     if len(deviations := material.table("identify/friction_deviations")):
         yield from _deviations(deviations)
     if len(parameters := material.table("identify/friction_parameters")):
@@ -131,7 +133,7 @@ def _tables(material: Material) -> Iterator[Part]:
         rows = [
             [
                 *(Cell(str(text), numeric=False) for text in (model, branch, name)),
-                *(Cell(quantity(float(v), str(unit))) for v in (value, low, high)),
+                *(Cell(format_quantity(float(v), str(unit))) for v in (value, low, high)),
             ]
             for model, branch, name, value, unit, low, high in zip(*(parameters[c] for c in columns), strict=True)
         ]
@@ -163,9 +165,9 @@ def _deviation(rows: Table) -> list[Cell]:
     if not len(rows):
         return [Cell("–")] * 3
     rmsd, noise = (float(rows[name].mean()) for name in ("rmsd", "noise"))
-    times = number(rmsd / noise, 2) if noise > 0.0 else "–"
+    times = format_number(rmsd / noise, 2) if noise > 0.0 else "–"
     return [
-        Cell(quantity(rmsd, rows.text("unit"), 3)),
-        Cell(f"{number(float(rows['percent'].mean()), 2)} %"),
+        Cell(format_quantity(rmsd, rows.text("unit"), 3)),
+        Cell(f"{format_number(float(rows['percent'].mean()), 2)} %"),
         Cell(times),
     ]

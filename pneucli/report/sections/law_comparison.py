@@ -9,19 +9,19 @@ import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
 from pneucli.messages import law_comparison
-from pneucli.messages.formatting import shown
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PALETTE, Drawing, drawing, envelope, figures
+from pneucli.messages.formatting import in_display_unit
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PALETTE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 
 Answer = Mapping[str, Any]
-MOST = 800  # samples of a curve
-UM = 1e6
-THESIS = "compensated"  # the law whose results the thesis shows
-AFTER = 0.25  # s after a step of pressure that are magnified
+MAX_SAMPLES = 800  # samples of a curve
+MICROMETRES_PER_METRE = 1e6
+THESIS_LAW = "compensated"  # the law whose results the thesis shows
+PRESSURE_WINDOW = 0.25  # s after a step of pressure that are magnified
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the bench of controllers; absent where none was designed."""
     design = material.answer("design")
     if not design.get("compare"):
@@ -29,7 +29,7 @@ def section(material: Material) -> Section | None:
     signals = material.table("design/comparison_signals")
     tolerance = design["tolerance_um"]
     parts: list[Part] = [_grid("What each controller reaches", design["compare"], tolerance)]
-    if poor := law_comparison.poor(design["compare"], tolerance):
+    if poor := law_comparison.shortcomings(design["compare"], tolerance):
         parts.append(Note(f"On friction that is a set at rest {'; '.join(poor)}."))
     parts += [Note(f"Not made: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
     if design["ablation"]:
@@ -50,9 +50,9 @@ def section(material: Material) -> Section | None:
 def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
     rows = [
         [Cell(name, numeric=False), *map(Cell, figures), Cell(verdict, numeric=False)]
-        for name, *figures, verdict in law_comparison.rows(cases, tolerance)
+        for name, *figures, verdict in law_comparison.table_rows(cases, tolerance)
     ]
-    return Grid(f"{caption}: {law_comparison.SAID}.", ("controller", *law_comparison.HEAD), rows)
+    return Grid(f"{caption}: {law_comparison.COLUMN_LEGEND}.", ("controller", *law_comparison.COLUMN_TITLES), rows)
 
 
 def _titles(titles: Mapping[str, str]) -> Grid:
@@ -68,8 +68,8 @@ def _errors(signals: Table) -> Iterator[Drawing]:
         caption = f"{scenario}: error of the position under each law; to scale up to 10 µm."
         with drawing(caption, "time in s", "|reference − position| in µm", height=3.4) as one:
             for i, ((name,), mine) in enumerate(rows.groups("controller")):
-                error = UM * np.abs(mine["x_ref"] - mine["x"])
-                kept = envelope([error], MOST // 2)
+                error = MICROMETRES_PER_METRE * np.abs(mine["x_ref"] - mine["x"])
+                kept = envelope_indices([error], MAX_SAMPLES // 2)
                 colour = GREY if name == "best" else PALETTE[(i - 1) % len(PALETTE)]
                 width = 2.0 if name == "best" else 0.9
                 one.axes.plot(mine["time"][kept], error[kept], color=colour, linewidth=width, label=str(name))
@@ -82,8 +82,8 @@ def _errors(signals: Table) -> Iterator[Drawing]:
 
 def _thesis(signals: Table) -> Iterator[Drawing]:
     """Yield figures 7.28 to 7.34 for the law of the thesis, as far as the scenarios show them."""
-    bare = signals.where(controller=f"{THESIS}, no map")
-    mine = signals.where(controller=THESIS)
+    bare = signals.where(controller=f"{THESIS_LAW}, no map")
+    mine = signals.where(controller=THESIS_LAW)
     for (_,), rows in mine.groups("scenario"):
         if np.isnan(rows["x_ref"]).all():
             yield from _pressure(rows, bare)
@@ -113,7 +113,7 @@ def _pressure(rows: Table, bare: Table) -> Iterator[Drawing]:
     for caption, column, title, scale in told:
         with drawing(caption, "time in s", title) as one:
             values = scale * rows[column]
-            kept = envelope([values], MOST)
+            kept = envelope_indices([values], MAX_SAMPLES)
             one.axes.plot(rows["time"][kept], values[kept], color=BLUE)
         yield one
 
@@ -127,16 +127,16 @@ def _pressures(caption: str, rows: Table, bare: Table, about: float | None = Non
         ):
             if not len(table):
                 continue
-            near = np.full(len(table), True) if about is None else np.abs(table["time"] - about) < AFTER
-            one.axes.plot(table["time"][near], shown(table[column][near], "Pa"), color=colour, label=label)
+            near = np.full(len(table), True) if about is None else np.abs(table["time"] - about) < PRESSURE_WINDOW
+            one.axes.plot(table["time"][near], in_display_unit(table[column][near], "Pa"), color=colour, label=label)
         one.axes.legend(loc="upper right")
     return one
 
 
 def _position(rows: Table) -> Drawing:
     with drawing("Figure 7.32: position control.", "time in s", "position in µm") as one:
-        one.axes.plot(rows["time"], UM * rows["x_ref"], color=GREY, label="reference")
-        one.axes.plot(rows["time"], UM * rows["x"], color=BLUE, label="position")
+        one.axes.plot(rows["time"], MICROMETRES_PER_METRE * rows["x_ref"], color=GREY, label="reference")
+        one.axes.plot(rows["time"], MICROMETRES_PER_METRE * rows["x"], color=BLUE, label="position")
         one.axes.legend(loc="upper right")
     return one
 
@@ -145,8 +145,8 @@ def _inner(rows: Table) -> Drawing:
     caption = "Figure 7.33: the pressure of the inner loop and what the position loop asks of it."
     with drawing(caption, "time in s", "pressure in bar") as one:
         for column, label, colour in (("p1_ref", "reference", GREY), ("p1", "pressure of chamber 1", BLUE)):
-            values = shown(rows[column], "Pa")
-            kept = envelope([values], MOST)
+            values = in_display_unit(rows[column], "Pa")
+            kept = envelope_indices([values], MAX_SAMPLES)
             one.axes.plot(rows["time"][kept], values[kept], color=colour, label=label, linewidth=0.9)
         one.axes.legend(loc="upper right")
     return one
@@ -159,9 +159,9 @@ def _load(rows: Table, best: Table) -> Drawing:
     )
     with drawing(caption, "time in s", "force in N") as one:
         one.axes.plot(rows["time"], rows["load"], color=GREY, linewidth=2.5, label="load")
-        for table, label, colour in ((rows, THESIS, BLUE), (best, "best", GREEN)):
+        for table, label, colour in ((rows, THESIS_LAW, BLUE), (best, "best", GREEN)):
             if len(table):
-                kept = envelope([table["load_estimate"]], MOST)
+                kept = envelope_indices([table["load_estimate"]], MAX_SAMPLES)
                 one.axes.plot(table["time"][kept], table["load_estimate"][kept], color=colour, label=label)
         one.axes.legend(loc="upper right")
     return one

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from pneucli.messages import controller_logs
 from pneucli.report.page_elements import Cell, Grid, Part, Section
-from pneucli.report.report_data import Material
+from pneucli.report.report_data import ReportData
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return a table a log; absent where no controller was logged whose numbers are known."""
     found = material.answer("compare").get("closed_loop", [])
     parts: list[Part] = [
         Grid(
             f"{one['recording']}: controller {one['controller']}, {one['precision']}, hash {one['hash'][:12]}.",
-            controller_logs.HEAD,
-            [[Cell(title, numeric=False), Cell(told), Cell(came)] for title, told, came in controller_logs.rows(one)],
+            controller_logs.COLUMN_TITLES,
+            [
+                [Cell(title, numeric=False), Cell(told), Cell(came)]
+                for title, told, came in controller_logs.figure_rows(one)
+            ],
         )
         for one in found
     ]

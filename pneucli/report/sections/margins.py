@@ -14,17 +14,24 @@ from pneucli.report.page_elements import Cell, Grid, Note, Part
 from pneucli.report.report_data import Table
 
 COLOURS = {"command": ORANGE, "command 2": GREEN, "position": BLUE}
-EXTENT = 2.5  # of the plane to either side of -1
+PLANE_HALF_WIDTH = 2.5  # of the plane to either side of -1
 
 
-def parts(answer: Mapping[str, Any], table: Table) -> list[Part]:
+def margin_parts(answer: Mapping[str, Any], table: Table) -> list[Part]:
     """Return the margins of a design; nothing where none are known."""
     if not answer or not answer["points"]:
         return []
-    rows = [[Cell(t, numeric=i > 0) for i, t in enumerate(words.row(loop, w))] for loop, w in answer["worst"].items()]
+    rows = [
+        [Cell(t, numeric=i > 0) for i, t in enumerate(words.table_row(loop, w))] for loop, w in answer["worst"].items()
+    ]
     caption = "The least margins along the stroke and both ways, one loop cut, the others closed."
-    doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in words.doubts(answer)]
-    return [Grid(caption, words.HEAD, rows), *doubts, *figures([_nyquist(answer, table)]), Note(words.limits(answer))]
+    doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in words.stability_warnings(answer)]
+    return [
+        Grid(caption, words.COLUMN_TITLES, rows),
+        *doubts,
+        *figures([_nyquist(answer, table)]),
+        Note(words.validity_note(answer)),
+    ]
 
 
 def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
@@ -40,13 +47,13 @@ def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
         axes.plot(-1.0, 0.0, "+", color="#d00000", markersize=9, markeredgewidth=1.6)
         named = set()
         for (loop, _, _), rows in table.groups("loop", "x", "speed"):
-            label = None if loop in named else words.TITLES[loop]
+            label = None if loop in named else words.LOOP_TITLES[loop]
             axes.plot(rows["real"], rows["imaginary"], color=COLOURS[loop], linewidth=0.9, alpha=0.8, label=label)
             named.add(loop)
         for loop, worst in answer["worst"].items():
             axes.plot(-math.cos(worst["phase"]), -math.sin(worst["phase"]), "o", color=COLOURS[loop], markersize=4)
-        axes.set_xlim(-1.0 - EXTENT, -1.0 + EXTENT)
-        near = table["imaginary"][np.hypot(table["real"] + 1.0, table["imaginary"]) < EXTENT]
+        axes.set_xlim(-1.0 - PLANE_HALF_WIDTH, -1.0 + PLANE_HALF_WIDTH)
+        near = table["imaginary"][np.hypot(table["real"] + 1.0, table["imaginary"]) < PLANE_HALF_WIDTH]
         axes.set_ylim(np.min(near, initial=-1.0) - 0.15, np.max(near, initial=1.0) + 0.15)
         axes.set_aspect("equal")
         one.canvas.legend(loc="outside upper center", ncols=len(named))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.messages.formatting import number, quantity, shown, shown_unit
-from pneucli.report.figure import envelope
-from pneucli.report.page_elements import LONG, Cell, Grid, Panel, Part, Run, Section, Series, Zoom
-from pneucli.report.report_data import Material, Table
+from pneucli.messages.formatting import format_number, format_quantity, in_display_unit, unit_symbol
+from pneucli.report.figure import envelope_indices
+from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Panel, Part, PlotRun, Section, Series, ZoomPlot
+from pneucli.report.report_data import ReportData, Table
 
-MOST = 800  # samples of a curve
+MAX_SAMPLES = 800  # samples of a curve
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return metrics and zoomable plots of the open-loop scenarios; absent where none was simulated."""
     table = material.table("simulate/open_loop")
     if not len(table):
@@ -23,17 +23,17 @@ def section(material: Material) -> Section | None:
         [
             Cell(one["scenario"], numeric=False),
             Cell(m["channel"], numeric=False),
-            Cell(f"{quantity(m['from'], m['unit'], 3)} – {quantity(m['to'], m['unit'], 3)}"),
-            Cell(quantity(m["end"], m["unit"], 3)),
-            Cell(quantity(m["rmsd"], m["unit"], 3)),
-            Cell("–" if m["fit_percent"] is None else f"{number(m['fit_percent'], 3)} %"),
+            Cell(f"{format_quantity(m['from'], m['unit'], 3)} – {format_quantity(m['to'], m['unit'], 3)}"),
+            Cell(format_quantity(m["end"], m["unit"], 3)),
+            Cell(format_quantity(m["rmsd"], m["unit"], 3)),
+            Cell("–" if m["fit_percent"] is None else f"{format_number(m['fit_percent'], 3)} %"),
         ]
         for one in scenarios
         for m in one["channels"]
     ]
     if rows:
         head = ("scenario", "channel", "range", "at the end", "RMSD from the recording", "fit")
-        parts.insert(0, Grid("What the model does in each scenario.", head, rows, folded=len(rows) > LONG))
+        parts.insert(0, Grid("What the model does in each scenario.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS))
     lead = (
         "The model runs on its inputs alone and is never set back to the measurement; errors that the comparison "
         "above forgets at each restart add up here."
@@ -41,19 +41,19 @@ def section(material: Material) -> Section | None:
     return Section("open-loop", "Open loop", lead, parts, folded=True)
 
 
-def _zoom(table: Table) -> Zoom:
+def _zoom(table: Table) -> ZoomPlot:
     runs = [
-        Run(str(scenario), [_panel(str(channel), part) for (channel,), part in rows.groups("channel")])
+        PlotRun(str(scenario), [_panel(str(channel), part) for (channel,), part in rows.groups("channel")])
         for (scenario,), rows in table.groups("scenario")
     ]
-    return Zoom("open-loop", "Drag over a stretch to zoom in, double-click to see all again.", runs)
+    return ZoomPlot("open-loop", "Drag over a stretch to zoom in, double-click to see all again.", runs)
 
 
 def _panel(channel: str, rows: Table) -> Panel:
     unit = rows.text("unit")
     role = "input" if channel in ("u", "u2") else "model"
-    kept = envelope([rows["value"]], MOST)
-    curves = [Series(role, role, shown(rows["value"][kept], unit))]
+    kept = envelope_indices([rows["value"]], MAX_SAMPLES)
+    curves = [Series(role, role, in_display_unit(rows["value"][kept], unit))]
     if np.isfinite(rows["measured"]).any():
-        curves.insert(0, Series("measured", "measured", shown(rows["measured"][kept], unit)))
-    return Panel(channel, shown_unit(unit), rows["time"][kept], curves)
+        curves.insert(0, Series("measured", "measured", in_display_unit(rows["measured"][kept], unit)))
+    return Panel(channel, unit_symbol(unit), rows["time"][kept], curves)

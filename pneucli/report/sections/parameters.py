@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages.formatting import number, with_interval
-from pneucli.messages.identify import FRICTION, friction_lines, friction_rows, leak_lines
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section, warnings
-from pneucli.report.report_data import Material
+from pneucli.messages.formatting import format_interval, format_number
+from pneucli.messages.identify import FRICTION_COLUMNS, friction_lines, friction_rows, leak_lines
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section, warning_notes
+from pneucli.report.report_data import ReportData
 from pneucli.report.sections.friction import friction_warnings
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the parameters of the model; absent where none was identified."""
     model = material.answer("identify").get("model")
     if not model or not model["parameters"]:
@@ -22,7 +22,7 @@ def section(material: Material) -> Section | None:
     lead = f"The base model with {effects}." if effects else "The base model, without further effects."
     head = ("parameter", "value, 95 % interval", "half width")
     grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
-    told = [note for note in warnings(material, "identify") if note not in friction_warnings(material)]
+    told = [note for note in warning_notes(material, "identify") if note not in friction_warnings(material)]
     parts: list[Part] = [*told, grid, *_looked_up(material.answer("identify"))]
     return Section("parameters", "Parameters", lead, parts, folded=True, printed=True)
 
@@ -32,7 +32,7 @@ def _looked_up(answer: Mapping[str, Any]) -> Iterator[Part]:
     friction = answer.get("friction", {})
     if rows := friction_rows(friction):
         cells = [[Cell(text, numeric=False) for text in row] for row in rows]
-        yield Grid("Friction by recording; in brackets the number of break-aways.", FRICTION, cells)
+        yield Grid("Friction by recording; in brackets the number of break-aways.", FRICTION_COLUMNS, cells)
     yield from (Note(f"{said}.") for said in (*friction_lines(friction), *leak_lines(answer.get("leaks", {}))))
 
 
@@ -41,6 +41,6 @@ def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:
     relative = abs(high - low) / 2 / abs(value) if value and None not in (low, high) else None
     return [
         Cell(name, numeric=False),
-        Cell(with_interval(value, unit, (low, high))),
-        Cell("–" if relative is None else f"{number(100 * relative, 2)} %", bar=relative),
+        Cell(format_interval(value, unit, (low, high))),
+        Cell("–" if relative is None else f"{format_number(100 * relative, 2)} %", bar=relative),
     ]

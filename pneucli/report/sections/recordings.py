@@ -6,19 +6,24 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
 
-from pneucli.messages.formatting import number, quantity
-from pneucli.messages.plausibility import doubts
-from pneucli.report.page_elements import LONG, Cell, Grid, Note, Part, Section, warnings
-from pneucli.report.report_data import Material
+from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Section, warning_notes
+from pneucli.report.report_data import ReportData
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the recordings and repairs; absent where nothing was ingested."""
     answer = material.answer("ingest")
     if not answer:
         return None
     recordings = answer["recordings"]
-    parts: list[Part] = [*_doubts(answer), *warnings(material, "ingest"), _recordings(recordings), _noise(recordings)]
+    parts: list[Part] = [
+        *_doubts(answer),
+        *warning_notes(material, "ingest"),
+        _recordings(recordings),
+        _noise(recordings),
+    ]
     if answer.get("repairs"):
         parts.append(_repairs(answer["repairs"]))
     uses = [sum(r["use"] == use for r in recordings) for use in ("train", "test")]
@@ -27,7 +32,7 @@ def section(material: Material) -> Section | None:
 
 
 def _doubts(answer: Mapping[str, Any]) -> list[Note]:
-    return [Note(f"{doubt}.", "warning") for doubt in doubts(answer.get("plausibility", []))]
+    return [Note(f"{doubt}.", "warning") for doubt in implausibility_sentences(answer.get("plausibility", []))]
 
 
 def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:
@@ -41,13 +46,15 @@ def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:
             Cell(", ".join(name for name in r["signals"] if name != "time"), numeric=False),
             Cell(f"{r['samples']}"),
             Cell(f"{1 / r['period']:.6g} Hz"),
-            Cell(f"{number(r['from'])} – {number(r['to'])} s"),
+            Cell(f"{format_number(r['from'])} – {format_number(r['to'])} s"),
             Cell(PurePath(r["file"]).name, numeric=False),
             Cell(r["sha256"][:10], numeric=False),
         ]
         for r in recordings
     ]
-    return Grid("Recordings, all signals in SI and absolute pressure inside.", head, rows, folded=len(rows) > LONG)
+    return Grid(
+        "Recordings, all signals in SI and absolute pressure inside.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS
+    )
 
 
 def _noise(recordings: list[Mapping[str, Any]]) -> Grid:
@@ -58,7 +65,7 @@ def _noise(recordings: list[Mapping[str, Any]]) -> Grid:
 
 
 def _rms(noise: Mapping[str, Any] | None) -> Cell:
-    return Cell("–" if noise is None else quantity(noise["rms"], noise["unit"], 2))
+    return Cell("–" if noise is None else format_quantity(noise["rms"], noise["unit"], 2))
 
 
 def _repairs(repairs: list[Mapping[str, Any]]) -> Grid:

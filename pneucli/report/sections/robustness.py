@@ -7,18 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.messages.formatting import short
-from pneucli.messages.simulate import FIGURES
+from pneucli.messages.formatting import format_setting
+from pneucli.messages.simulate import METRIC_TITLES
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
-from pneucli.report.report_data import Material, Table
-from pneucli.report.sections.closed_loop import bounded
+from pneucli.report.report_data import ReportData, Table
+from pneucli.report.sections.closed_loop import format_bounded
 
 Answer = Mapping[str, Any]
-LEFT = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")  # what an effect may leave of the error
+RESIDUAL_ERROR_FIGURES = (
+    "steady_um",
+    "tracking_rms_um",
+    "recovery_s",
+    "load_error",
+)  # what an effect may leave of the error
 BASE = {"all": "all runs", "": "none"}  # rows that belong to no effect
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the Monte Carlo study by effect; absent where none was run."""
     answer = material.answer("simulate").get("robust")
     if not answer:
@@ -35,13 +40,13 @@ def section(material: Material) -> Section | None:
     parts: list[Part] = [_rates(rates, checks, told)]
     if harmless := [e for e in effects if e not in told]:
         parts.append(Note(f"Every check held with {', '.join(harmless)}.", "good"))
-    parts += _left(material.table("simulate/robust"), effects)
+    parts += _residual_errors(material.table("simulate/robust"), effects)
     return Section("robustness", "Robustness", lead, parts, folded=True)
 
 
 def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer], effects: Sequence[str]) -> Grid:
-    head = ("effect", *(f"{FIGURES.get(c, c)} ≤ {short(v['limit'])}" for c, v in checks.items()))
-    rows = [[_effect(e), *(_held(rates.get((e, c))) for c in checks)] for e in effects]
+    head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_setting(v['limit'])}" for c, v in checks.items()))
+    rows = [[_effect(e), *(_pass_rate(rates.get((e, c))) for c in checks)] for e in effects]
     caption = (
         "In how many runs each check held, every scenario counted; and the worst found. The most harmful effects first."
     )
@@ -57,23 +62,23 @@ def _effect(name: str) -> Cell:
     return Cell(BASE.get(name, name), numeric=False)
 
 
-def _held(rate: Answer | None) -> Cell:
+def _pass_rate(rate: Answer | None) -> Cell:
     if rate is None:
         return Cell("–")
     held, runs = int(rate["held"]), int(rate["runs"])
-    return Cell(f"{held} of {runs}; {bounded(rate['worst'])}", tone="" if held == runs else "bad")
+    return Cell(f"{held} of {runs}; {format_bounded(rate['worst'])}", tone="" if held == runs else "bad")
 
 
-def _left(runs: Table, effects: Sequence[str]) -> list[Grid]:
+def _residual_errors(runs: Table, effects: Sequence[str]) -> list[Grid]:
     """Return the median figures of each effect's runs, which tell what of the error the effect leaves."""
     if not len(runs):
         return []
-    names = [name for name in LEFT if name in runs]
+    names = [name for name in RESIDUAL_ERROR_FIGURES if name in runs]
     rows = [[_effect(e), *(_median(runs if e == "all" else runs.where(effect=e), n) for n in names)] for e in effects]
     caption = "What each effect leaves of the error, the median of its runs; “none” is what stays without any"
-    return [Grid(caption, ("effect", *(FIGURES[n] for n in names)), rows, folded=True)]
+    return [Grid(caption, ("effect", *(METRIC_TITLES[n] for n in names)), rows, folded=True)]
 
 
 def _median(runs: Table, name: str) -> Cell:
     values = runs[name][~np.isnan(runs[name])]
-    return Cell(bounded(float(np.median(values))) if values.size else "–")
+    return Cell(format_bounded(float(np.median(values))) if values.size else "–")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pneucli.messages.formatting import quantity, shown
+from pneucli.messages.formatting import format_quantity, in_display_unit
 from pneucli.report.figure import Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.friction import MODELS
 
-FLAT = 0.02
+MIN_WEIGHT_RANGE = 0.02
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the weights over velocity and the vertices; absent where there is no tensor-product model."""
     weights = material.table("identify/tp_weights")
     if not len(weights):
@@ -32,7 +32,9 @@ def _weights(model: str, branch: str, rows: Table) -> Drawing:
     caption = f"Weighting functions of model {model} ({MODELS.get(model, '')}){of_branch}, where they change."
     with drawing(caption, "velocity in mm/s", "weight", height=2.3) as one:
         for (vertex,), of_vertex in rows.groups("vertex"):
-            one.axes.plot(shown(of_vertex["v"], "m/s"), of_vertex["weight"], label=f"vertex {int(vertex) + 1}")
+            one.axes.plot(
+                in_display_unit(of_vertex["v"], "m/s"), of_vertex["weight"], label=f"vertex {int(vertex) + 1}"
+            )
         one.axes.set_xlim(_bend(rows))
         one.axes.set_ylim(-0.03, 1.03)
         one.axes.legend()
@@ -41,8 +43,10 @@ def _weights(model: str, branch: str, rows: Table) -> Drawing:
 
 def _bend(rows: Table) -> tuple[float, float]:
     """Return the range of velocity (mm/s) outside of which no weight changes by more than the last per cent or two."""
-    bent = shown(rows["v"][(rows["weight"] > FLAT) & (rows["weight"] < 1 - FLAT)], "m/s")
-    whole = shown(rows["v"], "m/s")
+    bent = in_display_unit(
+        rows["v"][(rows["weight"] > MIN_WEIGHT_RANGE) & (rows["weight"] < 1 - MIN_WEIGHT_RANGE)], "m/s"
+    )
+    whole = in_display_unit(rows["v"], "m/s")
     if not bent.size:
         return float(whole.min()), float(whole.max())
     return float(max(whole.min(), 1.5 * bent.min())), float(min(whole.max(), 1.5 * bent.max()))
@@ -51,6 +55,6 @@ def _bend(rows: Table) -> tuple[float, float]:
 def _vertices(vertices: Table) -> Grid:
     rows = []
     for (model, branch), of_branch in vertices.groups("model", "branch"):
-        values = ", ".join(quantity(float(a), "1/s") for a in of_branch["a22"])
+        values = ", ".join(format_quantity(float(a), "1/s") for a in of_branch["a22"])
         rows.append([Cell(str(model), numeric=False), Cell(str(branch), numeric=False), Cell(values)])
     return Grid("Vertices a22 of each model.", ("model", "branch", "vertices"), rows)

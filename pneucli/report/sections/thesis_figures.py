@@ -8,23 +8,23 @@ import numpy as np
 from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
-from pneucli.messages.formatting import number, short, shown
+from pneucli.messages.formatting import format_number, format_setting, in_display_unit
 from pneucli.physics.gas import CRITICAL_RATIO, exact_flow_function
 from pneucli.physics.vectorised import flow_functions
-from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope, figures
+from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.page_elements import Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
-USUAL = (0.2, 0.8)  # pressure ratios of the claim
-MOST = 600  # samples of a curve
-FIRST = {"A": 14, "B": 16, "C": 18, "D": 34, "E": 36, "F": 38}  # 6.14: of each model acceleration, then velocity
-AT = 5e5  # Pa, of figure 7.24
-NEAR = 3  # commands to either side of the null that figure 7.25 shows
+TYPICAL_PRESSURE_RATIOS = (0.2, 0.8)  # pressure ratios of the claim
+MAX_SAMPLES = 600  # samples of a curve
+FIRST_FIGURE = {"A": 14, "B": 16, "C": 18, "D": 34, "E": 36, "F": 38}  # 6.14: of each model acceleration, then velocity
+REFERENCE_PRESSURE = 5e5  # Pa, of figure 7.24
+COMMANDS_PER_SIDE = 3  # commands to either side of the null that figure 7.25 shows
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the figures; absent where nothing was identified that they could show."""
     drawings = [*_valve(material), *_slip(material.table("identify/friction_replays"))]
     if not drawings:
@@ -47,7 +47,7 @@ def _flow_function() -> Iterator[Drawing]:
         one.axes.plot(ratio, exact, color=BLUE)
     yield one
     off, open_ = np.abs(near - exact), exact > 0.0
-    usual = (ratio >= USUAL[0]) & (ratio <= USUAL[1])
+    usual = (ratio >= TYPICAL_PRESSURE_RATIOS[0]) & (ratio <= TYPICAL_PRESSURE_RATIOS[1])
     of_value = off[open_] / exact[open_]
     told = (
         f"Figure 2.5: the flow function and its approximation (2.42, 2.43). It errs by at most "
@@ -66,16 +66,18 @@ def _flow_function() -> Iterator[Drawing]:
 
 
 def _percent(share: float) -> str:
-    return f"{number(100.0 * float(share), 2)} %"
+    return f"{format_number(100.0 * float(share), 2)} %"
 
 
-def _valve(material: Material) -> Iterator[Drawing]:
+def _valve(material: ReportData) -> Iterator[Drawing]:
     """Yield figures 7.16 to 7.26 of the valve at chamber 1."""
-    curves, grid, areas = (_first(material.table(f"identify/valve_{name}")) for name in ("curves", "map", "areas"))
+    curves, grid, areas = (
+        _first_chamber(material.table(f"identify/valve_{name}")) for name in ("curves", "map", "areas")
+    )
     if len(curves):
         fill, vent = (_strongest(curves, sign) for sign in (1.0, -1.0))
         if fill is not None:
-            yield from _inflation(fill, float(shown(curves["fitted"].max(), "Pa")))
+            yield from _inflation(fill, float(in_display_unit(curves["fitted"].max(), "Pa")))
         if vent is not None:
             yield from _deflation(vent)
     if len(areas):
@@ -89,7 +91,7 @@ def _valve(material: Material) -> Iterator[Drawing]:
         yield _areas("Figure 7.26: area of the inlet over the command.", areas, opening > 0)
 
 
-def _first(table: Table) -> Table:
+def _first_chamber(table: Table) -> Table:
     return table.where(chamber=1) if "chamber" in table else table
 
 
@@ -102,10 +104,10 @@ def _strongest(curves: Table, sign: float) -> Table | None:
 
 
 def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
-    with drawing(f"{caption} Command {short(float(rows['u'][0]))} V.", "time in s", "pressure in bar") as one:
+    with drawing(f"{caption} Command {format_setting(float(rows['u'][0]))} V.", "time in s", "pressure in bar") as one:
         for column, style, colour, label in (("measured", ".", GREY, "measured"), ("fitted", "-", BLUE, "fitted")):
-            kept = envelope([rows[column]], MOST)
-            time, values = rows["time"][kept] - rows["time"][0], shown(rows[column][kept], "Pa")
+            kept = envelope_indices([rows[column]], MAX_SAMPLES)
+            time, values = rows["time"][kept] - rows["time"][0], in_display_unit(rows[column][kept], "Pa")
             one.axes.plot(time, values, style, color=colour, markersize=2, label=label)
         one.axes.set_yscale(scale)
         if scale == "log":
@@ -118,7 +120,7 @@ def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
 def _inflation(rows: Table, supply: float) -> Iterator[Drawing]:
     """Yield the figures of one inflation; ``supply`` (bar) is the highest pressure that any curve reaches."""
     yield _curve("Figures 7.16 and 7.19: inflation pressure curve.", rows)
-    p, gradient = shown(rows["fitted"], "Pa"), shown(rows["gradient"], "Pa/s")
+    p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
     most = float(np.nanmax(gradient))
     caption = "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42) beside it."
     with drawing(caption, "pressure over the highest that is reached", "Ψ / Ψ max") as one:
@@ -138,7 +140,7 @@ def _deflation(rows: Table) -> Iterator[Drawing]:
     yield _curve("Figure 7.17: deflation pressure curve.", rows)
     caption = "Figure 7.21: the same over a logarithmic scale: while choked it is exponential, a straight line."
     yield _curve(caption, rows, "log")
-    p, gradient = shown(rows["fitted"], "Pa"), shown(rows["gradient"], "Pa/s")
+    p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
     choked = p > 1.05 * float(p.min()) / CRITICAL_RATIO
     caption = "Figure 7.22: pressure and gradient of the deflation: a straight line through zero while choked."
     with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
@@ -146,18 +148,18 @@ def _deflation(rows: Table) -> Iterator[Drawing]:
         if choked.any():
             slope = float(np.sum(p[choked] * gradient[choked]) / np.sum(p[choked] ** 2))
             line = np.array([0.0, float(p.max())])
-            one.axes.plot(line, slope * line, "--", color=ORANGE, label=f"{number(slope, 3)} 1/s × pressure")
+            one.axes.plot(line, slope * line, "--", color=ORANGE, label=f"{format_number(slope, 3)} 1/s × pressure")
         one.axes.legend(loc="upper right")
     yield one
 
 
 def _over_voltage(grid: Table) -> Drawing:
     levels = np.unique(grid["p"])
-    level = float(levels[np.argmin(np.abs(levels - AT))])
+    level = float(levels[np.argmin(np.abs(levels - REFERENCE_PRESSURE))])
     rows = grid.where(p=level)
-    caption = f"Figure 7.24: pressure gradient over voltage at {number(1e-5 * level, 2)} bar."
+    caption = f"Figure 7.24: pressure gradient over voltage at {format_number(1e-5 * level, 2)} bar."
     with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
-        one.axes.plot(rows["u"], shown(rows["p_gradient"], "Pa/s"), color=BLUE)
+        one.axes.plot(rows["u"], in_display_unit(rows["p_gradient"], "Pa/s"), color=BLUE)
         one.axes.axhline(0, color=GREY, linewidth=0.6)
     return one
 
@@ -167,7 +169,7 @@ def _near(areas: Table, opening: Array) -> NDArray[np.bool_]:
     chosen = np.zeros(len(areas), dtype=bool)
     for side in (opening > 0, opening < 0):
         mine = np.flatnonzero(side)
-        chosen[mine[np.argsort(np.abs(opening[mine]))[:NEAR]]] = True
+        chosen[mine[np.argsort(np.abs(opening[mine]))[:COMMANDS_PER_SIDE]]] = True
     return chosen
 
 
@@ -190,7 +192,7 @@ def _slip(replays: Table) -> Iterator[Drawing]:
     for (model,), rows in replays.groups("model"):
         for i, (name, title) in enumerate((("a", "acceleration in m/s²"), ("v", "velocity in m/s"))):
             what = title.split()[0]
-            figure = f"Figure 6.{FIRST[str(model)] + i}"
+            figure = f"Figure 6.{FIRST_FIGURE[str(model)] + i}"
             caption = f"{figure}: {what} of model {model} in one stick-slip, driven by the measured force."
             with drawing(caption, "time from break-away in s", title, height=2.3) as one:
                 one.axes.plot(rows["time"], rows[name], color=GREY, linewidth=1.0, label="measured")

@@ -11,26 +11,45 @@ import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from pneucli.messages.formatting import number, percent, quantity, short, shown, shown_unit, times
-from pneucli.report.figure import BLUE, GREY, ON_HEAT, ORANGE, Drawing, drawing, envelope, figures, heat, shade
+from pneucli.messages.formatting import (
+    format_noise_ratio,
+    format_number,
+    format_percent,
+    format_quantity,
+    format_setting,
+    in_display_unit,
+    unit_symbol,
+)
+from pneucli.report.figure import (
+    BLUE,
+    GREY,
+    HEAT_MAP_LINE_COLOUR,
+    ORANGE,
+    Drawing,
+    drawing,
+    envelope_indices,
+    figures,
+    heat_map,
+    rank_colour,
+)
 from pneucli.report.page_elements import Cell, Figure, Grid, Part, Section
-from pneucli.report.report_data import Material, Table
+from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
-PLOTTED = 100  # samples of a curve
-SWITCHED = 3  # commands of a switching valve, between which there is nothing
-LABELLED = 7  # sizes of the command that a figure shows
-MEASURED = (
+MAX_CURVE_SAMPLES = 100  # samples of a curve
+MAX_SWITCHING_COMMANDS = 3  # commands of a switching valve, between which there is nothing
+MAX_LABELS = 7  # sizes of the command that a figure shows
+MEASUREMENT_FIGURES = (
     "Pressure gradients of the vessel behind the valve, measured directly by charging and discharging it at each "
     "command, and how far the model's valve (area × flow function × effects) is off them."
 )
-MODELLED = (
+MODEL_FIGURES = (
     "Pressure gradients that the model's valve (area × flow function × effects) gives, as fitted to the driven piston "
     "since no vessel was filled, and how far measured ones are off them."
 )
 
 
-def section(material: Material) -> Section | None:
+def section(material: ReportData) -> Section | None:
     """Return the valve's figures and tables; absent where no valve was identified."""
     if not len(material.table("identify/valve_map")):
         return None
@@ -42,10 +61,12 @@ def section(material: Material) -> Section | None:
         mine: list[Figure | Grid] = [*(_figures(of_chamber) if not parts else _maps(of_chamber)), *_tables(valve)]
         parts += [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(known) > 1 else mine
     measured = any(valve.get("map") != "model" for valve in known.values())
-    return Section("valve", "Valve: map and inverse", MEASURED if measured else MODELLED, parts, folded=True)
+    return Section(
+        "valve", "Valve: map and inverse", MEASUREMENT_FIGURES if measured else MODEL_FIGURES, parts, folded=True
+    )
 
 
-def _table(material: Material, chamber: int, name: str) -> Table:
+def _table(material: ReportData, chamber: int, name: str) -> Table:
     """Return a table's rows of one chamber; where gas flows into one alone there is no such column."""
     table = material.table(f"identify/valve_{name}")
     return table.where(chamber=chamber) if "chamber" in table else table
@@ -56,7 +77,7 @@ def _figures(table: Callable[[str], Table]) -> Iterator[Figure]:
     drawings = [_inflation(curves), _gradients(curves)] if len(curves) else []
     drawings.append(_over_command(table("map")))
     if len(lack := table("lack_of_fit")):
-        drawings.append(_lack(lack))
+        drawings.append(_lack_of_fit(lack))
     if len(areas := table("areas")):
         drawings.append(_areas(areas))
     yield from figures(drawings)
@@ -78,7 +99,7 @@ def _steps(curves: Table) -> list[tuple[float, Table]]:
             longest[float(u)] = rows
     long = 0.5 * max(map(_duration, longest.values()))
     sizes = sorted({abs(u) for u, rows in longest.items() if _duration(rows) >= long})
-    places = np.unique(np.linspace(0, len(sizes) - 1, LABELLED).round().astype(int))
+    places = np.unique(np.linspace(0, len(sizes) - 1, MAX_LABELS).round().astype(int))
     chosen = {sizes[i] for i in places}
     return [(u, rows) for u, rows in sorted(longest.items()) if abs(u) in chosen]
 
@@ -89,12 +110,12 @@ def _duration(rows: Table) -> float:
 
 def _colour(u: float, steps: list[tuple[float, Table]]) -> Any:
     sizes = sorted({abs(command) for command, _ in steps})
-    return shade(sizes.index(abs(u)), len(sizes))
+    return rank_colour(sizes.index(abs(u)), len(sizes))
 
 
 def _legend(one: Drawing, steps: list[tuple[float, Table]]) -> None:
     sizes = sorted({abs(u) for u, _ in steps})
-    handles = [Line2D([], [], color=_colour(u, steps), label=f"{short(u)} V") for u in sizes]
+    handles = [Line2D([], [], color=_colour(u, steps), label=f"{format_setting(u)} V") for u in sizes]
     one.axes.legend(handles=handles, title="|command|", loc="upper left", bbox_to_anchor=(1, 1))
 
 
@@ -103,12 +124,12 @@ def _inflation(curves: Table) -> Drawing:
     caption = "Charging and discharging: what was measured (dots) and what was fitted (lines), one pair a command."
     with drawing(caption, "time from the step in s", "pressure in bar") as one:
         for u, rows in steps:
-            kept = envelope([rows["measured"]], PLOTTED)
+            kept = envelope_indices([rows["measured"]], MAX_CURVE_SAMPLES)
             time = rows["time"] - rows["time"][0]
             colour = _colour(u, steps)
             dots = kept[:: max(1, kept.size // 40)]
-            one.axes.plot(time[dots], shown(rows["measured"][dots], "Pa"), ".", color=colour, markersize=2.5)
-            one.axes.plot(time[kept], shown(rows["fitted"][kept], "Pa"), color=colour, linewidth=1.0)
+            one.axes.plot(time[dots], in_display_unit(rows["measured"][dots], "Pa"), ".", color=colour, markersize=2.5)
+            one.axes.plot(time[kept], in_display_unit(rows["fitted"][kept], "Pa"), color=colour, linewidth=1.0)
         _legend(one, steps)
     return one
 
@@ -122,9 +143,9 @@ def _gradients(curves: Table) -> Drawing:
     with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
         for u, rows in steps:
             order = np.argsort(rows["fitted"])
-            order = order[:: max(1, order.size // PLOTTED)]
+            order = order[:: max(1, order.size // MAX_CURVE_SAMPLES)]
             p, low, high, middle = (
-                shown(rows[name][order], unit)
+                in_display_unit(rows[name][order], unit)
                 for name, unit in (("fitted", "Pa"), ("ci_low", "Pa/s"), ("ci_high", "Pa/s"), ("gradient", "Pa/s"))
             )
             one.axes.fill_between(p, low, high, color=_colour(u, steps), alpha=0.25, linewidth=0)
@@ -144,14 +165,16 @@ def _square(table: Table, x: str, y: str, z: str) -> tuple[Array, Array, Array]:
 
 def _map(grid: Table) -> Drawing:
     u, p, gradient = _square(grid, "u", "p", "p_gradient")
-    p, gradient = shown(p, "Pa"), shown(gradient, "Pa/s")
+    p, gradient = in_display_unit(p, "Pa"), in_display_unit(gradient, "Pa/s")
     most = float(np.nanmax(np.abs(gradient)))
     caption = "The valve map: pressure gradient over command and pressure."
     with drawing(caption, "valve command in V", "pressure in bar") as one:
-        heat(one, u, p, gradient, "pressure gradient in bar/s", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
-        if u.size > SWITCHED:
-            lines = one.axes.contour(u, p, gradient, 10, colors=ON_HEAT, linewidths=0.5)
-            one.axes.clabel(lines, fontsize=7, colors=ON_HEAT, fmt=lambda value: number(value, 3))
+        heat_map(
+            one, u, p, gradient, "pressure gradient in bar/s", cmap="PuOr", vmin=-most, vmax=most, shading="nearest"
+        )
+        if u.size > MAX_SWITCHING_COMMANDS:
+            lines = one.axes.contour(u, p, gradient, 10, colors=HEAT_MAP_LINE_COLOUR, linewidths=0.5)
+            one.axes.clabel(lines, fontsize=7, colors=HEAT_MAP_LINE_COLOUR, fmt=lambda value: format_number(value, 3))
         if "covered" in grid and not grid["covered"].all():
             covered = _square(grid, "u", "p", "covered")[2]
             one.axes.contourf(u, p, covered, [-0.5, 0.5], colors="none", hatches=["///"])
@@ -166,16 +189,21 @@ def _over_command(grid: Table) -> Drawing:
     with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
         for i, level in enumerate(chosen):
             rows = grid.where(p=level)
-            colour = shade(i, chosen.size)
-            low, high = (shown(rows[f"p_gradient_ci_{end}"], "Pa/s") for end in ("low", "high"))
+            colour = rank_colour(i, chosen.size)
+            low, high = (in_display_unit(rows[f"p_gradient_ci_{end}"], "Pa/s") for end in ("low", "high"))
             one.axes.fill_between(rows["u"], low, high, color=colour, alpha=0.25, linewidth=0)
-            one.axes.plot(rows["u"], shown(rows["p_gradient"], "Pa/s"), color=colour, label=quantity(level, "Pa", 2))
+            one.axes.plot(
+                rows["u"],
+                in_display_unit(rows["p_gradient"], "Pa/s"),
+                color=colour,
+                label=format_quantity(level, "Pa", 2),
+            )
         one.axes.axhline(0, color=GREY, linewidth=0.6)
         one.axes.legend()
     return one
 
 
-def _lack(lack: Table) -> Drawing:
+def _lack_of_fit(lack: Table) -> Drawing:
     levels = np.unique(lack["p"])
     chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
     caption = (
@@ -184,14 +212,14 @@ def _lack(lack: Table) -> Drawing:
     )
     with drawing(caption, "valve command in V", "measured − model in bar/s") as one:
         for i, level in enumerate(chosen):
-            rows, colour = lack.where(p=level), shade(i, chosen.size)
+            rows, colour = lack.where(p=level), rank_colour(i, chosen.size)
             off, *ends = (
-                shown(rows[name], "Pa/s")
+                in_display_unit(rows[name], "Pa/s")
                 for name in ("difference", "model", "model_ci_high", "measured", "measured_ci_high")
             )
             allowed = np.maximum(ends[1] - ends[0], ends[3] - ends[2])
             one.axes.fill_between(rows["u"], -allowed, allowed, color=colour, alpha=0.15, linewidth=0)
-            one.axes.plot(rows["u"], off, color=colour, linewidth=1.0, label=quantity(level, "Pa", 2))
+            one.axes.plot(rows["u"], off, color=colour, linewidth=1.0, label=format_quantity(level, "Pa", 2))
             outside = rows["outside"].astype(bool)
             one.axes.plot(rows["u"][outside], off[outside], ".", color=colour, markersize=4)
         one.axes.axhline(0, color=GREY, linewidth=0.6)
@@ -202,11 +230,11 @@ def _lack(lack: Table) -> Drawing:
 def _inverse(inverse: Table) -> Drawing:
     gradient, p, u = _square(inverse, "p_gradient", "p", "u")
     reachable = _square(inverse, "p_gradient", "p", "reachable")[2]
-    gradient, p = shown(gradient, "Pa/s"), shown(p, "Pa")
+    gradient, p = in_display_unit(gradient, "Pa/s"), in_display_unit(p, "Pa")
     most = float(np.nanmax(np.abs(u)))
     caption = "The inverse map: the command that gives a wanted gradient at a pressure. Hatched: out of reach, clipped."
     with drawing(caption, "wanted pressure gradient in bar/s", "pressure in bar") as one:
-        heat(one, gradient, p, u, "valve command in V", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
+        heat_map(one, gradient, p, u, "valve command in V", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
         if not reachable.all():
             one.axes.contourf(gradient, p, reachable, [-0.5, 0.5], colors="none", hatches=["///"])
     return one
@@ -215,13 +243,13 @@ def _inverse(inverse: Table) -> Drawing:
 def _areas(areas: Table) -> Drawing:
     unit, opening = areas.units.get("area", "m^2"), areas["opening" if "opening" in areas else "u"]
     caption = "Effective area of the model's valve over command, charging and discharging, with 95 % intervals."
-    with drawing(caption, "valve command in V", f"effective area in {shown_unit(unit)}") as one:
+    with drawing(caption, "valve command in V", f"effective area in {unit_symbol(unit)}") as one:
         for label, chosen, colour in (
             ("supply → chamber", opening > 0, BLUE),
             ("chamber → ambient", opening < 0, ORANGE),
         ):
             rows = areas.rows(np.flatnonzero(chosen)[np.argsort(areas["u"][chosen])])
-            area, low, high = (shown(rows[name], unit) for name in ("area", "ci_low", "ci_high"))
+            area, low, high = (in_display_unit(rows[name], unit) for name in ("area", "ci_low", "ci_high"))
             spread = np.clip([area - low, high - area], 0, None)
             one.axes.errorbar(rows["u"], area, spread, fmt="o-", color=colour, markersize=3, capsize=2, label=label)
         one.axes.set_ylim(bottom=0)
@@ -249,12 +277,14 @@ def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
         ("points outside both 95 % intervals", lack["share_outside"]),
     )
     noise = (("map on its own curves", residual["train"]), ("map on held-out curves", residual["test"]))
-    rows = [[Cell(name, numeric=False), Cell("–" if n is None else percent(n))] for name, n in shares]
-    rows += [[Cell(name, numeric=False), Cell("–" if n is None else f"{times(n)} × noise")] for name, n in noise]
+    rows = [[Cell(name, numeric=False), Cell("–" if n is None else format_percent(n))] for name, n in shares]
+    rows += [
+        [Cell(name, numeric=False), Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise
+    ]
     caption = "Lack of fit of the model's valve, over the measured gradient, and residuals of the map, over the noise."
     return Grid(caption, ("", "value"), rows)
 
 
 def _value(parameter: Mapping[str, Any]) -> list[Cell]:
     values = (parameter["value"], *parameter["ci95"])
-    return [Cell(quantity(value, parameter["unit"])) for value in values]
+    return [Cell(format_quantity(value, parameter["unit"])) for value in values]

@@ -14,13 +14,13 @@ from scipy.interpolate import PchipInterpolator
 from pneucli.experiments import Part
 
 Array = NDArray[np.float64]
-POINTS = 8001  # of the kernel's table over both directions
-CLOSED_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
-OVERLAPS = ("overlap_fill", "overlap_vent")
+TABLE_POINTS = 8001  # of the kernel's table over both directions
+MIN_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
+OVERLAP_FIELDS = ("overlap_fill", "overlap_vent")
 Knots = tuple[float, tuple[tuple[float, float], ...]]  # of one direction: overlap (V), and (opening in V, area in m^2)
 
 
-def area_name(command: float, label: str = "valve") -> str:
+def area_parameter_name(command: float, label: str = "valve") -> str:
     """Return the parameter's name of the effective area at a command in V from the null one."""
     return f"{label}.effective_area({command:+.4g} V)"
 
@@ -55,15 +55,17 @@ class ValveArea:
         """The name of the parameter that is the effective area at a command (V)."""
         return _area_names(self.commands, self.label)
 
-    def named(self) -> dict[str, tuple[float, str]]:
+    def parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
         areas = {name: (a, "m^2") for name, a in zip(self.area_names.values(), self.areas, strict=True)}
-        return areas | ({f"{self.label}.{name}": (getattr(self, name), "V") for name in OVERLAPS} if areas else {})
+        return areas | (
+            {f"{self.label}.{name}": (getattr(self, name), "V") for name in OVERLAP_FIELDS} if areas else {}
+        )
 
-    def with_named(self, values: Mapping[str, float]) -> ValveArea:
+    def with_parameters(self, values: Mapping[str, float]) -> ValveArea:
         """Return the valve with parameters replaced; other names are left alone."""
         areas = tuple(values.get(n, a) for n, a in zip(self.area_names.values(), self.areas, strict=True))
-        fill, vent = (values.get(f"{self.label}.{name}", getattr(self, name)) for name in OVERLAPS)
+        fill, vent = (values.get(f"{self.label}.{name}", getattr(self, name)) for name in OVERLAP_FIELDS)
         return replace(self, areas=areas, overlap_fill=fill, overlap_vent=vent)
 
     def scaled(self, factor: float) -> ValveArea:
@@ -78,13 +80,13 @@ class ValveArea:
         rows = []
         for sign, overlap in ((1.0, self.overlap_fill), (-1.0, self.overlap_vent)):
             side = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
-            x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, CLOSED_AREA) for _, a in side])
+            x, y = np.log([c - overlap for c, _ in side]), np.log([max(a, MIN_AREA) for _, a in side])
             if x.size > 2:
                 w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
                 rows.append(y[1:-1] - (1 - w) * y[:-2] - w * y[2:])
         return np.concatenate(rows) if rows else np.zeros(0)
 
-    def changed(self, other: ValveArea) -> tuple[tuple[float, float], ...]:
+    def changed_ranges(self, other: ValveArea) -> tuple[tuple[float, float], ...]:
         """Return the ranges of commands (V) in which another valve with the same knots may have another area.
 
         A cubic bends with its knots to the second neighbour, and the power laws go on from the two last ones.
@@ -99,17 +101,17 @@ class ValveArea:
 
 @lru_cache(maxsize=256)
 def _area_names(commands: tuple[float, ...], label: str) -> Mapping[float, str]:
-    return {c: area_name(c, label) for c in commands}
+    return {c: area_parameter_name(c, label) for c in commands}
 
 
 @lru_cache(maxsize=64)  # asked for each recording
 def _changed(one: ValveArea, other: ValveArea) -> tuple[tuple[float, float], ...]:
     sides = ((sign, one._knots(sign), other._knots(sign)) for sign in (1.0, -1.0))
-    found = [(sign, _apart(mine, its)) for sign, mine, its in sides if mine != its]
+    found = [(sign, _changed_openings(mine, its)) for sign, mine, its in sides if mine != its]
     return tuple((low, high) if sign > 0.0 else (-high, -low) for sign, (low, high) in found)
 
 
-def _apart(mine: Knots, its: Knots) -> tuple[float, float]:
+def _changed_openings(mine: Knots, its: Knots) -> tuple[float, float]:
     """Return the openings (V) between which two sides with different knots may differ."""
     commands = [c for c, _ in mine[1]]
     if mine[0] != its[0] or commands != [c for c, _ in its[1]]:
@@ -140,14 +142,14 @@ def _curve(side: Knots) -> tuple[Array, Array, PchipInterpolator | None]:
     """Return log openings, log areas and the cubic through them; None of a single knot."""
     overlap, knots = side
     place = np.log([c - overlap for c, _ in knots])
-    value = np.log([max(a, CLOSED_AREA) for _, a in knots])
+    value = np.log([max(a, MIN_AREA) for _, a in knots])
     return place, value, PchipInterpolator(place, value) if len(knots) > 1 else None
 
 
 @lru_cache(maxsize=512)
 def _half_table(side: Knots, largest: float) -> Array:
     """Return the areas of one direction from the smallest opening of the kernel's table to the largest."""
-    return _areas(np.linspace(-largest, largest, POINTS)[POINTS // 2 + 1 :], side)
+    return _areas(np.linspace(-largest, largest, TABLE_POINTS)[TABLE_POINTS // 2 + 1 :], side)
 
 
 @lru_cache(maxsize=256)

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.experiments import Part
-from pneucli.simulate.valve_forms.area import POINTS
+from pneucli.simulate.valve_forms.area import TABLE_POINTS
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class LinearValve:
-    """One gain in m^2/V for both directions, up to the ``largest`` V; ``label`` begins its parameter's name."""
+    """One gain in m^2/V for both directions, up to the ``max_command`` V; ``label`` begins its parameter's name."""
 
     gain: float
-    largest: float
+    max_command: float
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "linear"
     covers: ClassVar[frozenset[Part]] = frozenset()
@@ -30,24 +30,24 @@ class LinearValve:
         return self.gain * np.abs(u)
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,)."""
-        return self(np.linspace(-largest, largest, POINTS))
+        """Return the area at commands up to the ``max_command`` (V), both ways, shape (POINTS,)."""
+        return self(np.linspace(-largest, largest, TABLE_POINTS))
 
     @property
     def commands(self) -> tuple[float, ...]:
         """The ends of the line."""
-        return (-self.largest, self.largest)
+        return (-self.max_command, self.max_command)
 
     @property
     def area_names(self) -> dict[float, str]:
         """No area is a parameter: they follow from the gain."""
         return {}
 
-    def named(self) -> dict[str, tuple[float, str]]:
+    def parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""
         return {f"{self.label}.gain": (self.gain, "m^2/V")}
 
-    def with_named(self, values: Mapping[str, float]) -> LinearValve:
+    def with_parameters(self, values: Mapping[str, float]) -> LinearValve:
         """Return the valve with parameters replaced; other names are left alone."""
         return replace(self, gain=values.get(f"{self.label}.gain", self.gain))
 
@@ -59,6 +59,6 @@ class LinearValve:
         """Return how far the area is from a power law: a line is one."""
         return np.zeros(0)
 
-    def changed(self, other: LinearValve) -> tuple[tuple[float, float], ...]:
+    def changed_ranges(self, other: LinearValve) -> tuple[tuple[float, float], ...]:
         """Return the ranges of commands (V) in which another valve of this form may have another area."""
         return ((-np.inf, np.inf),) if self != other else ()

@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.experiments import Part
-from pneucli.simulate.valve_forms.area import POINTS
+from pneucli.simulate.valve_forms.area import TABLE_POINTS
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SwitchingValve:
-    """Effective areas in m^2 of filling and venting, at commands up to the ``largest`` in V.
+    """Effective areas in m^2 of filling and venting, at commands up to the ``max_command`` in V.
 
     ``label`` begins the names of its parameters.
     """
 
     fill: float
     vent: float
-    largest: float
+    max_command: float
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "switching"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
@@ -34,26 +34,26 @@ class SwitchingValve:
         return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,)."""
-        return self(np.linspace(-largest, largest, POINTS))
+        """Return the area at commands up to the ``max_command`` (V), both ways, shape (POINTS,)."""
+        return self(np.linspace(-largest, largest, TABLE_POINTS))
 
     @property
     def commands(self) -> tuple[float, ...]:
         """Any of either sign."""
-        return (-self.largest, self.largest)
+        return (-self.max_command, self.max_command)
 
     @property
     def area_names(self) -> dict[float, str]:
         """The name of the parameter that is the effective area at a command (V)."""
-        return {-self.largest: f"{self.label}.area_vent", self.largest: f"{self.label}.area_fill"}
+        return {-self.max_command: f"{self.label}.area_vent", self.max_command: f"{self.label}.area_fill"}
 
-    def named(self) -> dict[str, tuple[float, str]]:
+    def parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of each parameter by name."""
         return {f"{self.label}.area_fill": (self.fill, "m^2"), f"{self.label}.area_vent": (self.vent, "m^2")}
 
-    def with_named(self, values: Mapping[str, float]) -> SwitchingValve:
+    def with_parameters(self, values: Mapping[str, float]) -> SwitchingValve:
         """Return the valve with parameters replaced; other names are left alone."""
-        fill, vent = (values.get(name, value) for name, (value, _) in self.named().items())
+        fill, vent = (values.get(name, value) for name, (value, _) in self.parameters().items())
         return replace(self, fill=fill, vent=vent)
 
     def scaled(self, factor: float) -> SwitchingValve:
@@ -64,7 +64,7 @@ class SwitchingValve:
         """Return how far the area is from a power law: it has no shape."""
         return np.zeros(0)
 
-    def changed(self, other: SwitchingValve) -> tuple[tuple[float, float], ...]:
+    def changed_ranges(self, other: SwitchingValve) -> tuple[tuple[float, float], ...]:
         """Return the ranges of commands (V) in which another valve of this form may have another area."""
         both = ((-np.inf, 0.0), self.vent != other.vent), ((0.0, np.inf), self.fill != other.fill)
         return tuple(side for side, differs in both if differs)

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pneucli.identify.estimation.correlation import correlation, sensitivities
+from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.progress import Round
-from pneucli.identify.residuals import View
+from pneucli.identify.estimation.progress import Iteration
+from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Provenance, write_table
 
 
-def write_relations(
-    found: Fit, views: Sequence[View], rounds: Sequence[Round], out: Path, provenance: Provenance
+def write_parameter_relations(
+    found: Fit, views: Sequence[ResidualModel], rounds: Sequence[Iteration], out: Path, provenance: Provenance
 ) -> None:
     """Write ``correlation`` (a row a pair), ``sensitivity`` (a row a parameter and channel) and ``iterations``."""
     names = [e.name for e in found.estimates]
@@ -24,7 +24,7 @@ def write_relations(
         {
             "name": [a for a in names for _ in names],
             "other": [b for _ in names for b in names],
-            "correlation": correlation(found).ravel(),
+            "correlation": parameter_correlation(found).ravel(),
         },
         units={"correlation": "1"},
         schema="pneucli/identify/correlation/1",

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.identify.friction import FrictionIdentification, Value
-from pneucli.identify.friction.stick_slip import Cut
+from pneucli.identify.friction import FrictionIdentification, IntervalEstimate
+from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.io.artifacts import Provenance, write_table
 
 MODEL_POINTS = 401
@@ -17,22 +17,22 @@ MODEL_POINTS = 401
 
 def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
     """Return what the JSON answer holds of friction."""
-    line = friction.over_pressure
+    line = friction.pressure_dependence
     return {
         "warnings": list(friction.warnings),
-        "taken_out": list(friction.taken_out),
+        "taken_out": list(friction.removed_effects),
         "domain": {
-            "velocity_range": {"value": friction.domain.top, "unit": "m/s"},
+            "velocity_range": {"value": friction.domain.max_velocity, "unit": "m/s"},
             "nodes": friction.domain.nodes,
             "eta": {"value": friction.domain.eta, "unit": "s/m"},
         },
-        "models": [{"model": m.name, "lacks": list(friction.lacking[m.name])} for m in friction.models],
+        "models": [{"model": m.name, "lacks": list(friction.unmodelled_effects[m.name])} for m in friction.models],
         "kinetic": _kinetic(friction),
         "breakaway": _break_aways(friction),
         "over_pressure": None if line is None else {n: _value(getattr(line, n)) for n in ("at_ambient", "slope")},
         "repeats": [
             {"recordings": list(r.recordings), "friction": r.friction, "unit": "N", "spread": r.spread}
-            for r in friction.repeats
+            for r in friction.repeatability
         ],
         "deviations": [
             {
@@ -66,19 +66,19 @@ def _kinetic(friction: FrictionIdentification) -> list[dict[str, Any]]:
 
 def _break_aways(friction: FrictionIdentification) -> list[dict[str, Any]]:
     return [
-        {"recording": b.recording, **_value(b.force), "least": b.least, "most": b.most, "count": int(b.count)}
+        {"recording": b.recording, **_value(b.force), "least": b.minimum, "most": b.maximum, "count": int(b.count)}
         for b in friction.break_aways
     ]
 
 
-def _value(value: Value) -> dict[str, Any]:
+def _value(value: IntervalEstimate) -> dict[str, Any]:
     ends = [end if np.isfinite(end) else None for end in (value.ci_low, value.ci_high)]
     return {"value": value.value, "unit": value.unit, "ci95": ends}
 
 
 def write_friction(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
     """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
-    grid = np.linspace(-friction.domain.top, friction.domain.top, MODEL_POINTS)
+    grid = np.linspace(-friction.domain.max_velocity, friction.domain.max_velocity, MODEL_POINTS)
     models = [
         {"model": m.name, "branch": b.branch, "v": v, "force": f}
         for m in friction.models
@@ -100,13 +100,13 @@ def write_friction(friction: FrictionIdentification, out: Path, provenance: Prov
     ]
     force = {"force": "N", "ci_low": "N", "ci_high": "N"}
     _write(out / "friction_curves.parquet", curves, {"v": "m/s", "count": "1", **force}, provenance)
-    _write_cuts(friction.cuts, out, provenance)
+    _write_cuts(friction.stick_slips, out, provenance)
     _write_averages(friction, out, provenance)
     _write_tables(friction, out, provenance)
     _write_tp(friction, out, provenance)
 
 
-def _write_cuts(cuts: Sequence[Cut], out: Path, provenance: Provenance) -> None:
+def _write_cuts(cuts: Sequence[StickSlip], out: Path, provenance: Provenance) -> None:
     sizes = [c.time.size for c in cuts]
     if not sum(sizes):
         return
@@ -145,7 +145,7 @@ def _write_tables(friction: FrictionIdentification, out: Path, provenance: Prove
             "percent": d.percent,
             "relative_percent": d.relative_percent,
             "noise": d.noise,
-            "lacks": ", ".join(friction.lacking[d.model]),
+            "lacks": ", ".join(friction.unmodelled_effects[d.model]),
         }
         for d in friction.deviations
     ]

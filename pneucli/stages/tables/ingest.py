@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.config import Source
+from pneucli.config import RecordingSource
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.io.raw_file import Repair
 from pneucli.io.recordings import NOISE_FILE, RECORDINGS_FILE, REPAIRS_FILE, load_recordings
-from pneucli.io.timestamp_order import LOSSES
+from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
-from pneucli.plausibility import findings, look, measured
+from pneucli.plausibility import findings, summarize_signal, without_empty_signals
 from pneucli.quantities import SIGNALS
 
 
 @dataclass
-class Ingested:
+class IngestedRecording:
     """What came of one raw file."""
 
-    source: Source
+    source: RecordingSource
     signals: list[str]
     empty: set[str]  # of the signals that have columns, those without any value so far
     sha256: str = ""
@@ -35,17 +35,19 @@ class Ingested:
     start: float = float("nan")
     end: float = float("nan")
     noise: dict[str, NoiseModel] = field(default_factory=dict)
-    kinked: bool = False  # a command jumps all the time: what it drives is nowhere quiet
+    command_always_jumps: bool = False  # a command jumps all the time: what it drives is nowhere quiet
     repairs: list[Repair] = field(default_factory=list)
     rows: int = 0
     losses: Counter[str] = field(default_factory=Counter)
 
 
-def write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
+def write_tables(out: Path, done: list[IngestedRecording], about: Provenance) -> None:
     """Write all tables but the signals."""
-    recordings = [row_of(one) for one in done]
+    recordings = [recording_row(one) for one in done]
     columns = {key: [row[key] for row in recordings] for key in recordings[0]}
-    units = {"period": "s", "chamber": "1"} | dict.fromkeys(("rows_read", "samples", *map(column_of, LOSSES)), "1")
+    units = {"period": "s", "chamber": "1"} | dict.fromkeys(
+        ("rows_read", "samples", *map(loss_column, LOSS_MESSAGES)), "1"
+    )
     write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
     _write_noise(out, done, about)
     repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
@@ -55,7 +57,7 @@ def write_tables(out: Path, done: list[Ingested], about: Provenance) -> None:
     write_table(out / REPAIRS_FILE, table, units={"count": "1"}, schema="pneucli/ingest/repairs/1", provenance=about)
 
 
-def row_of(one: Ingested) -> dict[str, Any]:
+def recording_row(one: IngestedRecording) -> dict[str, Any]:
     """Return a recording's row of ``recordings.parquet``."""
     table = one.source.table
     return {
@@ -70,12 +72,12 @@ def row_of(one: Ingested) -> dict[str, Any]:
         "sha256": one.sha256,
         "rows_read": one.rows,
         "samples": one.samples,
-        **{column_of(kind): one.losses[kind] for kind in LOSSES},
+        **{loss_column(kind): one.losses[kind] for kind in LOSS_MESSAGES},
         "period": one.period,
     }
 
 
-def _write_noise(out: Path, done: list[Ingested], about: Provenance) -> None:
+def _write_noise(out: Path, done: list[IngestedRecording], about: Provenance) -> None:
     """Write a long table, its quantities mixed: the column ``unit`` says what each row is in."""
     rows = [(one.source.name, name, model) for one in done for name, model in one.noise.items()]
     numbers = ("white", "coloured", "pole", "period", "step")
@@ -90,16 +92,19 @@ def _write_noise(out: Path, done: list[Ingested], about: Provenance) -> None:
     write_table(out / NOISE_FILE, columns, units=units, schema="pneucli/ingest/noise/1", provenance=about)
 
 
-def column_of(kind: str) -> str:
+def loss_column(kind: str) -> str:
     """Return the column that counts a kind of loss."""
     return kind.replace("-", "_")
 
 
-def looked_at(context: Context, sources: Iterable[Source]) -> dict[str, Any]:
+def inspect_signals(context: Context, sources: Iterable[RecordingSource]) -> dict[str, Any]:
     """Return ``looks`` and ``plausibility`` of the answer: what signals look like, and what cannot be true of them."""
     context.progress("looking at what was read", 1.0)
     recordings = load_recordings(context.out)
-    looks = {one.name: {name: asdict(look(one, name)) for name in measured(one).signals} for one in recordings}
-    stated = {source.name: source.table.constants.keys() for source in sources}
+    looks = {
+        one.name: {name: asdict(summarize_signal(one, name)) for name in without_empty_signals(one).signals}
+        for one in recordings
+    }
+    stated = {source.name: source.table.held_constant.keys() for source in sources}
     found = findings(recordings, context.config.to_rig(), stated)
     return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
-from pneucli.identify.valve.iso6358 import Figure
+from pneucli.identify.valve.iso6358 import Characteristic
 from pneucli.identify.valve.maps import Z95
 from pneucli.io.artifacts import Provenance, write_table
-from pneucli.messages.formatting import percent, quantity, times
+from pneucli.messages.formatting import format_noise_ratio, format_percent, format_quantity
 
 Row = tuple[str, float, str, float, float]
 Columns = dict[str, NDArray[Any]]
-ENDS = ("ci_low", "ci_high")
-SLOPES = ("gradient", *ENDS)
-LACK = ("difference", *(f"{name}{end}" for name in ("model", "measured") for end in ("", "_ci_low", "_ci_high")))
-FOLLOWED = 3.0  # times the noise: more on curves than a good map leaves
-FORESEEN = 2.0  # times what it leaves on the curves that were fitted
+INTERVAL_COLUMNS = ("ci_low", "ci_high")
+GRADIENT_COLUMNS = ("gradient", *INTERVAL_COLUMNS)
+LACK_OF_FIT_COLUMNS = (
+    "difference",
+    *(f"{name}{end}" for name in ("model", "measured") for end in ("", "_ci_low", "_ci_high")),
+)
+MAX_TRAIN_RESIDUAL = 3.0  # times the noise: more on curves than a good map leaves
+MAX_TEST_TO_TRAIN = 2.0  # times what it leaves on the curves that were fitted
 
 
 def write_valves(
@@ -38,18 +41,21 @@ def write_valves(
     tables: dict[str, tuple[Callable[[ValveIdentification], Columns], dict[str, str]]] = {
         "valve_map": (_map, dict.fromkeys(gradients, "Pa/s") | {"covered": "1"}),
         "valve_inverse": (_inverse, {"p_gradient": "Pa/s", "reachable": "1"}),
-        "valve_lack_of_fit": (_lack, dict.fromkeys(LACK, "Pa/s") | {"outside": "1"}),
+        "valve_lack_of_fit": (_lack_of_fit_columns, dict.fromkeys(LACK_OF_FIT_COLUMNS, "Pa/s") | {"outside": "1"}),
         "valve_areas": (
             partial(_areas, estimates=estimates),
-            dict.fromkeys(("area", *ENDS), area_unit(estimates)) | {"opening": "V"},
+            dict.fromkeys(("area", *INTERVAL_COLUMNS), area_unit(estimates)) | {"opening": "V"},
         ),
-        "valve_curves": (_curves, {"time": "s", "measured": "Pa", "fitted": "Pa"} | dict.fromkeys(SLOPES, "Pa/s")),
+        "valve_curves": (
+            _curves,
+            {"time": "s", "measured": "Pa", "fitted": "Pa"} | dict.fromkeys(GRADIENT_COLUMNS, "Pa/s"),
+        ),
     }
-    both = valves[0].law.trend.model.rig.arrangement.drives_both
+    both = valves[0].area_model.model_gradient.model.rig.arrangement.drives_both
     for name, (columns, units) in tables.items():
         parts = [columns(valve) for valve in valves]
         if both:
-            parts = [_numbered(part, valve.chamber) for part, valve in zip(parts, valves, strict=True)]
+            parts = [_with_chamber(part, valve.chamber) for part, valve in zip(parts, valves, strict=True)]
         table = {key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]}
         write_table(
             out / f"{name}.parquet",
@@ -60,7 +66,7 @@ def write_valves(
         )
 
 
-def _numbered(columns: Columns, chamber: int) -> Columns:
+def _with_chamber(columns: Columns, chamber: int) -> Columns:
     return {"chamber": np.full(len(columns["u"]), chamber), **columns}
 
 
@@ -89,30 +95,30 @@ def _inverse(valve: ValveIdentification) -> Columns:
     return {name: values.ravel() for name, values in columns.items()}
 
 
-def _lack(valve: ValveIdentification) -> Columns:
+def _lack_of_fit_columns(valve: ValveIdentification) -> Columns:
     """Return the model's valve beside what was measured, where something was."""
-    lack = valve.lack
+    lack = valve.lack_of_fit
     columns = {
-        "u": valve.command_of.of(lack.u),
+        "u": valve.command_conversion.from_opening(lack.u),
         "p": lack.p,
         "model": lack.model,
-        "model_ci_low": lack.model - Z95 * lack.error,
-        "model_ci_high": lack.model + Z95 * lack.error,
+        "model_ci_low": lack.model - Z95 * lack.model_error,
+        "model_ci_high": lack.model + Z95 * lack.model_error,
         "measured": lack.measured,
-        "measured_ci_low": lack.measured - lack.spread,
-        "measured_ci_high": lack.measured + lack.spread,
+        "measured_ci_low": lack.measured - lack.half_interval,
+        "measured_ci_high": lack.measured + lack.half_interval,
         "difference": lack.difference,
         "outside": lack.outside,
     }
-    return {name: values[lack.seen] for name, values in columns.items()}
+    return {name: values[lack.covered] for name, values in columns.items()}
 
 
 def _areas(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Columns:
     """Return the effective areas of the model's valve."""
     found = {e.name: e for e in estimates}
-    areas = [(c, found[name]) for c, name in valve.law.trend.valve.area_names.items() if name in found]
+    areas = [(c, found[name]) for c, name in valve.area_model.model_gradient.valve.area_names.items() if name in found]
     return {
-        "u": valve.command_of.of(np.array([c for c, _ in areas])),
+        "u": valve.command_conversion.from_opening(np.array([c for c, _ in areas])),
         "opening": np.array([c for c, _ in areas]),
         "area": np.array([e.value for _, e in areas]),
         "ci_low": np.array([e.ci95[0] for _, e in areas]),
@@ -124,7 +130,7 @@ def _curves(valve: ValveIdentification) -> Columns:
     curves, sizes = valve.curves, [c.time.size for c in valve.curves]
     named = np.repeat(np.array([c.recording for c in curves], dtype=object), sizes)
     columns: Columns = {"recording": named, "u": np.repeat(np.array([c.u for c in curves]), sizes)}
-    for name in ("time", "measured", "fitted", *SLOPES):
+    for name in ("time", "measured", "fitted", *GRADIENT_COLUMNS):
         columns[name] = np.concatenate([np.zeros(0), *(getattr(c, name) for c in curves)])
     return columns
 
@@ -135,10 +141,10 @@ def iso_parameters(valve: ValveIdentification) -> list[Row]:
     names = {"C": ("sonic_conductance", "m^3/(s Pa)"), "b": ("critical_ratio", "1"), "m": ("subsonic_index", "1")}
     for one in valve.iso:
         for letter, (name, unit) in names.items():
-            figure: Figure = getattr(one, letter)
+            figure: Characteristic = getattr(one, letter)
             rows.append((f"{valve.label}.{name}({one.u:+.4g} V)", figure.value, unit, figure.low, figure.high))
-            if figure.seen is not None:
-                value, low, high = figure.seen
+            if figure.measured is not None:
+                value, low, high = figure.measured
                 rows.append((f"{valve.label}.{name}_of_curve({one.u:+.4g} V)", value, unit, low, high))
     return rows
 
@@ -148,7 +154,7 @@ def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> d
     found = {e.name: e for e in estimates}
     sides = {"charge": f"{valve.label}.overlap_fill", "discharge": f"{valve.label}.overlap_vent"}
     overlap = {side: found[name] for side, name in sides.items() if name in found}
-    lack = valve.lack
+    lack = valve.lack_of_fit
     return {
         "map": "measured" if valve.measured else "model",
         "volume": None if valve.volume is None else {"value": valve.volume, "unit": "m^3"},
@@ -156,8 +162,8 @@ def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> d
         "iso": {n: {"value": v, "unit": u, "ci95": [low, high]} for n, v, u, low, high in iso_parameters(valve)},
         "lack_of_fit": {"median": lack.median, "p95": lack.p95, "share_outside": lack.share_outside},
         "residual": {
-            "train": valve.over_noise("train"),
-            "test": valve.over_noise("test"),
+            "train": valve.residual_to_noise("train"),
+            "test": valve.residual_to_noise("test"),
             "recordings": [asdict(one) for one in valve.residuals],
         },
     }
@@ -165,36 +171,36 @@ def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> d
 
 def valve_warnings(valve: ValveIdentification) -> Iterator[str]:
     """Yield what people must know before they use the map or the model of the valve."""
-    if not valve.described:
+    if not valve.is_consistent:
         yield (
-            f"valve-not-described: the map of the valve reaches {quantity(valve.steepest, 'Pa/s')}, its curves show no "
-            f"more than {quantity(valve.shown, 'Pa/s')}; do not use it, and see what ingest finds implausible"
+            f"valve-not-described: the map of the valve reaches {format_quantity(valve.max_gradient, 'Pa/s')}, its curves show no "
+            f"more than {format_quantity(valve.max_measured_gradient, 'Pa/s')}; do not use it, and see what ingest finds implausible"
         )
-    if valve.uneven:
-        name, off = max(valve.uneven, key=lambda one: one[1])
+    if valve.resampled:
+        name, off = max(valve.resampled, key=lambda one: one[1])
         yield (
-            f"valve-resampled: {len(valve.uneven)} recordings are sampled unevenly and were put on an even clock "
-            f"for the map, which brings p1 an error of up to {quantity(off, 'Pa')} ({name})"
+            f"valve-resampled: {len(valve.resampled)} recordings are sampled unevenly and were put on an even clock "
+            f"for the map, which brings p1 an error of up to {format_quantity(off, 'Pa')} ({name})"
         )
-    train, test = valve.over_noise("train") or 0.0, valve.over_noise("test") or 0.0
-    if train > FOLLOWED:
+    train, test = valve.residual_to_noise("train") or 0.0, valve.residual_to_noise("test") or 0.0
+    if train > MAX_TRAIN_RESIDUAL:
         yield (
-            f"valve-curves-not-followed: the map leaves {times(train)} × noise on its own curves; no gradient over "
+            f"valve-curves-not-followed: the map leaves {format_noise_ratio(train)} × noise on its own curves; no gradient over "
             "command and pressure can: heat, a lag, play or a supply that gives way, which the model lacks, or a "
             "vessel that is full within some samples"
         )
-    if test > max(FOLLOWED, FORESEEN * train):
+    if test > max(MAX_TRAIN_RESIDUAL, MAX_TEST_TO_TRAIN * train):
         yield (
-            f"valve-not-foreseen: the map leaves {times(test)} × noise on held-out curves; take commands between those "
+            f"valve-not-foreseen: the map leaves {format_noise_ratio(test)} × noise on held-out curves; take commands between those "
             "that were fitted, or record more of them"
         )
-    yield from _lack_warning(valve.lack, "map" if valve.measured else "gradients")
-    yield from _ratio_warning([one for one in valve.iso if one.b.contradicted], len(valve.iso))
+    yield from _lack_warning(valve.lack_of_fit, "map" if valve.measured else "gradients")
+    yield from _ratio_warning([one for one in valve.iso if one.b.is_contradicted], len(valve.iso))
 
 
 def _lack_warning(lack: LackOfFit, seen: str = "map") -> Iterator[str]:
-    if lack.noticeable:
-        median, p95, outside = (percent(n or 0.0) for n in (lack.median, lack.p95, lack.share_outside))
+    if lack.is_significant:
+        median, p95, outside = (format_percent(n or 0.0) for n in (lack.median, lack.p95, lack.share_outside))
         yield (
             f"valve-lack-of-fit: the model's valve is off the measured {seen} by {median} in the median, {p95} at the "
             f"95th percentile, outside both 95 % intervals at {outside} of the points: pneucli diagnose says what it "
@@ -204,8 +210,8 @@ def _lack_warning(lack: LackOfFit, seen: str = "map") -> Iterator[str]:
 
 def _ratio_warning(others: Sequence[IsoConductance], commands: int) -> Iterator[str]:
     if others:
-        one = max(others, key=lambda i: abs((i.b.seen or (i.b.value,))[0] - i.b.value))
-        value, low, high = one.b.seen or (one.b.value, one.b.low, one.b.high)
+        one = max(others, key=lambda i: abs((i.b.measured or (i.b.value,))[0] - i.b.value))
+        value, low, high = one.b.measured or (one.b.value, one.b.low, one.b.high)
         yield (
             f"valve-critical-ratio: at {len(others)} of {commands} commands the curve shows another critical ratio "
             f"than the model has, {one.b.value:.3g}; most at {one.u:+.4g} V: {value:.3g} ({low:.3g} to {high:.3g})"

@@ -16,4 +16,4 @@ def run(context: Context) -> dict[str, object]:
         "where": [],
         "data": f"horizon {context.config.compare.horizon:g}",
     }
-    return answer | history.keep(context, answer, "residuals.parquet")
+    return answer | history.record_model(context, answer, "residuals.parquet")
