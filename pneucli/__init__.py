@@ -16,7 +16,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from pneucli.version import __version__
+
 __all__ = ["InputError", "Run", "__version__", "diagnose", "from_arrays", "open", "simulate"]
 
 if TYPE_CHECKING:

@@ -95,7 +95,10 @@ class ChangeSelection:
         ranked = sorted(first.values(), key=lambda t: -abs(t.t_statistic))
         found = [t.hypothesis for t in ranked if t.hypothesis.name not in names][:MAX_CANDIDATES]
         here, first_of = self.comparison_given(taken).old.typical_effects, self.comparison.old.typical_effects
-        return [h if h.effect_index is None else replace(h, effect_index=first_of.index(here[h.effect_index])) for h in found]
+        return [
+            h if h.effect_index is None else replace(h, effect_index=first_of.index(here[h.effect_index]))
+            for h in found
+        ]
 
     def test(self, taken: Hypotheses, one: Hypothesis) -> HypothesisTest | None:
         """Return what the data say of one hypothesis beside things that are known to have changed."""
@@ -194,9 +197,7 @@ class ChangeSelection:
             before, effect = self._fitted(names[:-1]), self.effects[names[-1]]
             ranked = score_tests(effect, before, self.views) if before is not None else []
             fitted = (
-                fit_with_effect(before, self.views, effect, ranked=ranked)
-                if before is not None and ranked
-                else None
+                fit_with_effect(before, self.views, effect, ranked=ranked) if before is not None and ranked else None
             )
             self._fits[key] = fitted
         return self._fits[key]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from pneucli import __version__
 from pneucli.cli import edit, effects, exam, fleet, history, init, open, run, schema, stage, status
 from pneucli.pipeline.graph import STAGES, Stage
+from pneucli.version import __version__
 
 HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
 validated controller."""

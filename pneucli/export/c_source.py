@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pneucli import __version__
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
@@ -14,6 +13,7 @@ from pneucli.export.controller_program import (
     physical_constants,
     state_names,
 )
+from pneucli.version import __version__
 
 BASE_NAME = "pneucli_controller"
 REPLAY_FILE = "pneucli_replay.c"

@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pneucli import __version__
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS, find_law
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError
 from pneucli.export.controller_program import controller_hash, program_hash, state_names
+from pneucli.version import __version__
 
 FILE_NAME = "pneucli_controller.json"
 SCHEMA = "pneucli/controller/1"

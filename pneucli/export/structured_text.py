@@ -11,7 +11,6 @@ import ast
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from pneucli import __version__
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
@@ -23,6 +22,7 @@ from pneucli.export.controller_program import (
     state_names,
 )
 from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, syntax_tree
+from pneucli.version import __version__
 
 TYPES = {"whole": "DINT", "truth": "BOOL", "real": "LREAL", "nothing": "BOOL"}
 BUILT_IN = {"min": "MIN", "max": "MAX", "int": "TRUNC", "fabs": "ABS", "sqrt": "SQRT"}

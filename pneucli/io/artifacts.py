@@ -22,9 +22,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import ArrayLike, NDArray
 
-from pneucli import __version__
 from pneucli.errors import InputError
 from pneucli.quantities import SIGNALS, axis_unit
+from pneucli.version import __version__
 
 _PREFIX = "pneucli."
 _ROW_GROUP_ROWS = 1 << 20

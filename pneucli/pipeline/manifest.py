@@ -19,9 +19,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import pneucli
 from pneucli import paths
 from pneucli.pipeline.context import Answer
+from pneucli.version import __version__
 
 MANIFEST_FILE = "stage.json"
 SCHEMA = "pneucli/stage/1"
@@ -36,12 +36,12 @@ def digest(value: object) -> str:
 @cache
 def program_digest() -> str:
     """Version of the program and SHA-256 of its source: a changed program makes everything stale."""
-    package = Path(pneucli.__file__).parent
+    package = Path(__file__).parents[1]
     content = hashlib.sha256()
     for path in sorted(p for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts):
         content.update(path.relative_to(package).as_posix().encode() + b"\0")
         content.update(path.read_bytes())
-    return f"{pneucli.__version__} {content.hexdigest()}"
+    return f"{__version__} {content.hexdigest()}"
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,9 @@ def with_end_stops(experiments: Sequence[Experiment], rig: Rig) -> list[Experime
     """Return the experiments of one rig, knowing where its piston can go and which ends it is seen to strike."""
     struck = detect_end_stops(experiments, rig)
     ends = estimate_stroke_limits(experiments, rig, struck)
-    return [replace(e, stroke_limits=ends, detected_ends=struck) if e.recording.kind.cylinder else e for e in experiments]
+    return [
+        replace(e, stroke_limits=ends, detected_ends=struck) if e.recording.kind.cylinder else e for e in experiments
+    ]
 
 
 def estimate_stroke_limits(

@@ -34,7 +34,9 @@ def run(context: Context) -> dict[str, Any]:
     noise = expected_rms_of_all(model, experiments, progress)
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
     known = controller_logs.controllers_by_recording(context)
-    looked = {r.name: controller_logs.replay_recording(model, r, known[r.name]) for r in study.recordings if r.name in known}
+    looked = {
+        r.name: controller_logs.replay_recording(model, r, known[r.name]) for r in study.recordings if r.name in known
+    }
     comparisons = [controller_logs.with_commands(c, looked, model) for c in comparisons]
     _write_residuals(study, comparisons)
     _write_correlations(

@@ -67,7 +67,12 @@ def run(context: Context) -> dict[str, Any]:
     fitted = [view.experiment for view in bench.train]
     guess = guess_base_model(fitted, study.rig, study.valve)
     implausible = bool(context.answers["ingest"]["plausibility"])
-    bench = replace(bench, modelled_parts=guess.valve.covers, free_run_errors=FreeRunErrors(study.experiments), implausible=implausible)
+    bench = replace(
+        bench,
+        modelled_parts=guess.valve.covers,
+        free_run_errors=FreeRunErrors(study.experiments),
+        implausible=implausible,
+    )
     model, answer = _run_diagnosis(study, bench, guess)
     release_free_memory()  # the derivatives of all that was tried
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], thinned

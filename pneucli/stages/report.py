@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pneucli import __version__
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path, read_metadata, read_table
@@ -19,6 +18,7 @@ from pneucli.report import Check, EarlierAnswer, ReportData, Table, to_html, to_
 from pneucli.stages import history
 from pneucli.stages.compare import RESIDUALS_FILE
 from pneucli.stages.tables.diagnosis import SHAPE_FILE
+from pneucli.version import __version__
 
 REPORTED_ARTIFACTS = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", "simulate/*")
 

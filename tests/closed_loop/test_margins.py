@@ -122,7 +122,7 @@ def test_a_gain_at_its_margin_puts_a_pole_on_the_imaginary_axis() -> None:
 
     def fastest(gain: float) -> float:
         law = DiscreteSystem(one.controller.A, one.controller.B, gain * one.controller.C, gain * one.controller.D)
-        poles = closed_loop_poles(replace(one, law=law))
+        poles = closed_loop_poles(replace(one, controller=law))
         return float(np.max(poles[np.abs(poles) > CORNER].real))
 
     assert margins.gain_up > 1.2

@@ -130,7 +130,7 @@ def test_off_the_line_the_relay_is_all_of_m_and_near_it_what_one_sample_needs(si
 
 
 def test_a_relay_without_equivalent_control_is_the_sign_alone() -> None:
-    plan = replace(PLAN, wanted=replace(PLAN.requirements, equivalent_control=False))
+    plan = replace(PLAN, requirements=replace(PLAN.requirements, equivalent_control=False))
     c = LAWS["relay"].controller(plan).vector()
     assert relay.relay_force(state(X_SHAPED=0.2, V_SHAPED=0.3, A_SHAPED=2.0), c) == pytest.approx(PLAN.switching_force)
 
@@ -170,7 +170,7 @@ def test_the_sectors_force_is_its_law_at_the_end_of_the_sample(x1: float, v: flo
 
 
 def test_a_sector_pushes_a_piston_that_sticks_with_all_of_m() -> None:
-    c = LAWS["sector"].controller(replace(PLAN, wanted=replace(PLAN.requirements, switching_gain=0.1))).vector()
+    c = LAWS["sector"].controller(replace(PLAN, requirements=replace(PLAN.requirements, switching_gain=0.1))).vector()
     assert sector.sector_force(state(X=0.1 - 1e-3), c) == pytest.approx(PLAN.switching_force / 15.0, rel=1e-6)
 
 

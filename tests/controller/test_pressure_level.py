@@ -101,7 +101,9 @@ def test_a_reset_keeps_the_level() -> None:
     c = controller()
     duty = np.zeros(TIME.size)
     duty[2000] = at.OPERATING_MODES.index("reset")
-    scenario = replace(axis.scenario(c, np.full(TIME.size, 0.1)), level=np.where(TIME < 1.5, 5e5, 0.0), duty=duty)
+    scenario = replace(
+        axis.scenario(c, np.full(TIME.size, 0.1)), level=np.where(TIME < 1.5, 5e5, 0.0), operating_mode=duty
+    )
     kept = replace(scenario, level=np.full(TIME.size, 5e5))
     for one, wanted in ((scenario, c.values["C_P_MEAN"]), (kept, 5e5)):
         found = simulate(MODEL, c, one, axis.BENCH, seed=1).model[-100:]

@@ -210,7 +210,7 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     where = replace(
         bench(held_out=False),
         train=kinds(ImposedMotion, ForceBalance),
-        shown=lambda model: {"train": 9.0, "test": errors[id(model)]},
+        free_run_errors=lambda model: {"train": 9.0, "test": errors[id(model)]},
     )
     monkeypatch.setattr(
         posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
@@ -242,7 +242,7 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
     monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: WEAK)
     monkeypatch.setattr(posterior, "probability", lambda evidence: 0.75)
-    where = replace(bench(held_out=False), shown=None if errors is None else lambda model: errors)
+    where = replace(bench(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
     assert posterior.log_odds_among_equivalents(where, trial("stribeck", before=trials.state())) == pytest.approx(
         expected
     )
@@ -252,7 +252,7 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
 
 def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """The unknown that one of them resembles, all of them do."""
-    where = replace(bench(held_out=False), shown=None)
+    where = replace(bench(held_out=False), free_run_errors=None)
     monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, 0.5))
     monkeypatch.setattr(Term, "left", lambda self, bench: 0.3)
     clock, spool = (
@@ -266,7 +266,7 @@ def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
     monkeypatch: pytest.MonkeyPatch, size: float, less: bool
 ) -> None:
     """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
-    where = replace(bench(held_out=False), shown=None)
+    where = replace(bench(held_out=False), free_run_errors=None)
     sizes = {"constant-force": 1.0, "pressure-offset": size}
     monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
     monkeypatch.setattr(Term, "left", lambda self, bench: 0.3)
@@ -314,7 +314,7 @@ def test_only_what_passes_without_the_effects_that_are_refused_is_named(
     last, alone, neither = (trials.state(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
     ways = {(id(last), "pressure-offset"): alone, (id(alone), "extra-mass"): neither}
     monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
-    step = replace(mass, before=neither, state=alone)
+    step = replace(mass, reduced=neither, full=alone)
     monkeypatch.setattr(DiagnosisData, "candidate", lambda self, before, after, effect: step)
     monkeypatch.setattr(posterior, "passing_candidates", lambda bench, before, tried: tried if passes else [])
     there = STRONG if passes else WEAK
@@ -341,7 +341,7 @@ def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
     ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
     monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     monkeypatch.setattr(
-        DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, before=before, state=after)
+        DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, reduced=before, full=after)
     )
     monkeypatch.setattr(posterior, "passing_candidates", lambda bench, before, tried: tried)
     monkeypatch.setattr(

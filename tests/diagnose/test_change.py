@@ -96,7 +96,7 @@ def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
     share = np.zeros((BLOCKS, 1))
     share[7] = 1.0 - 1e-9
     only = np.where(share > 0.5, 8.0, 0.0)
-    lone = replace(new, steps=np.array([8.0]), step_influence=only, share=share)
+    lone = replace(new, steps=np.array([8.0]), step_influence=only, block_power_share=share)
     tested = Comparison(old, lone).test(Hypothesis("bend", effect_index=0))
     assert tested is not None
     assert tested.p_value > 1e-3
@@ -128,7 +128,7 @@ def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_togeth
 def test_an_effect_that_cannot_fall_below_none_is_not_named_for_doing_so() -> None:
     rng = np.random.default_rng(9)
     sides = [linear(rng, (1.0, 2.0), effect) for effect in (0.0, -1.0, 1.0)]
-    none, below, there = (replace(s, starts=(replace(s.typical_effects[0], one_sided=True),)) for s in sides)
+    none, below, there = (replace(s, typical_effects=(replace(s.typical_effects[0], one_sided=True),)) for s in sides)
 
     def chance(old: Baseline, new: Baseline) -> float:
         return next(t.p_value for t in Comparison(old, new).test_all() if t.hypothesis.name == "bend")

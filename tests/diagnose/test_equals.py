@@ -16,7 +16,7 @@ CONSTANT = trial("constant-force", 100_000.0, before=BEFORE)
 
 def rival(effect: str, fall: float, scatter: float = 0.0, than: Candidate = CONSTANT) -> Candidate:
     """A trial of the same start that leaves ``fall`` less than another, in every block or by scattered ones."""
-    return replace(trial(effect, before=BEFORE), state=shaky(than.full, fall, scatter, [effect]))
+    return replace(trial(effect, before=BEFORE), full=shaky(than.full, fall, scatter, [effect]))
 
 
 def test_a_spring_does_not_lead_by_what_the_force_leaves_of_small_imperfections():

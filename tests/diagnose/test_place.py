@@ -38,10 +38,10 @@ def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_w
         costs = np.repeat([100.0 + fitted, 100.0 + held_out], BLOCKS)
         counts = np.full(2 * BLOCKS, 100.0)
         one = leaving("stribeck", 0.0)
-        return replace(one, state=FittedModel(one.full.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
+        return replace(one, full=FittedModel(one.full.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
 
     def left(before: tuple[float, float], after: tuple[float, float]) -> float:
-        return Term(replace(costing(*after), before=costing(*before).full), ()).remaining_share(bench())
+        return Term(replace(costing(*after), reduced=costing(*before).full), ()).remaining_share(bench())
 
     assert left((50.0, 50.0), (0.0, 25.0)) == pytest.approx(0.5)
     assert left((50.0, 50.0), (25.0, 5.0)) == pytest.approx(0.5)

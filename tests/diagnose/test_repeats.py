@@ -104,9 +104,9 @@ def test_a_date_says_how_each_quantity_differs_and_with_which_errors() -> None:
 def test_a_start_keeps_its_number_where_others_are_left_out() -> None:
     whole = linear(np.random.default_rng(7), (1.0, 2.0))
     twice = replace(
-        whole, starts=(whole.typical_effects[0], replace(whole.typical_effects[0], values={"bend.size": 2.0}))
+        whole, typical_effects=(whole.typical_effects[0], replace(whole.typical_effects[0], values={"bend.size": 2.0}))
     )
-    part = replace(twice, starts=twice.typical_effects[1:])
+    part = replace(twice, typical_effects=twice.typical_effects[1:])
     assert quantity_names(twice, part) == ["a", "b", "bend#1"]
 
 

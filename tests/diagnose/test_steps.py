@@ -107,13 +107,13 @@ class Climbing(DiagnosisData):
         return self.__dict__["states"][frozenset(names)]
 
     def added(self, before: FittedModel, effects, ranked=()) -> list[Candidate]:
-        return [replace(trial(e.name, before=before), state=self.of((*before.effect_names, e.name))) for e in effects]
+        return [replace(trial(e.name, before=before), full=self.of((*before.effect_names, e.name))) for e in effects]
 
     def can_start(self, before: FittedModel, effect) -> bool:
         return effect.name not in self.__dict__["unsized"]
 
     def trial(self, before: FittedModel, after: FittedModel, effect) -> Candidate:
-        return replace(trial(effect.name, before=before), state=after)
+        return replace(trial(effect.name, before=before), full=after)
 
 
 def climbing(*rows: tuple[str, float, float, float], unsized: str = "") -> Climbing:

@@ -317,7 +317,7 @@ def rival(cost: float, gained: float) -> Candidate:
 
 def test_chance_is_counted_in_units_of_what_is_left() -> None:
     """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
-    best = replace(state([5e4, 5e4]), counts=np.full(2, 500.0))
+    best = replace(state([5e4, 5e4]), residual_counts=np.full(2, 500.0))
     assert not_inferior(rival(1e5 + 300.0, 5e5).full, best)
     assert not not_inferior(rival(1e5 + 500.0, 5e5).full, best)
 
@@ -336,7 +336,7 @@ def test_chance_is_counted_in_units_of_what_is_left() -> None:
 def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
     more: float, gained: float, equals: bool
 ) -> None:
-    best = replace(state([500.0, 500.0]), counts=np.full(2, 500.0))
+    best = replace(state([500.0, 500.0]), residual_counts=np.full(2, 500.0))
     assert indistinguishable(rival(1000.0 + more, gained), best) == equals
 
 

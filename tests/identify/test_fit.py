@@ -121,7 +121,7 @@ def test_a_prior_draws_toward_the_start() -> None:
     """As tight as the data: half the way."""
     wave = WAVES["x"]
     tight = 2.0 / np.linalg.norm(wave) / 10.0
-    free, known = fitted(COULOMB)["friction.coulomb"], fitted(replace(COULOMB, prior=tight))["friction.coulomb"]
+    free, known = fitted(COULOMB)["friction.coulomb"], fitted(replace(COULOMB, prior_sigma=tight))["friction.coulomb"]
     assert known.value == pytest.approx(0.5 * (10.0 + free.value), rel=1e-3)
 
 

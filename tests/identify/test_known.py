@@ -18,7 +18,7 @@ from tests.simulate.synthetic_experiments import BALANCED, RIG, VALVE, make_expe
 
 
 def knowing(**known: ParameterPrior) -> Rig:
-    return replace(RIG, known={name.replace("__", "."): k for name, k in known.items()})
+    return replace(RIG, priors={name.replace("__", "."): k for name, k in known.items()})
 
 
 def test_what_is_fixed_is_not_free_and_no_change_of_the_model_moves_it() -> None:
@@ -30,7 +30,7 @@ def test_what_is_fixed_is_not_free_and_no_change_of_the_model_moves_it() -> None
 
 
 def test_an_area_of_the_valve_can_be_fixed() -> None:
-    rig = replace(RIG, known={"valve.effective_area(+5 V)": ParameterPrior("m^2", fixed=2e-6)})
+    rig = replace(RIG, priors={"valve.effective_area(+5 V)": ParameterPrior("m^2", fixed=2e-6)})
     assert model(rig=rig).valve.parameters()["valve.effective_area(+5 V)"][0] == 2e-6
     assert model().valve.parameters()["valve.effective_area(+5 V)"][0] == VALVE.areas[2]
 
@@ -84,5 +84,5 @@ def test_an_effect_starts_where_the_file_says() -> None:
     leak, here = catalogue()["piston-leak"], rig_quantities(model())
     known = {"piston-leak.area": ParameterPrior("m^2", start=3e-8, upper=4e-8)}
     assert initial_guesses(leak, here, known) == [{"piston-leak.area": 3e-8}]
-    (free,) = effect_parameters(leak, model(rig=replace(RIG, known=known)), here)
+    (free,) = effect_parameters(leak, model(rig=replace(RIG, priors=known)), here)
     assert free.upper == 4e-8

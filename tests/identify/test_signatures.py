@@ -265,7 +265,7 @@ class View:
 def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_feel_it() -> None:
     force = catalogue()["constant-force"]
     views: Any = [View(np.ones(400)), View(np.ones(600), felt=False)]
-    found = replace(fitted(np.zeros((1000, 0)), np.full(1000, 5.0)), errors=({}, {}))
+    found = replace(fitted(np.zeros((1000, 0)), np.full(1000, 5.0)), initial_state_sensitivities=({}, {}))
     ranked = score_tests(force, found, views)
     assert {s.values["constant-force.force"] for s in ranked} == set(force.parameters[0].range_on(FACTS).typical)
     assert [s.gain for s in ranked] == sorted((s.gain for s in ranked), reverse=True)

@@ -153,7 +153,7 @@ def test_the_noise_of_an_imposed_motion_is_that_of_the_drive_and_of_the_inertia(
     (force,) = (
         d
         for d in model_deviations(
-            [found.model("A")], [replace(one, recording=still, redrawn=redrawn, sigma_a=2.0)], 2.0
+            [found.model("A")], [replace(one, recording=still, drive_noise_draws=redrawn, sigma_a=2.0)], 2.0
         )
         if d.recording != POOLED
     )

@@ -268,7 +268,7 @@ def test_two_chambers_are_told_apart_by_a_column_and_one_needs_none(tmp_path, ba
 def _arranged(found: ValveIdentification, arrangement):
     trend = found.area_model.model_gradient
     rig = replace(trend.model.rig, valve_arrangement=arrangement)
-    return replace(found.area_model, trend=replace(trend, model=replace(trend.model, rig=rig)))
+    return replace(found.area_model, model_gradient=replace(trend, model=replace(trend.model, rig=rig)))
 
 
 def ramped(top: float = 10.0) -> Recording:

@@ -189,7 +189,9 @@ def test_a_simulated_curve_is_the_exact_one(period: float, steps: int) -> None:
 def test_no_step_leads_beyond_the_other_side() -> None:
     """However long it is against the curve's own time: here ten times and more."""
     s = stretches(1.0, samples=3)
-    found = simulate_transients(LAW, LAW.initial_theta(), START, replace(s, beside=np.zeros((3, 2, 1 + MOVED))))
+    found = simulate_transients(
+        LAW, LAW.initial_theta(), START, replace(s, memory_gradient=np.zeros((3, 2, 1 + MOVED)))
+    )
     assert found.min() >= AMBIENT
     assert found.max() <= SUPPLY
 

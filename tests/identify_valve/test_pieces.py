@@ -270,7 +270,7 @@ def test_residual_over_noise_is_a_root_mean_square_over_the_recordings_of_a_use(
     assert (found.residual_to_noise("train"), found.residual_to_noise("test")) == (pytest.approx(np.sqrt(12.5)), 2.0)
     assert found.residual_to_noise("else") is None
     assert found.is_consistent
-    assert not replace(found, steepest=3.01).is_consistent
+    assert not replace(found, max_gradient=3.01).is_consistent
 
 
 def test_curves_are_stretches_of_one_command_that_is_not_zero() -> None:

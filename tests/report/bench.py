@@ -311,7 +311,9 @@ def fallen() -> ReportData:
         now,
         answers={**now.answers, "diagnose": diagnosed},
         history=[before(effects, r, i, current=i == 2) for i, (effects, r) in enumerate(ways)],
-        before=EarlierAnswer(former | {"model": {"effects": ["stribeck"], "parameters": {}}}, _residuals(50.0)),
+        first_comparison=EarlierAnswer(
+            former | {"model": {"effects": ["stribeck"], "parameters": {}}}, _residuals(50.0)
+        ),
         diagnoses=[EarlierAnswer(_diagnosis(), _shape())],
         rig="cylinder",
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.kernel.sensors import advance
+from pneucli.simulate.kernel.sensors import undo_delay
 from pneucli.simulate.run import run
 
 from .benches import RIG, bench, clock, model, steps_of_command
@@ -107,5 +107,5 @@ def test_a_delay_that_is_undone_takes_no_noise_away(delay: float):
     inputs = np.zeros((TIME.size, len(at.INPUTS)))
     inputs[:, at.IN_P1] = noise
     true = inputs[:, [at.IN_P1, at.IN_P2]]
-    advance(TIME, inputs, at.IN_P1, delay, true, 0)
+    undo_delay(TIME, inputs, at.IN_P1, delay, true, 0)
     assert np.var(true[:-10, 0]) == pytest.approx(np.var(noise), rel=0.03)

@@ -74,8 +74,8 @@ def test_what_the_accelerometer_reads_at_rest_is_no_force(unread: tuple[Experime
     tilted = replace(e, raw=e.raw | {"a": e.raw["a"] + 0.5})
     assert with_estimated_p2(biased, tilted, e.inputs) == pytest.approx(with_estimated_p2(true, e, e.inputs))
     assert with_estimated_p2(true, tilted, e.inputs) != pytest.approx(with_estimated_p2(true, e, e.inputs))
-    assert required_force(biased, replace(tilted, fusion=None)) == pytest.approx(
-        required_force(true, replace(e, fusion=None))
+    assert required_force(biased, replace(tilted, motion_smoother=None)) == pytest.approx(
+        required_force(true, replace(e, motion_smoother=None))
     )
 
 

@@ -164,7 +164,9 @@ def parameter_estimates(
 def without_data(found: Fit) -> Fit:
     """Return a fit with its model and parameters alone: the derivatives of a long recording fill the memory."""
     none = np.zeros((0, len(found.free)))
-    return replace(found, residual=np.zeros(0), jacobian=none, blocks=np.zeros(0, dtype=np.int64), initial_state_sensitivities=())
+    return replace(
+        found, residual=np.zeros(0), jacobian=none, blocks=np.zeros(0, dtype=np.int64), initial_state_sensitivities=()
+    )
 
 
 def merge_partial_fit(found: Fit, part: Fit, views: Sequence[ResidualModel], chosen: NDArray[np.bool_]) -> Fit:
