@@ -12,7 +12,7 @@ from pneucli.diagnose.trial import Bench, State, Trial
 from pneucli.physics.declaration import Effect
 
 LEAST = 0.005  # of what there was: what is left beyond noise is not known better
-INDEPENDENT = 10  # readings, as which what is unknown besides counts (docs/diagnosis.md)
+INDEPENDENT = 10  # readings, as which what is unknown besides counts (docs/method.md)
 BY_CHANCE = math.exp(ONE_PARAMETER / INDEPENDENT)  # the ratio of what two leave that is no more than chance
 
 
