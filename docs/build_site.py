@@ -84,8 +84,8 @@ def prepare(root: Path, pages: Path) -> None:
     for name, page in TAKEN.items():
         text = (root / name).read_text(encoding="utf-8").replace("](docs/", "](").replace("](LICENSE)", "](#)")
         (pages / page).write_text(text.replace("](CHANGELOG.md)", "](changelog.md)"), encoding="utf-8")
-    for page in pages.rglob("*.md"):
-        page.write_text(_converted(page.read_text(encoding="utf-8")), encoding="utf-8")
+    for file in pages.rglob("*.md"):
+        file.write_text(_converted(file.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def _converted(text: str) -> str:
