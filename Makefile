@@ -49,7 +49,7 @@ docs: $(VENV)/.installed-dev
 	@$(MAKE) --no-print-directory site
 
 site: $(VENV)/.installed-dev
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@$(BIN)/python docs/build_site.py
 
 # A stamp per set of dependencies; a changed pyproject.toml installs anew.
 $(VENV)/.installed-%: pyproject.toml

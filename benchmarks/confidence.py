@@ -27,7 +27,7 @@ COMPLETE rests on earlier ones, whose answers lack ``left``, which that law does
     pneucli exam E5 --condition imposed+rough --cases 30 --nulls 10 --seed 5501
     pneucli exam E6 --size 0.3333 --cases 60 --nulls 0 --seed 334663411
     pneucli exam E7 --cases 20 --nulls 0 --seed 334663411 with a --condition for each of the first twelve, and
-    pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/diagnosis.md
+    pneucli exam E8 ..., E9 ... for the others, in the order of the table in docs/development/experiments.md
 
 The law is fitted, drawn toward the one that it renews (``--anew``: toward none, its effects toward being alike), and
 judged case by case, each by a law that has not seen it.

@@ -78,11 +78,11 @@ def test_every_package_of_the_program_has_its_layer() -> None:
 
 
 def test_the_layers_are_described() -> None:
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "development" / "architecture.md").read_text(encoding="utf-8")
     assert [name for name in packages() if not re.search(rf"\b{name}\b", page)] == []
 
 
-@pytest.mark.parametrize("path", ["Makefile", ".ci/run", "LICENSE", "docs/architecture.md", "docs/cli.md"])
+@pytest.mark.parametrize("path", ["Makefile", ".ci/run", "LICENSE", "docs/development/architecture.md", "docs/cli.md"])
 def test_what_a_newcomer_looks_for_is_there(path: str) -> None:
     assert (ROOT / path).is_file()
 

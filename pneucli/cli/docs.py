@@ -8,13 +8,14 @@ from typing import Any
 
 import typer
 
-from pneucli.cli import effects, schema
+from pneucli.cli import constants, effects, schema
 from pneucli.cli.commands import EXIT_CODES, build
 
 DOCS = Path(__file__).parents[2] / "docs"
 HEAD = """# The command line
 
-Made by `make docs` from the commands themselves; a test holds it to them. `pneucli COMMAND --help` says the same.
+A reference of every command, longer than other pages. Made by `make docs` from the commands themselves; a test compares
+both. `pneucli COMMAND --help` prints the same.
 """
 
 
@@ -40,6 +41,7 @@ def generated_pages() -> dict[str, str]:
         "pipeline.schema.json": schema_text(),
         "gallery.md": effects.gallery_page(known),
         "own-effect.md": _own_effect(),
+        "development/constants.md": constants.page(),
     }
     return made | {f"effects/{effect.name}.md": effects.effect_page(effect) for effect in known}
 

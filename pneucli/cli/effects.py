@@ -18,38 +18,38 @@ if TYPE_CHECKING:
 
 INDEX_HEAD = """# The catalogue of effects
 
-What the base model may lack. Each page says what the effect does to a residual, what is easily taken for it and which
-experiment tells them apart. Made by `make docs` from the declarations in `pneucli/physics/effects`, as is
-`pneucli effects EFFECT`; a test holds the texts to them.
+Physical effects that the base model may lack. Each page describes how the effect changes the residual, its confounders,
+and the experiment that distinguishes them. `make docs` makes the pages from the declarations in
+`pneucli/physics/effects`; `pneucli effects EFFECT` prints the same.
 
-| effect | what it is | part | parameters | shows over | easily taken for |
+| effect | description | part | parameters | visible over | confounders |
 | --- | --- | --- | --- | --- | --- |
 """
 INDEX_TAIL = """
 [An effect of your own](own-effect.md) is the same declaration in a Python file that the pipeline file names
-(`[model] plugins`); `pneucli effects PIPELINE` knows it too. [A gallery](gallery.md) has a picture of each.
+(`[model] plugins`); `pneucli effects PIPELINE` lists it, too. [A gallery](gallery.md) has a picture of each.
 
 ## Sizes
 
 Bounds, typical values (from which a fit starts) and steps are plain numbers in the parameter's unit, or numbers of a
-scale, so that they hold for a bore of 6 mm at 3 bar as for one of 200 mm at 50 bar:
+scale, so they fit a bore of 6 mm at 3 bar as well as one of 200 mm at 50 bar:
 
 ```python
 Parameter("force", "N", 0.0, "-10 supply forces", "10 supply forces", ("0.02 supply forces",), "force toward x = 0")
 ```
 
-A scale is worked out from `[rig]`, from what the recordings show, and from the model as fitted. Where that is not
-enough it neither bounds nor starts anything: `diagnose` passes over such an effect, `identify` refuses it by name.
-The base model's parameters are sized in the same way (`pneucli/physics/declaration.py`).
+A scale follows from `[rig]`, the recordings and the fitted model. Where these do not determine it, `diagnose` skips the
+effect, and `identify` refuses it by name. The base model's parameters have sizes of the same kind
+(`pneucli/physics/declaration.py`).
 
-| scale | unit | what it is |
+| scale | unit | definition |
 | --- | --- | --- |
 """
 GALLERY = """# A gallery
 
-What each effect looks like, made by `make docs` from the declarations. Left of each picture: a rig with the effect, at
-a typical size, and the model without it; right: the difference. No parameter is refitted, a fit would take up a part.
-First the three walks through recordings of real rigs.
+Each effect in a picture, made by `make docs` from the declarations. Left: a rig with the effect at a typical size, and
+the model without it. Right: the difference. No parameter is refitted; a fit would absorb a part of it. The three walks
+through recordings of real rigs come first.
 
 ## [Seals that press harder under pressure](walks/seal-friction.md)
 
@@ -63,9 +63,9 @@ First the three walks through recordings of real rigs.
 
 ![A pressure that decays](img/walk-pressure-decay.svg)
 """
-PICTURE_CAPTION = """Left: the channel that shows it best, on a rig with the effect (at a typical size) and by the model
-without it, restarted every 0.5 s. Right: the difference. No parameter is refitted here; a fit would take up a part."""
-THESIS_REFERENCE = (
+PICTURED = """Left: the most sensitive channel, on a rig with the effect (at a typical size) and by the model
+without it, restarted every 0.5 s. Right: the difference. No parameter is refitted; a fit would absorb a part of it."""
+THESIS = (
     "; the thesis is K. Széll, Direct Modeling and Robust Control of a Servo-pneumatic System, PhD thesis, Budapest "
     "University of Technology and Economics, 2015"
 )

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 HELP = "The JSON schema of the pipeline file, for editors that complete keys while one types."
 HEAD = """# The pipeline file, key by key
 
-Made by `make docs` from the models that check the file; a test holds each example to them. One TOML file describes
-one piece of work. Quantities are texts with a unit (`"7 bar"`, `"8.04 cm^2"`, `"0.5 s"`); a bare number is SI.
-Pressures are absolute inside; `"3 barg"`, or `reference = "gauge"` for a column, count from `ambient_pressure`. Units
-read as labs write them: `m/s2`, `mm2`, `degC`, `psi`, `bar(g)`, `l/min`. Paths are relative to the file, `${NAME}` is
-an environment variable, and `file` takes a glob. What is absent is identified or assumed; [The rig](rig.md) says which.
+A reference of every key, longer than other pages. Made by `make docs` from the models that check the file; a test
+checks each example. One TOML file describes one piece of work. Quantities are texts with a unit (`"7 bar"`,
+`"8.04 cm^2"`, `"0.5 s"`); a bare number is SI. Pressures are absolute inside; `"3 barg"`, or `reference = "gauge"` for
+a column, count from `ambient_pressure`. Units read as labs write them: `m/s2`, `mm2`, `degC`, `psi`, `bar(g)`,
+`l/min`. Paths are relative to the file, `${NAME}` is an environment variable, and `file` takes a glob. What is absent
+is identified or assumed; [The rig](rig.md) says which.
 
 **Editors.** The first line `#:schema ./pipeline.schema.json` lets editors with Taplo (VS Code's Even Better TOML,
 Neovim, Zed) complete keys and mark what is misspelt. `pneucli init` writes the line and the schema;
