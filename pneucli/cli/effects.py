@@ -63,9 +63,9 @@ through recordings of real rigs come first.
 
 ![A pressure that decays](img/walk-pressure-decay.svg)
 """
-PICTURED = """Left: the most sensitive channel, on a rig with the effect (at a typical size) and by the model
+PICTURE_CAPTION = """Left: the most sensitive channel, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted; a fit would absorb a part of it."""
-THESIS = (
+THESIS_REFERENCE = (
     "; the thesis is K. Széll, Direct Modeling and Robust Control of a Servo-pneumatic System, PhD thesis, Budapest "
     "University of Technology and Economics, 2015"
 )

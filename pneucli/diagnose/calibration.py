@@ -59,10 +59,10 @@ def _clipped_log10(value: float, low: float, high: float) -> float:
 
 # times the usual size, the mean of typical ones, which reach about so far: beyond no effect is likelier. Small unknown
 # things are not taken for one as large, unless the motion is imposed: what resembles grows against each other there
-LARGE = 2.0
+MAX_RELATIVE_SIZE = 2.0
 # of each feature, in their order: benchmarks/confidence.py estimates them (docs/method.md)
-COMPLETE = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
-BESIDE = (-3.27, 2.06, 5.45, -1.47, -1.26)  # beside something unknown
+WEIGHTS_WHITE_RESIDUAL = (-1.34, 2.52, 2.7, 0.32)  # where nothing but noise is left
+WEIGHTS_DISCREPANCY = (-3.27, 2.06, 5.45, -1.47, -1.26)  # beside something unknown
 # how much less than others an effect resembles what small unknown things do beside it, in the law's unit; where the
 # motion is imposed all are alike, and so is an effect that no exam has hidden
 EFFECT_INTERCEPTS = {
