@@ -21,7 +21,7 @@ from pneucli.report.figure import GREY, PALETTE, with_gaps
 from pneucli.stages import history
 
 if TYPE_CHECKING:
-    from pneucli.notebook.run import Run
+    from pneucli.notebook.run_data import RunData
 
 WIDTH, PANEL_HEIGHT = 8.0, 1.7  # inches
 MODEL_LABEL = "model"
@@ -39,10 +39,12 @@ class NotebookFigure(Figure):
 class Plots:
     """Figures of one run; each method returns a matplotlib figure."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: RunData) -> None:
         self._run = run
 
-    def recording(self, name: str, channels: Sequence[str] | None = None, beside: Iterable[Run] = ()) -> NotebookFigure:
+    def recording(
+        self, name: str, channels: Sequence[str] | None = None, beside: Iterable[RunData] = ()
+    ) -> NotebookFigure:
         """Return a recording, a panel a channel: measured, the model, and the models of other runs ``beside``.
 
         The legend says how well each fits: 100 (1 - |y - model| / |y - mean y|) per cent.

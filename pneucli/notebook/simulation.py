@@ -9,23 +9,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from pneucli.config import validate
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.io.artifacts import read_metadata
-from pneucli.io.recordings import SIGNALS_FILE
 from pneucli.noise import NoiseModel
-from pneucli.pipeline.context import Context
-from pneucli.quantities import ROTARY_UNITS, SIGNALS, axis_motion, axis_unit
+from pneucli.notebook.model import is_rotary
+from pneucli.quantities import SIGNALS, axis_motion, axis_unit
 from pneucli.recording import Recording
 from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import SAMPLING_PERIOD, free_run
 from pneucli.simulate.outputs import simulate_outputs
-from pneucli.stages.pipeline_data import MODEL_FILE, PipelineData, load_model
 
 if TYPE_CHECKING:
-    from pneucli.notebook.run import Run
+    from pneucli.notebook.run_data import RunData
 
 Array = NDArray[np.float64]
 Chamber2 = Literal["closed", "open", "valve"]
@@ -34,7 +30,7 @@ STATE = ("x", "v", "p1", "p2")  # the state from which a run starts
 
 
 def simulate(
-    run: Run,
+    run: RunData,
     *,
     u: ArrayLike | None = None,
     u2: ArrayLike | None = None,
@@ -87,7 +83,7 @@ def simulate(
     )
     ready = prepare(imagined, model.rig, None)
     inputs: dict[str, Any] = {name: signals[name] for name in INPUTS if name in signals}
-    return _frame({"time": stamps} | inputs | simulate_outputs(model, ready), rotary=_is_rotary(run))
+    return _frame({"time": stamps} | inputs | simulate_outputs(model, ready), rotary=is_rotary(run.artifacts))
 
 
 def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
@@ -138,15 +134,14 @@ def _initial_state(given: Mapping[str, float], model: Model, kind: str, size: in
     return {name: np.full(size, value) for name, value in state.items()}
 
 
-def _free_run(run: Run, model: Model, name: str) -> pd.DataFrame:
-    run.bring_up("identify")
-    study = load_run_study(run)
-    by_name = {r.name: r for r in study.recordings}
+def _free_run(run: RunData, model: Model, name: str) -> pd.DataFrame:
+    data = run.pipeline_data()
+    by_name = {r.name: r for r in data.recordings}
     if name not in by_name:
         raise InputError("simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name))
-    found = free_run(model, prepare(by_name[name], study.rig, None), name)
+    found = free_run(model, prepare(by_name[name], data.rig, None), name)
     measured = {f"measured_{channel}": values for channel, values in found.measured.items()}
-    return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=_is_rotary(run))
+    return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=is_rotary(run.artifacts))
 
 
 def _frame(columns: Mapping[str, Any], *, rotary: bool) -> pd.DataFrame:
@@ -155,33 +150,3 @@ def _frame(columns: Mapping[str, Any], *, rotary: bool) -> pd.DataFrame:
         units = {name: axis_unit(SIGNALS[name.removeprefix("measured_")].unit) for name in columns}
     found.attrs["units"] = units
     return found
-
-
-def _is_rotary(run: Run) -> bool:
-    """Whether the axis turns: its position was recorded as an angle."""
-    units = read_metadata(run.artifacts / "ingest" / SIGNALS_FILE)["units"]
-    return bool(units.get("x") == ROTARY_UNITS["m"])
-
-
-def load_run_model(run: Run) -> Model:
-    """Return the model that ``identify`` wrote into the run's folder."""
-    run.bring_up("identify")
-    study = load_run_study(run)
-    return load_model(run.artifacts / "identify", study.rig, study.effects)
-
-
-def load_run_study(run: Run) -> PipelineData:
-    """Return the pipeline as the domain packages see it, from its file or from what its artifacts say of it."""
-    answers = {"ingest": run.answer("ingest"), "identify": run.answer("identify")}
-    if run.pipeline is not None:
-        config = run.pipeline.load(run.pipeline.path)
-        return PipelineData(Context(run.pipeline.path, config, run.artifacts, run.artifacts, answers=answers))
-    path = run.artifacts / "identify" / MODEL_FILE
-    document = {key: table for key, table in read_metadata(path)["parameters"].items() if table}
-    keys = ("name", "file", "experiment", "use", "chamber_2")
-    document["recordings"] = [{k: r[k] for k in keys if r[k]} for r in answers["ingest"]["recordings"]]
-    if _is_rotary(run):
-        document["signals"] = {"x": {"column": "x", "unit": ROTARY_UNITS["m"]}}
-    config = validate(path, document)
-    with axis_motion(rotary=config.rotary):
-        return PipelineData(Context(path, config, run.artifacts, run.artifacts, answers=answers))

@@ -199,8 +199,8 @@ def test_the_pages_of_the_exam_tell_every_condition_and_every_unknown_effect():
     inside = (docs / "development" / "exam-rig.md").read_text()
     names = [condition.form.partition("#")[0] for condition in CONDITIONS]
     assert [name for name in names if f"`{name}" not in page] == []
-    rows = [f"{effect.part} | {effect.over} |" for effect in OUTSIDE if effect.name in inside]
-    assert len(rows) == len(OUTSIDE)
+    rows = [f"{effect.part} | {effect.variable} |" for effect in UNCATALOGUED if effect.name in inside]
+    assert len(rows) == len(UNCATALOGUED)
     assert all(row in inside for row in rows)
 
 

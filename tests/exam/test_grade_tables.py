@@ -136,12 +136,12 @@ def test_rows_have_every_measure_of_every_condition() -> None:
 
 
 def test_a_case_is_a_row() -> None:
-    about = {"case": "a", "kind_of_truth": "stribeck", "verdict": "missing-effect", "error_after": 1.1, "seconds": 9.0}
-    named = {"missing": {"b", "a"}, "failure": None, "set_sizes": [1, 3], "conditions": ["usual"]}
+    about = {"case": "a", "truth_label": "stribeck", "verdict": "missing-effect", "final_error": 1.1, "seconds": 9.0}
+    named = {"missing": {"b", "a"}, "failure_cause": None, "set_sizes": [1, 3], "conditions": ["usual"]}
     known = {"hidden": "stribeck", "verdict": "missing-effect", "error_after": 1.1, "seconds": 9.0}
     one: Any = SimpleNamespace(**about, **named, truth={"conditions": ["ends", "drift"]})
     other: Any = SimpleNamespace(
-        **about, **(named | {"failure": "timeout", "set_sizes": [], "missing": set()}), truth={}
+        **about, **(named | {"failure_cause": "timeout", "set_sizes": [], "missing": set()}), truth={}
     )
     assert case_rows([one, other]) == [
         {"case": "a", "conditions": "ends+drift", "named": "a + b", "failure": "", "largest_set": 3.0} | known,

@@ -52,12 +52,12 @@ def test_flow_is_choked_below_the_critical_ratio_and_falls_on_an_ellipse_above_i
     plain: SimpleNamespace, ratio: float, share: float
 ) -> None:
     """Critical at 0.4: 0.7 is half the way to 1, 0.94 nine tenths of it."""
-    found = plain.flow(2e-6, 5e5, 300.0, ratio * 5e5, 0.4)
+    found = plain.orifice_flow(2e-6, 5e5, 300.0, ratio * 5e5, 0.4)
     assert found == pytest.approx(share * choked(2e-6, 5e5, 300.0), rel=1e-9)
 
 
 def test_nothing_flows_against_the_pressure(plain: SimpleNamespace) -> None:
-    assert plain.flow(2e-6, 5e5, 300.0, 6e5, 0.4) == 0.0
+    assert plain.orifice_flow(2e-6, 5e5, 300.0, 6e5, 0.4) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_a_chamber_keeps_mass_and_energy(
 ) -> None:
     """d(m)/dt = q and d(m c_v T)/dt = c_p T_in q - p dV/dt + heat from the wall, with m = p V / (R T)."""
     p, t, volume, par = 3e5, 310.0, 1e-4, PAR._replace(heat_conductance=conductance)
-    dp, dt = plain.chamber(par, p, t, volume, growth, q, q * inflow)
+    dp, dt = plain.chamber_rates(par, p, t, volume, growth, q, q * inflow)
     mass_rate = (dp * volume + p * growth) / (287.0 * t) - p * volume * dt / (287.0 * t * t)
     energy_rate = (dp * volume + p * growth) / 0.4  # m c_v T = p V / (kappa - 1)
     assert mass_rate == pytest.approx(q, rel=1e-9)
@@ -124,14 +124,14 @@ def test_a_chamber_keeps_mass_and_energy(
 
 def test_without_heat_transfer_a_chamber_keeps_its_temperature(plain: SimpleNamespace) -> None:
     """Thesis 2.47: dp/dt = kappa (R T q - p dV/dt) / V, at the temperature of the rig."""
-    dp, dt = plain.chamber(PAR, 3e5, 310.0, 1e-4, 2e-4, 1e-3, 1e9)
+    dp, dt = plain.chamber_rates(PAR, 3e5, 310.0, 1e-4, 2e-4, 1e-3, 1e9)
     assert dt == 0.0
     assert dp == pytest.approx(1.4 * (287.0 * PAR.temperature * 1e-3 - 3e5 * 2e-4) / 1e-4)
 
 
 def gas(plain: SimpleNamespace, par: Parameters, s: np.ndarray, q_in: float = 0.0, q_out: float = 0.0, held: int = 0):
     ds = np.zeros(10)
-    plain.gas(par, s, (q_in, q_out, 0.0, 0.0), held, ds)
+    plain.gas_rates(par, s, (q_in, q_out, 0.0, 0.0), held, ds)
     return ds
 
 
@@ -160,7 +160,7 @@ def test_the_valve_feeds_chamber_1_alone(plain: SimpleNamespace) -> None:
 
 def test_a_second_valve_feeds_chamber_2_alone(plain: SimpleNamespace) -> None:
     s, ds = state(T2=280.0), np.zeros(10)
-    plain.gas(WARM, s, (0.0, 0.0, 2e-3, 5e-4), 0, ds)
+    plain.gas_rates(WARM, s, (0.0, 0.0, 2e-3, 5e-4), 0, ds)
     assert masses(s, ds) == pytest.approx((0.0, 1.5e-3))
     assert energies(ds) == pytest.approx((0.0, KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 280.0)))
 
@@ -242,14 +242,14 @@ def test_dry_friction_while_speeding_up_and_slowing(
 )
 def test_a_load_pulls_beyond_half_its_gap(plain: SimpleNamespace, stretch: float, rate: float, force: float) -> None:
     loaded = PAR._replace(load_mass=1.0, load_stiffness=2000.0, load_damping=5.0, load_gap=4e-3)
-    found = plain.coupling(loaded, state(XL=0.1 + stretch, VL=rate + 0.1, V=0.1))
+    found = plain.coupling_force(loaded, state(XL=0.1 + stretch, VL=rate + 0.1, V=0.1))
     assert found == pytest.approx(force)
 
 
 def test_a_load_is_moved_by_what_moves_the_piston(plain: SimpleNamespace) -> None:
     loaded = PAR._replace(load_mass=0.5, load_stiffness=2000.0)
     s, ds = state(XL=0.11, VL=0.2), np.zeros(10)
-    plain.rates(loaded, 0.0, s, 0.0, (0.0, 0.0, 0.0, 0.0), 2, ds)
+    plain.state_rates(loaded, 0.0, s, 0.0, (0.0, 0.0, 0.0, 0.0), 2, ds)
     assert ds[XL] == 0.2
     assert ds[VL] == pytest.approx(-20.0 / 0.5)
     assert plain.net_force(loaded, 0.0, s) - plain.net_force(PAR, 0.0, s) == pytest.approx(20.0)
@@ -343,12 +343,12 @@ def test_a_piston_breaks_away_beyond_dry_friction(
     plain: SimpleNamespace, force: float, given: dict, rest: float, mode: float
 ) -> None:
     par = PAR._replace(dwell_gain=0.5, dwell_time=0.4)
-    assert plain.mode_at(par, 0.0, pushed(force, par, **given), rest) == mode
+    assert plain.motion_sign(par, 0.0, pushed(force, par, **given), rest) == mode
 
 
 def test_a_vessel_has_no_motion(plain: SimpleNamespace) -> None:
     ds = np.zeros(10)
-    plain.rates(
+    plain.state_rates(
         PAR._replace(piston_area_1=0.0, piston_area_2=0.0), 0.0, state(V=1.0), 1.0, (1e-3, 0.0, 0.0, 0.0), 0, ds
     )
     assert (ds[X], ds[V]) == (0.0, 0.0)
@@ -420,13 +420,13 @@ def test_spool_and_opening_follow_a_command_of_4_v(
 
 def test_imposed_pressures_are_linear_between_samples_and_held_at_the_end(plain: SimpleNamespace) -> None:
     rows = np.array([[1.0, 10.0], [3.0, 30.0]])
-    assert plain._between(rows, 0, 0.25) == pytest.approx([1.5, 15.0])
-    assert plain._between(rows, 1, 0.25) == pytest.approx([3.0, 30.0])
+    assert plain._interpolated(rows, 0, 0.25) == pytest.approx([1.5, 15.0])
+    assert plain._interpolated(rows, 1, 0.25) == pytest.approx([3.0, 30.0])
 
 
 def test_the_rows_begin_with_what_is_given(plain: SimpleNamespace) -> None:
     move = Excitation(np.zeros(2), chamber_2_open=True, position=0.15, velocity=0.2, pressure_1=2e5, pressure_2=3e5)
-    seen = {name: values[0] for name, values in plain.run(PAR, move).items()}
+    seen = {name: values[0] for name, values in plain.simulate_rig(PAR, move).items()}
     assert [seen[n] for n in ("x", "v", "p1", "p2", "p_supply", "temperature")] == [
         0.15, 0.2, 2e5, 3e5, PAR.supply, PAR.temperature,
     ]  # fmt: skip
@@ -439,17 +439,17 @@ def test_a_controller_commands_in_proportion_within_10_v_in_steps_of_a_tenth_of_
     plain: SimpleNamespace, gain: float, command: float
 ) -> None:
     move = Excitation(np.array([0.15]), gain=gain, position=0.1)
-    assert plain.run(PAR, move)["u"][0] == command
-    assert plain.run(PAR, Excitation(np.array([0.05]), gain=1000.0, position=0.1))["u"][0] == -10.0
+    assert plain.simulate_rig(PAR, move)["u"][0] == command
+    assert plain.simulate_rig(PAR, Excitation(np.array([0.05]), gain=1000.0, position=0.1))["u"][0] == -10.0
 
 
 def test_chamber_2_is_held_where_it_is_open_and_both_where_they_are_imposed(plain: SimpleNamespace) -> None:
     moving = {"velocity": 0.5, "position": 0.1, "pressure_1": 3e5, "pressure_2": 2e5}
-    free, open_ = (plain.run(PAR, Excitation(np.zeros(3), chamber_2_open=o, **moving)) for o in (False, True))
+    free, open_ = (plain.simulate_rig(PAR, Excitation(np.zeros(3), chamber_2_open=o, **moving)) for o in (False, True))
     assert free["p2"][2] > 2e5
     assert open_["p2"][2] == 2e5
     given = np.array([[3e5, 2e5], [3.1e5, 2.1e5], [3.2e5, 2.2e5]])
-    seen = plain.run(PAR, Excitation(np.zeros(3), imposed=given, **moving))
+    seen = plain.simulate_rig(PAR, Excitation(np.zeros(3), imposed=given, **moving))
     # half a step before the sample
     assert seen["p1"][1:] == pytest.approx(given[1:, 0] - 0.5 * 1e4 * 1e3 * MAX_STEP)
     assert seen["p2"][1:] == pytest.approx(given[1:, 1] - 0.5 * 1e4 * 1e3 * MAX_STEP)
@@ -459,7 +459,7 @@ def test_a_line_delays_the_flow_by_its_steps(plain: SimpleNamespace) -> None:
     """From 1 ms on the valve is open; a line of 0.5 ms feeds from 1.5 ms on, and so half as long until 2 ms."""
     vessel = PAR._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=1e-4)
     move = Excitation(np.array([0.0, 10.0, 10.0]), pressure_1=PAR.ambient)
-    rise = [np.diff(plain.run(vessel._replace(line_delay=d), move)["p1"]) for d in (0.0, 5e-4)]
+    rise = [np.diff(plain.simulate_rig(vessel._replace(line_delay=d), move)["p1"]) for d in (0.0, 5e-4)]
     assert rise[0][0] == rise[1][0] == 0.0
     assert rise[1][1] == pytest.approx(0.5 * rise[0][1], rel=1e-6)
 
@@ -467,7 +467,7 @@ def test_a_line_delays_the_flow_by_its_steps(plain: SimpleNamespace) -> None:
 def test_time_runs_on_from_sample_to_sample(plain: SimpleNamespace) -> None:
     """A force that swings is read from the acceleration of a heavy piston."""
     par = PAR._replace(swinging_force=200.0, swinging_frequency=100.0, coulomb=0.0, viscous=0.0, mass=1e3)
-    a = plain.run(par, Excitation(np.zeros(8), position=0.1, velocity=1e-9))["a"]
+    a = plain.simulate_rig(par, Excitation(np.zeros(8), position=0.1, velocity=1e-9))["a"]
     assert a == pytest.approx(-0.2 * np.sin(2 * np.pi * 100.0 * 1e-3 * np.arange(8)), abs=1e-3)
 
 
@@ -475,6 +475,6 @@ def test_time_runs_on_from_sample_to_sample(plain: SimpleNamespace) -> None:
 def test_commands_of_a_millisecond_make_as_many_rows_as_the_rate_asks_for(
     plain: SimpleNamespace, rate: float, rows: int
 ) -> None:
-    seen = plain.run(PAR, Excitation(np.array([1.0, 2.0]), position=0.1), rate)
+    seen = plain.simulate_rig(PAR, Excitation(np.array([1.0, 2.0]), position=0.1), rate)
     assert {name: values.size for name, values in seen.items()} == dict.fromkeys(seen, rows)
     assert seen["u"].tolist() == [1.0] * (rows // 2) + [2.0] * (rows // 2)

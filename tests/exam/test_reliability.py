@@ -13,7 +13,7 @@ from pneucli.exam.reliability import reliability, reliability_table
 
 
 def stating(*stated: tuple[float, bool]) -> Any:
-    return SimpleNamespace(stated=list(stated))
+    return SimpleNamespace(stated_probabilities=list(stated))
 
 
 def candidate(effect: str, confidence: float | None, *twins: str, fitted: bool = True) -> dict[str, Any]:

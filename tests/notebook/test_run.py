@@ -57,7 +57,7 @@ def test_a_folder_is_taken_as_it_stands_without_its_pipeline(valve: pneucli.Run,
     assert here.answer("compare") == valve.answer("compare")
     free = [pneucli.simulate(run, recording="stairs_2")["p1"] for run in (here, valve)]
     np.testing.assert_array_equal(*free)
-    with pytest.raises(pneucli.InputError, match="this stage has left nothing"):
+    with pytest.raises(pneucli.InputError, match="this stage has not run"):
         here.answer("design")
 
 
