@@ -15,10 +15,10 @@ from pneucli.noise import NoiseModel
 from pneucli.notebook.model import is_rotary
 from pneucli.quantities import SIGNALS, axis_motion, axis_unit
 from pneucli.recording import Recording
-from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import SAMPLING_PERIOD, free_run
 from pneucli.simulate.outputs import simulate_outputs
+from pneucli.simulate.preparation import prepare
 
 if TYPE_CHECKING:
     from pneucli.notebook.run_data import RunData

@@ -12,31 +12,23 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from pneucli.experiments import Part
-from pneucli.noise import NoiseModel, estimate_noise
+from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.imposed_motion import detect_reversals, smooth_motion
-from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step, recording_flags
-from pneucli.simulate.smoothing import (
-    LocalPolynomialSmoother,
-    MotionSmoother,
-    choose_windows,
-    estimate_acceleration_delay,
-)
-from pneucli.simulate.substitutes import substitute_missing_inputs
+from pneucli.simulate.imposed_motion import detect_reversals
+from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
+from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
+from pneucli.simulate.motion_smoother import MotionSmoother, smooth_inputs
 
 Array = NDArray[np.float64]
+Draw = TypeVar("Draw")
 
-SMOOTHED_PRESSURES = ("p1", "p2", "p_supply")
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
-MIN_SMOOTHED_SAMPLES = 80  # samples; fewer are taken as they are
-MIN_RELATIVE_NOISE = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
 SMEAR_MEMORY_FACTOR = 3.0  # times the smoothing's memory, over which it spreads a stop
-DEFAULT_NOISE = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
-STANDSTILL_SIGMA = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
 MAX_GAP_PERIODS = 20  # sampling periods
 MIN_SEGMENT_SMEARS = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
+MAX_CACHE_BYTES = 16 << 20  # bytes, of one recording
 
 
 @dataclass(frozen=True)
@@ -202,7 +194,7 @@ class Experiment:
 
     def draw_noise(self, rng: np.random.Generator) -> dict[str, Array]:
         """Return one realisation of every sensor's noise."""
-        return _draw(self.noise, self.time, rng)
+        return draw_sensor_noise(self.noise, self.time, rng)
 
     def resample_inputs(self, noise: Mapping[str, Array]) -> Array:
         """Return the inputs (n, 8) that other readings of the same run would give: smoothed, with noise, smoothed.
@@ -241,57 +233,9 @@ class Experiment:
         return replace(self, restarts=restart_samples(self.time, horizon, MIN_SEGMENT_SMEARS * self.smear_time))
 
 
-def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: float | None = None) -> Experiment:
-    """Make a recording ready: fill gaps, smooth, choose restarts (every ``horizon`` s; None: one at the start)."""
-    raw = {name: fill_gaps(recording.time, values) for name, values in recording.signals.items()}
-    noise = {n: recording.noise.get(n) or estimate_noise(recording.time, recording[n]) for n in raw}
-    enough = recording.time.size >= MIN_SMOOTHED_SAMPLES
-    smoothers = {
-        n: choose_windows(raw[n], noise[n], recording.period)
-        for n in (*SMOOTHED_PRESSURES, "x", "force")
-        if n in raw and enough
-    }
-    fusion = None
-    if enough and "x" in raw and "a" in raw:
-        sure = {
-            n: max(noise[n].rms, share * float(np.std(raw[n])) or DEFAULT_NOISE[n])
-            for n, share in MIN_RELATIVE_NOISE.items()
-        }
-        fusion = MotionSmoother(recording.time, sure["x"], sure["a"])
-        if late := estimate_acceleration_delay(raw["x"], raw["a"], recording.period, fusion.memory):
-            raw["a"] = np.append(raw["a"][late:], np.full(late, raw["a"][-1]))
-    inputs = smooth_inputs(raw, smoothers, fusion, recording.time)
-    still = 0.0
-    if "x" in raw:
-        drawn = _draw(noise, recording.time, np.random.default_rng(0))
-        still = STANDSTILL_SIGMA * float(np.std(smooth_motion(drawn, smoothers, fusion, recording.time)[1]))
-        inputs[np.abs(inputs[:, at.IN_V]) < still, at.IN_V] = 0.0
-    if rig.command_sign(recording.chamber) < 0.0:
-        inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
-    substitute_missing_inputs(inputs, recording, rig)
-    flags, once = recording_flags(recording, rig, raw, noise), restart_samples(recording.time, None)
-    ready = Experiment(recording, rig, raw, noise, smoothers, fusion, inputs, once, flags, low_pass, still)
-    return ready.with_restarts(horizon)
-
-
-def _draw(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
+def draw_sensor_noise(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Return one realisation of the noise of every sensor."""
     return {name: model.draw(time, rng) for name, model in noise.items()}
-
-
-def smooth_inputs(
-    raw: Mapping[str, Array],
-    smoothers: Mapping[str, LocalPolynomialSmoother],
-    fusion: MotionSmoother | None,
-    time: Array,
-) -> Array:
-    """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
-    inputs = np.zeros((time.size, len(at.INPUTS)))
-    for column, name in enumerate(at.INPUTS):
-        if name in raw:
-            inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
-    if "x" in raw:
-        inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, fusion, time)
-    return inputs
 
 
 def restart_samples(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:
@@ -303,16 +247,6 @@ def restart_samples(time: Array, horizon: float | None, shortest: float = 0.0) -
     gaps = 1 + np.flatnonzero(np.diff(time) > MAX_GAP_PERIODS * period)
     grid = np.arange(0.0, time[-1] - time[0], max(horizon, shortest)) if horizon else np.zeros(1)
     return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
-
-
-def fill_gaps(time: Array, values: Array) -> Array:
-    """Return values with NaN filled by interpolation over time."""
-    known = ~np.isnan(values)
-    return values if known.all() else np.interp(time, time[known], values[known])
-
-
-MAX_CACHE_BYTES = 16 << 20  # bytes, of one recording
-Draw = TypeVar("Draw")
 
 
 def cache_draws(

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.simulate.smoothing import LocalPolynomialSmoother, MotionSmoother
-
-if TYPE_CHECKING:
-    from pneucli.simulate.experiment import Experiment
+from pneucli.noise import NoiseModel
+from pneucli.recording import Recording
+from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
+from pneucli.simulate.motion_smoother import MotionSmoother
 
 Array = NDArray[np.float64]
 
@@ -21,22 +21,50 @@ DIFFERENTIATION_BANDWIDTH_FACTOR = (
 RISE_TIME_FACTOR = 0.35  # times one over the frequency of a low-pass: from 10 to 90 % of a step
 
 
-def smooth_motion(
-    raw: Mapping[str, Array],
-    smoothers: Mapping[str, LocalPolynomialSmoother],
-    fusion: MotionSmoother | None,
-    time: Array,
-) -> tuple[Array, Array]:
-    """Return smoothed position and velocity, each (n,)."""
-    if fusion is not None:
-        return fusion(raw["x"], raw["a"])[:2]
-    x = smoothers["x"](raw["x"]) if "x" in smoothers else raw["x"]
-    if "v" in raw:
-        return x, raw["v"]
-    return x, smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
+class MeasuredMotion(Protocol):
+    """The part of an experiment from which its imposed motion follows."""
+
+    @property
+    def recording(self) -> Recording:
+        """The recording itself."""
+        ...
+
+    @property
+    def time(self) -> Array:
+        """Time stamps in s, shape (n,)."""
+        ...
+
+    @property
+    def raw(self) -> Mapping[str, Array]:
+        """Measured signals without gaps."""
+        ...
+
+    @property
+    def noise(self) -> Mapping[str, NoiseModel]:
+        """Noise of each sensor."""
+        ...
+
+    @property
+    def smoothers(self) -> Mapping[str, LocalPolynomialSmoother]:
+        """Smoother of each signal."""
+        ...
+
+    @property
+    def motion_smoother(self) -> MotionSmoother | None:
+        """Smoother of position and acceleration together."""
+        ...
+
+    @property
+    def low_pass(self) -> float | None:
+        """Frequency in Hz at which the comparison filters."""
+        ...
+
+    def low_passed(self, values: Array, bandwidth_factor: float = 1.0) -> Array:
+        """Return values (n,) filtered at that frequency times the factor."""
+        ...
 
 
-def imposed_motion(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> tuple[Array, Array, Array]:
+def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None = None) -> tuple[Array, Array, Array]:
     """Return x, v, a of an imposed motion, each (n,); derived from x where they were not measured.
 
     With a low-pass, x is filtered by it at ``DIFFERENTIATION_BANDWIDTH_FACTOR`` times its frequency before it is differentiated: what the
@@ -56,7 +84,7 @@ def imposed_motion(experiment: Experiment, noise: Mapping[str, Array] | None = N
     return x, v, raw["a"] if "a" in raw else np.gradient(v, time)
 
 
-def detect_reversals(experiment: Experiment) -> NDArray[np.bool_]:
+def detect_reversals(experiment: MeasuredMotion) -> NDArray[np.bool_]:
     """Return at which samples (n,) the measured motion does not tell its direction.
 
     From the last one that goes one way to the first that goes the other: a turn, which sampling and smoothing move by
@@ -73,7 +101,7 @@ def detect_reversals(experiment: Experiment) -> NDArray[np.bool_]:
     return found if not found.all() else np.zeros_like(found)
 
 
-def standstill_speed(experiment: Experiment, v: Array) -> float:
+def standstill_speed(experiment: MeasuredMotion, v: Array) -> float:
     """Return the speed in m/s below which the measured motion does not tell its direction."""
     period = experiment.recording.period
     noise = experiment.noise["x"].rms / period if "x" in experiment.noise else 0.0

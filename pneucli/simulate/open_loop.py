@@ -14,9 +14,10 @@ from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
+from pneucli.simulate.preparation import prepare
 from pneucli.units import parse_quantity
 
 Array = NDArray[np.float64]

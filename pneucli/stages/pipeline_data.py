@@ -26,8 +26,9 @@ from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
 from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve

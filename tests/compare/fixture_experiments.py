@@ -11,8 +11,9 @@ from pneucli.config import load
 from pneucli.io.recordings import load_recordings
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.stages import ingest
 

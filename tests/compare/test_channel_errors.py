@@ -11,8 +11,8 @@ from pneucli.compare import Comparison, find_error_regions, overall_error
 from pneucli.compare.channel_errors import ChannelResult, compare
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 
 TIME = 1e-3 * np.arange(2000)
 X = 0.1 + 0.05 * np.sin(2 * np.pi * (TIME + 0.0005))

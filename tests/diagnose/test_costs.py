@@ -14,8 +14,8 @@ from pneucli.diagnose.flow_gain_variance import flow_gain_deviation, with_flow_g
 from pneucli.diagnose.score import correct_for_model_noise, fitted_costs, held_out_costs, likelihood_costs
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 

@@ -17,8 +17,9 @@ from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import with_end_stops
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.switching import SwitchingValve

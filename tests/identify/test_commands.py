@@ -10,8 +10,9 @@ import pytest
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
 from tests.identify.test_arrangements import FIRST, NOISE, SECOND
 from tests.simulate.synthetic_experiments import FRICTION, RIG

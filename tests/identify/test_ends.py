@@ -15,8 +15,9 @@ from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side, estimate_stroke_limits, with_end_stops
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
 from tests.identify.test_arrangements import FIRST, NOISE, SECOND
 from tests.simulate.synthetic_experiments import FRICTION, RIG

@@ -9,7 +9,8 @@ import pytest
 
 from pneucli.identify.residuals import ChamberPressures, ForceBalance
 from pneucli.identify.residuals.flow_gain import flow_gain_sensitivity
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 

@@ -19,8 +19,9 @@ from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.physics.scales import SCALES, RigQuantities, value_of
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea

@@ -15,7 +15,8 @@ from pneucli.identify.residuals.base import MAX_RESIDUAL, bounded_difference
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from tests.compare.fixture_experiments import FixtureExperiments, load_fixture
 from tests.simulate.synthetic_experiments import held_commands, model, time_grid

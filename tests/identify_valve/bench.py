@@ -16,7 +16,7 @@ from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
+from pneucli.simulate.preparation import prepare
 
 RIG = Rig(supply_pressure=6.5e5, vessel_volume=2e-4)
 AREA, OVERLAP, EXPONENT = 1.6e-6, 0.2, 1.1  # m^2 at 10 V, V, 1

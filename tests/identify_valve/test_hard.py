@@ -17,10 +17,10 @@ from pneucli.identify.valve.model_gradient import whitening_matrix
 from pneucli.identify.valve.transients import average_readings
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
+from pneucli.simulate.local_polynomials import autocovariance
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
-from pneucli.simulate.smoothing import autocovariance
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.stages.tables.valve import valve_warnings
 from tests.identify_valve.bench import identify

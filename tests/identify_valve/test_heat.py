@@ -10,8 +10,8 @@ import pytest
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import ValveArea

@@ -19,7 +19,7 @@ from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.io.artifacts import Provenance, read_table
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
+from pneucli.simulate.preparation import prepare
 from pneucli.stages.tables.valve import iso_parameters, write_valves
 from tests.identify_valve.bench import (
     AREA,

@@ -17,14 +17,14 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run, run_many
 
-from .benches import bench, clock, model, steps_of_command, typical
+from .synthetic_experiments import held_commands, make_experiment, model, time_grid, typical_values
 
-TIME = clock(0.3)
-U = steps_of_command(TIME, (0.0, 2.0, -2.0), 0.1)
+TIME = time_grid(0.3)
+U = held_commands(TIME, (0.0, 2.0, -2.0), 0.1)
 RUNS = {
-    "valve": lambda: bench("valve", TIME, {"u": U, "p1": 3e5}),
-    "friction": lambda: bench("friction", TIME, {"p1": 3e5 + 5e4 * np.sin(40 * TIME), "p2": 3e5}),
-    "axis": lambda: bench("axis", TIME, {"u": U, "u2": -U}, "valve", restarts=(0, 150)),
+    "valve": lambda: make_experiment("valve", TIME, {"u": U, "p1": 3e5}),
+    "friction": lambda: make_experiment("friction", TIME, {"p1": 3e5 + 5e4 * np.sin(40 * TIME), "p2": 3e5}),
+    "axis": lambda: make_experiment("axis", TIME, {"u": U, "u2": -U}, "valve", restarts=(0, 150)),
 }
 
 DRAG = '''
@@ -50,7 +50,7 @@ def bare() -> Model:
 def whole() -> Model:
     """Every effect of the catalogue at its first typical value."""
     effects = tuple(catalogue().values())
-    return model(list(catalogue()), typical(effects) | {"rig.vessel_volume": 1e-3})
+    return model(list(catalogue()), typical_values(effects) | {"rig.vessel_volume": 1e-3})
 
 
 def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.ndarray) -> np.ndarray:
@@ -103,11 +103,11 @@ def test_many_runs_at_once_are_the_runs_one_by_one_in_order() -> None:
 
 
 def test_the_controller_in_the_loop_sees_the_sample_and_its_command_is_held() -> None:
-    experiment = bench("axis", TIME, {"u": 0.11})  # the reference stands where the command would
+    experiment = make_experiment("axis", TIME, {"u": 0.11})  # the reference stands where the command would
     experiment.flags[at.LOOP] = 1.0
     out = run_in(kernel_for(()), model(), experiment, cp=np.array([60.0, 0.4]))
     assert out[:, at.U] == pytest.approx(np.clip(60.0 * (0.11 - out[:, at.X]), -0.4, 0.4))
-    held = bench("axis", TIME, {"u": out[:, at.U]})
+    held = make_experiment("axis", TIME, {"u": out[:, at.U]})
     assert np.array_equal(run(model(), held)[:, at.X], out[:, at.X])
 
 
@@ -117,7 +117,7 @@ def test_a_users_effect_works_and_an_edit_of_its_file_is_noticed(tmp_path: Path)
         file.write_text(DRAG.format(factor=factor))
         effect = load_plugin(file)
         which = Model(model().rig, (effect,), {"friction.coulomb": 0.0, "drag.gain": 10.0})
-        experiment = bench("friction", TIME, {"p1": 101_300.0, "p2": 101_300.0, "v": 0.2})
+        experiment = make_experiment("friction", TIME, {"p1": 101_300.0, "p2": 101_300.0, "v": 0.2})
         kernel = build((effect,), compiled=factor == 1.0)  # compiling takes its time
         results.append(run_in(kernel, which, experiment)[:, at.V])
         # m dv/dt = -c v^2 from v0: v = v0 / (1 + c v0 t / m)

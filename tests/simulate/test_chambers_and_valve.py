@@ -14,13 +14,13 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.run import run
 
-from .benches import RIG, bench, clock, model, steps_of_command
+from .synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
 
 R, T, KAPPA = 287.0, 293.15, 1.4
 VESSEL = Rig(ambient_pressure=101_300.0, supply_pressure=7e5)
 VOLUME = 1e-3  # m^3, large: the flow stays choked over the tests of timing
-TIME = clock(0.4)
-STEP = steps_of_command(TIME, (0.0, 4.0, 4.0, 4.0), 0.1)
+TIME = time_grid(0.4)
+STEP = held_commands(TIME, (0.0, 4.0, 4.0, 4.0), 0.1)
 AREA = 4 / 5 * 0.9e-6  # m^2 of the benches' valve at 4 V
 CHOKED = KAPPA * R * T / VOLUME * 0.484 * np.sqrt(2 / (R * T)) * AREA * 7e5  # Pa/s (2.14, 2.42)
 
@@ -30,14 +30,14 @@ def charged(values=None, u=STEP, time=TIME, volume=VOLUME, p1=101_300.0, **chang
     values = values or {}
     names = sorted({key.partition(".")[0] for key in values})
     vessel = model(names, values | {"rig.vessel_volume": volume}, rig=VESSEL)
-    return run(vessel, bench("valve", time, {"u": u, "p1": p1}, rig=VESSEL, **changes))[:, at.R1]
+    return run(vessel, make_experiment("valve", time, {"u": u, "p1": p1}, rig=VESSEL, **changes))[:, at.R1]
 
 
 def compressed(values=None, omega=2 * np.pi) -> tuple[np.ndarray, np.ndarray]:
     """Output, and volume of chamber 1, where the piston is moved by a sine and the valve is shut."""
-    time = clock(1.0)
+    time = time_grid(1.0)
     x, v = 0.1 + 0.05 * np.sin(omega * time), 0.05 * omega * np.cos(omega * time)
-    e = bench("axis", time, {"x": x, "v": v}, valve_shut=True)
+    e = make_experiment("axis", time, {"x": x, "v": v}, valve_shut=True)
     e.flags[at.MECHANICS] = 0.0
     values = values or {}
     out = run(model(sorted({k.partition(".")[0] for k in values}), values), e)
@@ -75,7 +75,7 @@ def test_a_valve_that_is_shut_lets_nothing_through() -> None:
 def test_adiabatic_charging_heats_the_gas_as_its_energy_says() -> None:
     """The enthalpy that enters stays as internal energy (2.13): m = m0 + (p - p0) V / (kappa R T_supply)."""
     values = {"heat-transfer.conductance": 1e-6, "rig.vessel_volume": 1e-4}
-    e = bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
+    e = make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
     out = run(model(["heat-transfer"], values, rig=VESSEL), e)
     p, volume = out[:, at.P1], 1e-4
     mass = p[0] * volume / (R * T) + (p - p[0]) * volume / (KAPPA * R * T)
@@ -86,8 +86,8 @@ def test_adiabatic_charging_heats_the_gas_as_its_energy_says() -> None:
 def test_heat_that_settles_within_a_step_makes_an_isothermal_chamber() -> None:
     """At 500 W/K 0.1 g of air follow the wall in 0.2 ms, a step is 0.5 ms: 1/kappa of the isentropic rate."""
     values = {"heat-transfer.conductance": 500.0, "rig.vessel_volume": 1e-4}
-    e = bench("valve", TIME, {"u": STEP, "p1": np.linspace(1e5, 5e5, TIME.size)}, rig=VESSEL)
-    assert e.step == pytest.approx(0.5e-3)
+    e = make_experiment("valve", TIME, {"u": STEP, "p1": np.linspace(1e5, 5e5, TIME.size)}, rig=VESSEL)
+    assert e.max_step == pytest.approx(0.5e-3)
     out = run(model(["heat-transfer"], values, rig=VESSEL), e)
     p = out[:, at.P1]
     assert p[-1] - p[100] == pytest.approx(0.3 * CHOKED * (VOLUME / 1e-4) / KAPPA, rel=2e-3)
@@ -98,25 +98,29 @@ def test_heat_that_settles_within_a_step_makes_an_isothermal_chamber() -> None:
 @pytest.mark.parametrize("name", ["p1", "p2"])
 def test_steps_are_a_300th_of_the_time_in_which_the_faster_chamber_fills_where_the_motion_is_imposed(name: str) -> None:
     """A sine of 5 Hz between 2 and 4 bar rises by at most 31.4 bar/s, and would fill 4 bar in 0.13 s."""
-    wave = {name: 3e5 + 1e5 * np.sin(10 * np.pi * clock(1.0))}
-    e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
-    assert e.step == max_motion_step(RIG, 1e-3)
-    e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
+    wave = {name: 3e5 + 1e5 * np.sin(10 * np.pi * time_grid(1.0))}
+    e = make_experiment("axis", time_grid(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
+    assert e.max_step == max_motion_step(RIG, 1e-3)
+    e = make_experiment("axis", time_grid(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
     e.flags[at.MECHANICS] = 0.0
-    assert e.step == pytest.approx(4e5 / (10e5 * np.pi) / 300, rel=1e-3)
+    assert e.max_step == pytest.approx(4e5 / (10e5 * np.pi) / 300, rel=1e-3)
 
 
 def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() -> None:
-    e = bench("axis", clock(1.0), {"x": 0.1, "p1": 3e5 + 1e5 * np.sin(2 * np.pi * clock(1.0))}, restarts=(0, 300))
-    assert e.driven is e.driven
-    assert (e.flags[at.MECHANICS], e.driven.flags[at.MECHANICS], e.driven.restarts.tolist()) == (1.0, 0.0, [0])
+    e = make_experiment(
+        "axis", time_grid(1.0), {"x": 0.1, "p1": 3e5 + 1e5 * np.sin(2 * np.pi * time_grid(1.0))}, restarts=(0, 300)
+    )
+    assert e.with_imposed_motion is e.with_imposed_motion
+    assert (e.flags[at.MECHANICS], e.with_imposed_motion.flags[at.MECHANICS], e.with_imposed_motion.restarts.tolist()) == (1.0, 0.0, [0])
 
 
 @pytest.mark.parametrize("rise", [0.0, 1e4])
 def test_what_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
     """A full vessel behind an open valve would ring with longer ones: its flow has no slope at equal pressures."""
-    e = bench("valve", TIME, {"u": STEP, "p1": np.linspace(101_300.0, 101_300.0 + rise, TIME.size)}, rig=VESSEL)
-    assert e.step == pytest.approx(0.5e-3)
+    e = make_experiment(
+        "valve", TIME, {"u": STEP, "p1": np.linspace(101_300.0, 101_300.0 + rise, TIME.size)}, rig=VESSEL
+    )
+    assert e.max_step == pytest.approx(0.5e-3)
 
 
 @pytest.mark.parametrize(("period", "step"), [(5e-3, 2.5e-3), (1e-3, 0.5e-3), (0.7e-3, 0.5e-3), (0.2e-3, 0.2e-3)])
@@ -139,7 +143,7 @@ def test_a_line_delays_the_pressure(delay: float) -> None:
 
 def test_the_line_to_chamber_2_delays_its_pressure_too() -> None:
     """Its valve opens after 0.1 s, its piston stands; the valve of chamber 1 stays shut."""
-    e = bench("axis", TIME, {"u": 0.0, "u2": STEP, "p1": 2e5, "p2": 2e5}, chamber_2="valve")
+    e = make_experiment("axis", TIME, {"u": 0.0, "u2": STEP, "p1": 2e5, "p2": 2e5}, chamber_2="valve")
     e.flags[at.MECHANICS] = 0.0
     plain, late = (run(model(names, {"line-delay.delay": 0.02}), e) for names in ([], ["line-delay"]))
     choked = slice(0, 200)  # until then the flow does not feel the pressure
@@ -161,7 +165,7 @@ def test_a_spool_lags_exponentially(lag: float) -> None:
 @settings(max_examples=20, deadline=None)
 @given(half=st.floats(0.01, 1.0))
 def test_play_holds_back_the_opening_by_its_half_width(half: float) -> None:
-    u = steps_of_command(TIME, (0.0, 4.0, 3.0, 3.0), 0.1)
+    u = held_commands(TIME, (0.0, 4.0, 3.0, 3.0), 0.1)
     rate = np.diff(charged({"valve-hysteresis.half_width": half}, u)) / 1e-3 / CHOKED * 4.0  # V, the opening
     assert rate[150] == pytest.approx(4.0 - half, abs=1e-6)
     assert rate[250] == pytest.approx(min(3.0 + half, 4.0 - half), abs=1e-6)
@@ -189,8 +193,8 @@ def test_leaks_of_a_shut_chamber_follow_the_orifice(name: str) -> None:
 
 
 def test_a_leak_across_the_piston_keeps_the_gas() -> None:
-    time = clock(2.0)
-    e = bench("axis", time, {"p1": 5e5, "p2": 2e5}, valve_shut=True)
+    time = time_grid(2.0)
+    e = make_experiment("axis", time, {"p1": 5e5, "p2": 2e5}, valve_shut=True)
     e.flags[at.MECHANICS] = 0.0
     out = run(model(["piston-leak"], {"piston-leak.area": 2e-7}), e)
     v1, v2 = RIG.dead_volume_1 + RIG.piston_area_1 * 0.1, RIG.dead_volume_2 + RIG.piston_area_2 * 0.1
@@ -203,7 +207,7 @@ def test_the_supply_settles_where_the_regulator_feeds_what_is_drawn() -> None:
     """At rest of the buffer, conductance (p_set - p) = q = area k p: p = p_set / (1 + area k / conductance)."""
     conductance, k = 2e-9, 0.484 * np.sqrt(2 / (R * T))
     values = {"supply-droop.vessel_volume": 1e-5, "supply-droop.regulator_conductance": conductance}
-    time = clock(0.4)
+    time = time_grid(0.4)
     p = charged(values, np.full(time.size, 4.0), time, volume=0.1)
     settled = 7e5 / (1 + AREA * k / conductance)
     assert np.diff(p)[-1] / 1e-3 == pytest.approx(CHOKED * settled / 7e5 * VOLUME / 0.1, rel=1e-3)
@@ -211,13 +215,13 @@ def test_the_supply_settles_where_the_regulator_feeds_what_is_drawn() -> None:
 
 def test_an_open_chamber_2_stays_at_ambient_pressure() -> None:
     signals = {"u": STEP, "p1": 101_300.0, "p2": 101_300.0}
-    assert np.all(run(model(), bench("axis", TIME, signals, "open"))[:, at.P2] == 101_300.0)
+    assert np.all(run(model(), make_experiment("axis", TIME, signals, "open"))[:, at.P2] == 101_300.0)
 
 
 def test_a_step_restarts_the_model_from_the_measured_state() -> None:
     x = 0.1 + 0.01 * np.sin(TIME)
     signals = {"u": STEP, "x": x, "v": 0.01 * np.cos(TIME), "p1": 3e5 + 1e4 * TIME, "p2": 3e5 - 1e4 * TIME}
-    e = replace(bench("axis", TIME, signals), restarts=np.array([0, 57, 300]))
+    e = replace(make_experiment("axis", TIME, signals), restarts=np.array([0, 57, 300]))
     out = run(model(), e)
     for k in e.restarts:
         assert out[k, [at.X, at.V, at.P1, at.P2]].tolist() == [signals[n][k] for n in ("x", "v", "p1", "p2")]
@@ -225,9 +229,9 @@ def test_a_step_restarts_the_model_from_the_measured_state() -> None:
 
 
 def test_an_isothermal_chamber_keeps_pressure_times_volume() -> None:
-    time = clock(1.0)
+    time = time_grid(1.0)
     x, v = 0.1 + 0.05 * np.sin(2 * np.pi * time), 0.1 * np.pi * np.cos(2 * np.pi * time)
-    e = bench("axis", time, {"x": x, "v": v}, valve_shut=True)
+    e = make_experiment("axis", time, {"x": x, "v": v}, valve_shut=True)
     e.flags[at.MECHANICS] = 0.0
     out = run(model(rig=replace(RIG, polytropic_exponent=1.0)), e)
     product = out[:, at.P1] * (RIG.dead_volume_1 + RIG.piston_area_1 * x)
@@ -240,14 +244,14 @@ def test_a_leak_empties_an_isothermal_vessel_slower_by_the_ratio_of_heat_capacit
     for exponent in (1.0, KAPPA):
         rig = replace(VESSEL, polytropic_exponent=exponent)
         leaking = model(["chamber-leak"], {"chamber-leak.area": 1e-6, "rig.vessel_volume": VOLUME}, rig=rig)
-        p = run(leaking, bench("valve", TIME, {"p1": 7e5}, valve_shut=True, rig=rig))[:, at.P1]
+        p = run(leaking, make_experiment("valve", TIME, {"p1": 7e5}, valve_shut=True, rig=rig))[:, at.P1]
         rates.append(np.log(p[0] / p[-1]) / TIME[-1])
     assert rates[1] / rates[0] == pytest.approx(KAPPA, rel=1e-3)
 
 
 def test_where_heat_is_simulated_the_exponent_has_no_say() -> None:
     warm = {"heat-transfer.conductance": 0.5}
-    e = bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
+    e = make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
     rigs = [replace(VESSEL, polytropic_exponent=exponent) for exponent in (None, 1.0)]
     first, second = (run(model(["heat-transfer"], warm | {"rig.vessel_volume": VOLUME}, rig=rig), e) for rig in rigs)
     assert np.array_equal(first[:, at.R1], second[:, at.R1])
@@ -257,7 +261,7 @@ def test_helium_fills_by_its_own_flow_function() -> None:
     """Choked, kappa R T / V A p k PSI: PSI of helium is 6 % more than that of air."""
     helium = replace(VESSEL, heat_capacity_ratio=5 / 3, gas_constant=2077.1)
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=helium)
-    p = run(vessel, bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=helium))[:, at.P1]
+    p = run(vessel, make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=helium))[:, at.P1]
     psi = 0.484 * 0.513487 / 0.484181  # largest of the exact outflow functions for 5/3 and 1.4
     slope = 5 / 3 * 2077.1 * T / VOLUME * psi * np.sqrt(2 / (2077.1 * T)) * AREA * 7e5
     held = (TIME > 0.15) & (TIME < 0.25)
@@ -267,7 +271,7 @@ def test_helium_fills_by_its_own_flow_function() -> None:
 def test_the_flow_is_what_fills_the_vessel() -> None:
     """By the balance of mass: q = V dp/dt / (kappa R T), where no leak takes part."""
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
-    out = run(vessel, bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL))
+    out = run(vessel, make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL))
     held = (TIME > 0.15) & (TIME < 0.35)
     q = VOLUME * np.gradient(out[:, at.P1], TIME) / (KAPPA * R * T)
     assert out[held, at.FLOW] == pytest.approx(q[held], rel=2e-3)
@@ -277,7 +281,7 @@ def test_the_flow_is_what_fills_the_vessel() -> None:
 
 def test_a_valve_that_vents_has_a_flow_below_zero() -> None:
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
-    out = run(vessel, bench("valve", TIME, {"u": -STEP, "p1": 6e5}, rig=VESSEL))
+    out = run(vessel, make_experiment("valve", TIME, {"u": -STEP, "p1": 6e5}, rig=VESSEL))
     assert out[TIME > 0.15, at.FLOW].max() < 0.0
 
 
@@ -305,7 +309,7 @@ def test_a_supply_that_was_not_recorded_is_that_of_the_model(recorded: bool) -> 
     flow = []
     for supply in (7e5, 3.5e5):
         vessel = model((), {"rig.vessel_volume": VOLUME, "rig.supply_pressure": supply}, rig=VESSEL)
-        e = bench("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
+        e = make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
         e.flags[at.STATED_SUPPLY] = not recorded
         p = run(vessel, e)[:, at.R1]
         flow.append(p[-1] - p[0])

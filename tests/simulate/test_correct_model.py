@@ -23,8 +23,8 @@ from pneucli.io.recordings import load_recordings
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.simulate.end_stops import with_end_stops
-from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.stages import ingest
 

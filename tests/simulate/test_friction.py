@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from pneucli.simulate import layout as at
 from pneucli.simulate.run import kernel_for, run
 
-from .benches import FRICTION, RIG, STRIBECK, bench, clock, model
+from .synthetic_experiments import FRICTION, RIG, STRIBECK, make_experiment, model, time_grid
 
 COULOMB = FRICTION["friction.coulomb"]
 # no pressure difference to ambient: the force alone drives
 LOOSE = {"p1": RIG.ambient_pressure, "p2": RIG.ambient_pressure}
-TEN_SECONDS = clock(10.0)
+TEN_SECONDS = time_grid(10.0)
 DWELL = STRIBECK | {"dwell-breakaway.gain": 0.5, "dwell-breakaway.time_constant": 0.3}
 
 
@@ -23,7 +23,7 @@ def pushed(force, values=None, time=TEN_SECONDS, **signals) -> np.ndarray:
     """The kernel's output where a force (N) drives the piston."""
     values = values or {}
     names = sorted({key.partition(".")[0] for key in values} - {"friction"})
-    return run(model(names, values), bench("friction", time, {**LOOSE, "force": force, **signals}))
+    return run(model(names, values), make_experiment("friction", time, {**LOOSE, "force": force, **signals}))
 
 
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
@@ -41,14 +41,14 @@ def test_a_load_below_breakaway_is_held_without_any_creep(values: dict[str, floa
 
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
 def test_a_load_above_breakaway_moves_it(direction: float) -> None:
-    out = pushed(direction * COULOMB * (1 + 1e-9), time=clock(0.1))
+    out = pushed(direction * COULOMB * (1 + 1e-9), time=time_grid(0.1))
     assert direction * out[-1, at.V] > 0.0
 
 
 @settings(max_examples=25, deadline=None)
 @given(rate=st.floats(5.0, 500.0), values=st.sampled_from([{}, STRIBECK]))
 def test_under_a_rising_force_it_breaks_away_when_the_force_reaches_what_holds(rate: float, values: dict) -> None:
-    time = clock(6.0)
+    time = time_grid(6.0)
     out = pushed(rate * time, values, time)
     broken = time[np.flatnonzero(out[:, at.V] != 0.0)[0]]
     due = values.get("stribeck.static", COULOMB) / rate
@@ -62,26 +62,26 @@ def test_it_stops_after_the_distance_of_a_constant_deceleration_and_stays(v, cou
     lasting, distance = 2.2 * v / coulomb, 0.5 * 2.2 * v * v / coulomb  # m v / F and m v^2 / (2 F)
     if distance > 0.09:  # reaches a stop
         return
-    out = pushed(0.0, values, clock(lasting + 0.01), v=direction * v)
+    out = pushed(0.0, values, time_grid(lasting + 0.01), v=direction * v)
     assert out[-1, at.V] == 0.0
     assert out[-1, at.X] - 0.1 == pytest.approx(direction * distance, rel=1e-9)
 
 
 def test_viscous_friction_alone_slows_exponentially() -> None:
-    out = pushed(0.0, {"friction.coulomb": 0.0}, clock(0.2), v=0.3)
-    exact = 0.3 * np.exp(-FRICTION["friction.viscous"] / RIG.moving_mass * clock(0.2))
+    out = pushed(0.0, {"friction.coulomb": 0.0}, time_grid(0.2), v=0.3)
+    exact = 0.3 * np.exp(-FRICTION["friction.viscous"] / RIG.moving_mass * time_grid(0.2))
     assert np.abs(out[:, at.V] - exact).max() < 1e-5
 
 
 def test_between_the_branches_of_hysteresis_the_velocity_stays_the_same() -> None:
     values = {"friction-hysteresis.drop": 0.4, "friction.viscous": 0.0}
-    out = pushed(0.8 * COULOMB, values, clock(0.5), v=0.1)
+    out = pushed(0.8 * COULOMB, values, time_grid(0.5), v=0.1)
     assert np.all(out[:, at.V] == 0.1)
 
 
 def test_the_hold_grows_with_the_time_at_rest() -> None:
     """22 N, and half as much again after a long rest: 30 N hold after three time constants, not at once."""
-    time = clock(3.0)
+    time = time_grid(3.0)
     late = pushed(np.where(time < 2.0, 0.0, 30.0), DWELL, time)
     soon = pushed(30.0, DWELL, time)
     assert np.all(late[:, at.V] == 0.0)
@@ -90,7 +90,7 @@ def test_the_hold_grows_with_the_time_at_rest() -> None:
 
 @pytest.mark.parametrize(("force", "end"), [(200.0, RIG.stroke), (-200.0, 0.0)])
 def test_it_stops_at_the_ends_of_the_stroke_and_leaves_when_pulled(force: float, end: float) -> None:
-    time = clock(2.0)
+    time = time_grid(2.0)
     out = pushed(np.where(time < 1.0, force, -force), time=time)
     assert out[:, at.X].min() >= 0.0
     assert out[:, at.X].max() <= RIG.stroke
@@ -101,7 +101,7 @@ def test_it_stops_at_the_ends_of_the_stroke_and_leaves_when_pulled(force: float,
 
 def test_time_pressed_against_a_stop_counts_as_rest() -> None:
     """Pulled with 30 N after a second at the stop it holds; without dwell it would leave."""
-    time = clock(3.0)
+    time = time_grid(3.0)
     force = np.where(time < 2.0, 200.0, -30.0)
     assert pushed(force, STRIBECK, time)[-1, at.X] < RIG.stroke
     assert pushed(force, DWELL, time)[-1, at.X] == RIG.stroke
@@ -112,14 +112,14 @@ BRISTLES = {"presliding.stiffness": 1e5, "presliding.damping": 100.0}
 
 def test_bristles_yield_to_a_load_as_their_law_says_and_then_hold_it() -> None:
     """Loaded slowly, dz = dx (1 - z / z_max), so that x = -z_max ln(1 - F / g) with z_max = g / stiffness."""
-    time = clock(6.0)
+    time = time_grid(6.0)
     out = pushed(np.minimum(time / 4.0, 1.0) * 0.5 * COULOMB, BRISTLES, time)
     assert out[4500, at.X] - 0.1 == pytest.approx(-COULOMB / 1e5 * np.log(0.5), rel=5e-3)  # rings a little
     assert abs(out[-1, at.X] - out[4500, at.X]) < 1e-10
 
 
 def test_bristles_slide_with_the_same_friction_as_a_rigid_contact() -> None:
-    out = pushed(40.0, BRISTLES, clock(0.1))[50:]  # bent after some ms; then z = g / stiffness
+    out = pushed(40.0, BRISTLES, time_grid(0.1))[50:]  # bent after some ms; then z = g / stiffness
     rigid = (40.0 - COULOMB - FRICTION["friction.viscous"] * out[:, at.V]) / RIG.moving_mass
     assert np.abs(out[:, at.A] / rigid - 1).max() < 1e-3
 

@@ -12,9 +12,10 @@ from pneucli.compare.expected_error import expected_rms
 from pneucli.identify.residuals import ImposedMotion
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import detect_reversals
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 
 RIG = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
 COULOMB, NOISE = 20.0, 0.5  # N

@@ -16,11 +16,11 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.reference import solve
 from pneucli.simulate.run import run
 
-from .benches import BALANCED, RIG, STRIBECK, bench, clock, model, steps_of_command
+from .synthetic_experiments import BALANCED, RIG, STRIBECK, held_commands, make_experiment, model, time_grid
 
-TIME = clock(2.0)
+TIME = time_grid(2.0)
 # moves both ways, reverses while moving, comes to rest and breaks away again
-U = steps_of_command(TIME, (0.0, 2.0, -2.0, 0.0, 1.0, 0.0, -3.0, 4.0, 0.0, 0.0), 0.2)
+U = held_commands(TIME, (0.0, 2.0, -2.0, 0.0, 1.0, 0.0, -3.0, 4.0, 0.0, 0.0), 0.2)
 CASES = {
     "coulomb": {},
     "stribeck": STRIBECK,
@@ -50,7 +50,7 @@ def errors(out: np.ndarray, exact: np.ndarray) -> dict[str, float]:
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_kernel_follows_the_reference(name: str) -> None:
-    found = errors(run(case(name), bench("axis", TIME, {"u": U})), solution(name))
+    found = errors(run(case(name), make_experiment("axis", TIME, {"u": U})), solution(name))
     # T is the gas's at the middle of the last step, 125 us ago, and changes by some 500 K/s here
     limits = {"x": 5e-6, "v": 2e-4, "p1": 20.0, "p2": 20.0, "T": 0.2}
     assert {name: error for name, error in found.items() if error > limits[name]} == {}
@@ -67,8 +67,8 @@ def test_a_shorter_step_is_closer_to_the_reference() -> None:
     fine = np.arange(0.0, 2.0 + 2e-5, 5e-5)
     u = U[np.minimum((fine / 1e-3 + 1e-9).astype(int), U.size - 1)]
     coarse, near = (
-        run(case("coulomb"), bench("axis", TIME, {"u": U})),
-        run(case("coulomb"), bench("axis", fine, {"u": u}))[::20],
+        run(case("coulomb"), make_experiment("axis", TIME, {"u": U})),
+        run(case("coulomb"), make_experiment("axis", fine, {"u": u}))[::20],
     )
     before, after = errors(coarse, solution("coulomb")), errors(near, solution("coulomb"))
     assert after["x"] < 0.3 * before["x"]
@@ -83,34 +83,34 @@ def test_the_kernel_follows_the_reference_with_the_other_chamber_2(chamber_2: st
         begin[[2, 3]] = RIG.ambient_pressure
     exact = solve(case("coulomb"), TIME, U, begin, chamber_2, u2)
     signals = {"u": U, "u2": u2, "p1": begin[2], "p2": begin[3]}
-    found = errors(run(case("coulomb"), bench("axis", TIME, signals, chamber_2)), exact)
+    found = errors(run(case("coulomb"), make_experiment("axis", TIME, signals, chamber_2)), exact)
     assert found["x"] < 5e-6
     assert max(found["p1"], found["p2"]) < 20.0
 
 
 def test_with_measured_pressures_the_piston_follows_the_reference() -> None:
     exact = solution("stribeck")
-    out = run(case("stribeck"), bench("friction", TIME, {"p1": exact[:, 2], "p2": exact[:, 3]}))
+    out = run(case("stribeck"), make_experiment("friction", TIME, {"p1": exact[:, 2], "p2": exact[:, 3]}))
     # pressures are known at 1 kHz only: 100 us of a break-away at 0.1 m/s
     assert errors(out, exact)["x"] < 1e-5
 
 
 def test_with_measured_motion_the_chambers_follow_the_reference() -> None:
     exact = solution("stribeck")
-    moved = bench("axis", TIME, {"u": U, "x": exact[:, 0], "v": exact[:, 1]})
+    moved = make_experiment("axis", TIME, {"u": U, "x": exact[:, 0], "v": exact[:, 1]})
     moved.flags[at.MECHANICS] = 0.0
     found = errors(run(case("stribeck"), moved), exact)
     assert max(found["p1"], found["p2"]) < 50.0
 
 
 def test_at_an_end_of_the_stroke_the_kernel_follows_the_reference() -> None:
-    time = clock(1.0)
-    u = steps_of_command(time, (3.0, -3.0), 0.5)
+    time = time_grid(1.0)
+    u = held_commands(time, (3.0, -3.0), 0.5)
     begin = start()
     begin[[2, 3]] = RIG.ambient_pressure
     exact = solve(case("coulomb"), time, u, begin, "open")
     signals = {"u": u, "p1": RIG.ambient_pressure, "p2": RIG.ambient_pressure}
-    found = errors(run(case("coulomb"), bench("axis", time, signals, "open")), exact)
+    found = errors(run(case("coulomb"), make_experiment("axis", time, signals, "open")), exact)
     assert exact[400, 0] == RIG.stroke
     # the kernel stops at the end of the step that reaches the stop, at most 250 us late
     assert found["x"] < 5e-5
@@ -119,11 +119,11 @@ def test_at_an_end_of_the_stroke_the_kernel_follows_the_reference() -> None:
 
 def test_stamps_that_jitter_do_not_matter() -> None:
     rng = np.random.default_rng(1)
-    time = clock(0.5)
+    time = time_grid(0.5)
     time[1:-1] += rng.uniform(-4e-4, 4e-4, time.size - 2)
-    u = steps_of_command(clock(0.5), (2.0, -2.0, 1.0), 0.2)
+    u = held_commands(time_grid(0.5), (2.0, -2.0, 1.0), 0.2)
     exact = solve(case("coulomb"), time, u, start())
-    found = errors(run(case("coulomb"), bench("axis", time, {"u": u})), exact)
+    found = errors(run(case("coulomb"), make_experiment("axis", time, {"u": u})), exact)
     assert found["x"] < 5e-6
     assert max(found["p1"], found["p2"]) < 20.0
 

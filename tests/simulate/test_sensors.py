@@ -9,9 +9,9 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.kernel.sensors import undo_delay
 from pneucli.simulate.run import run
 
-from .benches import RIG, bench, clock, model, steps_of_command
+from .synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
 
-TIME = clock(1.0)
+TIME = time_grid(1.0)
 AMBIENT = RIG.ambient_pressure
 TRUE = 3e5 + 5e4 * np.sin(2 * np.pi * 2.0 * TIME)
 SENSORS = {
@@ -25,7 +25,7 @@ ALL = {key: value for values in SENSORS.values() for key, value in values.items(
 
 def read(values: dict[str, float], p1=TRUE, kind="friction", **signals) -> np.ndarray:
     names = sorted({key.partition(".")[0] for key in values})
-    return run(model(names, values), bench(kind, TIME, {"p1": p1, "p2": p1, **signals}))
+    return run(model(names, values), make_experiment(kind, TIME, {"p1": p1, "p2": p1, **signals}))
 
 
 def lagging(p0: float, amplitude: float, omega: float, lag: float) -> np.ndarray:
@@ -66,8 +66,8 @@ def test_an_offset_belongs_to_p1_and_a_scale_to_both() -> None:
 
 @pytest.mark.parametrize("name", ["pressure-lag", "time-skew"])
 def test_simulated_pressures_are_read_late(name: str) -> None:
-    u = steps_of_command(TIME, (0.0, 2.0, -2.0, 0.0), 0.25)
-    e = bench("axis", TIME, {"u": u, "x": 0.1, "p1": 3e5, "p2": 3e5})
+    u = held_commands(TIME, (0.0, 2.0, -2.0, 0.0), 0.25)
+    e = make_experiment("axis", TIME, {"u": u, "x": 0.1, "p1": 3e5, "p2": 3e5})
     e.flags[at.MECHANICS] = 0.0
     out = run(model([name], SENSORS[name]), e)
     true = out[:, at.P1]
@@ -85,16 +85,17 @@ def test_simulated_pressures_are_read_late(name: str) -> None:
 
 
 def test_at_a_restart_the_sensors_read_what_was_measured() -> None:
-    e = bench("axis", TIME, {"p1": TRUE, "p2": TRUE}, restarts=(0, 400, 700))
+    e = make_experiment("axis", TIME, {"p1": TRUE, "p2": TRUE}, restarts=(0, 400, 700))
     out = run(model(list(SENSORS), ALL), e)
     assert out[e.restarts, at.R1] == pytest.approx(TRUE[e.restarts], abs=1e-3 * 5e4)
 
 
 def test_a_biased_accelerometer_reads_its_bias_at_rest_and_on_the_move() -> None:
     force = np.where(TIME < 0.2, 0.0, 40.0)
-    plain = run(model(), bench("friction", TIME, {"force": force}))
+    plain = run(model(), make_experiment("friction", TIME, {"force": force}))
     biased = run(
-        model(["acceleration-bias"], {"acceleration-bias.bias": 0.4}), bench("friction", TIME, {"force": force})
+        model(["acceleration-bias"], {"acceleration-bias.bias": 0.4}),
+        make_experiment("friction", TIME, {"force": force}),
     )
     assert biased[:, at.A] == pytest.approx(plain[:, at.A] + 0.4, rel=1e-12)
     assert np.all(biased[:, at.X] == plain[:, at.X])

@@ -11,8 +11,9 @@ from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.residuals import ForceBalance, ForceBalanceInferredP2, residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, prepare
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.outputs import required_force, simulate_outputs, with_estimated_p2
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run, with_p2
 from pneucli.stages.diagnose import unmeasured_p2_warnings
 from tests.simulate.synthetic_experiments import BALANCED, RIG, held_commands, make_experiment, model, time_grid

@@ -17,7 +17,7 @@ from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.messages import controller_logs as words
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
-from pneucli.simulate.experiment import prepare
+from pneucli.simulate.preparation import prepare
 from pneucli.stages import controller_logs
 from tests.design import axis
 

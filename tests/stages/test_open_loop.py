@@ -10,9 +10,9 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
 from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import default_free_runs, free_run, run_scenario
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.valve_forms.area import ValveArea
 
 AREA = 2e-7  # m^2 at 10 V and at -10 V, linear from the closed centre

@@ -22,9 +22,9 @@ from pneucli.identify.friction.velocity_estimation import (
 )
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import fill_gaps
+from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
-from pneucli.simulate.smoothing import choose_windows
+from pneucli.simulate.preparation import fill_gaps
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,7 +12,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smoothing import least_squares_motion
+from pneucli.simulate.motion_smoother import least_squares_motion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

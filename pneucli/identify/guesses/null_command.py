@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.guesses.flow_paths import flow_path_data
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import prepare
+from pneucli.simulate.preparation import prepare
 
 Array = NDArray[np.float64]
 

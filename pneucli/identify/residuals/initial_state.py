@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, smooth_inputs
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion_smoother import smooth_inputs
 from pneucli.simulate.run import simulate
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from pneucli.identify.estimation.least_squares import NormalEquations, minimise,
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.transients import Transients
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smoothing import autocovariance
+from pneucli.simulate.local_polynomials import autocovariance
 
 Array = NDArray[np.float64]
 

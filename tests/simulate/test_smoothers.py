@@ -7,15 +7,8 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate.smoothing import (
-    MotionSmoother,
-    autocovariance,
-    choose_windows,
-    estimate_acceleration_delay,
-    least_squares_motion,
-    polynomial_window,
-    window_deviations,
-)
+from pneucli.simulate.local_polynomials import autocovariance, choose_windows, polynomial_window, window_deviations
+from pneucli.simulate.motion_smoother import MotionSmoother, estimate_acceleration_delay, least_squares_motion
 
 N, PERIOD = 600, 1e-3
 TIME = PERIOD * np.arange(N)

@@ -1,13 +1,16 @@
-"""Smoothed states from measured signals: local polynomials for pressures, least squares for the motion.
+"""Smooth one signal by local polynomials, each sample with a window of its own.
 
-Local polynomials in windows that grow as long as their estimates agree within the noise (the intersection of
-confidence intervals, Goldenshluger and Nemirovski 1997), so that a kink stays a kink and a rest is averaged long.
-Position and acceleration are fused into position and velocity by least squares, which has no drift.
+A window grows as long as its estimates agree within the noise (the intersection of confidence intervals). So a kink
+stays a kink, and a standstill is averaged over a long window.
+
+References:
+    Goldenshluger and Nemirovski (1997), On spatially adaptive estimation of nonparametric regression, Mathematical
+    Methods of Statistics 6(2), 135-170.
+
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -15,8 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.signal import savgol_filter
 
 from pneucli.noise import NoiseModel
 
@@ -24,11 +25,6 @@ Array = NDArray[np.float64]
 Chosen = NDArray[np.int8]
 Index = NDArray[np.int64]
 WINDOW_HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
-ACCELERATION_ERROR_FACTOR = (
-    3.0  # times its noise, by which an accelerometer errs: it misses what happens between two samples
-)
-LATENESS_WINDOW_FACTOR = 5.0  # times the smoother's memory
-MAX_LATENESS_RESIDUAL_RATIO = 0.5  # of the squared difference
 ICI_THRESHOLD = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
 
 
@@ -191,85 +187,3 @@ def _choose_windows(
                 for_value[k], surest_value = w, sure
             if degree > 0 and (growing or surest_slope == np.inf) and sure < surest_slope:
                 for_slope[k], surest_slope = w, sure
-
-
-@dataclass(frozen=True)
-class MotionSmoother:
-    """The map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
-
-    Each step obeys the integrated acceleration, which errs by its noise and by what the sampling misses of a jerk.
-    ``memory`` is the time in s over which it spreads what the accelerometer does not show: there x and a weigh alike.
-    """
-
-    time: Array
-    x_noise: float
-    a_noise: float
-
-    @property
-    def memory(self) -> float:
-        """The time constant of the stationary smoother in s, whatever the sampling."""
-        return float(np.sqrt(self.x_noise / (ACCELERATION_ERROR_FACTOR * self.a_noise)))
-
-    def __call__(self, x: Array, a: Array) -> tuple[Array, Array, float]:
-        """Return x, v, both (n,), and the bias of a."""
-        dt = np.diff(self.time)
-        slack = np.sqrt(dt) * ACCELERATION_ERROR_FACTOR * self.a_noise * np.sqrt(np.median(dt))  # m/s a step
-        # factorised each time, which takes no longer than the rest; to hold it takes more than all signals do
-        return least_squares_motion(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
-
-
-def estimate_acceleration_delay(x: Array, a: Array, period: float, memory: float) -> int:
-    """Return by how many samples an accelerometer reads later than x (n,) says, as behind a filter of its own.
-
-    Both are seen through one parabola's curvature, in windows some times as long as the ``memory`` (s) of the smoother.
-    Only a shift after which they agree far better counts: half a sample stays.
-    """
-    half = max(round(LATENESS_WINDOW_FACTOR * memory / period), 3)
-    if 6 * half > x.size:
-        return 0
-    path = np.concatenate([[0.0], np.cumsum(np.cumsum(a))[:-1]]) * period**2
-    seen, told = (savgol_filter(y, 2 * half + 1, 2, deriv=2, delta=period) for y in (x, path))
-    left = [float(np.var(seen[half : -2 * half] - told[half + k : k - 2 * half or None])) for k in range(half)]
-    best = int(np.argmin(left))
-    return best if left[best] < MAX_LATENESS_RESIDUAL_RATIO * left[0] else 0
-
-
-def least_squares_motion(
-    dt: Array, wx: float, wv: Array, wp: Array
-) -> Callable[[Array, Array], tuple[Array, Array, float]]:
-    """Return the map from x and a, shape (n,), to x, v and one constant bias of a, by least squares.
-
-    x is measured with the weight ``wx``; each of the n - 1 steps ``dt`` (s) obeys the acceleration, linear in between,
-    v with the weight ``wv`` and x with ``wp``. With x and v of a sample side by side the normal equations have five
-    diagonals, and the bias borders them.
-    """
-    n, place, speed = dt.size + 1, wp**2, wv**2
-    bands = np.zeros((3, 2 * n), order="F")  # above the diagonal by two and by one, and the diagonal itself
-    bands[0, 2::2], bands[0, 3::2] = -place, -speed
-    bands[1, 1:-1:2], bands[1, 2::2] = dt * place, -dt * place
-    bands[2, ::2] = wx**2
-    for part in (slice(0, -2), slice(2, None)):
-        bands[2, part] += np.column_stack([place, speed]).ravel()
-    bands[2, 1:-1:2] += dt**2 * place
-    border = np.zeros(2 * n)
-    for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
-        border[part] += pushed * np.column_stack([0.5 * dt**2 * place, dt * speed]).ravel()
-    border[1:-1:2] -= 0.5 * dt**3 * place
-    corner = float(np.sum(dt**2 * speed) + np.sum(0.25 * dt**4 * place))
-    factor = cholesky_banded(bands, overwrite_ab=True, check_finite=False), False
-    carried = cho_solve_banded(factor, border, check_finite=False)
-    stiffness = corner - float(border @ carried)
-
-    def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
-        push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
-        right = np.zeros(2 * n)
-        right[::2] = wx**2 * x
-        for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
-            right[part] += pushed * np.column_stack([push, jump]).ravel()
-        right[1:-1:2] -= dt * push
-        free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
-        bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
-        free -= bias * carried
-        return free[::2].copy(), free[1::2].copy(), bias
-
-    return smooth

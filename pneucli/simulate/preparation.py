@@ -1,0 +1,121 @@
+"""Prepare a recording for simulation: fill gaps, estimate noise, smooth the inputs, choose the restarts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.noise import NoiseModel, estimate_noise
+from pneucli.recording import Recording, Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment, draw_sensor_noise, restart_samples
+from pneucli.simulate.kernel_settings import recording_flags
+from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
+from pneucli.simulate.motion_smoother import (
+    MotionSmoother,
+    estimate_acceleration_delay,
+    smooth_inputs,
+    smooth_motion,
+)
+from pneucli.simulate.substitutes import substitute_missing_inputs
+
+Array = NDArray[np.float64]
+
+SMOOTHED_PRESSURES = ("p1", "p2", "p_supply")
+MIN_SMOOTHED_SAMPLES = 80  # samples; fewer are taken as they are
+MIN_RELATIVE_NOISE = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that
+DEFAULT_NOISE = {"x": 1e-9, "a": 1e-3}  # m and m/s^2, the noise of a sensor that never changes: any will do
+STANDSTILL_SIGMA = 4.0  # standard deviations of the smoothed velocity, below which the piston is taken to rest
+
+
+def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: float | None = None) -> Experiment:
+    """Prepare a recording for simulation.
+
+    Args:
+        recording: The recording as it was read.
+        rig: The rig on which it was made.
+        horizon: Time in s after which the model restarts from the smoothed measurement; None: at the start and after
+            gaps only.
+        low_pass: Frequency in Hz of the filter behind which model and measurement are compared; None: no filter.
+
+    Returns:
+        The recording with gaps filled, noise estimated where the recording states none, inputs smoothed, signals that
+        no sensor read substituted, and restarts chosen.
+
+    """
+    time = recording.time
+    raw = {name: fill_gaps(time, values) for name, values in recording.signals.items()}
+    noise = {n: recording.noise.get(n) or estimate_noise(time, recording[n]) for n in raw}
+    smoothers = _smoothers(recording, raw, noise)
+    motion_smoother = _motion_smoother(time, raw, noise)
+    if motion_smoother is not None:
+        raw["a"] = _without_delay(raw["x"], raw["a"], recording.period, motion_smoother)
+    inputs = smooth_inputs(raw, smoothers, motion_smoother, time)
+    standstill_speed = 0.0
+    if "x" in raw:
+        drawn = draw_sensor_noise(noise, time, np.random.default_rng(0))
+        noise_speed = float(np.std(smooth_motion(drawn, smoothers, motion_smoother, time)[1]))
+        standstill_speed = STANDSTILL_SIGMA * noise_speed
+        inputs[np.abs(inputs[:, at.IN_V]) < standstill_speed, at.IN_V] = 0.0
+    if rig.command_sign(recording.chamber) < 0.0:
+        inputs[:, at.IN_U] = 2.0 * rig.valve_null - inputs[:, at.IN_U]
+    substitute_missing_inputs(inputs, recording, rig)
+    experiment = Experiment(
+        recording,
+        rig,
+        raw,
+        noise,
+        smoothers,
+        motion_smoother,
+        inputs,
+        restart_samples(time, None),
+        recording_flags(recording, rig, raw, noise),
+        low_pass,
+        standstill_speed,
+    )
+    return experiment.with_restarts(horizon)
+
+
+def fill_gaps(time: Array, values: Array) -> Array:
+    """Fill missing samples by linear interpolation over time.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        values: Signal, NaN where a sample is missing, shape (n,).
+
+    Returns:
+        The signal without NaN, shape (n,); the same array where nothing is missing.
+
+    >>> fill_gaps(np.array([0.0, 1.0, 4.0]), np.array([2.0, np.nan, 6.0]))
+    array([2., 3., 6.])
+
+    """
+    measured = ~np.isnan(values)
+    return values if measured.all() else np.interp(time, time[measured], values[measured])
+
+
+def _smoothers(
+    recording: Recording, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
+) -> dict[str, LocalPolynomialSmoother]:
+    if recording.time.size < MIN_SMOOTHED_SAMPLES:
+        return {}
+    smoothed = [name for name in (*SMOOTHED_PRESSURES, "x", "force") if name in raw]
+    return {name: choose_windows(raw[name], noise[name], recording.period) for name in smoothed}
+
+
+def _motion_smoother(time: Array, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> MotionSmoother | None:
+    if time.size < MIN_SMOOTHED_SAMPLES or not {"x", "a"} <= raw.keys():
+        return None
+    x_noise, a_noise = (
+        max(noise[name].rms, share * float(np.std(raw[name])) or DEFAULT_NOISE[name])
+        for name, share in MIN_RELATIVE_NOISE.items()
+    )
+    return MotionSmoother(time, x_noise, a_noise)
+
+
+def _without_delay(x: Array, a: Array, period: float, smoother: MotionSmoother) -> Array:
+    """Return the acceleration (n,) shifted forward by its delay behind the position."""
+    delay = estimate_acceleration_delay(x, a, period, smoother.memory)
+    return np.append(a[delay:], np.full(delay, a[-1])) if delay else a
