@@ -185,11 +185,10 @@ def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
 
 
 ORPHANS = """
-import os, sys, time
-from collections import deque
-from pneucli.executors import Processes, stream
+import os, time
+from pneucli.executors import ProcessEngine
 if __name__ == "__main__":
-    engine = Processes(1)
+    engine = ProcessEngine(1)
     print(engine.submit(os.getpid).result(), flush=True)
     time.sleep(60)
 """
@@ -201,11 +200,13 @@ def test_workers_end_when_their_client_is_killed(tmp_path: Path) -> None:
     script.write_text(ORPHANS)
     with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True) as client:
         assert client.stdout is not None
-        worker = Path("/proc") / client.stdout.readline().strip()
+        process = client.stdout.readline().strip()
+        assert process.isdecimal()
+        worker = Path("/proc") / process
         assert worker.exists()
         client.kill()
     for _ in range(100):
         if not worker.exists() or " Z " in (worker / "stat").read_text(encoding="utf-8"):
             return
         time.sleep(0.1)
-    pytest.fail("the worker lives on")
+    pytest.fail("the worker still runs")

@@ -1,4 +1,4 @@
-"""The fleet's results as Parquet datasets, a folder a date, as pandas, polars and DuckDB read them."""
+"""Write the fleet's results as Parquet datasets, a folder for each date, as pandas, polars and DuckDB read them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ UNITS = {
 
 
 def write_datasets(out: Path, results: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:
-    """Write the datasets of all rows; what they held of dates that are no more goes."""
+    """Write the datasets of all rows; remove the dates that the table no longer has."""
     for name in COLUMNS:
         by_date: dict[str, list[dict[str, Any]]] = {str(r["date"]): [] for r in results}
         for result in results:

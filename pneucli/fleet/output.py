@@ -1,4 +1,4 @@
-"""What a fleet leaves beside its datasets: the page, JUnit for CI, and metrics for a monitor."""
+"""Write the page of a fleet, JUnit for CI, and metrics for a monitor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_outputs(
     results: Sequence[Mapping[str, Any]],
     trends: Sequence[Trend],
 ) -> None:
-    """Write all of it into the folder ``out``, each file at once."""
+    """Write these files and the answer into the folder ``out``, each file atomically."""
     texts = {
         PAGE: to_html(answer, results, trends),
         JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, evaluate_checks(config, answer))]),
@@ -39,7 +39,7 @@ def write_outputs(
 
 
 def evaluate_checks(config: FleetConfig, answer: Mapping[str, Any]) -> list[CheckResult]:
-    """Hold the answer against ``[checks]`` of the fleet file, whose paths begin with ``fleet``.
+    """Evaluate ``[checks]`` of the fleet file, whose paths begin with ``fleet``.
 
     Raises InputError where a path leads nowhere.
     """

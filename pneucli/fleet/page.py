@@ -18,13 +18,13 @@ from pneucli.fleet.trends import Trend
 from pneucli.messages.fleet import repeatability_sentence
 
 _ASSETS = files("pneucli.fleet") / "assets"
-MAX_TREND_BYTES = 2_000_000  # bytes of trends: those of rigs that stand first, as far as they fit
-MAX_TREND_POINTS = 40  # of one trend at most: of more dates the last ones
-MAX_FAILURE_CHARACTERS = 240  # characters of a failure
+MAX_TREND_BYTES = 2_000_000  # of the trends: those of the first rigs of the list, as far as they fit
+MAX_TREND_POINTS = 40  # of one trend: the last dates
+MAX_FAILURE_CHARACTERS = 240
 
 
 def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> str:
-    """Return the page: who changed, the effects over the fleet, trends, failures by cause."""
+    """Return the page: changed rigs, missing effects over the fleet, trends, failures by cause."""
     environment = Environment(
         loader=PackageLoader("pneucli.fleet", "assets"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
@@ -53,20 +53,20 @@ def _policy(script: str) -> str:
 def page_data(
     answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]
 ) -> dict[str, Any]:
-    """Return the page's data: a list a rig, the most changed first, texts that repeat by their number."""
+    """Return the page's data: a list for each rig, the most changed first, with texts by their number."""
     by_rig: dict[str, list[Mapping[str, Any]]] = {}
     for one in sorted(results, key=lambda r: str(r["date"])):
         by_rig.setdefault(one["rig"], []).append(one)
-    words: dict[str, int] = {}
-    mine: dict[str, list[Trend]] = {}
+    texts: dict[str, int] = {}
+    trends_by_rig: dict[str, list[Trend]] = {}
     for trend in trends:
-        mine.setdefault(trend.rig, []).append(trend)
+        trends_by_rig.setdefault(trend.rig, []).append(trend)
     ranked = sorted(
-        by_rig, key=lambda rig: (-_log_evidence(by_rig[rig]), not _has_change_point(mine.get(rig, [])), rig)
+        by_rig, key=lambda rig: (-_log_evidence(by_rig[rig]), not _has_change_point(trends_by_rig.get(rig, [])), rig)
     )
-    rows = [_rig(rig, by_rig[rig], words, mine.get(rig, [])) for rig in ranked]
-    panels = _trend_panels(ranked, mine, words)  # their words are among all words
-    return {"rigs": rows, "words": list(words), "trends": panels, "failures": answer["failures"],
+    rows = [_rig(rig, by_rig[rig], texts, trends_by_rig.get(rig, [])) for rig in ranked]
+    panels = _trend_panels(ranked, trends_by_rig, texts)  # before the list of texts, to which it adds
+    return {"rigs": rows, "words": list(texts), "trends": panels, "failures": answer["failures"],
             "missing": answer["missing"], "changes": _rigs_by_change(results)}  # fmt: skip
 
 
@@ -79,62 +79,64 @@ def _rigs_by_change(results: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 
 
 def _log_evidence(results: Sequence[Mapping[str, Any]]) -> float:
-    """Return how sure it is that a rig changed: the logarithm of the least chance of a false alarm."""
-    chances = [max(float(r["p_value"] or 0.0), 1e-99) for r in results if r["changes"]]
-    return -math.log10(min(chances)) if chances else 0.0
+    """Return -log10 of a rig's smallest p-value, 0 where nothing changed."""
+    p_values = [max(float(r["p_value"] or 0.0), 1e-99) for r in results if r["changes"]]
+    return -math.log10(min(p_values)) if p_values else 0.0
 
 
 def _has_change_point(trends: Sequence[Trend]) -> bool:
     return any(t.change_points for t in trends)
 
 
-def _rig(rig: str, results: Sequence[Mapping[str, Any]], words: dict[str, int], trends: Sequence[Trend]) -> list[Any]:
-    """Return the columns that fleet.js names, in its order."""
+def _rig(rig: str, results: Sequence[Mapping[str, Any]], texts: dict[str, int], trends: Sequence[Trend]) -> list[Any]:
+    """Return a rig's row in the order of the columns in fleet.js."""
     last = results[-1]
     changed = next((r for r in reversed(results) if r["changes"]), None)
     failure = next((r for r in reversed(results) if r["failure"]), None)
     report = (changed or last)["report"]
     return [
         rig,
-        _text_number(last["date"], words),
+        _text_number(last["date"], texts),
         len(results),
-        _text_number(last["verdict"] or "failed", words),
-        [_text_number(name, words) for name in last["missing"]],
-        [] if changed is None else [_change(one, words) for one in changed["changes"]],
+        _text_number(last["verdict"] or "failed", texts),
+        [_text_number(name, texts) for name in last["missing"]],
+        [] if changed is None else [_change(one, texts) for one in changed["changes"]],
         round(_log_evidence(results), 1),
         None if last["error_test"] is None else float(f"{last['error_test']:.3g}"),
         None
         if failure is None
-        else [_text_number(failure["cause"], words), str(failure["failure"])[:MAX_FAILURE_CHARACTERS]],
+        else [_text_number(failure["cause"], texts), str(failure["failure"])[:MAX_FAILURE_CHARACTERS]],
         None if report is None else quote(report),
-        [_text_number(t.name, words) for t in trends if t.change_points],
+        [_text_number(t.name, texts) for t in trends if t.change_points],
     ]
 
 
-def _change(one: Mapping[str, Any], words: dict[str, int]) -> list[Any]:
+def _change(one: Mapping[str, Any], texts: dict[str, int]) -> list[Any]:
     numbers = [None if one[key] is None else float(f"{one[key]:.4g}") for key in ("before", "after")]
-    return [_text_number(one["name"], words), *numbers, _text_number(one["unit"], words)]
+    return [_text_number(one["name"], texts), *numbers, _text_number(one["unit"], texts)]
 
 
-def _text_number(text: str, words: dict[str, int]) -> int:
-    return words.setdefault(str(text), len(words))
+def _text_number(text: str, texts: dict[str, int]) -> int:
+    return texts.setdefault(str(text), len(texts))
 
 
-def _trend_panels(ranked: Sequence[str], mine: Mapping[str, Sequence[Trend]], words: dict[str, int]) -> list[Any]:
-    """Return the trends of the rigs that stand first, as many as there is room for."""
+def _trend_panels(
+    ranked: Sequence[str], trends_by_rig: Mapping[str, Sequence[Trend]], texts: dict[str, int]
+) -> list[Any]:
+    """Return the trends of the first rigs of the list, as many as MAX_TREND_BYTES allow."""
     out: list[Any] = []
     room = MAX_TREND_BYTES
     for number, rig in enumerate(ranked):
-        for t in mine.get(rig, ()):
+        for t in trends_by_rig.get(rig, ()):
             first = max(len(t.values) - MAX_TREND_POINTS, 0)
             values = [float(f"{v:.4g}") for v in t.values[first:]]
             errors = [float(f"{e:.2g}") for e in t.errors[first:]]
             breaks = [b - first for b in t.change_points if b >= first]
             names = [
-                _text_number(t.name, words),
-                _text_number(t.unit, words),
-                _text_number(t.dates[first], words),
-                _text_number(t.dates[-1], words),
+                _text_number(t.name, texts),
+                _text_number(t.unit, texts),
+                _text_number(t.dates[first], texts),
+                _text_number(t.dates[-1], texts),
             ]
             one = [number, *names, values, errors, breaks]
             room -= len(json.dumps(one, separators=(",", ":")))

@@ -1,13 +1,11 @@
-"""One row of a fleet, done where its data are: a pipeline of its own, in a folder that goes when it is done."""
+"""One row of a fleet, processed where its data are: its own pipeline in a temporary folder."""
 
 from __future__ import annotations
 
-import json
-import re
 import tempfile
 import time
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,8 +13,16 @@ from typing import Any
 import tomlkit
 
 from pneucli.changes.repeatability import RepeatDifferences, VariancePrior
-from pneucli.errors import InputError, environment_error
-from pneucli.fleet.row_pipelines import folder_name, raw_file_names
+from pneucli.errors import InputError
+from pneucli.fleet.results import (
+    failure_result,
+    read_result,
+    result_from_diagnosis,
+    result_header,
+    row_folder,
+    write_result,
+)
+from pneucli.fleet.row_pipelines import raw_file_names
 from pneucli.fleet.table import FleetRow
 from pneucli.io import remote_files
 from pneucli.io.artifacts import sha256_of
@@ -29,34 +35,31 @@ from pneucli.stages import changes, diagnose, ingest
 from pneucli.stages.pipeline_data import MODEL_FILE
 from pneucli.stages.pipeline_file import load_pipeline_file
 
-SCHEMA = "pneucli/fleet-row/1"
-RESULT, PIPELINE, REFERENCE, REPORT = "row.json", "pipeline.toml", "reference", "report.html"
-ROWS = "rows"
-EMPTY_RESULT: Mapping[str, Any] = {
-    "verdict": None,
-    "missing": [],
-    "error_train": None,
-    "error_test": None,
-    "parameters": {},
-    "changes": [],
-    "p_value": None,
-    "report": None,
-    "failure": None,
-    "cause": None,
-}
-# what a fleet asks of a rig's own report: no controllers
-PRELOADED_STAGES = (ingest, diagnose)  # with this module, so that a worker that is forked from it has them
+PIPELINE, REFERENCE, REPORT = "pipeline.toml", "reference", "report.html"
+PRELOADED_STAGES = (ingest, diagnose)  # imported with this module, so that forked workers have them
+# a rig's own report has no controllers
 ROW_STAGES = STAGES | {"report": replace(STAGES["report"], optional=("diagnose",))}
 
 
 @dataclass(frozen=True)
 class Job:
-    """One row to be done into ``out``, a folder or a URL; ``text`` is its pipeline.
+    """One row to be processed.
 
-    ``reference_date`` is the date it is held against, ``reference_key`` tells which result of that date, ``program`` and
-    ``plugins`` (SHA-256 by path) what the client has. Where ``store_reference`` is set, later dates are held against this one.
-    A ``stated_healthy`` date is stated to be so: nothing is named there. ``repeats`` are what such dates said of the first
-    one, ``prior`` what those of all rigs say together.
+    Attributes:
+        out: The store of the fleet, a folder or a URL.
+        row: The row of the table.
+        text: The row's pipeline file.
+        reference_date: The date that this one is compared with; None for the first.
+        reference_key: The digest of that date's inputs.
+        alarm_rate: The accepted rate of false alarms.
+        reports: Which rigs get a report of their own.
+        store_reference: Whether later dates are compared with this one.
+        stated_healthy: Whether the fleet file states that the rig was healthy; no change is reported then.
+        repeats: The differences between the healthy dates and the first one.
+        prior: The repeatability of all rigs together.
+        program: The versions that the client runs.
+        plugins: The SHA-256 of each plug-in of the client, by path.
+
     """
 
     out: str
@@ -75,7 +78,7 @@ class Job:
 
     @property
     def store(self) -> Store:
-        """Where the fleet's results are."""
+        """The store of the fleet's results."""
         return store_at(self.out)
 
     @property
@@ -85,7 +88,7 @@ class Job:
 
     @property
     def dependencies(self) -> list[Any]:
-        """All that the result depends on, but the files."""
+        """Everything that the result depends on, except the files."""
         settings: list[Any] = [
             self.reference_date,
             self.reference_key,
@@ -98,43 +101,11 @@ class Job:
 
 
 class ProgramMismatchError(Exception):
-    """Raised by a worker that does not run the client's program or plug-ins."""
-
-
-def row_folder(row: FleetRow) -> str:
-    """Return the folder of a row, below that of the fleet."""
-    return f"{ROWS}/{folder_name(row.rig)}/{folder_name(row.date)}"
-
-
-def read_result(store: Store, row: FleetRow) -> dict[str, Any] | None:
-    """Return what is known of a row; None where it was never done, or by another version."""
-    return parse_result(store.read(f"{row_folder(row)}/{RESULT}"))
-
-
-def read_results(store: Store, rows: Sequence[FleetRow]) -> dict[tuple[str, str], dict[str, Any]]:
-    """Return what is known of several rows, by rig and date."""
-    names = {row.key: f"{row_folder(row)}/{RESULT}" for row in rows if not row.fault}
-    content = store.read_all(names.values())
-    found = {key: parse_result(content[name]) for key, name in names.items()}
-    return {key: result for key, result in found.items() if result is not None}
-
-
-def parse_result(content: bytes | None) -> dict[str, Any] | None:
-    """Return the result that a row's file holds; None where it holds none that this version wrote."""
-    try:
-        result: dict[str, Any] = json.loads(content or b"")
-    except ValueError:
-        return None
-    return result if result.get("schema") == SCHEMA else None
-
-
-def write_result(store: Store, row: FleetRow, result: Mapping[str, Any]) -> None:
-    """Write what became of a row, atomically."""
-    store.write(f"{row_folder(row)}/{RESULT}", json.dumps(result, allow_nan=False))
+    """A worker runs another program, or other plug-ins, than the client."""
 
 
 def input_stamp(job: Job) -> str:
-    """Return a digest of all that a row's result depends on, its files by size and time: nothing is read.
+    """Return a digest of everything that a row's result depends on; files count by size and time, unread.
 
     Raises InputError where a remote file does not answer.
     """
@@ -161,9 +132,9 @@ def _glob_stamp(name: str) -> str:
 
 
 def process_row(job: Job) -> dict[str, Any]:
-    """Do one row, write its result into its folder and return it; what goes wrong with the row is its failure.
+    """Process one row, write its result into its folder and return it; an error becomes the row's failure.
 
-    Raises OtherProgram where this worker runs something else than the client.
+    Raises ProgramMismatchError where this worker runs another program than the client.
     """
     require_same_program(job)
     begun, used = time.perf_counter(), time.process_time()
@@ -175,9 +146,7 @@ def process_row(job: Job) -> dict[str, Any]:
     if result.get("same"):
         return result
     result["seconds"] = round(time.perf_counter() - begun, 3)
-    result["core_seconds"] = round(
-        time.process_time() - used, 3
-    )  # of this process: of this row, where it does one at a time
+    result["core_seconds"] = round(time.process_time() - used, 3)  # of the process, which runs one row at a time
     write_result(job.store, job.row, result)
     return result
 
@@ -190,43 +159,16 @@ def _stamp_or_none(job: Job) -> str | None:
 
 
 def require_same_program(job: Job) -> None:
-    """Raise OtherProgram where program or plug-ins here are not those of the client."""
-    here = program_versions()
-    differ = [
-        f"{what} is {here.get(what)}, not {there}" for what, there in job.program.items() if here.get(what) != there
+    """Raise ProgramMismatchError where program or plug-ins here are not those of the client."""
+    own = program_versions()
+    differences = [
+        f"{what} is {own.get(what)}, not {version}" for what, version in job.program.items() if own.get(what) != version
     ]
     for path, sha in job.plugins.items():
-        mine = sha256_of(path) if Path(path).is_file() else "not there"
-        differ += [f"the plug-in {path} is {mine[:12]}, not {sha[:12]}"] if mine != sha else []
-    if differ:
-        raise ProgramMismatchError("; ".join(differ))
-
-
-def failure_result(row: FleetRow, error: BaseException) -> dict[str, Any]:
-    """Return the result of a row that failed. What may have been chance, or the surroundings, is tried again."""
-    refusal = environment_error(error) if isinstance(error, OSError | MemoryError) else None
-    told = refusal or error
-    text = str(told) if isinstance(told, InputError) else f"fault of the program: {type(error).__name__}: {error}"
-    said = told.found if isinstance(told, InputError) else type(error).__name__
-    again = not isinstance(error, InputError)
-    return _result_header(row) | {
-        **EMPTY_RESULT,
-        "failure": text,
-        "cause": failure_cause(said),
-        "again": again,
-        "bad": True,
-    }
-
-
-def failure_cause(text: str) -> str:
-    """Return what is common to like failures: a message without its names, paths and numbers."""
-    text = re.sub(r"\"[^\"]*\"|'[^']*'", '"…"', text.splitlines()[0] if text else "unknown")
-    text = re.sub(r"\S*/\S+", "…", text)
-    return re.sub(r"[-+]?\d[\d.,e+-]*", "#", text)[:120]
-
-
-def _result_header(row: FleetRow) -> dict[str, Any]:
-    return {"schema": SCHEMA, "rig": row.rig, "date": row.date, "line": row.line, "since": None}
+        own_sha = sha256_of(path) if Path(path).is_file() else "not there"
+        differences += [f"the plug-in {path} is {own_sha[:12]}, not {sha[:12]}"] if own_sha != sha else []
+    if differences:
+        raise ProgramMismatchError("; ".join(differences))
 
 
 def _process(job: Job, scratch: Path) -> dict[str, Any]:
@@ -236,7 +178,7 @@ def _process(job: Job, scratch: Path) -> dict[str, Any]:
     key = digest([job.dependencies, hashes])
     former = read_result(job.store, job.row)
     if former is not None and former.get("key") == key and not former.get("again"):
-        write_result(job.store, job.row, former | {"stamp": stamp})  # its files were touched, not changed
+        write_result(job.store, job.row, former | {"stamp": stamp})  # only the times of its files changed
         return former | {"stamp": stamp, "same": True}
     file = scratch / PIPELINE
     file.write_text(text, encoding="utf-8")
@@ -246,8 +188,8 @@ def _process(job: Job, scratch: Path) -> dict[str, Any]:
         answer["changes"] = []
     _store_row_files(job, pipeline)
     result = (
-        _result_header(job.row)
-        | _result_from_diagnosis(answer)
+        result_header(job.row)
+        | result_from_diagnosis(answer)
         | {"since": job.reference_date, "program": program_digest(), "failure": None}
     )
     result |= {"report": _write_report(job, pipeline, answer), "cause": None, "again": False}
@@ -262,7 +204,7 @@ def _options(job: Job, scratch: Path) -> dict[str, Any]:
 
 
 def _fetch_inputs(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
-    """Return the pipeline with its remote files fetched, and the SHA-256 of each file by the name that it has there."""
+    """Return the pipeline with its remote files fetched, and the SHA-256 of each file by its name in the pipeline."""
     document = tomlkit.parse(job.text)
     hashes: dict[str, str] = {}
     tables: Any = document.get("recordings", [])
@@ -273,36 +215,16 @@ def _fetch_inputs(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
             folder.mkdir(parents=True)
             one["file"] = str(remote_files.fetch(name, folder))
         path = Path(str(one["file"]))
-        found = [path] if path.is_file() else sorted(path.parent.glob(path.name)) if "*" in path.name else []
-        hashes |= {f"{name} {hit.name}": sha256_of(hit) for hit in found}
+        matches = [path] if path.is_file() else sorted(path.parent.glob(path.name)) if "*" in path.name else []
+        hashes |= {f"{name} {match.name}": sha256_of(match) for match in matches}
     return tomlkit.dumps(document), hashes
 
 
 def _store_row_files(job: Job, pipeline: Pipeline) -> None:
-    """Keep the row's pipeline file, and what later dates are held against."""
+    """Store the row's pipeline file and, for the first date, the baseline of later comparisons."""
     job.store.write(f"{job.folder}/{PIPELINE}", job.text)
     for name in (changes.REFERENCE_FILE, MODEL_FILE, MANIFEST) if job.store_reference else ():
         job.store.copy_file(f"{job.folder}/{REFERENCE}/{name}", pipeline.artifacts / "diagnose" / name)
-
-
-def _result_from_diagnosis(answer: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a fleet keeps of a diagnosis."""
-    last = next((s for s in reversed(answer["ladder"]) if s["add"] in answer["missing"]), answer["ladder"][0])
-    named = {c["effect"]: c for c in answer["candidates"] if c["effect"] in answer["missing"]}
-    effects = {f"{name}.{p}": value for name, c in named.items() for p, value in c["parameters"].items()}
-    return {
-        "verdict": answer["verdict"],
-        "missing": answer["missing"],
-        "error_train": answer["ladder"][0]["error_train"],
-        "error_test": answer["ladder"][0]["error_test"],
-        "error_after": last["error_train"] if last["error_test"] is None else last["error_test"],
-        "parameters": answer["parameters"] | effects,
-        "changes": answer.get("changes", []),
-        "p_value": answer.get("since", {}).get("p_value"),
-        "repeat": answer.get("since", {}).get("repeat"),
-        "repeatability": answer.get("since", {}).get("repeatability"),
-        "sentence": answer["sentence"],
-    }
 
 
 def _write_report(job: Job, pipeline: Pipeline, answer: Mapping[str, Any]) -> str | None:

@@ -1,4 +1,4 @@
-"""From the template and a row of the table to the row's own pipeline file."""
+"""Make the pipeline file of a row from the template and the row's values."""
 
 from __future__ import annotations
 
@@ -16,19 +16,25 @@ from pneucli.fleet.table import FleetRow
 from pneucli.io.remote_files import is_remote
 
 RECORDINGS = "recordings"
-SAFE_CHARACTERS = " +,=@()"  # in a folder's name, beside letters, digits and _.-~
+SAFE_CHARACTERS = " +,=@()"  # kept in a folder's name, in addition to letters, digits and _.-~
 
 
 def folder_name(text: str) -> str:
-    """Return a name as a folder may have it; two names never become one."""
+    """Return a folder name for a text; different texts give different folder names."""
     return quote(text, safe=SAFE_CHARACTERS)
 
 
 def row_pipeline(template: str, row: FleetRow, folders: tuple[Path, Path]) -> str:
     """Return the template's text with the row's values in it, and every path absolute.
 
-    ``folders`` are those of template and table: paths of either are relative to them. Raises InputError for a key whose
-    table the template lacks and that cannot be made.
+    Args:
+        template: The text of the template pipeline.
+        row: The row of the table.
+        folders: The folders of template and table, to which their paths are relative.
+
+    Raises:
+        InputError: The template has no table for a key, and none can be made.
+
     """
     document = tomlkit.parse(template)
     for table in document.get(RECORDINGS, []):
@@ -54,37 +60,37 @@ def _path(text: str, folder: Path) -> str:
 
 
 def _set(document: Any, key: str, value: Any) -> None:
-    words = key.split(".")
+    parts = key.split(".")
     table = document
-    if words[0] == RECORDINGS:
-        table = next(t for t in document[RECORDINGS] if t.get("name") == words[1])
-        words = words[2:]
-    for word in words[:-1]:
-        table = table.setdefault(word, tomlkit.table())
-    table[words[-1]] = value
+    if parts[0] == RECORDINGS:
+        table = next(t for t in document[RECORDINGS] if t.get("name") == parts[1])
+        parts = parts[2:]
+    for part in parts[:-1]:
+        table = table.setdefault(part, tomlkit.table())
+    table[parts[-1]] = value
 
 
 def require_columns(template: Mapping[str, Any], columns: Iterable[str], keys_at: Any, where: str) -> None:
-    """Raise InputError for columns that name no key of a pipeline file, or a recording that the template lacks.
+    """Raise InputError for columns that name no key of a pipeline file, or no recording of the template.
 
-    ``known(location)`` returns the keys that the table at ``location`` may have.
+    ``keys_at(location)`` returns the keys that the table at ``location`` may have.
     """
     names = [str(t.get("name")) for t in template.get(RECORDINGS, [])]
     for column in columns:
-        words = column.split(".")
-        if words[0] == RECORDINGS and (len(words) < 3 or words[1] not in names):
-            mend = did_you_mean(words[1] if len(words) > 1 else "", names)
+        parts = column.split(".")
+        if parts[0] == RECORDINGS and (len(parts) < 3 or parts[1] not in names):
+            mend = did_you_mean(parts[1] if len(parts) > 1 else "", names)
             raise InputError(f"{where}, column {column}", "no such recording in the template", "by its name", mend)
-        location = (words[0], *words[2:]) if words[0] == RECORDINGS else tuple(words)
+        location = (parts[0], *parts[2:]) if parts[0] == RECORDINGS else tuple(parts)
         for wrong, keys in _unknown_keys(location, keys_at):
             raise InputError(f"{where}, column {column}", f'no key "{wrong}"', "", did_you_mean(wrong, keys))
 
 
-def _unknown_keys(location: tuple[str, ...], known: Any) -> Iterator[tuple[str, list[str]]]:
-    for depth, word in enumerate(location):
-        keys = known(location[:depth])
-        if keys and word not in keys:
-            yield word, keys
+def _unknown_keys(location: tuple[str, ...], keys_at: Any) -> Iterator[tuple[str, list[str]]]:
+    for depth, name in enumerate(location):
+        keys = keys_at(location[:depth])
+        if keys and name not in keys:
+            yield name, keys
             return
 
 

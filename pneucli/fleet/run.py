@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -20,19 +19,21 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors import Engine, Outcome, engine_from, run_jobs
 from pneucli.fleet import row as fleet_row
+from pneucli.fleet.answer import fleet_answer, parameter_records
 from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, write_datasets, write_trends
-from pneucli.fleet.row import Job, ProgramMismatchError, failure_result, read_results, write_result
+from pneucli.fleet.results import failure_result, read_results, write_result
+from pneucli.fleet.row import Job, ProgramMismatchError
 from pneucli.fleet.row_pipelines import raw_file_names, require_columns, row_pipeline
 from pneucli.fleet.table import FleetRow, read_rows
 from pneucli.fleet.trends import Trend, parameter_trends
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import LocalFolder, mirror_folder, store_at
+from pneucli.messages.fleet import progress_text
 from pneucli.pipeline import lock
 from pneucli.pipeline.context import Progress, no_progress
 from pneucli.pipeline.manifest import program_versions
 
-Z95 = 1.959964
 Result = Mapping[str, Any]
 
 
@@ -43,11 +44,18 @@ def run(
     progress: Progress = no_progress,
     notify: Callable[[str], None] = lambda message: None,
 ) -> dict[str, Any]:
-    """Do all rows that are new or changed, write datasets, page, JUnit and metrics; return the answer of ``--json``.
+    """Process all new and changed rows; write datasets, page, JUnit and metrics; return the answer of ``--json``.
 
-    ``out`` is a folder, or the URL of one on an S3-like store, which has no lock against a second client.
+    Args:
+        config: The fleet file.
+        out: A folder, or the URL of a folder on an S3-like store, which has no lock against a second client.
+        executor: Where the rows are processed, as ``--executor`` states it.
+        progress: Called after each row.
+        notify: Called with messages for the user.
 
-    Raises InputError where fleet file, table or template are at fault as a whole, or the executor cannot work.
+    Raises:
+        InputError: The fleet file, the table or the template is at fault, or the executor cannot work.
+
     """
     fleet = Fleet(config, out)
     with lock.folder_lock(Path(out), notify) if isinstance(fleet.store, LocalFolder) else nullcontext():
@@ -59,7 +67,11 @@ def run(
 
 
 class Fleet:
-    """The rows of a fleet, what is known of each, and in which order they are done."""
+    """The rows of a fleet, their results, and the order in which they are processed.
+
+    A rig's first date that does not fail becomes its baseline; the later dates are compared with it. Where healthy
+    dates are stated, they are processed first, because they say by how much rigs of this kind repeat.
+    """
 
     def __init__(self, config: FleetConfig, out: Path | str) -> None:
         self.config, self.out, self.store = config, str(out), store_at(str(out))
@@ -81,13 +93,13 @@ class Fleet:
         number = config.fleet.healthy
         self.healthy = {rig: [r.key for r in [*rows][:number]] for rig, rows in self.rigs.items()} if number > 1 else {}
         self.pending_healthy = {key for keys in self.healthy.values() for key in keys}
-        self.repeatability_known = not self.pending_healthy
+        self.has_repeatability = not self.pending_healthy
         self.prior: Mapping[str, VariancePrior] = {}
         self.reference_rows: dict[str, FleetRow] = {}
         self.done_count = self.updated_count = 0
 
     def queue_pending(self) -> bool:
-        """Fill ``job_queue`` with what can be done now; whether there is anything at all to do."""
+        """Fill ``job_queue`` with the rows that can be processed now; return whether there are any."""
         self.previous_results = read_results(self.store, self.rows)
         for rig in self.rigs:
             self._schedule_rig(rig)
@@ -95,19 +107,19 @@ class Fleet:
         return bool(self.job_queue)
 
     def _estimate_repeatability_once(self) -> None:
-        """Take from the dates that are stated to be healthy how well rigs of this kind repeat, and go on with all."""
-        if self.repeatability_known or self.pending_healthy:
+        """Estimate from the healthy dates how well rigs of this kind repeat; then schedule all other dates."""
+        if self.has_repeatability or self.pending_healthy:
             return
-        self.repeatability_known, self.prior = True, pool_priors(map(self._healthy_repeats, self.rigs))
+        self.has_repeatability, self.prior = True, pool_priors(map(self._healthy_repeats, self.rigs))
         for rig in self.rigs:
             self._schedule_rig(rig)
 
     def _schedule_rig(self, rig: str) -> None:
-        """Go on with a rig: its dates one by one until one is not bad, then all the others against that one."""
+        """Queue a rig's dates one by one until one of them can be the baseline, then all the others."""
         waiting = self.rigs[rig]
         while waiting:
-            if not self.repeatability_known and waiting[0].key not in self.healthy[rig]:
-                return  # how well rigs of this kind repeat is not known yet
+            if not self.has_repeatability and waiting[0].key not in self.healthy[rig]:
+                return  # until the repeatability of rigs of this kind is estimated
             job = self._make_job(waiting.popleft())
             result = self._cached_result(job)
             if result is None:
@@ -118,7 +130,7 @@ class Fleet:
                 self._store_result(job, result)
 
     def _store_result(self, job: Job, result: Result) -> None:
-        """Note a result; the first of a rig that is not bad is what its other dates are held against."""
+        """Store a result; a rig's first usable one is its baseline."""
         self.results[job.row.key] = result
         self.pending_healthy.discard(job.row.key)
         self.done_count += 1
@@ -126,10 +138,10 @@ class Fleet:
             self.reference_rows[job.row.rig] = job.row
 
     def _healthy_repeats(self, rig: str) -> tuple[RepeatDifferences, ...]:
-        """Return what the dates of a rig that are stated to be healthy said of its first one."""
+        """Return the differences between the healthy dates of a rig and its baseline."""
         first = self.reference_rows.get(rig)
-        known = [self.results[key] for key in self.healthy.get(rig, []) if key in self.results]
-        return tuple(r["repeat"] for r in known if first is not None and r["since"] == first.date and r.get("repeat"))
+        done = [self.results[key] for key in self.healthy.get(rig, []) if key in self.results]
+        return tuple(r["repeat"] for r in done if first is not None and r["since"] == first.date and r.get("repeat"))
 
     def _make_job(self, row: FleetRow) -> Job:
         first = self.reference_rows.get(row.rig)
@@ -165,7 +177,7 @@ class Fleet:
         return {str(path): sha256_of(path) for path in files if path.is_file()}
 
     def _cached_result(self, job: Job) -> Result | None:
-        """Return what is known of a row, where nothing has changed since; what is remote its worker must ask."""
+        """Return the stored result of an unchanged row; None for remote files, whose state only a worker asks."""
         if job.row.fault:
             result = failure_result(job.row, InputError(f"line {job.row.line} of the table", job.row.fault))
             return result | {"seconds": 0.0}
@@ -175,17 +187,20 @@ class Fleet:
         return former if former.get("stamp") == fleet_row.input_stamp(job) else None
 
     def process_queue(self, engine: Engine, progress: Progress) -> None:
-        """Do what is ready, and what becomes so."""
-        begun, before = time.monotonic(), self.done_count
+        """Process the queued rows, and those that become ready while it runs."""
+        begun, done_before = time.monotonic(), self.done_count
         for outcome in run_jobs(engine, fleet_row.process_row, self.job_queue):
             self._store_result(outcome.job, self._result(outcome))
             self.updated_count += not self.results[outcome.job.row.key].get("same")
             self._schedule_rig(outcome.job.row.rig)
             self._estimate_repeatability_once()
-            share = self.done_count / len(self.rows)
-            left = (time.monotonic() - begun) * (len(self.rows) - self.done_count) / max(self.done_count - before, 1)
-            bad = sum(r["failure"] is not None for r in self.results.values())
-            progress(f"{self.done_count} of {len(self.rows)} rows, {bad} failed, about {_duration(left)} to go", share)
+            self._report_progress(progress, (time.monotonic() - begun) / max(self.done_count - done_before, 1))
+
+    def _report_progress(self, progress: Progress, seconds_per_row: float) -> None:
+        failed = sum(r["failure"] is not None for r in self.results.values())
+        seconds_left = seconds_per_row * (len(self.rows) - self.done_count)
+        text = progress_text(self.done_count, len(self.rows), failed, seconds_left)
+        progress(text, self.done_count / len(self.rows))
 
     def _result(self, outcome: Outcome[Job]) -> Result:
         if outcome.error is None:
@@ -204,7 +219,7 @@ class Fleet:
 
     @contextmanager
     def output_folder(self) -> Iterator[Path]:
-        """Yield the folder into which all is written that tells of all rows; a store is made like it in the end."""
+        """Yield the folder of the files about all rows; a remote store is updated from it at the end."""
         if isinstance(self.store, LocalFolder):
             yield self.store.path
             return
@@ -214,19 +229,7 @@ class Fleet:
 
     def trends(self) -> list[Trend]:
         """Return each parameter over its rig's dates."""
-        return parameter_trends(list(_records(self.results_in_table_order())))
-
-
-def _records(results: Sequence[Result]) -> Iterator[tuple[str, str, str, str, float, float]]:
-    for r in results:
-        for name, p in r["parameters"].items():
-            low, high = p["ci95"]
-            if None not in (p["value"], low, high):
-                yield r["rig"], r["date"], name, p["unit"], p["value"], (high - low) / (2.0 * Z95)
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 60:.0f} min" if seconds > 90 else f"{seconds:.0f} s"
+        return parameter_trends(list(parameter_records(self.results_in_table_order())))
 
 
 def _write_results(fleet: Fleet, seconds: float) -> dict[str, Any]:
@@ -234,7 +237,9 @@ def _write_results(fleet: Fleet, seconds: float) -> dict[str, Any]:
 
     results, trends = fleet.results_in_table_order(), fleet.trends()
     made_of = Provenance({"table": sha256_of(fleet.table), "template": sha256_of(fleet.template)}, _settings(fleet))
-    answer = fleet_answer(fleet, results, trends) | {"seconds": round(seconds, 2)}
+    answer = fleet_answer(fleet.config.fleet, results, trends, fleet.updated_count, str(fleet.store)) | {
+        "seconds": round(seconds, 2)
+    }
     with fleet.output_folder() as out:
         write_datasets(out, results, made_of)
         write_trends(out / TRENDS, trends, made_of)
@@ -244,40 +249,3 @@ def _write_results(fleet: Fleet, seconds: float) -> dict[str, Any]:
 
 def _settings(fleet: Fleet) -> dict[str, Any]:
     return {"fleet": fleet.config.fleet.model_dump()}
-
-
-def fleet_answer(fleet: Fleet, results: Sequence[Result], trends: Sequence[Trend]) -> dict[str, Any]:
-    """Return the answer that ``--json`` prints: counts, who changed, who failed and why."""
-    failures = Counter(str(r["cause"]) for r in results if r["failure"] is not None)
-    changed = [{"rig": r["rig"], "date": r["date"], "since": r["since"], "changes": r["changes"]}
-               for r in results if r["changes"]]  # fmt: skip
-    return {
-        "schema": "pneucli/fleet/1",
-        "fleet": fleet.config.fleet.name,
-        "rigs": len(fleet.rigs),
-        "rows": len(results),
-        "done": fleet.updated_count,
-        "unchanged": len(results) - fleet.updated_count,
-        "failed": sum(failures.values()),
-        "changed": len({c["rig"] for c in changed}),
-        "alarm_rate": fleet.config.fleet.alarm_rate,
-        "repeatability": repeatability(fleet.config.fleet.healthy, results),
-        "verdicts": dict(Counter(r["verdict"] for r in results if r["verdict"])),
-        "missing": dict(Counter(name for r in results for name in r["missing"]).most_common()),
-        "changes": sorted(changed, key=lambda c: -max(one["confidence"] for one in c["changes"])),
-        "failures": [{"cause": cause, "rows": n} for cause, n in failures.most_common()],
-        "breaks": sum(bool(t.change_points) for t in trends),
-        "out": str(fleet.store),
-    }
-
-
-def repeatability(dates: int, results: Sequence[Result]) -> dict[str, Any] | None:
-    """Return by which part of itself each parameter differs from healthy date to healthy date, the median of rigs."""
-    last = {r["rig"]: r for r in results if r.get("repeatability")}
-    sizes: dict[str, list[float]] = {}
-    for r in last.values():
-        for name, one in r["repeatability"]["parameters"].items():
-            if value := r["parameters"].get(name, {}).get("value"):
-                sizes.setdefault(name, []).append(one["value"] / abs(value))
-    parameters = {name: round(median(mine), 5) for name, mine in sizes.items()}
-    return {"rigs": len(last), "dates": dates, "parameters": parameters} if last else None

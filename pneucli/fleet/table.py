@@ -15,13 +15,13 @@ import pyarrow.parquet as pq
 from pneucli.errors import InputError, did_you_mean, printable
 
 RIG, DATE = "rig", "date"
-TEXT_KEYS = ("file", "name", "use", "experiment")  # keys whose values stay texts, numbers as they may look
+TEXT_KEYS = ("file", "name", "use", "experiment")  # values of these keys stay texts even if they look like numbers
 MAX_RIG_NAME_LENGTH = 100  # characters of a rig's name
 
 
 @dataclass(frozen=True)
 class FleetRow:
-    """One rig at one date: its line of the table, ``values`` by dotted key; ``fault`` says why it cannot be done."""
+    """One rig at one date: its line of the table and its values by dotted key; a row with a ``fault`` is not run."""
 
     line: int
     rig: str
@@ -36,7 +36,7 @@ class FleetRow:
 
 
 def read_rows(path: Path) -> list[FleetRow]:
-    """Return all rows of a table (CSV or Parquet), in its order; what is wrong with one row stands in its ``fault``.
+    """Return all rows of a table (CSV or Parquet), in its order; an error of one row goes into its ``fault``.
 
     Raises InputError where the table as a whole cannot be read or has no column ``rig`` or ``date``.
     """
@@ -45,7 +45,7 @@ def read_rows(path: Path) -> list[FleetRow]:
         if name not in columns:
             raise InputError(str(path), f"no column {name}", f"{RIG}, {DATE}, and keys", did_you_mean(name, columns))
     if twice := [name for name in columns if columns.count(name) > 1]:
-        raise InputError(str(path), f"two columns are called {twice[0]}", "each key once", "take one of them out")
+        raise InputError(str(path), f"two columns are called {twice[0]}", "each key once", "remove one of them")
     return _mark_duplicates([_row(line, record) for line, record in records])
 
 
@@ -94,7 +94,7 @@ def _row(line: int, record: Mapping[str, Any]) -> FleetRow:
 
 
 def _iso_date(value: Any) -> str:
-    """Return a date, or a date with a time of day, as ISO 8601 has it."""
+    """Return a date, or a date with a time of day, in ISO 8601."""
     if isinstance(value, datetime):
         return value.isoformat(timespec="seconds") if value.time() != datetime.min.time() else value.date().isoformat()
     if isinstance(value, date):
@@ -108,7 +108,7 @@ def _iso_date(value: Any) -> str:
 
 
 def _value(key: str, value: Any) -> Any:
-    """Return a cell as the pipeline file would have it: a number where it is one, else the text."""
+    """Return a cell as a value of the pipeline file: a number or a truth value where it reads as one, else the text."""
     if not isinstance(value, str) or key.rpartition(".")[2] in TEXT_KEYS:
         return value
     text = value.strip()
@@ -119,13 +119,12 @@ def _value(key: str, value: Any) -> Any:
 
 
 def _mark_duplicates(rows: Sequence[FleetRow]) -> list[FleetRow]:
-    """Return the rows, those that repeat rig and date of an earlier one with that for a fault."""
+    """Return the rows; a row that repeats rig and date of an earlier row gets a fault."""
     first: dict[tuple[str, str], int] = {}
     out = []
     for row in rows:
         line = first.setdefault(row.key, row.line)
-        again = f"{row.rig} at {row.date} stands in line {line} already"
-        out.append(
-            row if line == row.line or row.fault else replace(row, rig=f"{row.rig} (line {row.line})", fault=again)
-        )
+        fault = f"{row.rig} at {row.date} is already in line {line}"
+        is_good = line == row.line or row.fault
+        out.append(row if is_good else replace(row, rig=f"{row.rig} (line {row.line})", fault=fault))
     return out

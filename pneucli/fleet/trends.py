@@ -1,4 +1,4 @@
-"""How each parameter of a rig goes over its dates, and where its level changes."""
+"""The trend of each parameter of a rig over its dates, and the dates at which its level changes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MIN_DATES = 3  # dates, below which there is no trend
-CHANGE_POINT_PENALTY = (
-    3.0  # times the logarithm of the number of dates, for each level more (a level and the place of its change)
-)
+MIN_DATES = 3  # two dates show no trend
+# times the logarithm of the number of dates, for each additional level: its value and the place of its change
+CHANGE_POINT_PENALTY = 3.0
 
 
 @dataclass(frozen=True)
 class Trend:
-    """One parameter of one rig over its dates: values, errors, and the places (from 0) where a new level begins."""
+    """One parameter of one rig over its dates: values, standard errors, and the indices at which a new level begins."""
 
     rig: str
     name: str
@@ -30,11 +29,18 @@ class Trend:
 
 
 def find_change_points(values: Array, errors: Array) -> tuple[int, ...]:
-    """Return where the level of values (n,) with these standard errors (n,) changes: the index of each new first one.
+    """Return the indices at which the level of a series changes.
 
-    Of all ways to cut them into stretches of one level each the one with the least weighted sum of squares and a
-    penalty for each cut (Schwarz), found exactly by dynamic programming. The errors count as large as the scatter of
-    neighbours shows them, where that is more.
+    Dynamic programming finds the exact minimum of the weighted sum of squares about piecewise constant levels, plus
+    Schwarz's penalty for each change. A standard error below the scatter of neighbouring values is raised to it.
+
+    Args:
+        values: The series, shape (n,).
+        errors: Standard errors, shape (n,), same unit.
+
+    Returns:
+        The index of the first value of each level but the first one.
+
     """
     n = values.size
     if n < MIN_DATES:
@@ -49,14 +55,14 @@ def find_change_points(values: Array, errors: Array) -> tuple[int, ...]:
         cost = best[:end] + np.maximum(second - first**2 / w, 0.0) + penalty
         last[end] = int(np.argmin(cost))
         best[end] = cost[last[end]]
-    found, end = [], n
+    changes, end = [], n
     while (end := int(last[end])) > 0:
-        found.append(end)
-    return tuple(reversed(found))
+        changes.append(end)
+    return tuple(reversed(changes))
 
 
 def robust_scatter(values: Array) -> float:
-    """Return the standard deviation of values about a level that may step: from the median of their steps."""
+    """Return the standard deviation of values about a piecewise constant level, from the median of their steps."""
     steps = np.abs(np.diff(values))
     tiny = 1e-12 * float(np.max(np.abs(values), initial=1e-300))
     return max(float(np.median(steps)) / (0.6745 * np.sqrt(2.0)), tiny) if steps.size >= MIN_DATES else tiny

@@ -16,10 +16,11 @@ import pytest
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.exam.fleet import FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
-from pneucli.fleet import row as fleet_row
 from pneucli.fleet import run as stage
 from pneucli.fleet.output import evaluate_checks
-from pneucli.fleet.row import Job, ProgramMismatchError, failure_cause, failure_result, require_same_program
+from pneucli.fleet.results import failure_cause, failure_result
+from pneucli.fleet.row import Job, ProgramMismatchError, require_same_program
+from pneucli.fleet.table import FleetRow
 
 ADDED = "odd,2026-01-01,,,,,,,none.csv,,,\nodd,soon,,,,,,,,,,\n"
 
@@ -167,7 +168,7 @@ def test_a_fleet_file_that_is_wrong_is_refused(done: Done, text: str, says: str,
 
 
 def test_a_worker_with_another_program_or_plug_in_refuses_the_row(tmp_path: Path) -> None:
-    row = fleet_row.FleetRow(2, "a", "2026-01-01", {})
+    row = FleetRow(2, "a", "2026-01-01", {})
     with pytest.raises(ProgramMismatchError, match="pneucli is"):
         require_same_program(Job(str(tmp_path), row, "", program={"pneucli": "0.0.0 other"}))
     with pytest.raises(ProgramMismatchError, match=r"plug-in .*mine\.py is not there"):
@@ -177,6 +178,6 @@ def test_a_worker_with_another_program_or_plug_in_refuses_the_row(tmp_path: Path
 def test_failures_of_one_kind_have_one_cause_and_those_of_the_program_are_tried_again() -> None:
     texts = [f'no file /data/rig-{n}/x.csv, "{n}" rows' for n in (1, 2)]
     assert len({failure_cause(text) for text in texts}) == 1
-    row = fleet_row.FleetRow(2, "a", "2026-01-01", {})
+    row = FleetRow(2, "a", "2026-01-01", {})
     assert failure_result(row, ZeroDivisionError("x"))["again"]
     assert not failure_result(row, InputError("a", "b"))["again"]

@@ -15,6 +15,7 @@ from pneucli.exam.fleet import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, w
 from pneucli.executors import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
+from pneucli.fleet.results import EMPTY_RESULT
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages.pipeline_file import load_pipeline_file
 
@@ -41,7 +42,7 @@ def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, st
         jobs.append(job)
         repeat = {"friction.coulomb": [0.1 * len(jobs), 0.1, 0.1]} if job.reference_date else None
         base = {
-            **row.EMPTY_RESULT,
+            **EMPTY_RESULT,
             "verdict": "adequate",
             "key": job.row.date,
             "repeat": repeat,
