@@ -9,7 +9,7 @@ DEMO := demo
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test mutants check format lint types layers docs site chromium clean
+.PHONY: demo test mutants check format lint types layers docs site hooks chromium clean
 
 # On a copy of the pipeline: the model fails, what it lacks is named and added, the error falls; then all the rest.
 demo: $(VENV)/.installed-all
@@ -20,7 +20,7 @@ demo: $(VENV)/.installed-all
 	$(BIN)/pneucli run $(DEMO)/pipeline.toml
 
 # The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
-test: $(VENV)/.installed-dev chromium
+test: $(VENV)/.installed-dev hooks chromium
 	@$(MAKE) --no-print-directory --keep-going check; checked=$$?; $(BIN)/python -m pytest -n 2 --dist worksteal && exit $$checked
 
 # Small faults, put into the code one at a time: of 300, unit tests have to notice 85 in 100. SEED=7 repeats a sample.
@@ -56,7 +56,12 @@ $(VENV)/.installed-%: pyproject.toml
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=..." >&2; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@$(MAKE) --no-print-directory hooks
 	@touch $@
+
+# The hook that checks subjects of commits, in a git checkout; elsewhere there is nothing to do.
+hooks:
+	@if test -e .git; then git config core.hooksPath .githooks; fi
 
 # The browser tests need Chromium: installed where that is possible without asking, else those tests skip.
 chromium:

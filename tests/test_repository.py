@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
 import statistics
 import subprocess
 import tomllib
@@ -15,6 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pneucli"
 TEXT = {".py", ".md", ".toml", ".html", ".js", ".css", ".yml", ".yaml", ".c", ".h", ".j2", ".sh", ""}
+HOOK = ROOT / ".githooks" / "commit-msg"
 WHOLE = {"kernel/run.py", "kernel/balance.py"}  # compiled as one function, whose loop must not call out of itself
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if "/".join(path.parts[-2:]) not in WHOLE)
 
@@ -89,3 +91,68 @@ def test_what_a_newcomer_looks_for_is_there(path: str) -> None:
 
 def test_ci_runs_make_test() -> None:
     assert "exec make test" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def git(*arguments: str) -> str:
+    """What git prints; nothing where this is no checkout or git is not installed."""
+    if not (ROOT / ".git").exists() or shutil.which("git") is None:
+        return ""
+    command = ["git", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, encoding="utf-8", check=False).stdout
+
+
+def subjects_since_the_hook() -> list[str]:
+    """Subjects of all commits from the one that added the hook on; in a shallow clone, of those that are there."""
+    added = git("log", "--diff-filter=A", "--format=%H", "--", HOOK.relative_to(ROOT).as_posix()).split()
+    return git("log", "--no-merges", "--format=%s", f"{added[-1]}..HEAD").splitlines() if added else []
+
+
+def refusal(subject: str, folder: Path) -> str:
+    """What the hook prints about a commit with this subject; nothing where it accepts it."""
+    if shutil.which("sh") is None:
+        pytest.skip("no POSIX shell")
+    message = folder / "message"
+    message.write_text(f"# a comment\n{subject}\n\nWhy it was done. It ended.\n", encoding="utf-8")
+    run = subprocess.run(["sh", HOOK, message], capture_output=True, text=True, encoding="utf-8", check=False)
+    assert (run.returncode == 0) == (run.stderr == "")
+    return run.stderr
+
+
+@pytest.mark.parametrize(
+    ("subject", "reason"),
+    [
+        ("Add a test", ""),
+        ("Fleet: store results", ""),
+        ("Feed the observer", ""),
+        ("Bring the page up to date", ""),
+        ("Read 95 °C as a temperature " + "ü" * 44, ""),
+        ("Read 95 °C as a temperature " + "ü" * 45, "73 characters"),
+        ("add a test", "capital"),
+        ("Add a test.", "period"),
+        ("Added a test", "imperative"),
+        ("Storing results", "imperative"),
+        ("Fleet: stored results", "imperative"),
+    ],
+)
+def test_a_subject_is_short_imperative_and_no_sentence(subject: str, reason: str, tmp_path: Path) -> None:
+    found = refusal(subject, tmp_path)
+    assert (reason in found) if reason else found == ""
+
+
+def test_every_commit_since_the_hook_keeps_its_rules(tmp_path: Path) -> None:
+    assert [text for subject in subjects_since_the_hook() if (text := refusal(subject, tmp_path))] == []
+
+
+def test_make_installs_the_hook_only_in_a_checkout(tmp_path: Path) -> None:
+    """The recipe runs in a copy of the Makefile: with git the hook is set, in a source archive nothing happens."""
+    if shutil.which("make") is None or shutil.which("git") is None:
+        pytest.skip("no make or no git")
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    make = ["make", "--no-print-directory", "hooks"]
+    configured = ["git", "config", "--local", "core.hooksPath"]
+    subprocess.run(make, cwd=tmp_path, check=True)
+    assert subprocess.run(configured, cwd=tmp_path, capture_output=True, check=False).returncode != 0
+    subprocess.run(["git", "init", "--quiet"], cwd=tmp_path, check=True)
+    subprocess.run(make, cwd=tmp_path, check=True)
+    assert subprocess.run(configured, cwd=tmp_path, capture_output=True, text=True, check=True).stdout == ".githooks\n"
+    assert HOOK.stat().st_mode & 0o111
