@@ -1,9 +1,9 @@
-"""Writing an exam: folders as a lab would hand them over, and apart from them, sealed, what was hidden in each."""
+"""Write an exam: folders as a laboratory would hand them over and, sealed, what is hidden in each."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.exam.conditions import USUAL, WIDE, Conditions, draw_conditions, parse
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED, HiddenEffect
+from pneucli.exam.case_plan import plan_cases
+from pneucli.exam.conditions import USUAL, Conditions, parse
+from pneucli.exam.hidden_effect import HiddenEffect
+from pneucli.exam.hidden_effects import BY_NAME, UNCATALOGUED
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
@@ -21,7 +23,7 @@ from pneucli.exam.rig_scaling import RigScaling
 from pneucli.exam.rig_variants import draw_variant
 
 SEALED_FOLDER = ".sealed"
-EXAM_FILE = "exam.json"  # there: what was asked for, and where the seed came from
+EXAM_FILE = "exam.json"  # in the sealed folder: the options, and the origin of the seed
 
 
 def write_exam(
@@ -33,20 +35,34 @@ def write_exam(
     conditions: Sequence[str] = (USUAL,),
     about: Mapping[str, Any] | None = None,
 ) -> list[str]:
-    """Write ``cases`` cases with something hidden and ``nulls`` without, for each of the ``conditions``.
+    """Write the cases of an exam and seal the truth.
 
-    Every sixth case hides two effects of the catalogue, every fifth one from outside; the others go through the
-    catalogue in random order. Conditions get the same rigs with the same effects as far as these show under them, so
-    that what a condition costs is seen. What was asked for is sealed with what there is to say ``about`` the exam. The
-    names of the folders, which are returned, do not tell which is which. Raises InputError where the directory holds
-    something already, or for an unknown condition.
+    Every sixth case hides two effects of the catalogue, every fifth one a disturbance from outside it; the others
+    take the effects of the catalogue in random order. All conditions get the same rigs with the same effects, as far
+    as these are visible under them, so that results under two conditions can be compared.
+
+    Args:
+        directory: A new or empty folder.
+        cases: The number of cases with something hidden, for each condition.
+        nulls: The number of healthy rigs, for each condition.
+        size: The size of the hidden effects, relative to the usual one.
+        seed: The seed of all random draws.
+        conditions: The conditions of the recordings, see :mod:`pneucli.exam.conditions`.
+        about: Further entries of the sealed description of the exam.
+
+    Returns:
+        The names of the folders, which reveal nothing.
+
+    Raises:
+        InputError: The folder is not empty, or a condition is unknown.
+
     """
     each = [parse(text) for text in conditions]
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
     asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
     seal(directory, EXAM_FILE, asked | dict(about or {"seed_from": "given"}))
-    plan = [planned for one in each for planned in _plan(cases, nulls, one, seed)]
+    plan = [planned for one in each for planned in plan_cases(cases, nulls, one, seed)]
     names = [f"case-{k:03d}" for k in range(1, len(plan) + 1)]
     for name, which in zip(names, np.random.default_rng(seed).permutation(len(plan)), strict=True):
         planned = plan[which]
@@ -58,7 +74,7 @@ def write_exam(
 
 
 def seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:
-    """Write what nobody may read before the grading."""
+    """Write a file that nobody may read before the grading."""
     sealed = directory / SEALED_FOLDER / name
     sealed.parent.mkdir(parents=True, exist_ok=True)
     sealed.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -73,10 +89,23 @@ def generate_case(
     seed: int,
     conditions: Conditions = Conditions(),  # noqa: B008  (frozen)
 ) -> dict[str, object]:
-    """Write ``folder/pipeline.toml`` and ``folder/raw/*.csv``; returns the truth, which is written nowhere.
+    """Write ``folder/pipeline.toml`` and ``folder/raw/*.csv``.
 
-    ``hidden`` names effects of the catalogue and ``outside`` one that is in none ("" for none); both are scaled by
-    ``size``. Raises InputError where a name is unknown or does not show on this kind of rig.
+    Args:
+        folder: The folder of the case.
+        kind: The kind of rig: "valve", "friction" or "axis".
+        hidden: The hidden effects of the catalogue.
+        outside: The hidden disturbance outside the catalogue; "" for none.
+        size: The size of all of these, relative to the usual one.
+        seed: The seed of all random draws.
+        conditions: The conditions of the recordings.
+
+    Returns:
+        The truth, which is written nowhere.
+
+    Raises:
+        InputError: A name is unknown, or the effect is not visible on this kind of rig.
+
     """
     case = prepare_case(folder.name, kind, hidden, outside, size, seed, conditions)
     laboratory = case.laboratory
@@ -88,7 +117,7 @@ def generate_case(
 
 @dataclass(frozen=True)
 class Case:
-    """A rig in its laboratory, what is to be recorded there, and the small effects that act besides."""
+    """A rig in its laboratory, the recordings to be made, and the small disturbances that act as well."""
 
     laboratory: Laboratory
     plans: list[RecordingPlan]
@@ -101,15 +130,15 @@ def prepare_case(
 ) -> Case:
     """Return a case before it is recorded, see :func:`generate_case`."""
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
-    # what came with the conditions is drawn apart, so that the rest of a rig does not depend on them
-    rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    base, known, baseline = _stated_rig(kind, hidden, conditions, rng, apart)
-    par = known
+    # the conditions have random draws of their own, so that the rest of a rig does not depend on them
+    rng, conditions_rng = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    base, stated_rig, baseline = _stated_rig(kind, hidden, conditions, rng, conditions_rng)
+    par = stated_rig
     for effect in effects:
         par = effect.apply(par, size, rng)
-    mess = _small_effects(kind, outside, conditions, apart) if conditions.messy else {}
+    mess = _small_effects(kind, outside, conditions, conditions_rng) if conditions.messy else {}
     for small, share in mess.items():
-        par = BY_NAME[small].apply(par, share, apart)
+        par = BY_NAME[small].apply(par, share, conditions_rng)
     similar = RigScaling.for_target(base, conditions.bore, conditions.supply, conditions.command)
     laboratory = Laboratory(
         name,
@@ -121,32 +150,36 @@ def prepare_case(
         linear_valve=_is_linear(base, kind),
         effects=baseline,
         stated_null=conditions.null_stated,
-        stated_stroke=_stated_stroke(similar.scale_rig(known).stroke, apart) if conditions.ends else None,
+        stated_stroke=_stated_stroke(similar.scale_rig(stated_rig).stroke, conditions_rng) if conditions.ends else None,
         absent_signals=conditions.absent,
     )
     return Case(
         laboratory,
-        RecordingProgramme(laboratory, similar.scale_rig(known), similar, conditions, rng).plans(kind),
+        RecordingProgramme(laboratory, similar.scale_rig(stated_rig), similar, conditions, rng).plans(kind),
         mess,
         rng,
     )
 
 
 def _stated_rig(
-    kind: str, hidden: Sequence[str], conditions: Conditions, rng: np.random.Generator, apart: np.random.Generator
+    kind: str,
+    hidden: Sequence[str],
+    conditions: Conditions,
+    rng: np.random.Generator,
+    conditions_rng: np.random.Generator,
 ) -> tuple[Parameters, Parameters, tuple[str, ...]]:
-    """The usual rig, what the conditions and known effects make of it, and the names of these effects."""
+    """Return the usual rig, the rig that the pipeline file describes, and the effects that this file names."""
     linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
     friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
     base = _draw_rig(kind, linear, rng)
-    known, loads = draw_variant(base, kind, conditions, apart)
+    stated_rig, loads = draw_variant(base, kind, conditions, conditions_rng)
     for name in friction:
-        known = BY_NAME[name].apply(known, 1.0, rng)
-    return base, known, (*friction, *loads)
+        stated_rig = BY_NAME[name].apply(stated_rig, 1.0, rng)
+    return base, stated_rig, (*friction, *loads)
 
 
 def _is_linear(base: Parameters, kind: str) -> bool:
-    """Whether the valve is described by one gain: an axis without a valve test."""
+    """Return whether the pipeline file describes the valve by one gain: an axis without a valve test."""
     return kind == "axis" and base.overlap == 0.0
 
 
@@ -163,12 +196,12 @@ def _mains_hum(rng: np.random.Generator) -> float:
 
 
 def _vessel(similar: RigScaling, rng: np.random.Generator) -> float:
-    """Volume in m^3 of the vessel on the valve's bench."""
+    """Draw the volume in m^3 of the vessel of the valve test."""
     return rng.uniform(120e-6, 250e-6) * similar.length * similar.area
 
 
 def _small_effects(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
-    """Three or four effects from outside the catalogue, or as many as there are, and their sizes over the usual."""
+    """Draw three or four disturbances, or as many as the conditions allow, with their sizes relative to the usual."""
     taken = set(BY_NAME[outside].null_values) if outside else set()
     mess: dict[str, float] = {}
     wanted = int(rng.integers(3, 5))
@@ -182,54 +215,8 @@ def _small_effects(kind: str, outside: str, conditions: Conditions, rng: np.rand
 
 
 def _stated_stroke(stroke: float, rng: np.random.Generator) -> float | None:
-    """What is stated of a stroke (m): in half of the cases a few thousandths too much or too little."""
+    """Draw the stroke (m) that the pipeline file states: in half of the cases it is off by up to 0.5 %."""
     return stroke * (1.0 + rng.uniform(-5e-3, 5e-3)) if rng.random() < 0.5 else None
-
-
-@dataclass(frozen=True)
-class PlannedCase:
-    """One case to be written."""
-
-    kind: str
-    hidden: tuple[str, ...]
-    outside: str
-    seed: int
-    conditions: Conditions
-
-
-def _plan(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[PlannedCase]:
-    rng, apart = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    singles, strangers = (_effect_names(effects, conditions, rng) for effects in (CATALOGUE, UNCATALOGUED))
-    for k in range(cases + nulls):
-        hidden: tuple[str, ...] = ()
-        outside = ""
-        if k < cases and k % 6 == 5:
-            hidden = _pair(conditions, rng)
-        elif k < cases and k % 5 == 4:
-            outside = next(strangers)
-        elif k < cases:
-            hidden = (next(singles),)
-        names = [*hidden, *([outside] if outside else [])]
-        of_case = conditions
-        while WIDE in of_case.names and (of_case is conditions or not _kinds(names, of_case)):
-            of_case = draw_conditions(apart, names)
-        yield PlannedCase(str(rng.choice(_kinds(names, of_case))), hidden, outside, int(rng.integers(2**31)), of_case)
-
-
-def _effect_names(effects: Sequence[HiddenEffect], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
-    while True:
-        order = [effects[i].name for i in rng.permutation(len(effects))]
-        yield from (name for name in order if conditions.allows(name) and _kinds([name], conditions))
-
-
-def _pair(conditions: Conditions, rng: np.random.Generator) -> tuple[str, ...]:
-    kind = str(rng.choice(conditions.kinds))
-    names = [effect.name for effect in CATALOGUE if kind in effect.kinds and conditions.allows(effect.name)]
-    return tuple(str(name) for name in rng.choice(names, 2, replace=False))
-
-
-def _kinds(names: Sequence[str], conditions: Conditions) -> list[str]:
-    return [kind for kind in conditions.kinds if all(kind in BY_NAME[name].kinds for name in names)]
 
 
 def _effect(name: str, kind: str) -> HiddenEffect:

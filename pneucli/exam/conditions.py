@@ -1,6 +1,6 @@
-"""Under which conditions an exam's cases are recorded; each has a name, such as ``rate-200Hz``.
+"""The conditions under which the cases of an exam are recorded; each has a name, such as ``rate-200Hz``.
 
-Names joined by ``+`` hold at once. Where nothing is said, things are as usual: a bore near 32 mm, 7 bar, 1 kHz.
+Names joined by ``+`` hold together. The usual conditions are a bore near 32 mm, 7 bar and 1 kHz.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ RIGS_WITH_PISTON: tuple[Kind, ...] = ("friction", "axis")
 RIGS_WITH_VALVE: tuple[Kind, ...] = ("valve", "axis")
 USUAL, WIDE = "usual", "wide"
 
-# of each line of what "wide" draws from, one is taken, most often the first
+# "wide" draws one condition from each line, most often the first
 WIDE_CHOICES = (
     ("usual", "bore-6mm", "bore-12mm", "bore-50mm", "bore-100mm", "bore-200mm"),
     ("usual", "supply-3bar", "supply-5bar", "supply-12bar", "supply-50bar"),
@@ -38,12 +38,12 @@ WIDE_CHOICES = (
     ("usual", "usual", "usual", "outliers"),
 )
 
-# there is no overlap to look for where the valve is mapped, and no map where it switches
+# a valve map contains the overlap, and a switching valve has no map
 EXCLUDED_WITH_VALVE_MAP = frozenset({"valve-deadband"})
 EXCLUDED_WITH_SWITCHING = EXCLUDED_WITH_VALVE_MAP | {"valve-lag", "valve-hysteresis", "spool sticks and jumps"}
-# a spring's rest takes up any other constant force
+# the rest position of a spring compensates any other constant force
 EXCLUDED_WITH_LOAD = frozenset({"constant-force", "spring-force"})
-# slow strokes at held pressures show nothing of these
+# not visible in slow strokes at constant pressure
 EXCLUDED_WITH_IMPOSED_MOTION = frozenset(
     {
         *("presliding", "dwell-breakaway", "friction-hysteresis", "extra-mass", "end-cushion", "acceleration-bias"),
@@ -51,7 +51,7 @@ EXCLUDED_WITH_IMPOSED_MOTION = frozenset(
         *("resonance of a flexibly coupled load", "backlash between piston and load"),
     }
 )
-# what acts besides on any rig, and resembles no effect of the catalogue
+# disturbances that resemble no effect of the catalogue
 DRIFTING_AND_PERIODIC_EFFECTS = frozenset(
     {
         *("dry friction falls over the first seconds", "viscous friction falls while warming up"),
@@ -64,35 +64,35 @@ EXCLUDED_WITH_TANK = frozenset({"supply-droop", "line-delay", "critical-ratio"})
 
 @dataclass(frozen=True)
 class Conditions:
-    """All conditions of a case, SI; the defaults are the usual ones, None leaves it to the case."""
+    """All conditions of a case, SI; the defaults are the usual ones, None lets the case draw the value."""
 
     names: tuple[str, ...] = ()
     bore: float | None = None  # m
     supply: float | None = None  # Pa, absolute
     rate: float = 1000.0  # Hz, of the logger
     ends: bool = False  # the piston rests at its ends most of the time
-    valve: str | None = None  # as [rig.valve] arrangement has it; None: one chamber, which goes without saying
+    valve: str | None = None  # [rig.valve] arrangement; None: the valve drives one chamber, the default
     null: float = 0.0  # V
-    null_stated: str | None = None  # what the pipeline file says of it
+    null_stated: str | None = None  # the null in the pipeline file
     command: float = 10.0  # V from the null, at which the valve is fully open
     switching: bool = False
     load: str | None = None  # "spring" or "weight"
     differential: bool = False
     tank: bool = False
     imposed: bool = False  # a machine imposes the motion and its force is measured
-    messy: bool = False  # several unknown effects act besides
-    mess: tuple[float, float] = (0.05, 0.25)  # their sizes over the usual, from and to
-    mess_of: frozenset[str] = frozenset()  # what they are drawn from; from all if empty
+    messy: bool = False  # several disturbances outside the catalogue act as well
+    mess: tuple[float, float] = (0.05, 0.25)  # range of their sizes, relative to the usual
+    mess_of: frozenset[str] = frozenset()  # the disturbances to draw from; all if empty
     bits: int = 0  # of the converters; 0: finer than the noise
-    drift: float = 0.0  # of the sensors' zeros over a recording, over their noise
+    drift: float = 0.0  # of the sensors' zeros over a recording, relative to their noise
     outliers: float = 0.0  # share of the samples
     absent: frozenset[str] = frozenset()  # signals that are not recorded
-    kinds: tuple[Kind, ...] = KINDS  # of rigs, on which all of this makes sense
-    excluded: frozenset[str] = frozenset()  # effects that mean nothing, or nothing of their own, under this
+    kinds: tuple[Kind, ...] = KINDS  # of rigs that can have these conditions
+    excluded: frozenset[str] = frozenset()  # effects that are not identifiable under these conditions
 
     @property
     def allows_unexplained(self) -> bool:
-        """Whether something stays that nothing in the catalogue accounts for, in every case."""
+        """Whether every case has a disturbance that no effect of the catalogue explains."""
         return self.messy or self.drift > 0.0
 
     @property
@@ -105,13 +105,15 @@ class Conditions:
         return effect not in self.excluded
 
     def allows_small(self, effect: str) -> bool:
-        """Whether the effect, of those outside the catalogue, may act besides."""
+        """Whether this disturbance may act as well."""
         return self.allows(effect) and (not self.mess_of or effect in self.mess_of)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One kind of condition: its form (``#`` stands for a number from ``minimum`` to ``maximum``) and what it changes."""
+    """One kind of condition: ``#`` in its ``pattern`` is a number from ``minimum`` to ``maximum``, from which
+    ``change`` makes fields of :class:`Conditions`.
+    """
 
     pattern: str
     description: str
@@ -122,7 +124,7 @@ class Condition:
     excluded: frozenset[str] = frozenset()
 
     def match(self, name: str) -> dict[str, Any] | None:
-        """What ``name`` changes; None where it is no name of this form. Raises InputError beyond the limits."""
+        """Return the changes for ``name``; None where the pattern differs. Raises InputError beyond the limits."""
         found = re.fullmatch(re.escape(self.pattern).replace(r"\#", r"(\d+(?:\.\d+)?)"), name)
         if found is None:
             return None
@@ -161,7 +163,7 @@ CONDITIONS = (
     ),
     Condition(
         "5/3-null",
-        "the same at rest near 5 V, where it is not known",
+        "the same at rest near 5 V, to be identified",
         _constant_change(valve="5/3", null=5.0, null_stated="identify", command=5.0),
         excluded=EXCLUDED_WITH_VALVE_MAP,
     ),
@@ -234,7 +236,7 @@ CONDITIONS = (
 
 
 def parse(text: str) -> Conditions:
-    """Read names joined by ``+``. Raises InputError for an unknown one, or some that exclude each other."""
+    """Return the conditions of names joined by ``+``; raises InputError for unknown and incompatible names."""
     names = tuple(text.split("+"))
     found = [_find(name) for name in names]
     changes: dict[str, Any] = {}
@@ -250,19 +252,19 @@ def parse(text: str) -> Conditions:
 
 
 def draw_conditions(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
-    """Conditions of many kinds at once, under which these effects may be hidden."""
+    """Draw several conditions under which all of these effects may be hidden."""
     while True:
         names = [str(rng.choice(line)) if rng.random() < 0.6 else USUAL for line in WIDE_CHOICES]
         try:
             conditions = parse("+".join(dict.fromkeys([WIDE, *(name for name in names if name != USUAL)])))
-        except InputError:  # they exclude each other
+        except InputError:  # they are incompatible
             continue
         if all(conditions.allows(effect) for effect in effects):
             return conditions
 
 
 def describe_conditions() -> str:
-    """All forms in one sentence, for the help."""
+    """Return all patterns in one sentence, for the help."""
     return "; ".join(
         f"{c.pattern} ({c.description}" + (f", {c.minimum:g} to {c.maximum:g}" if c.maximum else "") + ")"
         for c in CONDITIONS

@@ -1,7 +1,7 @@
-"""A fleet of small rigs at several dates: one template, a table, and apart from them what changed in which rig.
+"""Write a fleet of small rigs at several dates: a template, a table and, sealed, what changed in which rig.
 
-Each rig is drawn as an exam's is and recorded for some seconds at every date: the same test programme, new noise. In
-some rigs one thing is another at the last date: an effect of the catalogue has come, or friction has grown.
+Each rig is drawn as in an exam and recorded for some seconds at every date: the same test programme, new noise. Some
+rigs differ at the last date: an effect of the catalogue appeared, or friction grew.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy as np
 
 from pneucli.exam.cases import SEALED_FOLDER, prepare_case
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.hidden_effects import BY_NAME, RIGS_WITH_PISTON
+from pneucli.exam.hidden_effect import RIGS_WITH_PISTON
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.laboratory import RecordingPlan
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation
@@ -43,9 +44,9 @@ STATED_KEYS = {
 
 @dataclass(frozen=True)
 class FleetRig:
-    """One rig: its number in the fleet, what changes in it at the last date, how much, and what it does not repeat.
+    """One rig: its number in the fleet, what changes at the last date, and by how much.
 
-    ``drift``: by which part of itself friction differs from date to date, one standard deviation.
+    ``drift`` is the relative standard deviation of its friction from date to date.
     """
 
     number: int
@@ -74,11 +75,11 @@ def write_fleet(
     drift: float = 0.0,
     map_function: MapFunction = map,
 ) -> dict[str, list[str]]:
-    """Write table, template, fleet file and raw files; return what changed by rig, which is sealed as well.
+    """Write table, template, fleet file and raw files; return the changes by rig, which are sealed as well.
 
-    A share ``changed`` of the rigs, at least one where it is above 0, has a change of ``size`` times the usual, or as
-    many of them as are ``changes_per_rig``; the friction of all differs by ``drift`` of itself from date to date.
-    ``map_function`` is what applies the recording to every rig: ``map``, or that of a pool of processes.
+    A share ``changed`` of the rigs (at least one, unless it is 0) has ``changes_per_rig`` changes of ``size`` times
+    the usual. The friction of all rigs differs from date to date with the relative standard deviation ``drift``.
+    ``map_function`` applies the recording to every rig: ``map``, or that of a pool of processes.
     """
     rng = np.random.default_rng(seed)
     number = max(round(changed * rigs), 1) if changed > 0 else 0
@@ -138,16 +139,16 @@ def apply_changes(axis: FleetRig, par: Parameters) -> Parameters:
 
 
 def _with_daily_scatter(axis: FleetRig, par: Parameters, day: int) -> Parameters:
-    """Return the rig as it is on a day: lubrication, temperature and rest are never quite the same."""
+    """Return the rig on a day: lubrication, temperature and rest differ from day to day."""
     rng = np.random.default_rng([axis.seed, 4, day])
     factors = {name.partition(".")[2]: float(np.exp(axis.drift * rng.standard_normal())) for name in WEAR_PARAMETERS}
     return par._replace(**{field: getattr(par, field) * factor for field, factor in factors.items()})
 
 
 def _row(axis: FleetRig, par: Parameters, day: str, folder: Path, takes: Sequence[RecordingPlan]) -> dict[str, str]:
-    known = {key: f"{getattr(par, f) * factor:.4f} {unit}" for key, (f, factor, unit) in STATED_KEYS.items()}
+    stated = {key: f"{getattr(par, f) * factor:.4f} {unit}" for key, (f, factor, unit) in STATED_KEYS.items()}
     files = {f"recordings.{take.name}.file": f"{folder.as_posix()}/{take.name}.csv" for take in takes}
-    return {"rig": axis.name, "date": day, **known, **files}
+    return {"rig": axis.name, "date": day, **stated, **files}
 
 
 def _template(axis: FleetRig) -> str:
@@ -156,6 +157,6 @@ def _template(axis: FleetRig) -> str:
 
 
 def _with_uses(takes: Sequence[RecordingPlan]) -> list[RecordingPlan]:
-    """Return the takes with uses: of each experiment the last is held out."""
+    """Return the recordings with their uses: the last one of each experiment is held out."""
     uses: Mapping[str, str] = {"stickslip_2": "test", "driven_2": "test"}
     return [replace(take, use="test" if uses.get(take.name) else "train") for take in takes]

@@ -1,4 +1,4 @@
-"""``exam --like PIPELINE``: the user's rig, recordings and noise, as the exam's own rig has them."""
+"""``exam --like PIPELINE``: describe the user's rig, recordings and noise to the exam's rig."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def write(
     seed: int = 1,
     progress: Progress = no_progress,
 ) -> dict[str, Any]:
-    """Write an exam of a bench like that of ``pipeline``, which is identified first; return the answer.
+    """Identify ``pipeline``, write an exam of a rig like it, and return the answer.
 
-    Raises InputError where the pipeline is at fault, or its rig is of a kind that the exam's cannot be.
+    Raises InputError where the pipeline is at fault, or the exam cannot imitate its kind of rig.
     """
     opened = open_pipeline(pipeline, load_pipeline_file)
     done = opened.update(["identify"], None, progress)
@@ -62,7 +62,7 @@ def write(
 
 
 def exam_rig(study: PipelineData, model: Model) -> like.UserRig:
-    """Return the bench as the exam has it. Raises InputError for valves and recordings that it does not have."""
+    """Return the exam's description of the user's rig; raises InputError for valves and recordings that it lacks."""
     where = str(study.context.path)
     if study.rig.valve_kind != "proportional":
         raise InputError(f"{where}, [rig.valve]", f"a {study.rig.valve_kind} valve", "a proportional one, for --like")
@@ -89,7 +89,7 @@ def _parameters(study: PipelineData, model: Model) -> Parameters:
     rig, base = study.rig, model.base_values()
     usual = Parameters()
     first, second = rig.piston_areas
-    known = {
+    values = {
         "temperature": rig.gas_temperature,
         "ambient": rig.ambient_pressure,
         "supply": rig.supply_pressure,
@@ -102,18 +102,18 @@ def _parameters(study: PipelineData, model: Model) -> Parameters:
         "coulomb": model.values.get("friction.coulomb"),
         "viscous": model.values.get("friction.viscous"),
     }
-    stated = {name: float(value) for name, value in known.items() if value}
-    beside = {
+    stated = {name: float(value) for name, value in values.items() if value}
+    second_valve = {
         f"{name}_2": v
-        for name, v in _power_law_of_area(model.valve_2 or model.valve).items()
+        for name, v in _area_power_function(model.valve_2 or model.valve).items()
         if name != "command_range"
     }
     arranged = {"arrangement": VALVE_ARRANGEMENTS[rig.valve_arrangement], "command_null": rig.valve_null}
-    return usual._replace(**stated, **_power_law_of_area(model.valve), **beside, **arranged)
+    return usual._replace(**stated, **_area_power_function(model.valve), **second_valve, **arranged)
 
 
-def _power_law_of_area(valve: Any) -> dict[str, float]:
-    """Return the power law of the valve's area over its command that is nearest to the identified areas."""
+def _area_power_function(valve: Any) -> dict[str, float]:
+    """Fit effective area, overlap and exponent of the exam's valve to the identified areas."""
     commands = np.abs(np.array(valve.commands, dtype=np.float64))
     if not commands.size:
         return {}
@@ -174,7 +174,7 @@ def read_result_page(answers: Path) -> str:
 
 
 def write_result(directory: Path, answers: Path) -> dict[str, Any] | None:
-    """Write ``like.md`` and ``like.json`` beside the grades of an exam that is like a bench; None for another exam."""
+    """Write ``like.md`` and ``like.json`` next to the grades; return None where the exam imitates no user's rig."""
     sealed = directory / SEALED_FOLDER / EXAM_FILE
     asked: Mapping[str, Any] = json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else {}
     if "like" not in asked:

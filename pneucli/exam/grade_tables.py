@@ -1,4 +1,4 @@
-"""The grades of an exam as Markdown for people, and as rows of tables."""
+"""Format the grades of an exam as Markdown for people, and as rows of tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHORT_TITLES = {
 
 
 def to_markdown(result: dict[str, Any]) -> str:
-    """The grades, those of each condition, the failures by cause and the confusion matrix as Markdown tables."""
+    """Return the grades, also by condition, the failures by cause and the confusion matrix as Markdown tables."""
     lines = [f"{result['cases']} cases, {len(result['unanswered'])} without an answer", "", *_seed_origin(result)]
     lines += ["| what | right | of | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
     for what, share in result["shares"].items():
@@ -42,7 +42,7 @@ def to_markdown(result: dict[str, Any]) -> str:
 
 
 def measure_rows(result: dict[str, Any]) -> list[dict[str, Any]]:
-    """One row for each condition (``all``: the whole exam) and measure: its value, counts, interval and unit."""
+    """Return a row for each condition (``all``: the whole exam) and measure: value, counts, interval and unit."""
     table = []
     for group in [{"condition": "all", **result}, *result["conditions"]]:
         for what, share in group["shares"].items():
@@ -63,7 +63,7 @@ def measure_rows(result: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def case_rows(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
-    """One row for each case."""
+    """Return one row for each case."""
     return [
         {
             "case": g.case,
@@ -96,18 +96,17 @@ def _row(
 
 
 def _seed_origin(result: dict[str, Any]) -> list[str]:
-    """Where the seed came from: whether anybody could have seen the cases before the program was as it is."""
+    """Say where the seed came from, so whether anybody could have tuned the program to the cases."""
     about = result["exam"]
     if about is None:
         return []
-    words = f"Seed {about['seed']}, "
     if about["seed_from"] == "given":
-        words += "chosen by who wrote the exam."
+        origin = "chosen by who wrote the exam."
     elif result["answered_by"] in ([], [about["program"]]):
-        words += "from the hash of the program that answers: nobody can have looked."
+        origin = "from the hash of the program that answers: nobody can have looked."
     else:
-        words += "from the hash of another program than the one that answered: the cases may have been seen."
-    return [f"{words} Program: {about.get('program', 'not stated')}", ""]
+        origin = "from the hash of another program than the one that answered: the cases may have been seen."
+    return [f"Seed {about['seed']}, {origin} Program: {about.get('program', 'not stated')}", ""]
 
 
 def _sizes(result: dict[str, Any]) -> list[str]:
@@ -127,7 +126,7 @@ def _sizes(result: dict[str, Any]) -> list[str]:
 
 
 def _conditions(groups: Sequence[dict[str, Any]]) -> list[str]:
-    """A row for each condition; shares as right/of."""
+    """Return a row for each condition; shares as right/of."""
     head = ["condition", "cases", *SHORT_TITLES.values(), "set", "error", "seconds"]
     lines = ["", "| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
     for group in groups:
@@ -142,7 +141,7 @@ def _conditions(groups: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _failures(result: dict[str, Any]) -> list[str]:
-    """How many failed for each cause, and under which conditions."""
+    """Count the failures by cause and condition."""
     if not result["failures"]:
         return []
     lines = ["", "| failure | cases | under |", "| --- | ---: | --- |"]

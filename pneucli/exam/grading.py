@@ -1,4 +1,4 @@
-"""Grading answers, by condition: what was named, what should have been, how exactly, and why the rest failed."""
+"""Grade the answers to an exam, also by condition: detections, accuracy, probabilities and causes of failure."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ SECONDS_FILE = "seconds.json"
 def grade(directory: Path, answers: Path) -> dict[str, Any]:
     """Grade ``answers/CASE.json`` against the sealed truths (or ``CASE/truth.json``) below ``directory``.
 
-    A share comes as right, of, share and its exact 95 % interval (Clopper and Pearson); a case without an answer is
-    listed and counts as wrong. The same comes for each condition. Raises InputError where there is no truth or an
+    A share is given as right, of, share and its exact 95 % interval (Clopper and Pearson), for the exam and for each
+    condition. A case without an answer is listed and counts as wrong. Raises InputError where there is no truth or an
     answer cannot be read.
     """
     graded = graded_cases(directory, answers)
@@ -36,7 +36,7 @@ def grade(directory: Path, answers: Path) -> dict[str, Any]:
 
 
 def report(graded: Sequence[GradedCase]) -> dict[str, Any]:
-    """Count all cases, those of each condition, and what was answered to what."""
+    """Count all cases and those of each condition, and make the confusion matrix."""
     groups = {name: [g for g in graded if name in g.conditions] for each in graded for name in each.conditions}
     return {
         "schema": "pneucli/exam/1",
@@ -57,20 +57,20 @@ def graded_cases(directory: Path, answers: Path) -> list[GradedCase]:
 
 
 def _counts(graded: Sequence[GradedCase]) -> dict[str, Any]:
-    known = [g for g in graded if g.hidden]
+    with_effects = [g for g in graded if g.hidden]
     nulls = [g for g in graded if g.is_null]
-    strangers = [g for g in graded if g.uncatalogued_effect]
-    right = [right for g in known for right in g.parameters_within_tolerance]
-    held = [held for g in known for held in g.intervals_cover_truth]
-    sure = [true for g in graded for true in g.confident_namings]
-    surely = [found for g in known for found in g.confident_detections]
+    disturbed = [g for g in graded if g.uncatalogued_effect]
+    accurate = [right for g in with_effects for right in g.parameters_within_tolerance]
+    covered = [covers for g in with_effects for covers in g.intervals_cover_truth]
+    confident_namings = [true for g in graded for true in g.confident_namings]
+    confident_detections = [found for g in with_effects for found in g.confident_detections]
     return {
         "cases": len(graded),
         "unanswered": [g.case for g in graded if g.verdict == "no answer"],
         "shares": {
             "verdict right": _share_correct(graded, lambda g: g.verdict_is_correct),
-            "true effects in the answer": _share_correct(known, lambda g: g.hidden <= g.answer_set),
-            "exactly the true effects": _share_correct(known, lambda g: g.hidden == g.missing),
+            "true effects in the answer": _share_correct(with_effects, lambda g: g.hidden <= g.answer_set),
+            "exactly the true effects": _share_correct(with_effects, lambda g: g.hidden == g.missing),
             "nulls named nothing": _share_correct(nulls, lambda g: g.is_correct_null),
             "clean nulls named nothing": _share_correct(
                 [g for g in nulls if not g.has_small_effects], lambda g: g.is_correct_null
@@ -78,20 +78,20 @@ def _counts(graded: Sequence[GradedCase]) -> dict[str, Any]:
             "messy nulls named nothing": _share_correct(
                 [g for g in nulls if g.has_small_effects], lambda g: g.is_correct_null
             ),
-            "unknown flagged": _share_correct(strangers, lambda g: g.verdict == "unexplained"),
-            "unknown wrongly named": _share_correct(strangers, lambda g: bool(g.missing)),
+            "unknown flagged": _share_correct(disturbed, lambda g: g.verdict == "unexplained"),
+            "unknown wrongly named": _share_correct(disturbed, lambda g: bool(g.missing)),
             "inconclusive": _share_correct(graded, lambda g: g.verdict == "inconclusive"),
-            "parameters within 15 %": _proportion(sum(right), len(right)),
-            "intervals that hold the truth": _proportion(sum(held), len(held)),
-            "named with 0.9 or more, and true": _proportion(sum(sure), len(sure)),
-            "true effects named with 0.9 or more": _proportion(sum(surely), len(surely)),
+            "parameters within 15 %": _proportion(sum(accurate), len(accurate)),
+            "intervals that hold the truth": _proportion(sum(covered), len(covered)),
+            "named with 0.9 or more, and true": _proportion(sum(confident_namings), len(confident_namings)),
+            "true effects named with 0.9 or more": _proportion(sum(confident_detections), len(confident_detections)),
             "unknown flagged in its subsystem, over its signal": _share_correct(
-                strangers, lambda g: g.verdict_is_correct
+                disturbed, lambda g: g.verdict_is_correct
             ),
         },
         "calibration": reliability(graded),
-        "set_size": _summary([size for g in known for size in g.set_sizes]),
-        "error_after": _summary([g.final_error for g in known if g.hidden == g.missing]),
+        "set_size": _summary([size for g in with_effects for size in g.set_sizes]),
+        "error_after": _summary([g.final_error for g in with_effects if g.hidden == g.missing]),
         "seconds": _run_times(graded),
         "failures": dict(sorted(Counter(g.failure_cause for g in graded if g.failure_cause).items())),
     }
@@ -126,7 +126,7 @@ def _summary(values: Sequence[float | None]) -> dict[str, float] | None:
 
 
 def _run_times(graded: Sequence[GradedCase]) -> dict[str, Any] | None:
-    """The median and the slowest of the processor seconds; None where nobody noted them."""
+    """Return the median and the maximum of the processor seconds; None where the answers have none."""
     noted = {g.case: g.seconds for g in graded if g.seconds is not None}
     if not noted:
         return None
@@ -147,4 +147,4 @@ def _proportion(right: int, of: int) -> dict[str, Any]:
 
 def _confusion(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
     counts = Counter((g.truth_label, g.answer_label) for g in graded)
-    return [{"hidden": hidden, "answered": said, "cases": n} for (hidden, said), n in sorted(counts.items())]
+    return [{"hidden": hidden, "answered": label, "cases": n} for (hidden, label), n in sorted(counts.items())]

@@ -1,4 +1,4 @@
-"""A laboratory hands over a folder: the recordings of one virtual rig and the pipeline file that describes them."""
+"""A laboratory writes a folder: the recordings of one virtual rig and the pipeline file that describes them."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ IMPOSED_MOTION_SIGNALS = ("p1", "x", "force")
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """One recording to be made: its name, where it is used, and what is done to which rig."""
+    """One recording to be made: its name, its use, and the excitation of the rig."""
 
     name: str
     experiment: Experiment
     use: Literal["train", "test"]
     excitation: Excitation | MotionMachine
-    chamber: Literal[1, 2] = 1  # on the bench: whose valve, or whose port, is tested
+    chamber: Literal[1, 2] = 1  # in a valve test: the chamber whose valve or port is tested
 
     @property
     def is_imposed(self) -> bool:
@@ -44,12 +44,17 @@ class RecordingPlan:
 
 @dataclass(frozen=True)
 class Laboratory:
-    """One rig, its sensors, and what its pipeline file says (volumes in m^3).
+    """One rig, its sensors, and the contents of its pipeline file.
 
-    ``vessel_volume`` is the fixed chamber of the valve's bench, ``has_cylinder`` whether there is a cylinder; without
-    ``supply_recorded`` the files have no p_supply; ``effects`` are those that the pipeline already knows of.
-    ``stated_null`` is what it says of the valve's null, ``stated_stroke`` (m) of the stroke, where that is not exact;
-    signals in ``absent_signals`` are not recorded.
+    Attributes:
+        vessel_volume: The volume (m^3) of the vessel of the valve test; None where there is no such test.
+        has_cylinder: Whether there is a cylinder.
+        supply_recorded: Whether the files contain p_supply.
+        effects: The effects in the pipeline file.
+        stated_null: The valve's null in the pipeline file.
+        stated_stroke: The stroke (m) in the pipeline file, where it is not exact.
+        absent_signals: The signals that are not recorded.
+
     """
 
     name: str
@@ -66,11 +71,11 @@ class Laboratory:
 
     @property
     def valve_test_rig(self) -> Parameters:
-        """The valve of chamber 1 on the vessel."""
+        """The rig of the valve test of chamber 1: its valve on the vessel."""
         return self.valve_test_rig_of(1)
 
     def valve_test_rig_of(self, chamber: Literal[1, 2]) -> Parameters:
-        """The same valve, supply and sensors on the vessel; a leak of the cylinder stays with the cylinder."""
+        """Return the rig of a valve test: this valve, supply and sensors on the vessel, no leak of the cylinder."""
         par = self.parameters._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=self.vessel_volume or 0.0)
         par = par._replace(dead_volume_added=0.0, piston_leak_area=0.0, load_mass=0.0, arrangement=ONE_CHAMBER)
         if chamber == 2:
@@ -81,7 +86,7 @@ class Laboratory:
         return tight if self.has_cylinder else par
 
     def signals(self, take: RecordingPlan) -> tuple[str, ...]:
-        """The signals that a take records."""
+        """Return the signals of a recording."""
         absent = set(self.absent_signals) if self.supply_recorded else {"p_supply", *self.absent_signals}
         if self.parameters.arrangement != TWO_VALVES:
             absent.add("u2")
@@ -89,7 +94,7 @@ class Laboratory:
         return tuple(signal for signal in recorded if signal not in absent)
 
     def record(self, folder: Path, plans: Sequence[RecordingPlan], rng: np.random.Generator) -> dict[str, float]:
-        """Simulate every take and write ``folder/NAME.csv``; returns the share of its time at an end of the stroke."""
+        """Simulate every recording and write ``folder/NAME.csv``; return the share of its time at the ends."""
         at_ends = {}
         for take in plans:
             par = self.valve_test_rig_of(take.chamber) if take.experiment == "valve" else self.parameters
@@ -103,7 +108,7 @@ class Laboratory:
         return at_ends
 
     def pipeline(self, plans: Sequence[RecordingPlan], folder: str, checks: str = "") -> str:
-        """Return the pipeline file's text; ``folder`` is where its recordings lie, relative to it."""
+        """Return the pipeline file's text; ``folder`` is that of the recordings, relative to it."""
         parts = [
             "# measurements of one rig; what each column is, and what is known of the rig",
             f'[pipeline]\nname = "{self.name}"\n',
@@ -117,7 +122,7 @@ class Laboratory:
     def _rig(self) -> str:
         par = self.parameters
         stroke = self.stated_stroke or par.stroke
-        # beside another stroke, the volume that was measured at the other end
+        # with an inexact stroke, the volume was measured at the other end
         dead_volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - stroke)
         text = f'[rig]\ngas_temperature = "{par.temperature} K"\n'
         text += f'ambient_pressure = "{par.ambient / 1e5:.3f} bar"      # absolute\n'
@@ -136,7 +141,7 @@ class Laboratory:
         return text + self._valve()
 
     def _valve(self) -> str:
-        """The table of the valve; the usual one goes without saying."""
+        """Return the table of the valve; "" for the usual one, the default of the pipeline file."""
         par = self.parameters
         lines = {
             "arrangement": {FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement),
@@ -145,8 +150,8 @@ class Laboratory:
         }
         if par.switching and par.arrangement == ONE_CHAMBER:
             lines["arrangement"] = "one-chamber"
-        said = [f'{key} = "{value}"' for key, value in lines.items() if value]
-        return "\n".join(["\n[rig.valve]", *said]) + "\n" if said else ""
+        entries = [f'{key} = "{value}"' for key, value in lines.items() if value]
+        return "\n".join(["\n[rig.valve]", *entries]) + "\n" if entries else ""
 
     def _columns(self, takes: Sequence[RecordingPlan]) -> str:
         recorded = {signal for take in takes for signal in self.signals(take)}
@@ -182,7 +187,7 @@ def _chamber_2_is_open(manoeuvre: Excitation | MotionMachine) -> bool:
 
 
 def _number(value: float, decimals: int) -> str:
-    """As many decimals as given, and more where fewer than four digits would be left."""
+    """Format with this many decimals, and with more where fewer than four digits would remain."""
     return f"{value:.{max(decimals, 3 - math.floor(math.log10(value)))}f}"
 
 
@@ -200,7 +205,7 @@ CSV_COLUMNS = {
 
 
 def write_csv(path: Path, rig: str, measured: dict[str, Array], signals: tuple[str, ...], position_step: float) -> None:
-    """Write the chosen signals (SI) below a header of one line and two comments; positions to ``position_step`` (m)."""
+    """Write these signals (SI) with two comment lines and a header; positions are rounded to ``position_step`` (m)."""
     columns = [[repr(value) for value in np.round(measured["time"] * 1e3, 6).tolist()]]
     for name in signals:
         _, factor, decimals = CSV_COLUMNS[name]

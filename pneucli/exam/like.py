@@ -1,8 +1,8 @@
-"""An exam of one's own bench: cases like a rig, its recordings and its noise, each effect hidden at several sizes.
+"""Write an exam that imitates a user's rig, recordings and noise, and hides each effect at several sizes.
 
-The rig is the exam's own, set to what was identified; its test programme follows the recordings: the recorded commands
-of a valve test, the recorded motion as the reference of a position loop. So it tells how well *this* bench, with these
-sensors and manoeuvres, can tell *what*. What the real rig has beside that is not in it.
+The rig is the exam's own, set to the identified values. Its test programme follows the recordings: the recorded
+commands of a valve test, the recorded motion as reference of a position loop. The exam measures which effects these
+sensors and experiments can identify. It contains nothing else of the real rig.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import EXAM_FILE, seal
 from pneucli.exam.conditions import Kind
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.hidden_effects import CATALOGUE, HiddenEffect
+from pneucli.exam.hidden_effect import HiddenEffect
+from pneucli.exam.hidden_effects import CATALOGUE
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.kernel import Array
@@ -32,13 +33,13 @@ SIZES = (0.03, 0.1, 0.3, 1.0)
 POSITION_LOOP_GAIN = 150.0  # V/m, of the position loop of the usual rig
 RELATIVE_FIELDS = {"static": "coulomb", "extra_mass": "mass"}  # fields that are drawn as a multiple of another
 USUAL_RIG = Parameters()
-MIN_NAMED_SHARE = 0.9  # share of cases from which on a size counts as named
+MIN_NAMED_SHARE = 0.9  # share of the cases in which an effect of a size must be named
 SCHEMA = "pneucli/exam-like/1"
 
 
 @dataclass(frozen=True)
 class UserRecording:
-    """One recording of the user's: what it was, its time (s) and its opening (V, + fills) or position (m)."""
+    """One recording of the user: its experiment, its time (s) and its opening (V, + fills) or position (m)."""
 
     name: str
     experiment: Literal["valve", "friction", "axis"]
@@ -47,12 +48,12 @@ class UserRecording:
     signal: Array
     pressures: tuple[float, float]  # Pa, absolute, at its start
     chamber_2_open: bool = False
-    chamber: Literal[1, 2] = 1  # of a valve test, the one whose valve, or port, is tested
+    chamber: Literal[1, 2] = 1  # in a valve test: the chamber whose valve or port is tested
 
 
 @dataclass(frozen=True)
 class UserRig:
-    """The user's rig as the exam's, its sensors, its recordings, and what its pipeline file says of it."""
+    """The exam's imitation of the user's rig: parameters, sensors, recordings, contents of its pipeline file."""
 
     parameters: Parameters
     sensors: Sensors
@@ -67,12 +68,12 @@ class UserRig:
 
     @property
     def kinds(self) -> list[Kind]:
-        """The kinds of rig whose effects may show."""
+        """The kinds of rig whose effects may be visible."""
         return list(dict.fromkeys(r.experiment for r in self.recordings))
 
     @property
     def scaling(self) -> RigScaling:
-        """The ratios of this rig to the usual one, which size what is hidden."""
+        """The ratios of this rig to the usual one, by which hidden effects are scaled."""
         par = self.parameters
         pressure = (par.supply - par.ambient) / (USUAL_RIG.supply - USUAL_RIG.ambient)
         area = par.piston_area_1 / USUAL_RIG.piston_area_1
@@ -89,9 +90,9 @@ def write_like(
     seed: int = 1,
     about: Mapping[str, Any] | None = None,
 ) -> list[str]:
-    """Write ``repeats`` cases of each effect at each of the ``sizes`` and ``nulls`` without any; return their names.
+    """Write ``repeats`` cases of each effect at each of the ``sizes``, and ``nulls`` healthy rigs; return their names.
 
-    Raises InputError where the directory holds something already.
+    Raises InputError where the folder is not empty.
     """
     if directory.exists() and any(directory.iterdir()):
         raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
@@ -139,7 +140,7 @@ def _case(folder: Path, bench: UserRig, effect: HiddenEffect | None, size: float
 
 
 def with_hidden_effect(rig: UserRig, effect: HiddenEffect, size: float, rng: np.random.Generator) -> Parameters:
-    """Return the user's rig with an effect of ``size`` times the usual, as large for it as for the usual rig."""
+    """Return the user's rig with an effect of ``size`` times the usual, scaled to this rig."""
     drawn, mine = effect.apply(USUAL_RIG, size, rng), rig.scaling.scale_rig(USUAL_RIG)
     similar = rig.scaling.scale_rig(drawn)
     values = {}
@@ -157,7 +158,7 @@ def with_hidden_effect(rig: UserRig, effect: HiddenEffect, size: float, rng: np.
 
 
 def excitation_for(rig: UserRig, recording: UserRecording) -> Excitation:
-    """Return what is done to the rig so that it does about what was recorded."""
+    """Return the excitation that makes the rig repeat a recording approximately."""
     time = np.arange(recording.time[0], recording.time[-1], LOOP_PERIOD)
     signal = np.interp(time, recording.time, recording.signal)
     if recording.experiment == "valve":
@@ -171,7 +172,7 @@ def excitation_for(rig: UserRig, recording: UserRecording) -> Excitation:
 
 
 def summarize(graded: Sequence[GradedCase]) -> dict[str, Any]:
-    """Return by effect and size how often it was named (or in the answer's set), the least size, and false alarms."""
+    """Return by effect and size how often it was named (or in the answer's set), the smallest such size, and alarms."""
     effects = sorted({name for g in graded for name in g.hidden})
     rows = [{"effect": name, "sizes": list(_by_size(graded, name))} for name in effects]
     nulls = [g for g in graded if g.is_null]
@@ -196,7 +197,7 @@ def _by_size(graded: Sequence[GradedCase], name: str) -> Iterator[dict[str, Any]
 
 
 def _smallest_named_size(sizes: Any) -> float | None:
-    """Return the least size from which on an effect is named in 90 %, None where it never is."""
+    """Return the smallest size from which an effect is named in 90 % of the cases; None where there is none."""
     found = None
     for one in reversed(list(sizes)):
         if one["share"] < MIN_NAMED_SHARE:
@@ -213,7 +214,7 @@ def _interval(right: int, of: int) -> list[float] | None:
 
 
 def to_markdown(found: Mapping[str, Any], sizes: Sequence[float]) -> str:
-    """Return the result as a page of Markdown: sizes from which effects are named, what is named instead, alarms."""
+    """Return a page of Markdown: the sizes from which effects are named, effects named instead, false alarms."""
     head = "| effect | named from | " + " | ".join(f"× {s:g}" for s in sizes) + " | named instead |"
     lines = [
         "# What this bench can tell",
@@ -225,8 +226,8 @@ def to_markdown(found: Mapping[str, Any], sizes: Sequence[float]) -> str:
     for row in found["effects"]:
         cells = {one["size"]: f"{one['named']} of {one['cases']}" for one in row["sizes"]}
         others = sorted({name for one in row["sizes"] for name in one["named_instead"]})
-        least = "never" if row["named_from"] is None else f"× {row['named_from']:g}"
+        smallest = "never" if row["named_from"] is None else f"× {row['named_from']:g}"
         middle = " | ".join(cells.get(s, "") for s in sizes)
-        lines.append(f"| {row['effect']} | {least} | {middle} | {', '.join(others)} |")
+        lines.append(f"| {row['effect']} | {smallest} | {middle} | {', '.join(others)} |")
     lines += ["", f"Nothing hidden: {found['false_alarms']} of {found['nulls']} named something."]
     return "\n".join(lines) + "\n"

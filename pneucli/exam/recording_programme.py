@@ -1,4 +1,4 @@
-"""Which recordings a laboratory makes of its rig, by kind of rig and conditions."""
+"""Plan the recordings of a rig, by its kind and its conditions."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ STAIRCASE_COMMANDS = ((0.5, 1.6), (0.7, 1.2))
 
 
 class RecordingProgramme:
-    """The takes of one rig; ``stated_rig`` is the rig without what is hidden: its loads are balanced at the start."""
+    """The recordings of one rig; ``stated_rig`` is the rig without hidden effects, whose loads balance at the start."""
 
     def __init__(
         self,
         laboratory: Laboratory,
-        known: Parameters,
+        stated_rig: Parameters,
         similar: RigScaling,
         conditions: Conditions,
         rng: np.random.Generator,
     ) -> None:
-        self.laboratory, self.stated_rig, self.scaling = laboratory, known, similar
+        self.laboratory, self.stated_rig, self.scaling = laboratory, stated_rig, similar
         self.conditions, self.rng = conditions, rng
 
     def plans(self, kind: str) -> list[RecordingPlan]:
-        """All recordings of a rig of that kind; of each experiment the last, or a step, is to be tested with."""
+        """Return all recordings of a rig of that kind; the last of each experiment, or a step, is for testing."""
         takes: list[RecordingPlan] = []
         if self.laboratory.vessel_volume is not None:
             takes += self._valve_tests(1, tested=kind == "valve")
@@ -83,12 +83,12 @@ class RecordingProgramme:
         par, position = self.laboratory.parameters, 0.15 * self.stated_rig.stroke
         rates = (self.rng.uniform(5e3, 8e3), self.rng.uniform(9e3, 14e3))
         moves = [
-            stick_slip(par, rate * self.scaling.pressure, position, load=self._known_load(position)) for rate in rates
+            stick_slip(par, rate * self.scaling.pressure, position, load=self._stated_load(position)) for rate in rates
         ]
         return _numbered("stickslip", "friction", moves)
 
     def _strokes(self) -> list[MotionMachine]:
-        """Strokes at four pressures, the last of them between the others; over the place where friction has one."""
+        """Return strokes at four pressures, the last between the others; they cross the place of a friction patch."""
         par = self.laboratory.parameters
         stroke, gauge = self.stated_rig.stroke, self.stated_rig.supply - self.stated_rig.ambient
         start = float(self.rng.uniform(0.1, 0.4)) * stroke
@@ -111,7 +111,7 @@ class RecordingProgramme:
         gauge = rng.uniform(1.3e5, 2.2e5) * self.scaling.pressure * (1.4 if self.conditions.ends else 1.0)
         if self.conditions.differential:
             gauge *= par.piston_area_2 / par.piston_area_1  # the smaller side has the higher pressure
-        load = self._known_load(float(reference[0]))
+        load = self._stated_load(float(reference[0]))
         if par.arrangement == ONE_CHAMBER:
             if self.conditions.load == "spring":
                 return single_acting(par, reference, gain, load)
@@ -123,7 +123,7 @@ class RecordingProgramme:
         if not self.conditions.ends:
             return two_sine_reference(self.rng, samples, self.stated_rig.stroke)
         stroke, share = self.stated_rig.stroke, self.rng.uniform(0.5, 0.75)
-        # the air that is shut in keeps the piston from the other end
+        # the enclosed air keeps the piston from the other end
         is_shut_in = self.stated_rig.arrangement == ONE_CHAMBER and self.conditions.load != "spring"
         beyond = self.rng.uniform(0.05, 0.2, 2)
         return back_and_forth_reference(
@@ -131,15 +131,15 @@ class RecordingProgramme:
         )
 
     def _mean_pressure_swing(self, samples: int) -> Array:
-        """What the second valve does beside the opposite of the first: a slow swing of the mean pressure, in V."""
+        """Return what the second valve adds to the negated first command (V): a slow swing of the mean pressure."""
         swing = self.rng.uniform(0.03, 0.08) * self.stated_rig.command_range
         phase = 2 * np.pi * (LOOP_PERIOD * np.arange(samples) / self.rng.uniform(1.0, 3.0) + self.rng.random())
         return np.asarray(swing * np.sin(phase))
 
-    def _known_load(self, position: float) -> float:
-        """Force in N toward x = 0 that the laboratory knows of."""
-        known = self.stated_rig
-        return known.constant_force + known.spring_stiffness * (position - known.spring_rest)
+    def _stated_load(self, position: float) -> float:
+        """Return the stated force in N toward x = 0."""
+        rig = self.stated_rig
+        return rig.constant_force + rig.spring_stiffness * (position - rig.spring_rest)
 
 
 def _numbered(

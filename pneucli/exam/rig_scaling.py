@@ -1,7 +1,7 @@
-"""Rigs of another size: the usual one with all its lengths, areas, pressures and commands changed, and its times kept.
+"""Scale a rig: lengths, areas, pressures and commands change, times stay.
 
-Every quantity follows by its dimension, what is hidden included, so that a rig of any size moves as the usual one
-does. Only the ambient pressure stays: at 3 bar less of the flow is choked than at 50 bar.
+Every quantity is scaled by its dimension, hidden effects included, so that a rig of any size moves like the usual one.
+Only the ambient pressure is not scaled: at 3 bar less of the flow is choked than at 50 bar.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
 
-# powers of: the lengths along the stroke, the piston's area, the gauge pressures, the absolute supply, the commands
+# exponents of: lengths along the stroke, piston area, gauge pressures, absolute supply, commands
 LENGTH, AREA, PRESSURE, VOLTAGE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 0, 1)
 VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same time
 FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
@@ -82,12 +82,12 @@ DIMENSIONS = {
     "spool_stiction": VOLTAGE,
     "command_range": VOLTAGE,
 }
-"""The dimension of every field of ``Parameters`` that has one beside time and temperature."""
+"""The exponents of every field of ``Parameters`` that is scaled."""
 
 
 @dataclass(frozen=True)
 class RigScaling:
-    """The ratios (1) of a rig's lengths, piston areas, gauge pressures, absolute supply and commands to the usual's."""
+    """Ratios of a rig to the usual one: lengths, piston areas, gauge pressures, absolute supply, commands."""
 
     length: float = 1.0
     area: float = 1.0
@@ -97,10 +97,16 @@ class RigScaling:
 
     @classmethod
     def for_target(cls, par: Parameters, bore: float | None, supply: float | None, command: float = 10.0) -> RigScaling:
-        """Return what makes ``par`` a rig of that bore (m) and supply (Pa, absolute), whose valve is fully open at
-        ``command`` (V from its null); None keeps either.
+        """Return the ratios that scale ``par`` to a bore, a supply and a command.
 
-        The stroke grows as the root of the bore, about as in catalogues of cylinders, in whole millimetres.
+        The stroke grows with the root of the bore, about as in catalogues of cylinders, in whole millimetres.
+
+        Args:
+            par: The usual rig.
+            bore: The diameter of the piston in m; None keeps it.
+            supply: The absolute supply pressure in Pa; None keeps it.
+            command: The command in V from the null at which the valve is fully open.
+
         """
         area = 1.0 if bore is None else 0.25 * np.pi * bore**2 / par.piston_area_1
         length = round(par.stroke * area**0.25, 3) / par.stroke
@@ -109,7 +115,7 @@ class RigScaling:
         return cls(length, area, pressure, wanted / par.supply, command / par.command_range)
 
     def scale_rig(self, par: Parameters) -> Parameters:
-        """Return the similar rig."""
+        """Return the scaled rig."""
         ratios = (self.length, self.area, self.pressure, self.supply, self.command)
         factors = {
             field: float(np.prod([ratio**power for ratio, power in zip(ratios, powers, strict=True)]))
@@ -119,7 +125,7 @@ class RigScaling:
         return par._replace(supply=par.supply * self.supply, **changed)
 
     def scale_sensors(self, sensors: Sensors) -> Sensors:
-        """Return sensors whose noise is the same share of what they measure; encoders have decimal steps."""
+        """Return sensors with the same noise relative to their signals; encoders have decimal steps."""
         return replace(
             sensors,
             pressure=sensors.pressure * self.pressure,

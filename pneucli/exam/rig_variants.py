@@ -1,4 +1,4 @@
-"""What a rig consists of: its valves, its load and its supply, drawn for the usual rig as the conditions say."""
+"""Draw valves, load and supply of a rig according to the conditions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
 def draw_variant(
     par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Return the usual rig with these valves, loads and ends, and the effects that its pipeline file knows by this."""
+    """Return the rig with these valves, loads and ends, and the effects that its pipeline file then names."""
     par = _with_end_stops(_with_valves(par, conditions, rng), rng)
     force = (par.supply - par.ambient) * par.piston_area_1
     if conditions.differential:
@@ -23,11 +23,11 @@ def draw_variant(
         return par._replace(spring_stiffness=stiffness, spring_rest=-preload / stiffness), ("spring-force",)
     if conditions.load == "weight":
         weight = force * rng.uniform(0.08, 0.16)
-        # a chamber 1 that fills beside an open chamber 2 cannot hold what pulls outward
+        # with chamber 2 open, chamber 1 cannot balance a force that pulls outward
         side = 1.0 if kind == "friction" else float(rng.choice([-1.0, 1.0]))
         return par._replace(constant_force=side * weight, mass=par.mass + weight / 9.81), ("constant-force",)
     if conditions.tank:
-        # litres against a vessel of about 0.2, and a hose of metres
+        # litres for a vessel of about 0.2 l, and a hose of some metres
         par = par._replace(supply_volume=rng.uniform(0.8e-3, 2e-3), regulator_conductance=0.0)
         hose = {"line_delay": rng.uniform(0.006, 0.015), "critical_ratio": rng.uniform(0.15, 0.3)}
         return par._replace(**hose), ("line-delay", "critical-ratio")
@@ -40,7 +40,7 @@ def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generat
         par = par._replace(command_null=conditions.null + rng.uniform(-0.15, 0.15))
     if conditions.valve is None:
         return par
-    # the edges of one spool differ a little, two valves as two of a series do
+    # the edges of one spool differ slightly, two valves like two of a series
     spread = 0.12 if conditions.valve == "5/3" else 0.25
     return par._replace(
         arrangement=ARRANGEMENT_CODES[conditions.valve],
@@ -51,7 +51,7 @@ def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generat
 
 
 def _with_end_stops(par: Parameters, rng: np.random.Generator) -> Parameters:
-    """Ends that the full supply presses in by 0.2 to 1 thousandth of the stroke, half of them so that it bounces."""
+    """Draw ends that the full supply compresses by 0.02 to 0.1 % of the stroke; on half of them the piston bounces."""
     pressed = par.stroke * rng.uniform(2e-4, 1e-3)
     stiffness = (par.supply - par.ambient) * par.piston_area_1 / pressed
     ratio = rng.uniform(0.05, 0.3) if rng.random() < 0.5 else rng.uniform(0.7, 1.0)

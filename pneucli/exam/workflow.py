@@ -1,4 +1,4 @@
-"""Exams: write sealed cases, answer them, and grade the answers."""
+"""Write sealed cases, answer them, and grade the answers."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ def write(
     seed: int | None = None,
     conditions: Sequence[str] = (USUAL,),
 ) -> dict[str, Any]:
-    """Write an exam into an empty or new folder; the truths lie sealed in its hidden folder.
+    """Write an exam into an empty or new folder; the truth is sealed in its hidden folder.
 
-    Of each of the ``conditions``, ``cases`` have something hidden, of ``size`` times the usual, and ``nulls`` have
-    nothing. Without a ``seed`` it comes from the hash of this program, so that nobody can have seen the cases before
-    the program was as it is. Raises InputError where the folder holds something already, or for an unknown condition.
+    For each of the ``conditions``, ``cases`` rigs hide effects of ``size`` times the usual, and ``nulls`` are healthy.
+    Without a ``seed`` it is the hash of this program, so that nobody can have tuned the program to the cases. Raises
+    InputError where the folder is not empty, or for an unknown condition.
     """
     program = program_digest()
     about = {"seed_from": "program" if seed is None else "given", "program": program}
@@ -74,24 +74,24 @@ def write(
 
 
 def seed_from_program(program: str) -> int:
-    """The seed that follows from a program's version and hash."""
+    """Return the seed for a program's version and hash."""
     return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
 
 
 def answer(directory: Path, progress: Progress = no_progress, executor: str | None = None) -> dict[str, Any]:
-    """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet; note the seconds of each.
+    """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet, and store the seconds of each.
 
-    A case that fails gets the verdict ``failed`` and the error for an answer; delete that file to try it again.
-    Raises InputError where there are no cases, or the executor cannot work.
+    A case that fails gets the verdict ``failed`` and the error as its answer; delete that file to repeat it. Raises
+    InputError where there are no cases, or the executor cannot work.
     """
     cases = {path.parent.name: path for path in sorted(directory.glob("*/pipeline.toml"))}
     if not cases:
         raise InputError(str(directory), "no CASE/pipeline.toml in it", "an exam", f"pneucli exam {directory}")
     answers = (directory / ANSWERS).absolute()
     answers.mkdir(exist_ok=True)
-    lacking = deque((str(p), str(answers), c) for c, p in cases.items() if not (answers / f"{c}.json").exists())
-    if lacking:
-        _answer_all(lacking, executor, progress)
+    open_jobs = deque((str(p), str(answers), c) for c, p in cases.items() if not (answers / f"{c}.json").exists())
+    if open_jobs:
+        _answer_all(open_jobs, executor, progress)
     given = {case: _read(answers / f"{case}.json") for case in cases}
     noted = {case: content["seconds"] for case, content in given.items() if "seconds" in content}
     _write(answers / SECONDS_FILE, _read(answers / SECONDS_FILE) | noted)
@@ -103,10 +103,10 @@ def answer(directory: Path, progress: Progress = no_progress, executor: str | No
     }
 
 
-def _answer_all(lacking: deque[Job], executor: str | None, progress: Progress) -> None:
-    total = len(lacking)
+def _answer_all(open_jobs: deque[Job], executor: str | None, progress: Progress) -> None:
+    total = len(open_jobs)
     with engine_from(executor, program_versions, preload=__name__) as engine:
-        for done, outcome in enumerate(run_jobs(engine, answer_case, lacking), 1):
+        for done, outcome in enumerate(run_jobs(engine, answer_case, open_jobs), 1):
             if isinstance(outcome.error, ChildProcessError):
                 _, answers, case = outcome.job
                 _write(Path(answers) / f"{case}.json", _failed(outcome.error))
@@ -116,7 +116,7 @@ def _answer_all(lacking: deque[Job], executor: str | None, progress: Progress) -
 
 
 def answer_case(job: Job) -> str:
-    """Diagnose one case and write the answer, with the processor seconds that all its stages took; return its name."""
+    """Diagnose one case, write the answer with the processor seconds of all stages, and return the case's name."""
     pipeline, answers, case = job
     begun = time.process_time()
     try:
@@ -134,7 +134,7 @@ def _failed(error: BaseException) -> dict[str, Any]:
 
 
 def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
-    """Grade ``answers/CASE.json`` (default: the folder ``answers`` in the exam's) into ``grades.json`` and ``.md``.
+    """Grade ``answers/CASE.json`` (default: the exam's folder ``answers``) into ``grades.json`` and ``grades.md``.
 
     ``grades.parquet`` has a row for each condition and measure, ``cases.parquet`` one for each case.
     Raises InputError where there is no truth or an answer cannot be read.
@@ -151,7 +151,7 @@ def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
 
 
 def _write_rows(path: Path, lines: Sequence[Mapping[str, Any]], schema: str, provenance: Provenance) -> None:
-    """Write rows of texts and, in the columns of ``COLUMN_UNITS``, numbers that may be absent."""
+    """Write rows of texts and, in the columns of ``COLUMN_UNITS``, numbers or nulls."""
     names = list(lines[0])
     types = {name: pa.float64() if name in COLUMN_UNITS else pa.string() for name in names}
     with TableWriter(path, schema_of(types, units=COLUMN_UNITS, schema=schema, provenance=provenance)) as writer:

@@ -52,7 +52,7 @@ def case(
         (case(LEAK, "unexplained", ("chamber-leak",), mess=True), None),
         (case(LEAK, "missing-effect", ("valve-leak",), twins=("chamber-leak",)), "its twin named"),
         (case(LEAK, "missing-effect", ("valve-leak",)), "missed: another named"),
-        (case(LEAK, "missing-effect", ("chamber-leak", "stribeck")), "another named beside"),
+        (case(LEAK, "missing-effect", ("chamber-leak", "stribeck")), "another named as well"),
         (case(LEAK | {"stribeck": {}}, "missing-effect", ("chamber-leak",)), "missed: one of two"),
         (case(LEAK, reason="at-bound"), "missed: adequate (at-bound)"),
         (case(outside="quadratic drag", verdict="unexplained"), None),

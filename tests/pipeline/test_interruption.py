@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import signal
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ from tests.pipeline.toys import generations, is_whole, new, runs, toy
 
 ROOT = Path(__file__).parents[2]
 RUN = "import sys; from pathlib import Path; from tests.pipeline import toys; toys.PACE = float(sys.argv[2]); "
-RUN += "toys.toy(Path(sys.argv[1])).bring_up(['page'], say=lambda m: print(m, file=sys.stderr, flush=True))"
+RUN += "toys.toy(Path(sys.argv[1])).update(['page'], notify=lambda m: print(m, file=sys.stderr, flush=True))"
 
 
 def start(file: Path, pace: float = 1.0) -> subprocess.Popen[str]:
@@ -50,6 +51,7 @@ def test_killed_at_random_moments(tmp_path: Path) -> None:
         time.sleep(chance.uniform(0.05, 0.4))
         process.kill()
         process.communicate()
+        assert process.returncode in (0, -signal.SIGKILL)  # it did not fail on its own
         whole(file)
     done = toy(file).update(["page"])
     done.pop("plan")

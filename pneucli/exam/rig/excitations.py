@@ -1,4 +1,4 @@
-"""What is done on the three test rigs: steps and staircases of the valve, stick-slip and driven motion, closed loop."""
+"""The excitations of the three test rigs: steps and staircases of the valve, stick-slip motion, position control."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, PSI_MAX, Array
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
 
-FOLLOWING_TIME = 0.4  # s, in which the piston comes after its reference
+FOLLOWING_TIME = 0.4  # s, in which the piston reaches its reference
 STAIRCASE = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0])
 
 
 def valve_step(par: Parameters, volts: float) -> Excitation:
-    """Charge at +volts and discharge at -volts from the null, each 1.15 s, with a rest before either."""
+    """Charge with +volts and discharge with -volts from the null, 1.15 s each, with a rest before each."""
     levels = [(150, 0.0), (1150, volts), (150, 0.0), (1150, -volts)]
     return _valve_test(par, np.concatenate([np.full(n, level) for n, level in levels]))
 
 
 def valve_staircase(par: Parameters, small: float, large: float) -> Excitation:
-    """Two staircases up, down and back, of 90 ms a level, the second in steps of ``large`` V."""
+    """Return two staircases up, down and back, 90 ms for each level; the second has steps of ``large`` V."""
     first, second = np.repeat(small * STAIRCASE, 90), np.repeat(large * STAIRCASE, 90)
     command = np.concatenate([np.zeros(190), first, np.zeros(290), second, np.zeros(200)])
     return _valve_test(par, np.round(command, 4))
 
 
 def valve_pulses(par: Parameters, rng: np.random.Generator) -> Excitation:
-    """Charge in pulses of 15 to 60 ms at the full command with rests of 40 to 90 ms between, then discharge so."""
+    """Charge in pulses of 15 to 60 ms at the full command, with rests of 40 to 90 ms between; then discharge alike."""
     levels = [(150, 0.0)]
     for side in (1.0, -1.0):
         for _ in range(14):
@@ -60,9 +60,9 @@ def stick_slip(
 def closed_loop(
     par: Parameters, reference: Array, gain: float, gauge: float, load: float = 0.0, command_2: Array | None = None
 ) -> Excitation:
-    """Position control from rest in balance with a ``load`` (N, toward x = 0), p1 being ``gauge`` (Pa) above ambient.
+    """Return position control that starts at rest, in balance with a ``load`` (N, toward x = 0) at p1 = ``gauge`` (Pa).
 
-    Chamber 2 is shut, or follows the valve; ``command_2`` (V): what its own valve opens beside the opposite of the first.
+    Chamber 2 is shut, or driven by the valve; ``command_2`` (V) is added to the negated command of the first valve.
     """
     other = max((gauge * par.piston_area_1 - load) / par.piston_area_2, 0.0)
     return Excitation(
@@ -76,13 +76,13 @@ def closed_loop(
 
 
 def single_acting(par: Parameters, reference: Array, gain: float, load: float) -> Excitation:
-    """Position control with chamber 2 open, from rest, where p1 carries the ``load`` (N, toward x = 0)."""
+    """Return position control with chamber 2 open; at the start p1 carries the ``load`` (N, toward x = 0)."""
     shut = closed_loop(par, reference, gain, load / par.piston_area_1, load)
     return replace(shut, chamber_2_open=True, pressure_2=par.ambient)
 
 
 def two_sine_reference(rng: np.random.Generator, samples: int, stroke: float = 0.2) -> Array:
-    """A position reference in m, shape (samples,): two sines from the middle, within 0.1 to 0.95 of ``stroke`` (m)."""
+    """Return a reference in m, shape (samples,): two sines about the middle, within 0.1 to 0.95 of ``stroke`` (m)."""
     time = LOOP_PERIOD * np.arange(samples)
     slow, fast = rng.uniform(0.045, 0.065), rng.uniform(0.005, 0.02)
     period, ratio = rng.uniform(2.0, 4.0), rng.uniform(2.2, 3.7)
@@ -93,7 +93,7 @@ def two_sine_reference(rng: np.random.Generator, samples: int, stroke: float = 0
 def back_and_forth_reference(
     rng: np.random.Generator, samples: int, share: float, levels: tuple[float, float]
 ) -> Array:
-    """A reference in m, shape (samples,), between two levels, each held for about that share of the time.
+    """Return a reference in m, shape (samples,), between two levels, each held for about that share of the time.
 
     A level beyond an end presses the piston against it.
     """

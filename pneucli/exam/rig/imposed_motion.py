@@ -1,4 +1,4 @@
-"""A machine drives the piston to and fro while a regulator holds chamber 1: the force that this takes is measured."""
+"""A machine moves the piston back and forth while a regulator holds p1; the force of the machine is measured."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ REVERSAL_TIME = 0.15  # s, in which the machine turns round
 
 @dataclass(frozen=True)
 class MotionMachine:
-    """What the machine does: strokes between two positions (m), their speeds in turn (m/s), chamber 1 at ``pressure``.
+    """The motion of the machine: strokes between two positions (m), their speeds in turn (m/s), p1 at ``pressure``.
 
-    The pressure (Pa) is absolute; ``swing`` is the part of its gauge value by which the regulator lets it follow the
-    piston. Chamber 2 is open to ambient.
+    The pressure (Pa) is absolute; ``swing`` is the share of its gauge value by which it varies with the position.
+    Chamber 2 is open to ambient.
     """
 
     positions: tuple[float, float]
@@ -42,7 +42,7 @@ def simulate_imposed_motion(par: Parameters, machine: MotionMachine, rate: float
 
 
 def _velocity(machine: MotionMachine, rate: float) -> Array:
-    """Return trapezes of the velocity, one a stroke, each as long as its way takes."""
+    """Return the velocity: a trapezoid for each stroke."""
     way, parts = machine.positions[1] - machine.positions[0], []
     for k in range(machine.strokes):
         speed = machine.speeds[k % len(machine.speeds)]
@@ -54,7 +54,7 @@ def _velocity(machine: MotionMachine, rate: float) -> Array:
 
 @compiled()
 def _machine_force(par: Parameters, time: Array, x: Array, v: Array, a: Array, p1: Array, p2: Array) -> Array:
-    """Force in N toward +x that the motion needs beside all forces of the rig."""
+    """Return the force in N toward +x that the motion needs in addition to all forces of the rig."""
     out, s, direction = np.zeros(x.size), np.zeros(10), 1.0
     for k in range(x.size):
         s[X], s[V], s[P1], s[P2] = x[k], v[k], p1[k], p2[k]

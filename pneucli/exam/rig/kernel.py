@@ -1,8 +1,8 @@
-"""The rig's own equations and integrator, compiled; no code is shared with the simulator that it examines.
+"""The rig's own equations and integrator, compiled; it shares no code with the simulator that it examines.
 
-One fixed step, ``MAX_STEP`` at most, holds the valve's area, takes the midpoint rule for gas and motion with the sign of
-the friction fixed, and is cut where the piston comes to rest: sticking is exact, and ends where the net force leaves
-the breakaway level.
+A step of at most ``MAX_STEP`` holds the valve's area, applies the midpoint rule to gas and motion with fixed sign of
+the friction, and ends early where the piston comes to rest. Sticking is exact, until the net force exceeds the
+break-away level.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PSI_MAX = 0.484
 LEAK_RATIO = 0.528
 # state: position, velocity, pressure and temperature of both chambers, supply, bristle, load's position and velocity
 X, V, P1, T1, P2, T2, PS, Z, XL, VL = range(10)
-DRIFT_TIME_CONSTANT = 1.5  # s, of what is outside the catalogue and drifts
+DRIFT_TIME_CONSTANT = 1.5  # s, of drifting disturbances
 
 
 @compiled()
@@ -59,13 +59,13 @@ def valve_area(par: Parameters, opening: float, t: float) -> float:
 
 @compiled()
 def valve_area_2(par: Parameters, opening: float, t: float) -> float:
-    """The same of the edges to chamber 2."""
+    """Effective area in m^2 of the edges to chamber 2, signed alike."""
     return _edge_area(par, opening, par.effective_area_2, par.overlap_2, par.exponent_2, t)
 
 
 @compiled()
 def valve_flow(par: Parameters, area: float, t: float, s: Array, chamber: int = 0) -> tuple[float, float]:
-    """Mass flows in kg/s (supply to chamber, chamber to exhaust); neither reverses. ``chamber_rates``: 0 or 1."""
+    """Mass flows in kg/s (supply to chamber, chamber to exhaust); neither reverses. ``chamber``: 0 or 1."""
     open_in, open_out = max(area, 0.0) + par.valve_leak_area, max(-area, 0.0) + par.valve_leak_area
     supply = s[PS] + par.ripple * math.sin(2.0 * math.pi * par.ripple_frequency * t)
     p, temperature = s[P1 + 2 * chamber], s[T1 + 2 * chamber]
@@ -146,7 +146,7 @@ def coupling_force(par: Parameters, s: Array) -> float:
 
 @compiled()
 def end_stop_force(par: Parameters, x: float, v: float) -> float:
-    """Force in N of the ends on the piston: each pushes it away, or does nothing."""
+    """Force in N of the ends on the piston; an end pushes the piston away and never pulls."""
     if x < 0.0:
         return max(-par.stop_stiffness * x - par.stop_damping * v, 0.0)
     if x > par.stroke:
@@ -156,7 +156,7 @@ def end_stop_force(par: Parameters, x: float, v: float) -> float:
 
 @compiled()
 def net_force(par: Parameters, t: float, s: Array) -> float:
-    """All forces in N toward +x but the dry friction."""
+    """All forces in N toward +x except the dry friction."""
     v = s[V]
     force = par.piston_area_1 * (s[P1] - par.ambient) - par.piston_area_2 * (s[P2] - par.ambient)
     force -= par.constant_force + par.spring_stiffness * (s[X] - par.spring_rest)
@@ -200,7 +200,7 @@ def state_rates(par: Parameters, t: float, s: Array, mode: float, q: Flows, held
 
 @compiled()
 def motion_sign(par: Parameters, t: float, s: Array, rest: float) -> float:
-    """Sign of the motion that begins or goes on; 0 while the piston sticks."""
+    """Sign of the motion that begins or continues; 0 while the piston sticks."""
     if s[V] != 0.0:
         return float(np.sign(s[V]))
     force = net_force(par, t, s)

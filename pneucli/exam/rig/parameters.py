@@ -1,4 +1,4 @@
-"""Everything that the virtual rig can be set to; the defaults are a rig in which no further effect acts."""
+"""All parameters of the virtual rig; the defaults are a rig without any additional effect."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Parameters(NamedTuple):
     A vessel is a chamber 1 with ``piston_area_1 = 0``. All fields are floats, so that numba compiles the rig once.
     """
 
-    # what is known of a rig
+    # stated of a rig
     temperature: float = 293.15
     ambient: float = 101_300.0
     supply: float = 701_300.0
@@ -25,7 +25,7 @@ class Parameters(NamedTuple):
     dead_volume_1: float = 30e-6
     dead_volume_2: float = 30e-6
     mass: float = 2.0
-    # what identification finds
+    # identified
     coulomb: float = 15.0
     viscous: float = 50.0
     effective_area: float = 2e-6  # at 10 V
@@ -84,24 +84,24 @@ class Parameters(NamedTuple):
     load_gap: float = 0.0
     swinging_force: float = 0.0  # N, periodic in time
     swinging_frequency: float = 1.0
-    ripple: float = 0.0  # Pa, of the supply at the valve, not at its sensor
+    ripple: float = 0.0  # Pa, of the supply at the valve; its sensor does not see it
     ripple_frequency: float = 7.0
     gain_drift: float = 0.0  # 1/s, of the valve's area
-    spool_stiction: float = 0.0  # V that the command must move before the spool jumps after it
-    silencer: float = 0.0  # s/kg, by which a clogged one throttles the exhaust more, the larger the flow
+    spool_stiction: float = 0.0  # V by which the command must change before the spool follows, in a jump
+    silencer: float = 0.0  # s/kg: a clogged silencer divides the exhaust flow by 1 + silencer times the flow
     pressure_curvature: float = 0.0  # 1/Pa, of the sensor of p1
     bent_guide: float = 0.0  # share by which dry friction grows over the stroke
-    sluggish_opening: float = 0.0  # s, of a spool that is slow away from its middle and quick back
-    position_curvature: float = 0.0  # 1/m, of the sensor of x, which is right at both ends
+    sluggish_opening: float = 0.0  # s, of a spool that opens slowly and shuts at once
+    position_curvature: float = 0.0  # 1/m, of the sensor of x, which is exact at both ends
     # arrangement
     arrangement: float = ONE_CHAMBER
     command_null: float = 0.0  # V, at which the valve is in its middle
-    command_range: float = 10.0  # V from there, at which it is fully open
+    command_range: float = 10.0  # V from the null, at which the valve is fully open
     command_sign: float = 1.0  # -1: a command below the null fills chamber 1
     switching: float = 0.0  # 1: an edge is shut, or beyond half the range fully open
     effective_area_2: float = 0.0  # of the edges to chamber 2
     overlap_2: float = 0.0
     exponent_2: float = 1.1
-    # the ends of the stroke, which push and never pull
+    # the ends of the stroke: springs with dampers that push and never pull
     stop_stiffness: float = 5e6  # N/m
     stop_damping: float = 3e3  # N s/m; small: the piston bounces

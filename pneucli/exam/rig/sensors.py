@@ -1,4 +1,4 @@
-"""The rig's sensors: what they distort, what they add, how they round, and which samples are kept."""
+"""The rig's sensors: distortion, noise, quantisation and sampling."""
 
 from __future__ import annotations
 
@@ -12,18 +12,25 @@ from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import Parameters
 
 HUM_HZ = 50.0
-MIN_SENSOR_RATE = 1000.0  # Hz, at which the sensors themselves are followed
+MIN_SENSOR_RATE = 1000.0  # Hz, at which the sensors are simulated
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """Noise of the pressure sensors (Pa) with its AR(1) ``pole`` per ms, mains ``hum`` (Pa) and the other channels.
+    """Errors of the sensors, SI.
 
-    Positions (m) are rounded to ``position_step``; accelerations have white noise (m/s^2). ``rate`` (Hz) is that of
-    the logger: of what the sensors show it keeps every n-th value, unfiltered. ``bits``: of the converter, over the
-    range that a laboratory would choose; 0 for one that is finer than the noise. ``drift``: how far a zero wanders over
-    a recording, over the noise. ``outliers``: the share of samples that are wrong. ``force`` (N): white noise of the
-    machine's sensor.
+    Attributes:
+        pressure: Noise of the pressure sensors (Pa).
+        pole: AR(1) pole of that noise per ms.
+        hum: Mains hum of the pressure sensors (Pa).
+        position_step: Step of the encoder (m).
+        acceleration: White noise of the accelerometer (m/s^2).
+        rate: Rate of the logger (Hz); it keeps every n-th value of the sensors, unfiltered.
+        bits: Bits of the converter over the range that a laboratory would choose; 0: finer than the noise.
+        drift: Drift of a zero over a recording, relative to the noise.
+        outliers: Share of wrong samples.
+        force: White noise of the machine's force sensor (N).
+
     """
 
     pressure: float = 400.0
@@ -39,36 +46,36 @@ class Sensors:
 
     @property
     def decimation(self) -> int:
-        """Of so many values of the sensors the logger keeps one."""
+        """The number of sensor values for each one that the logger keeps."""
         return math.ceil(MIN_SENSOR_RATE / self.rate - 1e-9)
 
     @property
     def sensor_rate(self) -> float:
-        """Values a second (Hz) that the sensors show."""
+        """The rate of the sensors in Hz."""
         return self.rate * self.decimation
 
 
 def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
     """Return the recorded signals, each of shape (n,), SI, pressures above ambient, and their time in s.
 
-    ``truth`` is at ``sensors.fine_rate``.
+    ``truth`` is sampled at ``sensors.sensor_rate``.
     """
-    kept = slice(None, None, sensors.decimation)
-    u, u2, x, a = (truth[name][kept] for name in ("u", "u2", "x", "a"))
+    sampled = slice(None, None, sensors.decimation)
+    u, u2, x, a = (truth[name][sampled] for name in ("u", "u2", "x", "a"))
     seen = {"time": np.arange(u.size) / sensors.rate, "u": u, "u2": u2, "x": _round_to_step(x, sensors.position_step)}
-    seen["p_supply"] = truth["p_supply"][kept] - par.ambient + _pressure_noise(sensors, u.size, rng)
+    seen["p_supply"] = truth["p_supply"][sampled] - par.ambient + _pressure_noise(sensors, u.size, rng)
     for name in ("p1", "p2"):
-        shown = _pressure_reading(par, truth[name], 1.0 / sensors.sensor_rate, name == "p1")[kept]
+        shown = _pressure_reading(par, truth[name], 1.0 / sensors.sensor_rate, name == "p1")[sampled]
         seen[name] = shown + _pressure_noise(sensors, u.size, rng)
     seen["a"] = a + par.acceleration_bias + sensors.acceleration * rng.standard_normal(u.size)
     if "force" in truth:
-        seen["force"] = truth["force"][kept] + sensors.force * rng.standard_normal(u.size)
+        seen["force"] = truth["force"][sampled] + sensors.force * rng.standard_normal(u.size)
     seen["x"] = seen["x"] + par.position_curvature * x * (par.stroke - x)
     return _quantized(par, sensors, _with_drift_and_outliers(sensors, seen, rng))
 
 
 def _with_drift_and_outliers(sensors: Sensors, seen: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-    """Zeros that wander and samples that are wrong; the noise of a position is taken as ten of its steps."""
+    """Add drifting zeros and wrong samples; the drift of a position is relative to ten of its steps."""
     noises = dict.fromkeys(("p_supply", "p1", "p2"), sensors.pressure)
     noises |= {"x": 10 * sensors.position_step, "a": sensors.acceleration}
     for name, noise in noises.items():
@@ -86,7 +93,7 @@ def _with_drift_and_outliers(sensors: Sensors, seen: dict[str, Array], rng: np.r
 
 
 def _quantized(par: Parameters, sensors: Sensors, seen: dict[str, Array]) -> dict[str, Array]:
-    """What a converter of that many bits leaves of every sensor, over a range that holds what is measured."""
+    """Quantise every sensor with that many bits over a range that contains its signal."""
     if sensors.bits == 0:
         return seen
     gauge = 1.25 * (par.supply - par.ambient)
@@ -96,7 +103,7 @@ def _quantized(par: Parameters, sensors: Sensors, seen: dict[str, Array]) -> dic
 
 
 def _converter_range(largest: float) -> float:
-    """The smallest of 1, 2, 5, 10, ... that holds it."""
+    """Return the smallest of 1, 2, 5, 10, ... that is not below ``largest``."""
     decade = 10.0 ** math.floor(math.log10(largest))
     return next(decade * step for step in (1.0, 2.0, 5.0, 10.0) if decade * step >= largest)
 
@@ -111,7 +118,7 @@ def _pressure_reading(par: Parameters, p: Array, period: float, is_first: bool) 
 
 
 def _first_order_lag(signal: Array, period: float, time_constant: float) -> Array:
-    """First-order lag, exact for a signal that is linear between its samples, at rest before the first."""
+    """Apply a first-order lag, exact for a signal that is linear between samples and at rest before the first."""
     if time_constant <= 0:
         return signal
     pole = np.exp(-period / time_constant)
@@ -121,10 +128,10 @@ def _first_order_lag(signal: Array, period: float, time_constant: float) -> Arra
 
 
 def _pressure_noise(sensors: Sensors, n: int, rng: np.random.Generator) -> Array:
-    pole = sensors.pole ** (1000.0 / sensors.rate)  # the noise has its colour in time, not in samples
-    settled = 200 * max(1, round(sensors.rate / 1000.0))
-    white = rng.standard_normal(n + settled)
-    coloured = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], white)[settled:]
+    pole = sensors.pole ** (1000.0 / sensors.rate)  # the correlation time of the noise does not depend on the rate
+    transient = 200 * max(1, round(sensors.rate / 1000.0))
+    white = rng.standard_normal(n + transient)
+    coloured = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], white)[transient:]
     hum = sensors.hum * np.sin(2 * np.pi * (HUM_HZ / sensors.rate * np.arange(n) + rng.random()))
     return np.asarray(sensors.pressure * coloured + hum)
 

@@ -1,6 +1,6 @@
-"""Running the rig: spool, line and controller around the kernel's equations, one row a sample.
+"""Simulate the rig: spool, line and controller around the kernel's equations, one row for each sample.
 
-The controller has a clock of its own, so that commands may change between two samples, or stand over many.
+The controller has its own clock, so commands may change between two samples or stay over many.
 """
 
 from __future__ import annotations
@@ -38,12 +38,15 @@ LOOP_PERIOD = 1e-3  # s, the period of the commands
 
 @dataclass(frozen=True)
 class Excitation:
-    """What is done to the rig: ``command`` holds one value a period of the loop (``LOOP_PERIOD``), held until the next.
+    """The commands of an experiment, one value for each ``LOOP_PERIOD``, held until the next.
 
-    It is the opening of the valve in V, from its null. With ``gain`` (V/m) above zero it is a position reference in m,
-    and the opening is gain (reference - x) within the valve's range; a switching valve opens beyond a tenth of that.
-    ``command_2`` is the same for the valve of chamber 2, where it has one; with a gain it is added to the opposite of the
-    first's opening. ``imposed`` (n, 2): both pressures in Pa, taken as given and linear between the commands.
+    Attributes:
+        command: The opening of the valve in V from its null. With a ``gain`` it is a position reference in m, and the
+            opening is gain (reference - x) within the valve's range; a switching valve opens beyond a tenth of it.
+        gain: The gain of the position loop (V/m); 0 for none.
+        command_2: The same for the valve of chamber 2; with a gain it is added to the negated opening of the first.
+        imposed: Both pressures in Pa, shape (n, 2), linear between the commands.
+
     """
 
     command: Array
@@ -60,7 +63,7 @@ class Excitation:
 def simulate_rig(par: Parameters, excitation: Excitation, rate: float = 1000.0) -> dict[str, Array]:
     """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... over ``rate`` (Hz)."""
     m = excitation
-    every = math.ceil(1.0 / (rate * MAX_STEP) - 1e-9)  # steps a sample, then a command
+    every = math.ceil(1.0 / (rate * MAX_STEP) - 1e-9)  # steps for each sample, then for each command
     step = 1.0 / (rate * every)
     hold = round(LOOP_PERIOD / step)
     start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
@@ -73,7 +76,7 @@ def simulate_rig(par: Parameters, excitation: Excitation, rate: float = 1000.0) 
 
 @compiled()
 def _step(par: Parameters, t: float, h: float, s: Array, mode: float, q: Flows, held: int, work: Array) -> None:
-    """One midpoint step of length h (s) into ``s``."""
+    """Advance ``s`` by one midpoint step of length h (s)."""
     middle, ds = work[0], work[1]
     state_rates(par, t, s, mode, q, held, ds)
     middle[:] = s + 0.5 * h * ds
@@ -83,7 +86,7 @@ def _step(par: Parameters, t: float, h: float, s: Array, mode: float, q: Flows, 
 
 @compiled()
 def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flows, held: int, work: Array) -> float:
-    """Advance ``s`` by h (s), cut where the piston comes to rest; returns the time at rest in s."""
+    """Advance ``s`` by h (s), in two parts where the piston comes to rest; return the time at rest in s."""
     mode = motion_sign(par, t, s, rest)
     before = work[2]
     before[:] = s
@@ -100,7 +103,7 @@ def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flow
 
 @compiled()
 def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, opening: float) -> tuple[float, float, float]:
-    """Where the spool goes (stiction), where it is (lag) and the opening (play), in V after one step."""
+    """Return the spool's target (stiction), its position (lag) and the opening (play), in V after one step."""
     if abs(u - aim) > par.spool_stiction:
         aim = u
     slow = par.valve_lag + (par.sluggish_opening if abs(aim) > abs(spool) else 0.0)
@@ -111,7 +114,7 @@ def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, openin
 
 @compiled()
 def empty_delay_line(par: Parameters, step: float) -> Array:
-    """What is under way in the hose: flows (kg/s) of as many steps as it delays, and of this one; none yet."""
+    """Return an empty delay line for the flows (kg/s) in the hose: as many steps as it delays, and this one."""
     line: Array = np.zeros((round(par.line_delay / step) + 1, 4))
     return line
 
@@ -130,10 +133,10 @@ def step_rig(
     held: int,
     work: Array,
 ) -> tuple[float, Flows]:
-    """Step ``i`` of length ``step`` (s) under openings o and o2 (V): spools, flows, hose, gas and motion.
+    """Advance by step ``i`` of length ``step`` (s) under openings o and o2 (V): spools, flows, hose, gas and motion.
 
-    ``spools`` (6,): of either valve where its spool goes, where it is, and the opening (V), ``line``: what is in the
-    hose; both are brought forward with ``s``. Returns the time at rest in s and the flows.
+    ``spools`` (6,) has target, position and opening (V) of each valve's spool, ``line`` the flows in the hose; both
+    are updated together with ``s``. Returns the time at rest in s and the flows.
     """
     t = i * step
     spools[0], spools[1], spools[2] = _spool(par, step, o, spools[0], spools[1], spools[2])
@@ -152,7 +155,7 @@ def step_rig(
 
 @compiled()
 def limit_opening(par: Parameters, opening: float) -> float:
-    """The opening in V that the valve's amplifier passes on."""
+    """Return the opening in V after the limits of the valve's amplifier."""
     if par.switching > 0.0:
         return math.copysign(par.command_range, opening) if abs(opening) > 0.1 * par.command_range else 0.0
     return min(max(opening, -par.command_range), par.command_range)
@@ -180,7 +183,7 @@ def _simulate_rows(
     hold: int,
     every: int,
 ) -> Array:
-    """Rows of the true signals, one every ``every`` steps of ``step`` (s); a command is held for ``hold`` steps."""
+    """Return the true signals, a row every ``every`` steps of ``step`` (s); a command is held for ``hold`` steps."""
     steps = command.size * hold
     s, work, rows = np.zeros(10), np.zeros((3, 10)), np.empty(((steps - 1) // every + 1, 10))
     s[X], s[V], s[P1], s[P2], s[XL] = start[0], start[1], start[2], start[3], start[0]
