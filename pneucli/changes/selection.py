@@ -17,7 +17,8 @@ from pneucli.changes.baseline import baseline_at_fit
 from pneucli.changes.comparison import Comparison, Hypothesis, HypothesisTest
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
-from pneucli.identify.estimation.model_fit import fit_with_effect, score_tests
+from pneucli.identify.estimation.model_fit import fit_with_effect
+from pneucli.identify.estimation.score_test import score_tests
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 

@@ -13,10 +13,9 @@ from scipy.stats import t as student
 from pneucli.compare.error_regions import locator_signals
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import MAX_DERIVATIVE, Fit
-from pneucli.identify.estimation.parameters import parameter_value
 from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.parameters import absent_value, parameter_value
+from pneucli.identify.estimation.parameters import absent_value
 from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
 

@@ -21,14 +21,8 @@ from pneucli.diagnose.smooth_term import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import Fit, StoppingRule
-from pneucli.identify.estimation.model_fit import (
-    ScoreTest,
-    fit_with_effect,
-    fit_without,
-    initial_guesses,
-    refit,
-    score_tests,
-)
+from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
+from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model

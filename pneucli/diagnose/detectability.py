@@ -10,8 +10,8 @@ import numpy as np
 
 from pneucli.diagnose.candidate import Decision
 from pneucli.diagnose.data import DiagnosisData, FittedModel
-from pneucli.identify.estimation.model_fit import ScoreTest
 from pneucli.identify.estimation.parameters import null_value
+from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.units import unit_suffix
 

@@ -18,9 +18,10 @@ from scipy.stats import t as student
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
-from pneucli.identify.estimation.parameters import null_value, parameter_value
+from pneucli.identify.estimation.parameters import null_value
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import RigQuantities
+from pneucli.simulate.model import parameter_value
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from pneucli.diagnose.data import DiagnosisData, FittedModel, Refit, RunRefits, run_locally
 from pneucli.errors import InputError
 from pneucli.executors import Engine, Identity, engine_from, run_jobs
-from pneucli.identify.estimation.model_fit import ScoreTest
+from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.io.artifacts import atomic_path, sha256_of
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.estimation.parameters import parameter_value
 from pneucli.identify.residuals import ResidualModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, parameter_value
 from pneucli.simulate.open_loop import SAMPLING_PERIOD, command_recording, noise_free_recording
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.preparation import prepare

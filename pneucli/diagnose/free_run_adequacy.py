@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from pneucli.compare.expected_error import MOTION_CHANNELS
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.identify.residuals import ForceBalance, FreeRun, ResidualModel
-from pneucli.identify.residuals.initial_state import segment_lengths
 from pneucli.simulate.end_stops import in_end_contact
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, segment_lengths
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import sample_deviations
 from pneucli.simulate.outputs import simulate_outputs

@@ -16,7 +16,7 @@ from pneucli.diagnose.hypothesis_tests import min_relevant_reduction, passing_ca
 from pneucli.diagnose.next_term import next_term, raises_free_run_error
 from pneucli.diagnose.posterior import posterior_probability
 from pneucli.diagnose.screening import Decisions, screen_and_refit
-from pneucli.identify.estimation.model_fit import ScoreTest
+from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4

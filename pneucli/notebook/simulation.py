@@ -96,7 +96,7 @@ def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
     for name in values:
         if name not in known:
             raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, known))
-    from pneucli.identify.estimation.parameters import with_parameters  # noqa: PLC0415 - it brings statistics
+    from pneucli.simulate.model import with_parameters
 
     return with_parameters(model, dict(values)) if values else model
 

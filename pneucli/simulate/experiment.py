@@ -268,3 +268,8 @@ class SignalRanges(NamedTuple):
     low: float
     high: float
     period: float
+
+
+def segment_lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Return the number of samples in each segment of n samples; a segment runs from one restart to the next."""
+    return np.diff(np.append(restarts, n))

@@ -112,3 +112,30 @@ def base_values_of_rig(rig: Rig) -> dict[str, float]:
         "rig.lower_end": 0.0,
         "rig.upper_end": rig.stroke or np.inf,
     }
+
+
+def parameter_value(model: Model, name: str) -> float:
+    """Return the value of any parameter of a model by its name."""
+    named = model.valve_parameters()
+    if name in named:
+        return named[name][0]
+    return model.values[name] if name in model.values else model.base_values()[name]
+
+
+def has_parameter(model: Model, name: str) -> bool:
+    """Return whether a model has a parameter of that name."""
+    return name in model.valve_parameters() or name in model.base_values() or name in model.values
+
+
+def with_parameters(model: Model, values: dict[str, float]) -> Model:
+    """Return the model with parameters of any kind replaced."""
+    valves = model.valve_parameters()
+    rest = {name: v for name, v in values.items() if name not in valves}
+    second = None if model.valve_2 is None else model.valve_2.with_parameters(values)
+    return replace(model.with_values(rest), valve=model.valve.with_parameters(values), valve_2=second)
+
+
+def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model:
+    """Return the model with the effect switched on at values."""
+    others = tuple(e for e in model.effects if e.name != effect.name)
+    return replace(model.with_values(values), effects=(*others, effect))

@@ -10,7 +10,7 @@ from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Estimate, Fit, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.estimation.parameters import FreeParameter, has_parameter, parameter_value
+from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.chamber_balance import Chamber
@@ -26,7 +26,7 @@ from pneucli.pipeline.context import Context
 from pneucli.plausibility.required_inputs import Assumption, assumptions, volumes_to_identify
 from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, has_parameter, parameter_value
 from pneucli.stages.pipeline_data import PipelineData, save_model
 from pneucli.stages.tables.correlation import write_parameter_relations
 from pneucli.stages.tables.friction import friction_answer, write_friction

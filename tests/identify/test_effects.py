@@ -38,7 +38,7 @@ def test_an_overlap_that_ended_at_its_upper_bound_is_guessed_from_the_areas(
         return ended(cost_anew, start.valve, at_bound=False)
 
     monkeypatch.setattr(model_fit, "_fit_coarse_to_fine", fitted)
-    found = model_fit._with_overlap_reestimated(ended(100.0, STUCK, at_bound=True), (), effort=FULL_CONVERGENCE)
+    found = model_fit._with_overlap_reestimated(ended(100.0, STUCK, at_bound=True), (), stopping=FULL_CONVERGENCE)
     assert started[0].valve.overlap_fill == pytest.approx(0.3, abs=0.02)
     assert started[0].valve.overlap_vent == pytest.approx(0.3, abs=0.02)
     assert (found.cost == cost_anew) == better
@@ -46,4 +46,4 @@ def test_an_overlap_that_ended_at_its_upper_bound_is_guessed_from_the_areas(
 
 def test_an_overlap_within_its_bounds_is_left_alone():
     fit = ended(100.0, STUCK, at_bound=False)
-    assert model_fit._with_overlap_reestimated(fit, (), effort=FULL_CONVERGENCE) is fit
+    assert model_fit._with_overlap_reestimated(fit, (), stopping=FULL_CONVERGENCE) is fit

@@ -13,9 +13,10 @@ from pneucli.identify.estimation import model_fit
 from pneucli.identify.estimation import problem as problems
 from pneucli.identify.estimation.blocks import block_labels, group_scores
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
-from pneucli.identify.estimation.parameters import FreeParameter, parameter_value
+from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
+from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
@@ -39,14 +40,14 @@ class Line:
         truth = {"x": 15.0, "a": 40.0}
         self.measured = {c: truth[c] * WAVES[c] + noise * rng.standard_normal(N) for c in channels}
 
-    def feels(self, effect: Any) -> bool:
+    def is_sensitive_to(self, effect: Any) -> bool:
         return False
 
-    def tells(self, one: Any, other: Any) -> bool:
+    def differs(self, one: Any, other: Any) -> bool:
         names = {"x": "friction.coulomb", "a": "friction.viscous"}
         return any(one.values[names[c]] != other.values[names[c]] for c in self.channels)
 
-    def carried(self, model: Any) -> dict[str, np.ndarray]:
+    def initial_state_sensitivity(self, model: Any) -> dict[str, np.ndarray]:
         return {}
 
     def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.fit import fit
-from pneucli.identify.estimation.model_fit import initial_guesses
 from pneucli.identify.estimation.parameters import base_parameters, effect_parameters, with_prior_knowledge
+from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.physics.effects import catalogue
 from pneucli.recording import ParameterPrior, Rig
 from pneucli.simulate.rig_quantities import rig_quantities

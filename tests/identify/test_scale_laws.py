@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError, UnitError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, initial_guesses
+from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
 from pneucli.identify.estimation.parameters import base_parameters
+from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter

@@ -11,30 +11,18 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation import model_fit as added
+from pneucli.identify.estimation import score_test
 from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule
-from pneucli.identify.estimation.model_fit import (
-    ScoreTest,
-    fit_with_effect,
-    initial_guesses,
-    require_finite,
-    scaled_initial_guess,
-    score_tests,
-    with_effect,
-)
-from pneucli.identify.estimation.parameters import (
-    FreeParameter,
-    base_parameters,
-    effect_parameters,
-    null_value,
-    parameter_value,
-    with_parameters,
-)
+from pneucli.identify.estimation.model_fit import fit_with_effect, require_finite
+from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters, null_value
+from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, scaled_initial_guess, score_tests
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion, residual_models
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.experiment import SignalRanges
+from pneucli.simulate.model import parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
@@ -206,14 +194,14 @@ def test_a_signature_promises_the_fall_of_the_best_step_along_it_base_parameters
     base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
     residual = rng.standard_normal(N) - 0.3 * change + 2.0 * base[:, 0]
     found = fitted(base, residual)
-    mine = added._score_test({"e.a": 1.0}, change, found, nested=True)
+    mine = score_test._score_test({"e.a": 1.0}, change, found, nested=True)
     both = np.column_stack([base, change])
     least = residual - both @ np.linalg.lstsq(both, residual, rcond=None)[0]
     alone = found.projected_residual
     assert mine.step == pytest.approx(-np.linalg.lstsq(both, residual, rcond=None)[0][1])
     assert mine.step == pytest.approx(0.3, abs=0.05)
     assert mine.gain == pytest.approx(alone @ alone - least @ least)
-    null = added._score_test({}, change, fitted(base, rng.standard_normal(N)), nested=True)
+    null = score_test._score_test({}, change, fitted(base, rng.standard_normal(N)), nested=True)
     assert null.step_error == pytest.approx(1 / np.sqrt(N), rel=0.4)  # from twenty blocks
     assert mine.values == {"e.a": 1.0}
 
@@ -222,7 +210,7 @@ def test_what_cannot_be_switched_on_by_degrees_is_taken_whole() -> None:
     rng = RNG(2)
     base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
     found = fitted(base, rng.standard_normal(N) - 0.7 * change)
-    mine = added._score_test({}, change, found, nested=False)
+    mine = score_test._score_test({}, change, found, nested=False)
     target, new = found.projected_residual, found.project_out_nuisance(change)
     assert mine.step == 1.0
     assert mine.gain == pytest.approx(target @ target - (target + new) @ (target + new))
@@ -233,7 +221,7 @@ def test_what_the_base_does_as_well_or_what_runs_away_promises_nothing(change: s
     base = RNG(3).standard_normal((N, 1))
     columns = {"base": 2.0 * base[:, 0], "nan": np.full(N, np.nan), "none": np.zeros(N)}
     with np.errstate(invalid="ignore"):
-        mine = added._score_test({}, columns[change], fitted(base, RNG(4).standard_normal(N)), nested=True)
+        mine = score_test._score_test({}, columns[change], fitted(base, RNG(4).standard_normal(N)), nested=True)
     assert (mine.gain, mine.step, mine.step_error) == (0.0, 0.0, np.inf)
 
 
@@ -248,14 +236,14 @@ class View:
     def __init__(self, wave: np.ndarray, felt: bool = True) -> None:
         self.wave, self.felt = wave, felt
         recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False))
-        self.experiment = SimpleNamespace(time=np.arange(wave.size), raw={}, extent=EXTENT, recording=recording)
+        self.experiment = SimpleNamespace(time=np.arange(wave.size), raw={}, signal_ranges=EXTENT, recording=recording)
         self.noise = {"x": 2.0}
         self.weights: dict[str, float] = {}
 
-    def feels(self, effect: Any) -> bool:
+    def is_sensitive_to(self, effect: Any) -> bool:
         return self.felt
 
-    def carried(self, model: Any) -> dict[str, Any]:
+    def initial_state_sensitivity(self, model: Any) -> dict[str, Any]:
         return {}
 
     def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:
@@ -271,7 +259,7 @@ def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_f
     assert [s.gain for s in ranked] == sorted((s.gain for s in ranked), reverse=True)
     blind: Any = [View(np.ones(400), felt=False), View(np.ones(600), felt=False)]
     assert score_tests(force, found, blind) == []
-    (change,) = added.residual_changes(force, found, views, [{"constant-force.force": 8.0}])
+    (change,) = score_test.residual_changes(force, found, views, [{"constant-force.force": 8.0}])
     assert change.tolist() == [-4.0] * 400 + [0.0] * 600
 
 
@@ -320,10 +308,10 @@ class Scripted:
         self.begun: list[dict[str, float]] = []
         monkeypatch.setattr(added, "free_parameters", lambda *a, **k: [])
         monkeypatch.setattr(added, "_affected_residual_models", lambda *a: (np.array([True]), set()))
-        monkeypatch.setattr(added, "_with_overlap_reestimated", lambda part, views, effort: part)
+        monkeypatch.setattr(added, "_with_overlap_reestimated", lambda part, views, stopping: part)
         monkeypatch.setattr(added, "merge_partial_fit", lambda found, part, views, chosen: part)
 
-        def fit(started: Any, views: Any, free: Any, effort: StoppingRule) -> Any:
+        def fit(started: Any, views: Any, free: Any, stopping: StoppingRule) -> Any:
             values = {n: v for n, v in started.values.items() if n.startswith(("constant", "position"))}
             self.begun.append(values)
             return SimpleNamespace(model=started, cost=cost(values))
@@ -381,7 +369,7 @@ def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
 def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[tuple[float, ...]] = []
 
-    def fit(started: Any, views: Any, free: Any, effort: StoppingRule) -> Any:
+    def fit(started: Any, views: Any, free: Any, stopping: StoppingRule) -> Any:
         steps.append(tuple(f.step for f in free))
         return SimpleNamespace(model=started)
 
@@ -390,10 +378,10 @@ def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.Monk
         FreeParameter("friction.coulomb", "N", 1.0, 0.0, 9.0, 1.0),
         FreeParameter("friction.viscous", "N", 1.0, 0.0, 9.0, 1.0, step=0.01),
     )
-    added._fit_coarse_to_fine(model(), [], [plain, edge], effort=FULL_CONVERGENCE)
+    added._fit_coarse_to_fine(model(), [], [plain, edge], stopping=FULL_CONVERGENCE)
     assert steps == [(1e-4, pytest.approx(0.12)), (1e-4, pytest.approx(0.04)), (1e-4, 0.01)]
     steps.clear()
-    added._fit_coarse_to_fine(model(), [], [plain], effort=FULL_CONVERGENCE)
+    added._fit_coarse_to_fine(model(), [], [plain], stopping=FULL_CONVERGENCE)
     assert steps == [(1e-4,)]
 
 
@@ -417,9 +405,9 @@ def seen(kind: str, *signals: str, **given: Any) -> list[str]:
 
 
 def test_each_kind_of_recording_is_seen_through_the_subsystems_that_it_tells_of() -> None:
-    assert seen("valve", "u", "p1") == ["bench: chambers"]
-    assert seen("friction", "p1", "p2", "x") == ["bench: forces"]
-    assert seen("axis", "u", "p1", "p2", "x") == ["bench: forces", "bench: chambers"]
+    assert seen("valve", "u", "p1") == ["bench: chamberpressures"]
+    assert seen("friction", "p1", "p2", "x") == ["bench: forcebalance"]
+    assert seen("axis", "u", "p1", "p2", "x") == ["bench: forcebalance", "bench: chamberpressures"]
 
 
 def test_chambers_are_simulated_with_the_measured_motion() -> None:
@@ -460,7 +448,7 @@ def test_the_openings_reach_from_rest_to_the_largest_commands() -> None:
     ],
 )
 def test_an_effect_shows_in_the_balances_in_which_it_stands(kind: Any, effect: str, felt: bool) -> None:
-    assert kind(DRIVEN).feels(catalogue()[effect]) == felt
+    assert kind(DRIVEN).is_sensitive_to(catalogue()[effect]) == felt
 
 
 def test_the_noise_of_a_force_is_that_of_all_that_is_measured() -> None:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.parameters import TINY
 from pneucli.identify.guesses import friction_and_valve
 from pneucli.identify.guesses.flow_paths import flow_path_data
 from pneucli.identify.guesses.friction_and_valve import (
+    TINY,
     guess_base_model,
     guess_friction,
     guess_gain,
@@ -24,6 +24,7 @@ from pneucli.identify.residuals import initial_state
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import segment_lengths
 from pneucli.simulate.valve_forms.linear import LinearValve
 from tests.simulate.synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
 
@@ -314,7 +315,7 @@ def test_without_any_error_nothing_is_whitened() -> None:
 
 
 def test_lengths_of_stretches_go_to_the_next_restart() -> None:
-    assert initial_state.segment_lengths(STARTS, 1000).tolist() == [300, 400, 300]
+    assert segment_lengths(STARTS, 1000).tolist() == [300, 400, 300]
 
 
 class Read:

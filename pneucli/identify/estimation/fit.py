@@ -17,11 +17,11 @@ from scipy.stats import t as student
 
 from pneucli.identify.estimation.blocks import group_scores, residual_mask
 from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
-from pneucli.identify.estimation.parameters import FreeParameter, parameter_value
+from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.estimation.progress import iteration_callback
 from pneucli.identify.residuals import ResidualModel
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
 

@@ -1,11 +1,9 @@
-"""Where to start fitting an effect: a cheap score of its typical values, base parameters projected out, no refit."""
+"""Fit the base model and its effects to recordings: from where to start, which residuals to run, when to start again."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +15,13 @@ from pneucli.identify.estimation.parameters import (
     FreeParameter,
     base_parameters,
     effect_parameters,
-    null_value,
-    parameter_value,
-    with_parameters,
 )
-from pneucli.identify.estimation.problem import LeastSquaresProblem
+from pneucli.identify.estimation.score_test import ScoreTest, residual_changes, scaled_initial_guess, score_tests
 from pneucli.identify.guesses.friction_and_valve import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 from pneucli.physics.scales import RigQuantities
-from pneucli.recording import ParameterPrior
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 
@@ -35,107 +29,6 @@ Array = NDArray[np.float64]
 
 MAX_EDGE_STARTS = 4
 TIME_SCAN_POINTS = 32  # values of a time, from the least typical one to its bound
-
-
-@dataclass(frozen=True)
-class ScoreTest:
-    """What switching an effect on at some values promises.
-
-    ``gain`` is the fall of the cost (squared) by a linear ``step`` along what it changes in the residuals, base
-    parameters adjusting; ``step_error`` is the step's standard error, from the scores of blocks.
-    """
-
-    values: dict[str, float]
-    gain: float
-    step: float
-    step_error: float
-
-
-def initial_guesses(
-    effect: Effect, facts: RigQuantities, priors: Mapping[str, ParameterPrior] = MappingProxyType({})
-) -> list[dict[str, float]]:
-    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order; none where not known.
-
-    What the pipeline file says of a parameter takes the place of its typical values.
-    """
-    names = [f"{effect.name}.{p.name}" for p in effect.parameters]
-    lists = [
-        _typical_values(p.range_on(facts).typical, priors.get(name))
-        for p, name in zip(effect.parameters, names, strict=True)
-    ]
-    combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
-    stretch = (f"{effect.name}.from", f"{effect.name}.to")
-    return [c for c in combinations if stretch[0] not in c or c[stretch[0]] < c[stretch[1]]]
-
-
-def _typical_values(typical: tuple[float, ...], known: ParameterPrior | None) -> tuple[float, ...]:
-    if known is None:
-        return typical
-    stated = known.start if known.fixed is None else known.fixed
-    values = typical if stated is None else (stated,)
-    return tuple(dict.fromkeys(float(np.clip(value, known.lower, known.upper)) for value in values))
-
-
-def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model:
-    """Return the model with the effect switched on at values."""
-    others = tuple(e for e in model.effects if e.name != effect.name)
-    return replace(model.with_values(values), effects=(*others, effect))
-
-
-def residual_changes(
-    effect: Effect, found: Fit, views: Sequence[ResidualModel], starts: Sequence[dict[str, float]]
-) -> Iterator[Array]:
-    """Yield what each set of the effect's values changes in the residuals (N,); only the views that feel it are run."""
-    felt = [i for i, view in enumerate(views) if view.is_sensitive_to(effect)]
-    sizes = [view.experiment.time.size * len(view.channels) for view in views]
-    nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
-    problem = LeastSquaresProblem(
-        found.model, [views[i] for i in felt], (), [found.initial_state_sensitivities[i] for i in felt]
-    )
-    for values in starts if felt else ():
-        part = problem.data_residuals(with_effect(found.model, effect, values))
-        parts = [np.zeros(n) for n in sizes]
-        for i, residual in zip(felt, part, strict=True):
-            parts[i] = residual - nominal[i]
-        yield np.concatenate(parts)
-
-
-def score_tests(effect: Effect, found: Fit, views: Sequence[ResidualModel]) -> list[ScoreTest]:
-    """Return the effect's signatures at its typical values, best first."""
-    typical = initial_guesses(
-        effect, rig_quantities(found.model, [v.experiment for v in views]), found.model.rig.priors
-    )
-    out = [
-        _score_test(values, change, found, nested=effect.nested)
-        for values, change in zip(typical, residual_changes(effect, found, views, typical), strict=False)
-    ]
-    return sorted(out, key=lambda s: -s.gain)
-
-
-def _score_test(values: dict[str, float], change: Array, found: Fit, *, nested: bool) -> ScoreTest:
-    target, new = found.projected_residual, found.project_out_nuisance(change)
-    power = float(new @ new)
-    if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
-        return ScoreTest(values, 0.0, 0.0, np.inf)
-    error = float(np.linalg.norm(np.bincount(found.blocks, weights=new * target))) / power
-    if not nested:  # it cannot be switched on by degrees
-        return ScoreTest(values, float(target @ target - (target + new) @ (target + new)), 1.0, error)
-    step = -float(new @ target) / power
-    return ScoreTest(values, step * step * power, step, error)
-
-
-def scaled_initial_guess(
-    effect: Effect, test: ScoreTest, model: Model, facts: RigQuantities, step_share: float = 1.0
-) -> dict[str, float]:
-    """Return the signature's values, those with a null moved by a share of the promised step (within 0.05 to 5)."""
-    step = step_share * float(np.clip(test.step, 0.05, 5.0))
-    values = dict(test.values)
-    for p in effect.parameters:
-        name = f"{effect.name}.{p.name}"
-        if (null := null_value(p, model)) is not None:  # steps between the typical values, no further
-            size = p.range_on(facts)
-            values[name] = float(np.clip(null + step * (values[name] - null), size.lower, size.upper))
-    return values
 
 
 def fit_model(
@@ -156,7 +49,7 @@ def fit_model(
     require_finite(model, views)
     experiments = [v.experiment for v in views]
     found = fit(replace(model, effects=()), views, base_parameters(model, experiments), stopping=stopping)
-    found = _with_overlap_reestimated(found, views, effort=stopping)
+    found = _with_overlap_reestimated(found, views, stopping=stopping)
     for effect in effects:
         found = fit_with_effect(found, views, effect, stopping=stopping)
     return found
@@ -192,8 +85,8 @@ def fit_with_effect(
     def ended(started: Model) -> Fit:
         free = free_parameters(started, views)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        part = _fit_coarse_to_fine(started, felt, free, effort=stopping)
-        return merge_partial_fit(found, _with_overlap_reestimated(part, felt, effort=stopping), views, chosen)
+        part = _fit_coarse_to_fine(started, felt, free, stopping=stopping)
+        return merge_partial_fit(found, _with_overlap_reestimated(part, felt, stopping=stopping), views, chosen)
 
     def refitted(signature: ScoreTest, share: float) -> Fit:
         return ended(with_effect(model, effect, scaled_initial_guess(effect, signature, model, facts, share)))
@@ -250,22 +143,22 @@ def _affected_residual_models(
 
 
 def _fit_coarse_to_fine(
-    model: Model, views: Sequence[ResidualModel], free: Sequence[FreeParameter], *, effort: StoppingRule
+    model: Model, views: Sequence[ResidualModel], free: Sequence[FreeParameter], *, stopping: StoppingRule
 ) -> Fit:
     """Fit; where there are edges, in which a residual is not smooth, with ever smaller differences."""
     edged = any(f.step > DIFFERENCE_STEP for f in free)
     for coarse in (12.0, 4.0) if edged else ():
         wide = [replace(f, step=coarse * f.step) if f.step > DIFFERENCE_STEP else f for f in free]
-        model = fit(model, views, wide, stopping=effort).model
+        model = fit(model, views, wide, stopping=stopping).model
         free = _with_current_values(model, free)
-    return fit(model, views, free, stopping=effort)
+    return fit(model, views, free, stopping=stopping)
 
 
 def _with_current_values(model: Model, free: Sequence[FreeParameter]) -> list[FreeParameter]:
     return [replace(f, start=parameter_value(model, f.name)) for f in free]
 
 
-def _with_overlap_reestimated(found: Fit, views: Sequence[ResidualModel], *, effort: StoppingRule) -> Fit:
+def _with_overlap_reestimated(found: Fit, views: Sequence[ResidualModel], *, stopping: StoppingRule) -> Fit:
     """Return the fit, or a better one from overlaps guessed anew where one ended at its upper bound.
 
     There the valve opens all at once at its smallest knot, and the fit does not come back by itself. The overlap of the
@@ -282,7 +175,7 @@ def _with_overlap_reestimated(found: Fit, views: Sequence[ResidualModel], *, eff
     if not guessed:
         return found
     model = with_parameters(found.model, guessed)
-    again = _fit_coarse_to_fine(model, views, _with_current_values(model, found.free), effort=effort)
+    again = _fit_coarse_to_fine(model, views, _with_current_values(model, found.free), stopping=stopping)
     return min(found, again, key=lambda f: f.cost)
 
 
@@ -319,4 +212,4 @@ def fit_without(
 ) -> Fit:
     """Refit without one of the model's effects."""
     model = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
-    return _fit_coarse_to_fine(model, views, free_parameters(model, views), effort=stopping)
+    return _fit_coarse_to_fine(model, views, free_parameters(model, views), stopping=stopping)

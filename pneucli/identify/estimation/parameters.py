@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.guesses.friction_and_valve import TINY
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
 from pneucli.physics.scales import RigQuantities
 from pneucli.plausibility.required_inputs import volumes_to_identify
 from pneucli.recording import ParameterPrior, Rig
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.model import Model, ValveForm, parameter_value
 from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO
 
 Array = NDArray[np.float64]
 
 DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for differences
-TINY = 1e-30  # stands for nothing where one divides or takes a logarithm
-MAX_OVERLAP_RATIO = 0.95  # of the smallest command with a knot
 
 
 @dataclass(frozen=True)
@@ -55,27 +55,6 @@ class FreeParameter:
     def derivative(self, value: float) -> float:
         """Return d value / d coordinate."""
         return value if self.logarithmic else self.scale
-
-
-def parameter_value(model: Model, name: str) -> float:
-    """Return the value of any parameter of a model by its name."""
-    named = model.valve_parameters()
-    if name in named:
-        return named[name][0]
-    return model.values[name] if name in model.values else model.base_values()[name]
-
-
-def has_parameter(model: Model, name: str) -> bool:
-    """Return whether a model has a parameter of that name."""
-    return name in model.valve_parameters() or name in model.base_values() or name in model.values
-
-
-def with_parameters(model: Model, values: dict[str, float]) -> Model:
-    """Return the model with parameters of any kind replaced."""
-    valves = model.valve_parameters()
-    rest = {name: v for name, v in values.items() if name not in valves}
-    second = None if model.valve_2 is None else model.valve_2.with_parameters(values)
-    return replace(model.with_values(rest), valve=model.valve.with_parameters(values), valve_2=second)
 
 
 def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[FreeParameter]:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from pneucli.executors import thread_count
 from pneucli.identify.estimation.blocks import block_labels
-from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter, with_parameters
+from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, with_parameters
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.residuals.initial_state import segment_lengths
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, segment_lengths
 
 Array = NDArray[np.float64]
 Chamber = Literal[1, 2]

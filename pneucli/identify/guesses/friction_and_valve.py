@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from pneucli.identify.estimation.parameters import MAX_OVERLAP_RATIO, TINY
 from pneucli.identify.guesses.flow_paths import FlowPathData, flow_path_data
 from pneucli.plausibility.required_inputs import volumes_to_identify
 from pneucli.recording import Rig
@@ -17,12 +16,13 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import imposed_motion
 from pneucli.simulate.model import Model, ValveForm
-from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
+from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO, NO_VALVE, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 Array = NDArray[np.float64]
 
+TINY = 1e-30  # a positive floor that keeps quotients and logarithms finite
 MIN_SPEED_RATIO = 0.02  # of the largest speed, below which friction is not told by motion
 SETTLING_RATIO = 0.01  # of the time for which a command is held, at its start, that is left out
 MIN_COMMAND_STEP = 0.005  # of the largest command: after a smaller step there is nothing to settle

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, segment_lengths
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import smooth_inputs
 from pneucli.simulate.run import simulate
@@ -93,8 +93,3 @@ def _shrunk_along(residual: Array, error: Array, restarts: NDArray[np.int64]) ->
     along = np.add.reduceat(error * residual, restarts, axis=-1)
     share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
     return np.asarray(residual - np.repeat(share * along, segment_lengths(restarts, error.size), axis=-1) * error)
-
-
-def segment_lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """Return how many of n samples each stretch between restarts has."""
-    return np.diff(np.append(restarts, n))

@@ -18,7 +18,6 @@ from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve.area_model import AreaModel, Direction
 from pneucli.identify.valve.fit import (
     Posterior,
-    averaged_noise_autocovariance,
     fit_area_model,
     initial_pressure_sensitivity,
     initial_pressures,
@@ -38,6 +37,7 @@ from pneucli.identify.valve.maps import (
     transient_coverage,
 )
 from pneucli.identify.valve.model_gradient import ModelGradient, model_gradient_of
+from pneucli.identify.valve.noise_covariance import averaged_noise_autocovariance
 from pneucli.identify.valve.resampling import interpolation_error, is_unevenly_sampled
 from pneucli.identify.valve.transients import Transients, cut_transients
 from pneucli.noise import NoiseModel, pool_noise

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.parameters import FreeParameter, with_parameters
+from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.declaration import PORTS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 

@@ -16,6 +16,7 @@ from pneucli.experiments import Part
 Array = NDArray[np.float64]
 TABLE_POINTS = 8001  # of the kernel's table over both directions
 MIN_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
+MAX_OVERLAP_RATIO = 0.95  # of the smallest command with a knot: an overlap beyond it leaves no area to fit
 OVERLAP_FIELDS = ("overlap_fill", "overlap_vent")
 Knots = tuple[float, tuple[tuple[float, float], ...]]  # of one direction: overlap (V), and (opening in V, area in m^2)
 
