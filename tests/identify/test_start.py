@@ -322,7 +322,7 @@ class Read:
     """An experiment whose readings, smoothed, err by noise that falls to a half, and by its slope."""
 
     channels = ("p1", "p2")
-    fusion = None
+    motion_smoother = None
 
     def __init__(self) -> None:
         self.smoothers = {"p1": 1, "p2": 1}

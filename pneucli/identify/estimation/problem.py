@@ -39,7 +39,7 @@ class LeastSquaresProblem:
 
     def __post_init__(self) -> None:
         self.errors = self.given_sensitivities or _parallel(
-            lambda view: view.carried(self.model), self.residual_models, self.max_parallel
+            lambda view: view.initial_state_sensitivity(self.model), self.residual_models, self.max_parallel
         )
         self.start = np.array([f.to_coordinate(f.start) for f in self.free])
         self.centre = np.array([f.to_coordinate(f.start if f.prior_mean is None else f.prior_mean) for f in self.free])
