@@ -69,7 +69,7 @@ def known_of(label: str = "valve", names: tuple[str, ...] = (), values: dict[str
     valve = replace(VALVE, label=label)
     pairs = zip(valve.commands, valve.areas, strict=True)
     areas = [estimate(area_parameter_name(u, label), a, 0.9 * a, 1.1 * a) for u, a in pairs if u != -5.0]
-    return SimpleNamespace(trend=SimpleNamespace(valve=valve)), SimpleNamespace(model=whole, estimates=areas)
+    return SimpleNamespace(model_gradient=SimpleNamespace(valve=valve)), SimpleNamespace(model=whole, estimates=areas)
 
 
 @pytest.mark.parametrize("label", ["valve", "valve_2"])

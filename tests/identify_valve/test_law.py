@@ -60,7 +60,7 @@ class Trend:
     start = np.array([0.3, 0.1])
     valve = Shut()
 
-    def at(self, z: np.ndarray) -> Callable[..., np.ndarray]:
+    def at_coordinates(self, z: np.ndarray) -> Callable[..., np.ndarray]:
         def gradient(u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
             other = np.where(u > 0, supply, AMBIENT)
             return np.asarray(np.exp(z[0]) * np.abs(u) ** (1.0 + z[1]) * (other - p))
@@ -68,7 +68,7 @@ class Trend:
         return gradient
 
     def sensitivity(self, z: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
-        return self.at(z)(u, p, supply)[..., None] * np.stack([np.ones_like(u), np.log(np.abs(u))], axis=-1)
+        return self.at_coordinates(z)(u, p, supply)[..., None] * np.stack([np.ones_like(u), np.log(np.abs(u))], axis=-1)
 
 
 TREND: Any = Trend()
@@ -115,13 +115,13 @@ def test_the_ratio_is_that_of_the_lower_to_the_higher_pressure(u: float, p: floa
 
 
 def test_without_corrections_it_is_the_trend() -> None:
-    assert LAW.gradient(LAW.initial_theta(), U, P, S) == pytest.approx(TREND.at(TREND.start)(U, P, S))
+    assert LAW.gradient(LAW.initial_theta(), U, P, S) == pytest.approx(TREND.at_coordinates(TREND.start)(U, P, S))
 
 
 def test_a_correction_multiplies_the_commands_of_its_sign_and_none_more_than_a_hundredfold() -> None:
     theta = LAW.initial_theta()
     theta[LAW.offsets()[1]] = 0.5
-    trend = TREND.at(TREND.start)(U, P, S)
+    trend = TREND.at_coordinates(TREND.start)(U, P, S)
     assert LAW.gradient(theta, U, P, S) == pytest.approx(trend * np.where(U < 0, np.exp(0.5), 1.0))
     theta[LAW.offsets()[1]] = 99.0
     assert LAW.gradient(theta, U, P, S) == pytest.approx(trend * np.where(U < 0, np.exp(MAX_LOG_CORRECTION), 1.0))
@@ -131,7 +131,7 @@ def test_a_commands_own_correction_is_shared_with_its_neighbours() -> None:
     theta = LAW.initial_theta()
     theta[LAW.offsets()[0] + SHARED_COEFFICIENTS + OWN_COEFFICIENTS] = 0.5  # the second command's, constant in r
     u = np.array([1.0, 3.0, 8.0, 24.0**0.5, -3.0])
-    found = LAW.gradient(theta, u, P[:5], S[:5]) / TREND.at(TREND.start)(u, P[:5], S[:5])
+    found = LAW.gradient(theta, u, P[:5], S[:5]) / TREND.at_coordinates(TREND.start)(u, P[:5], S[:5])
     assert np.log(found) == pytest.approx([0.0, 0.5, 0.0, 0.25, 0.0], abs=1e-12)
 
 

@@ -44,7 +44,7 @@ class Overlapped:
         return np.maximum(np.abs(u) - 0.3, 0.0)
 
 
-SHUT: Any = SimpleNamespace(trend=SimpleNamespace(valve=Overlapped()))
+SHUT: Any = SimpleNamespace(model_gradient=SimpleNamespace(valve=Overlapped()))
 WENT = Coverage(np.array([-10.0, -4.0, 2.0, 6.0]), np.array([1e5, 1e5, 1e5, 3e5]), np.array([7e5, 4e5, 5e5, 7e5]), SHUT)
 
 
@@ -195,8 +195,8 @@ def lacking(difference: list[float], covered: list[bool], ci: float = 10.0, erro
     )  # fmt: skip
     modelled: Any = SimpleNamespace(
         start=NONE,
-        at=lambda start: lambda u, p, supply: gradient - difference if np.all(supply == 7e5) else NONE,
-        error=lambda u, p, supply: np.full(u.shape, error),
+        at_coordinates=lambda start: lambda u, p, supply: gradient - difference if np.all(supply == 7e5) else NONE,
+        standard_error=lambda u, p, supply: np.full(u.shape, error),
     )
     return compare_with_map(modelled, 7e5, grid)
 
@@ -342,7 +342,7 @@ def test_a_memory_comes_with_its_derivatives() -> None:
     name = "heat-transfer.conductance"
     known, test = quiet(["heat-transfer"], {name: 0.7})
     assert has_memory(known)
-    free: Any = (SimpleNamespace(name=name, outward=lambda z: 0.7 + z),)
+    free: Any = (SimpleNamespace(name=name, from_coordinate=lambda z: 0.7 + z),)
     beside = ModelGradient(known, test, free, np.zeros(1), NONE).memory_gradient(test)
     more = memory_gradient(quiet(["heat-transfer"], {name: 0.701})[0], test)
     assert beside[0] == pytest.approx(memory_gradient(known, test))
@@ -352,7 +352,7 @@ def test_a_memory_comes_with_its_derivatives() -> None:
 
 @pytest.mark.parametrize("chamber", [1, 2])
 def test_the_valve_of_a_trend_is_what_fills_and_vents_its_tests_chamber(chamber: int) -> None:
-    both: Any = SimpleNamespace(behind={1: "first", 2: "second"}.get)
+    both: Any = SimpleNamespace(valve_of_chamber={1: "first", 2: "second"}.get)
     of: Any = SimpleNamespace(recording=SimpleNamespace(chamber=chamber))
     assert str(ModelGradient(both, of, NONE, NONE, NONE).valve) == {1: "first", 2: "second"}[chamber]
 
@@ -372,7 +372,7 @@ def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> No
 
 
 def test_the_prior_is_three_standard_errors_wide() -> None:
-    free = tuple(SimpleNamespace(name=n, lower=-1e3, upper=1e3, inward=lambda v: v, outward=lambda z: z) for n in "ab")
+    free = tuple(SimpleNamespace(name=n, lower=-1e3, upper=1e3, to_coordinate=lambda v: v, from_coordinate=lambda z: z) for n in "ab")
     one = ModelGradient(NONE, NONE, free, np.zeros(2), np.diag([4.0, 0.01]))  # type: ignore[arg-type]
     assert np.sort(np.abs(one.prior_whitening).ravel()) == pytest.approx([0.0, 0.0, 1 / 6.0, 1 / 0.3])
     sure = ModelGradient(NONE, NONE, free, np.zeros(2), np.zeros((2, 2)))  # type: ignore[arg-type]
@@ -381,7 +381,7 @@ def test_the_prior_is_three_standard_errors_wide() -> None:
 
 def test_moves_of_a_parameter_show_by_differences_to_both_sides() -> None:
     class Square(ModelGradient):
-        def at(self, z: np.ndarray) -> Any:
+        def at_coordinates(self, z: np.ndarray) -> Any:
             return lambda u, p, supply: u * z[0] ** 2 + p * z[1]
 
     one = Square(NONE, NONE, (), np.array([3.0, 1.0]), np.diag([0.01, 4.0]))
