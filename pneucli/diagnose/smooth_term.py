@@ -176,12 +176,12 @@ class SplineRegression:
             low, high = float(known.min()), float(known.max())
             knots = [linear_bspline_basis((v - low) / (high - low)) for v in values]
             for number, ways in enumerate(zip(*lacking, strict=True)):
-                if ways[0].only in (None, signal):
+                if ways[0].argument in (None, signal):
                     at = [
                         k if w.modelled is None else linear_bspline_basis((w.modelled - low) / (high - low))
                         for k, w in zip(knots, ways, strict=True)
                     ]
-                    made = [self._kept_of(i, way.becomes(at[i] * way.one)) for i, way in enumerate(ways)]
+                    made = [self._kept_of(i, way.to_residual(at[i] * way.unit_signal)) for i, way in enumerate(ways)]
                     yield _TermDesign(signal, ways[0], number, low, high, self._folds(made))
 
     def _kept_of(self, i: int, becomes: Array) -> Array:

@@ -105,7 +105,7 @@ class Straight:
 
     ambient, supply = 1e5, 7e5
     directions = (SimpleNamespace(sign=1, nodes=np.array([1.0, 4.0])), SimpleNamespace(sign=-1, nodes=np.array([4.0])))
-    model_gradient, size = SHUT.trend, 2
+    model_gradient, size = SHUT.model_gradient, 2
     commands = AreaModel.command_grid
 
     def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
