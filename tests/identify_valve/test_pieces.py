@@ -372,7 +372,10 @@ def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> No
 
 
 def test_the_prior_is_three_standard_errors_wide() -> None:
-    free = tuple(SimpleNamespace(name=n, lower=-1e3, upper=1e3, to_coordinate=lambda v: v, from_coordinate=lambda z: z) for n in "ab")
+    free = tuple(
+        SimpleNamespace(name=n, lower=-1e3, upper=1e3, to_coordinate=lambda v: v, from_coordinate=lambda z: z)
+        for n in "ab"
+    )
     one = ModelGradient(NONE, NONE, free, np.zeros(2), np.diag([4.0, 0.01]))  # type: ignore[arg-type]
     assert np.sort(np.abs(one.prior_whitening).ravel()) == pytest.approx([0.0, 0.0, 1 / 6.0, 1 / 0.3])
     sure = ModelGradient(NONE, NONE, free, np.zeros(2), np.zeros((2, 2)))  # type: ignore[arg-type]
