@@ -20,7 +20,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ChannelResult:
-    """Errors of one channel in one recording, SI; ``noise`` is the rms that a correct model would show."""
+    """Errors of one channel in one recording, SI; ``noise`` is the rms that a correct model would show.
+
+    ``measured_range`` is the largest less the smallest reading.
+    """
 
     recording: str
     use: str
@@ -32,6 +35,7 @@ class ChannelResult:
     fit_percent: float
     noise: float
     ratio_to_noise: float
+    measured_range: float
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,7 @@ def evaluate_channel(experiment: Experiment, channel: str, y: Array, model: Arra
         fit_percent=fit_percent(y, y - error),
         noise=noise,
         ratio_to_noise=rmsd / noise if noise > 0 else np.nan,
+        measured_range=float(np.ptp(y)),
     )
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from pneucli.config.value_types import Duration, Frequency, Name, Steepness, Table, Velocity
+from pneucli.quantities import ROTARY_UNITS, SIGNALS
+from pneucli.units import parse_quantity
 
 
 class ParameterTable(Table):
@@ -57,11 +59,28 @@ class IdentifyTable(Table):
     weights: dict[Channel, Annotated[float, Field(ge=0, le=1e6)]] = Field(default_factory=dict)
 
 
+def _parse_tolerances(value: Any, info: ValidationInfo) -> Any:
+    """Read each tolerance as a difference in its channel's unit: ``"50 mbar"`` is 5000 Pa, ``"1 degC"`` is 1 K."""
+    if not isinstance(value, dict):
+        return value
+    rotary = (info.context or {}).get("rotary")
+    units = {name: SIGNALS[name].unit for name in value if name in SIGNALS}
+    units = {name: ROTARY_UNITS.get(unit, unit) if rotary else unit for name, unit in units.items()}
+    return {k: parse_quantity(v, units[k], difference=True) if k in units else v for k, v in value.items()}
+
+
+Tolerances: TypeAlias = Annotated[
+    dict[Channel, Annotated[float, Field(gt=0)]],
+    BeforeValidator(_parse_tolerances, json_schema_input_type=dict[Channel, float | str]),
+]
+
+
 class CompareTable(Table):
-    """``[compare]``: restart interval in s, and the corner of the low-pass in Hz."""
+    """``[compare]``: restart interval in s, corner of the low-pass in Hz, largest rms error by channel."""
 
     horizon: Duration = 0.5
     low_pass: Frequency | None = None
+    tolerance: Tolerances = Field(default_factory=dict)
 
 
 class CheckTable(Table):

@@ -233,7 +233,7 @@ def _opening_response(model: Model, commands: Array, step: float) -> Array:
         for effect in users:
             u, states[effect.name] = effect.ports["command"](
                 u, states[effect.name], step, *model.effect_parameters(effect)
-            )  # type: ignore[misc]  # noqa: PLW2901
+            )  # type: ignore[misc]
         opened[k] = u
     return opened
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pneucli.compare import compare, overall_error
+from pneucli.compare import ChannelResult, compare, overall_error
 from pneucli.compare.expected_error import expected_rms_of_all
 from pneucli.diagnose.data import ErrorsByUse
 from pneucli.simulate.experiment import Experiment
@@ -20,18 +20,23 @@ class FreeRunErrors:
     """
 
     experiments: Sequence[Experiment]
-    _cache: list[tuple[Model, ErrorsByUse]] = field(default_factory=list)
+    _cache: list[tuple[Model, list[ChannelResult]]] = field(default_factory=list)
 
     def __call__(self, model: Model) -> ErrorsByUse:
         """Return the model's errors {"train": ..., "test": ...}; None where no recording has that use."""
-        for seen, errors in self._cache:
+        results = self.channels(model)
+        return {use: overall_error(results, use) for use in ("train", "test")}
+
+    def channels(self, model: Model) -> list[ChannelResult]:
+        """Return the model's error in every channel of every recording."""
+        for seen, known in self._cache:
             if seen is model:
-                return errors
+                return known
         noise = expected_rms_of_all(model, self.experiments)
         pairs = zip(self.experiments, noise, strict=True)
         results = [result for experiment, expected in pairs for result in compare(model, experiment, expected).results]
-        self._cache.append((model, {use: overall_error(results, use) for use in ("train", "test")}))
-        return self._cache[-1][1]
+        self._cache.append((model, results))
+        return results
 
 
 def held_out_error(errors: ErrorsByUse) -> float | None:

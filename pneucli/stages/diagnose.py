@@ -32,6 +32,7 @@ from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.changes import compare_with_baseline, write_baseline
+from pneucli.stages.compare import purpose_answer
 from pneucli.stages.diagnose_sentence import verdict_sentence
 from pneucli.stages.identify import parameters_answer, per_vessel_volume
 from pneucli.stages.pipeline_data import PipelineData
@@ -138,7 +139,7 @@ def _diagnosis_data(study: PipelineData) -> tuple[DiagnosisData, list[str]]:
 
 
 def _answer(study: PipelineData, bench: DiagnosisData, found: Diagnosis) -> dict[str, Any]:
-    assert bench.free_run_errors is not None
+    assert isinstance(bench.free_run_errors, FreeRunErrors)
     rungs = [dict(bench.free_run_errors(state.model)) for state in found.path.models]
     ladder = [
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
@@ -146,6 +147,7 @@ def _answer(study: PipelineData, bench: DiagnosisData, found: Diagnosis) -> dict
     ]
     settled = with_intervals(_selected_model(found).fit, bench.train)
     candidates = [_candidate_answer(study, bench, found, settled, decision) for decision in found.decisions]
+    selected = _selected_model(found).model
     pairs = [(n, other) for n in found.missing for other in found.equivalents[n]]
     rest = None if found.unexplained is None else _unexplained_answer(found.unexplained)
     following = " ".join(_discriminating_experiment(bench, found, a, b) for a, b in pairs[:2])
@@ -161,6 +163,8 @@ def _answer(study: PipelineData, bench: DiagnosisData, found: Diagnosis) -> dict
         "ladder": ladder,
         "candidates": candidates,
         "unexplained_share": remaining_error_share(rungs[0], rungs[-1]),
+        "explained_share": removed_error_share(rungs[0], bench.free_run_errors(selected)),
+        "purpose": purpose_answer(bench.free_run_errors.channels(selected), study.context.config.compare.tolerance),
         "next_experiment": following or _next_experiment(bench, found),
         "sentence": verdict_sentence(found, rungs, rest),
         "detectable": [_detectability_answer(d) for d in found.detectable],

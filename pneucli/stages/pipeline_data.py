@@ -123,7 +123,13 @@ class PipelineData:
         config, document = self.context.config, self.context.config.document
         files = [(r["name"], r["use"], r["sha256"]) for r in self.context.answers["ingest"]["recordings"]]
         recordings = [{k: v for k, v in table.items() if k != "file"} for table in document.get("recordings", [])]
-        read = (files, recordings, document.get("signals"), config.rig.ambient_pressure, config.compare.model_dump())
+        read = (
+            files,
+            recordings,
+            document.get("signals"),
+            config.rig.ambient_pressure,
+            config.compare.model_dump(exclude={"tolerance"}),
+        )
         return digest(read)
 
     def _require_samples(self, horizon: float) -> None:

@@ -59,7 +59,7 @@ def test_samples_that_were_not_measured_do_not_count() -> None:
 
 def test_the_overall_error_is_the_root_mean_square_of_a_use() -> None:
     def result(use: str, ratio: float) -> ChannelResult:
-        return ChannelResult("r", use, "x", "m", 1.0, 1.0, 1.0, 1.0, 1.0, ratio)
+        return ChannelResult("r", use, "x", "m", 1.0, 1.0, 1.0, 1.0, 1.0, ratio, 1.0)
 
     found = [result("train", 3.0), result("train", 4.0), result("train", float("nan"))]
     assert overall_error(found, "train") == pytest.approx(np.sqrt(12.5))

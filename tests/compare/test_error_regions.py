@@ -150,7 +150,7 @@ def comparison(error: np.ndarray, ratio: float, recording: str = "one", **signal
     e = axis(**{"p1": 3e5, **signals})
     e.raw.clear()
     e.raw.update({name: np.broadcast_to(s, e.time.shape) for name, s in signals.items()})
-    result = ChannelResult(recording, "train", "p1", "Pa", 1.0, 1.0, 1.0, 1.0, 1.0, ratio)
+    result = ChannelResult(recording, "train", "p1", "Pa", 1.0, 1.0, 1.0, 1.0, 1.0, ratio, 1.0)
     return SimpleNamespace(experiment=e, results=(result,), residual=lambda channel: error)
 
 
