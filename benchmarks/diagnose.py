@@ -20,16 +20,16 @@ from pathlib import Path
 from pneucli.notebook.run import open_pipeline_of
 
 PHASES = {
-    "reading and preparing": [("stages/diagnose.py", "_bench")],
+    "reading and preparing": [("stages/diagnose.py", "_diagnosis_data")],
     "first fit": [("identify/estimation/model_fit.py", "fit_model")],
-    "screening": [("diagnose/data.py", "screened")],
-    "refits": [("identify/estimation/model_fit.py", name) for name in ("fit_added", "refit", "fit_without")],
-    "held-out recordings and tests": [("diagnose/data.py", name) for name in ("state", "trial")],
-    "what is left": [("diagnose/selection.py", "remains")],
+    "screening": [("diagnose/data.py", "signatures_of")],
+    "refits": [("identify/estimation/model_fit.py", name) for name in ("fit_with_effect", "refit", "fit_without")],
+    "held-out recordings and tests": [("diagnose/data.py", name) for name in ("fitted_model", "candidate")],
+    "what is left": [("diagnose/data.py", "lack_of_fit")],
     "the error that users see": [("diagnose/free_run_error.py", "__call__")],
     "intervals": [("identify/estimation/intervals.py", "with_intervals")],
-    "what could not be seen": [("diagnose/detectability.py", "detectable")],
-    "for later comparisons": [("stages/changes.py", "keep_reference")],
+    "what could not be seen": [("diagnose/detectability.py", "minimum_detectable_effects")],
+    "for later comparisons": [("stages/changes.py", "write_baseline")],
 }
 ALL = ("stages/diagnose.py", "run")
 

@@ -143,7 +143,7 @@ def run_refit_job(job: RefitJob) -> float:
     effects = _effects(job.plugins)
     with threadpool_limits(1, user_api="blas"):  # as the client has it: the order of sums is the same
         bench, state = _read(job.data, job.plugins), _read(job.base, job.plugins)
-        ended = bench.fitted(Refit(job.kind, state, effects[job.effect], job.ranked))
+        ended = bench.run_refit(Refit(job.kind, state, effects[job.effect], job.ranked))
     _write(Path(job.target), ended)
     return time.perf_counter() - begun
 

@@ -42,7 +42,7 @@ def kinds(*each: Any, feels: bool = True) -> list[Any]:
     """Views of these kinds, which feel every effect or none, of one and the same recording."""
     views = [object.__new__(kind) for kind in each]
     for view in views:
-        view.__dict__.update(experiment="fitted", feels=lambda effect: feels)
+        view.__dict__.update(experiment="fitted", is_sensitive_to=lambda effect: feels)
     return views
 
 
@@ -120,7 +120,7 @@ def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unk
 def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
     """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
     view = object.__new__(ForceBalance)
-    object.__setattr__(view, "experiment", SimpleNamespace(lacks_p2=unseen, parts={"cylinder"}))
+    object.__setattr__(view, "experiment", SimpleNamespace(p2_is_unmeasured=unseen, parts={"cylinder"}))
     assert has_unmeasured_force([view], catalogue()["spring-force"]) == unseen
     assert not has_unmeasured_force([], catalogue()["spring-force"])
 
@@ -153,7 +153,7 @@ def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
 )
 def test_exams_hold_recordings_out_and_have_what_each_subsystem_needs(kind: Any, held_out: bool, known: bool) -> None:
     seen = kind(recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
-    where: Any = SimpleNamespace(train=[seen], checked=held_out)
+    where: Any = SimpleNamespace(train=[seen], has_held_out_data=held_out)
     assert has_calibration(where, catalogue()["stribeck"]) == known
 
 
@@ -161,7 +161,7 @@ def test_exams_hold_recordings_out_and_have_what_each_subsystem_needs(kind: Any,
 
 
 def state(squares: float, samples: int = 100, **more: Any) -> Any:
-    return SimpleNamespace(cost=squares, samples=samples, **more)
+    return SimpleNamespace(cost=squares, residual_count=samples, **more)
 
 
 def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
@@ -172,16 +172,16 @@ def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
 def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
     last = state(140.0, fit="last fit", model="last model")
     tried: Any = SimpleNamespace(
-        before=state(0.0, model="without"), state=state(0.0, model="with"), effect=catalogue()["extra-mass"]
+        reduced=state(0.0, model="without"), full=state(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
-    where: Any = SimpleNamespace(train=kinds(ForceBalance), shown=shown)
+    where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown)
     monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
     sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
     monkeypatch.setattr(
         posterior, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
     monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    stood: Any = SimpleNamespace(left=lambda bench: 0.2 if bench is where else None)
+    stood: Any = SimpleNamespace(remaining_share=lambda bench: 0.2 if bench is where else None)
     return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
 
@@ -217,7 +217,7 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     )
     monkeypatch.setattr(posterior, "significance", lambda fit, effect: 20.0 if fit is tried.full.fit else 0.0)
     monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
-    monkeypatch.setattr(Term, "left", lambda self, bench: 0.3 if self.named is tried else None)
+    monkeypatch.setattr(Term, "remaining_share", lambda self, bench: 0.3 if self.candidate is tried else None)
     monkeypatch.setattr(Term, "equivalents", lambda self, bench, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
     assert posterior.posterior_probability(where, Term(tried, ())) == probability(
@@ -254,7 +254,7 @@ def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch
     """The unknown that one of them resembles, all of them do."""
     where = replace(bench(held_out=False), free_run_errors=None)
     monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, 0.5))
-    monkeypatch.setattr(Term, "left", lambda self, bench: 0.3)
+    monkeypatch.setattr(Term, "remaining_share", lambda self, bench: 0.3)
     clock, spool = (
         posterior.log_odds_among_equivalents(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag")
     )
@@ -269,7 +269,7 @@ def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
     where = replace(bench(held_out=False), free_run_errors=None)
     sizes = {"constant-force": 1.0, "pressure-offset": size}
     monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
-    monkeypatch.setattr(Term, "left", lambda self, bench: 0.3)
+    monkeypatch.setattr(Term, "remaining_share", lambda self, bench: 0.3)
     force, offset = (posterior.log_odds_among_equivalents(where, trial(name, before=trials.state())) for name in sizes)
     assert offset < force if less else offset == force
 

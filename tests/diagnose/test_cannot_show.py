@@ -16,7 +16,7 @@ KNOWN = catalogue()
 
 
 def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
-    deaf: Any = SimpleNamespace(**vars(VIEW) | {"feels": lambda effect: effect.name != "valve-lag"})
+    deaf: Any = SimpleNamespace(**vars(VIEW) | {"is_sensitive_to": lambda effect: effect.name != "valve-lag"})
     names = ("valve-lag", "extra-mass", "stribeck")
     where = replace(bench(), train=[deaf], effects={n: KNOWN[n] for n in names})
     sizes = [

@@ -24,7 +24,7 @@ NOISE = 500.0  # Pa
 
 def view_of(n: int = 500) -> Any:
     e = SimpleNamespace(time=1e-3 * np.arange(n))
-    return SimpleNamespace(experiment=e, channels=("p1", "p2"), volume=lambda _: np.full(2 * n, 0.1))
+    return SimpleNamespace(experiment=e, channels=("p1", "p2"), log_determinant=lambda _: np.full(2 * n, 0.1))
 
 
 def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by() -> None:
@@ -62,9 +62,9 @@ def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not
     """Two blocks of 250 samples of two channels; three residuals of the first are zero."""
     monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: dict.fromkeys(view.channels, 1.0))
     view, residual = view_of(), np.ones(1000)
-    view.carried, view.states_force = lambda _: {}, False
+    view.initial_state_sensitivity, view.states_force = lambda _: {}, False
     residual[:3] = 0.0
-    found: Any = SimpleNamespace(model=model(), residual=residual, errors=[{}])
+    found: Any = SimpleNamespace(model=model(), residual=residual, initial_state_sensitivities=[{}])
     _, counts = fitted_costs(found, [view])
     assert counts.tolist() == [497.0, 500.0]
 

@@ -31,7 +31,7 @@ class Diagnosed:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **given: Any) -> None:
         self.toys = Toys([A, B], adding(a=0.6, b=0.4))
-        self.rungs = tuple(self.toys.state(names) for names in ([], ["a"], ["a", "b"]))
+        self.rungs = tuple(self.toys.model_with(names) for names in ([], ["a"], ["a", "b"]))
         for rung in self.rungs:
             rung.fit.estimates[:] = []  # type: ignore[index]
         self.steps: list[tuple[str, list[str], list[str], bool]] = []
@@ -42,8 +42,8 @@ class Diagnosed:
 
         def place(one: Any, rivals: list[Candidate]) -> Any:
             return SimpleNamespace(
-                named=Candidate(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
-                alike=lambda bench, *, complete: rivals if complete != unknown else None,
+                candidate=Candidate(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
+                equivalents=lambda bench, *, complete: rivals if complete != unknown else None,
             )
 
         places = {"a": place(A, []), "b": place(B, [rival])}
@@ -87,8 +87,8 @@ class Diagnosed:
         monkeypatch.setattr(diagnosis, "describe_discrepancies", lambda bench, fit, left: [(fit.model, len(left))])
         monkeypatch.setattr(diagnosis, "undetectable_effects", lambda bench, sizes: [])
         self.bench: Any = SimpleNamespace(
-            state=lambda base: self.rungs[0], train=given.get("train", []), held_out=[],
-            effects=self.toys.effects, trial=self.toys.trial, implausible=given.get("implausible", False),
+            fitted_model=lambda base: self.rungs[0], train=given.get("train", []), held_out=[],
+            effects=self.toys.effects, candidate=self.toys.candidate, implausible=given.get("implausible", False),
         )  # fmt: skip
         self.result = diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
 
@@ -129,7 +129,7 @@ def test_what_a_law_outdoes_leaves_something_unknown_however_faint(monkeypatch: 
     faint = [LackOfFit(ForceBalance, c, r, r, ()) for c, r in (("a", 1.01), ("force", 1.04))]
     elsewhere = LackOfFit(FreeRun, "x", 1.05, 1.05, ())
     felt = object.__new__(ForceBalance)
-    felt.__dict__["feels"] = lambda effect: effect is B
+    felt.__dict__["is_sensitive_to"] = lambda effect: effect is B
     left = [elsewhere, *faint]
     d = Diagnosed(monkeypatch, doubted={"b"}, standing={"a"}, why="explained-by-signal", remains=left, train=[felt])
     assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", ("a",), "unknown")

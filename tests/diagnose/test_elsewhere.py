@@ -47,10 +47,10 @@ class Slow:
     seconds: float
     effects: Any = field(default_factory=dict)
     progress: Callable[[str], None] = print
-    refits: Any = run_locally
-    shown: Any = None
+    run_refits: Any = run_locally
+    free_run_errors: Any = None
 
-    def fitted(self, one: Refit) -> Ended:
+    def run_refit(self, one: Refit) -> Ended:
         time.sleep(self.seconds)
         state: Any = one.base
         return Ended(f"{state.done}, {one.kind} {one.effect.name}", os.getpid(), one.effect)
@@ -105,16 +105,16 @@ def test_a_diagnosis_through_workers_is_that_of_this_process_bit_by_bit(
     pipeline = tmp_path / "pipeline.toml"
     text = (tmp_path / TEMPLATE_FILE).read_text(encoding="utf-8")
     pipeline.write_text(text.replace('file = "raw/', f'file = "{raw.as_posix()}/'), encoding="utf-8")
-    for name in ("START", "TURN"):
+    for name in ("MIN_FIRST_SAVING", "MIN_SAVING"):
         monkeypatch.setattr(executor_refit, name, 0.0)
     found = []
     monkeypatch.setattr(executor_refit, "engine_from", lambda *_, **__: closing(ThreadEngine(2)))
     monkeypatch.setattr(stage, "diagnose", lambda *given: found.append(diagnose(*given)) or found[-1])
     for name, options in {"here": {}, "there": {"executor": "local"}}.items():
         open_pipeline(pipeline, load_pipeline_file, tmp_path / name).update(["diagnose"], {"diagnose": options})
-    one, other = ([d.trial for d in each.decisions if d.trial is not None] for each in found)
+    one, other = ([d.candidate for d in each.decisions if d.candidate is not None] for each in found)
     assert len(one) > 2
     for a, b in zip(one, other, strict=True):
         assert a.effect is b.effect
-        assert a.state.model.values == b.state.model.values
-        assert np.array_equal(a.state.costs, b.state.costs)
+        assert a.full.model.values == b.full.model.values
+        assert np.array_equal(a.full.costs, b.full.costs)

@@ -91,7 +91,7 @@ def test_where_noise_is_left_two_hundredths_matter_for_the_first_effect_too(fall
 def test_what_matters_is_a_share_of_what_the_effect_acts_in(monkeypatch: pytest.MonkeyPatch):
     """31 of 8000 are too little; of 1000 in the views that feel it they are not, but where noise is left there, 2 %."""
     for felt, said in (((1000.0, 500), "supported"), ((1500.0, 1500), "supported"), ((1600.0, 1600), "immaterial")):
-        monkeypatch.setattr(DiagnosisData, "felt", lambda *_, felt=felt: felt)
+        monkeypatch.setattr(DiagnosisData, "sensitive_cost", lambda *_, felt=felt: felt)
         assert reason("friction-asymmetry", 8000.0 - 31.0, ends=INSIDE) == said
 
 
@@ -112,7 +112,7 @@ def test_beside_something_unknown_it_is_enough_that_the_cost_of_data_not_seen_fa
 
 
 def test_turns_are_data_not_seen():
-    by_turns = bench(held_out=False, turns=(0,))
+    by_turns = bench(held_out=False, folds=(0,))
     (decision,) = apply_tests(by_turns, state(), [trial("friction-asymmetry", ends=INSIDE, test=UNSURE)])
     assert decision.reason == "not-on-held-out"
 

@@ -40,7 +40,7 @@ class Seen(ChamberPressures):
 class Balance(Seen):
     """It starts nowhere anew."""
 
-    replayed = False
+    is_simulated = False
 
 
 def found(*views: Seen) -> PeriodicTerm | None:

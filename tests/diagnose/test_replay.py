@@ -28,7 +28,7 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[Residua
         measured=lambda channel: error,
         inputs=np.zeros((N, len(at.INPUTS))),
         noise={"x": SimpleNamespace(rms=1.0)},
-        struck=(-np.inf, np.inf),
+        detected_ends=(-np.inf, np.inf),
     )
     monkeypatch.setattr(free_run_adequacy, "simulate_outputs", lambda model, e: {"x": np.zeros(N)})
     monkeypatch.setattr(

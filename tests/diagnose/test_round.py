@@ -31,7 +31,7 @@ def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
     )
     monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, tried: tried)
     where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
-    where.__dict__["hypotheses"] = 50
+    where.__dict__["hypothesis_count"] = 50
     assert {d.effect.name: d.reason for d in rounds.screen_and_refit(where, BEFORE)} == {
         "extra-mass": "supported",
         "stribeck": "not-promising",

@@ -24,7 +24,7 @@ def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     known: dict[str, float] = {}
     for module in (selection, next_term):
         monkeypatch.setattr(
-            module, "posterior_probability", lambda bench, place: known.get(place.named.effect.name, 0.9)
+            module, "posterior_probability", lambda bench, place: known.get(place.candidate.effect.name, 0.9)
         )
     monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, trial: known.get(trial.effect.name, 0.9))
     return known
@@ -44,7 +44,7 @@ def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def found(bench: Toys, *base: str) -> SelectionPath:
-    return select_effects(bench, bench.state(base))  # type: ignore[arg-type]
+    return select_effects(bench, bench.model_with(base))  # type: ignore[arg-type]
 
 
 def names(result: SelectionPath) -> set[str]:
@@ -163,7 +163,7 @@ def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[s
         return 0.62 if {"a", "b"} <= chosen else 0.619 if "b" in chosen else 0.6 * ("a" in chosen)
 
     bench = Toys([A, B], takes, excess=2.0)
-    kept, refused, _ = selection._without_needless(bench, bench.state(()), bench.state(("a", "b")))  # type: ignore[arg-type]
+    kept, refused, _ = selection._without_needless(bench, bench.model_with(()), bench.model_with(("a", "b")))  # type: ignore[arg-type]
     assert kept.effect_names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "explained-by-unknown")]
 
@@ -185,7 +185,7 @@ def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
 
     way = [["a"], ["a", "b"]]
     bench = Toys([A, B], takes, worse={"b"})
-    rungs = [bench.state(()), *(bench.state(names) for names in way)]
+    rungs = [bench.model_with(()), *(bench.model_with(names) for names in way)]
     kept, _, refused = selection._revise(bench, rungs, [[]])  # type: ignore[arg-type]
     assert kept[-1].effect_names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
@@ -255,11 +255,11 @@ class Screened(Toys):
         super().__init__([effect(n) for n in promised], adding())
         self.promised, self.costs = promised, costs or {}
 
-    def screen(self, state: FittedModel) -> list[Any]:
+    def ranked_signatures(self, state: FittedModel) -> list[Any]:
         ranked = sorted(self.promised.items(), key=lambda pair: -pair[1])
         return [(self.effects[n], [SimpleNamespace(gain=g)]) for n, g in ranked]
 
-    def added(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
+    def refit_with(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
         costs = [self.costs.get(one.name, 9000.0) for one in effects]
         gains = [ScoreGain(10000.0 - cost, 1.0, 1e-9, 30.0) for cost in costs]
         return [
@@ -290,7 +290,7 @@ def test_of_the_share_that_the_best_promises_of_what_it_acts_in() -> None:
     """A tenth of little counts as much as a tenth of much that it does not act in."""
 
     class Apart(Screened):
-        def felt(self, state: FittedModel, one: Any) -> tuple[float, int]:
+        def sensitive_cost(self, state: FittedModel, one: Any) -> tuple[float, int]:
             return (1e6, 100) if one.name == "a" else (1e3, 100)
 
     assert set(order(Apart({"a": 1e5, "b": 100.0, "c": 13.0}))) == {"a", "b", "c"}
@@ -313,7 +313,7 @@ def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to
 
 def test_a_search_knows_what_was_added_to_what() -> None:
     toys = Toys([A, B, C], adding())
-    rungs = tuple(toys.state(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
+    rungs = tuple(toys.model_with(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
     result = SelectionPath(rungs, (), {}, (), ())
     assert result.added == ["b", "c"]
     assert result.adequate

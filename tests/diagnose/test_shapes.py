@@ -197,14 +197,14 @@ class Seen:
     noise: ClassVar = {"force": 2.0, "a": 0.5, "x": 1.0}
     left: ClassVar = {"force": np.array([4.0, 6.0, 8.0]), "a": np.array([0.0, 1.0, 1.0]), "x": np.zeros(3)}
 
-    def carried(self, model: str) -> str:
+    def initial_state_sensitivity(self, model: str) -> str:
         return f"carried by {model}"
 
     def residual(self, model: str, errors: str) -> dict[str, np.ndarray]:
         assert (model, errors) == ("known", "carried by known")
         return self.left
 
-    def drawn_rms(self, model: str, errors: str, draws: int, seed: int) -> dict[str, float]:
+    def monte_carlo_rms(self, model: str, errors: str, draws: int, seed: int) -> dict[str, float]:
         assert (model, errors, draws) == ("known", "carried by known", adequacy.NOISE_DRAWS)
         return {"force": 3.0, "a": 0.7, "x": 1.0}
 

@@ -87,7 +87,7 @@ def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(mon
     left = [LackOfFit(kind, "force", 9.0, 9.0, ())] if kind else []
     monkeypatch.setattr(next_term, "lack_of_fit", lambda bench, state: (left, []))
     monkeypatch.setattr(
-        next_term, "posterior_probability", lambda bench, place: chance if place.named is bounds else 0.3
+        next_term, "posterior_probability", lambda bench, place: chance if place.candidate is bounds else 0.3
     )
     monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, one: 0.6 if one is bounds else 0.5)
     leader, decisions = next_term.next_term(where, [decision(bounds), decision(other)])
@@ -106,13 +106,13 @@ class Climbing(DiagnosisData):
     def of(self, names: tuple[str, ...]) -> FittedModel:
         return self.__dict__["states"][frozenset(names)]
 
-    def added(self, before: FittedModel, effects, ranked=()) -> list[Candidate]:
+    def refit_with(self, before: FittedModel, effects, ranked=()) -> list[Candidate]:
         return [replace(trial(e.name, before=before), full=self.of((*before.effect_names, e.name))) for e in effects]
 
-    def can_start(self, before: FittedModel, effect) -> bool:
+    def has_initial_guess(self, before: FittedModel, effect) -> bool:
         return effect.name not in self.__dict__["unsized"]
 
-    def trial(self, before: FittedModel, after: FittedModel, effect) -> Candidate:
+    def candidate(self, before: FittedModel, after: FittedModel, effect) -> Candidate:
         return replace(trial(effect.name, before=before), full=after)
 
 
@@ -121,7 +121,7 @@ def climbing(*rows: tuple[str, float, float, float], unsized: str = "") -> Climb
     states = {frozenset(names.split()): state(names.split(), cost) for names, cost, _, _ in rows}
     shown = [(states[frozenset(names.split())], train, test) for names, _, train, test in rows]
     made = bench(shown)
-    lent = Climbing(made.train, made.held_out, made.effects, shown=made.free_run_errors)
+    lent = Climbing(made.train, made.held_out, made.effects, free_run_errors=made.free_run_errors)
     lent.__dict__["states"], lent.__dict__["unsized"] = states, unsized
     return lent
 
@@ -181,7 +181,7 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(
     monkeypatch.setattr(
         Climbing,
         "refit_without",
-        lambda self, state, effects: [self.of(tuple(n for n in state.names if n != e.name)) for e in effects],
+        lambda self, state, effects: [self.of(tuple(n for n in state.effect_names if n != e.name)) for e in effects],
         raising=False,
     )
     monkeypatch.setattr(
@@ -278,6 +278,6 @@ def test_what_readings_show_alone_is_taken_though_the_error_rises(monkeypatch: p
     monkeypatch.setattr(
         DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: [(squares[id(state)], 100.0)]
     )
-    tried = where.trial(base, last, where.effects[bias])
+    tried = where.candidate(base, last, where.effects[bias])
     assert (next_term.next_term(where, [decision(tried)])[0] is tried) == shown
     assert (selection._reordered_path(where, base, last, [base, last])[0] == [base, last]) == shown

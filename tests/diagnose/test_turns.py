@@ -32,7 +32,7 @@ def linear(columns: np.ndarray, wanted: np.ndarray, values: dict[str, float]) ->
     left = columns @ z - wanted
     fit = Fit(ended, free, (), left, columns, TURN, np.zeros((len(z), len(z))), 0.0, ())
     bounds = np.full(len(z), -1e9), np.full(len(z), 1e9)
-    none: Any = SimpleNamespace(prior=lambda z: np.zeros(0), prior_jacobian=lambda z: np.zeros((0, len(z))))
+    none: Any = SimpleNamespace(prior_residuals=lambda z: np.zeros(0), prior_jacobian=lambda z: np.zeros((0, len(z))))
     none.bounds = lambda: bounds
     return fit, none
 

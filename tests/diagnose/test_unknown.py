@@ -30,9 +30,9 @@ def described(
     """What is said of a remainder of the force of which these laws and this period are known."""
     ranked = sorted(laws, key=lambda one: -one.share)
     known = SimpleNamespace(
-        ranked=lambda fit: ranked, simple=lambda fit, one: simple if one is ranked[0] else "another"
+        ranked_terms=lambda fit: ranked, simplest_shape=lambda fit, one: simple if one is ranked[0] else "another"
     )
-    bench = SimpleNamespace(train=[VIEW], channel=lambda fit, *one: {(ForceBalance, "force"): known}[one])
+    bench = SimpleNamespace(train=[VIEW], spline_regression=lambda fit, *one: {(ForceBalance, "force"): known}[one])
     monkeypatch.setattr(discrepancy, "find_period", lambda *_: repeats)
     return describe_lack_of_fit(bench, SimpleNamespace(model=None), LackOfFit(ForceBalance, "force", 3.0, 3.0, ()))  # type: ignore[arg-type]
 

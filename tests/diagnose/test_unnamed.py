@@ -90,13 +90,13 @@ def tried(name: str, acts: Course, views: Sequence[ForceBalance], *there: Course
 
     base = SimpleNamespace(name="friction.coulomb")
     before, after = fitted(own[:, None], ()), fitted(np.column_stack([of_effect, own]), (first, base))
-    step: Any = SimpleNamespace(effect=effect, before=SimpleNamespace(fit=before), state=SimpleNamespace(fit=after))
+    step: Any = SimpleNamespace(effect=effect, reduced=SimpleNamespace(fit=before), full=SimpleNamespace(fit=after))
     known: dict[Any, SplineRegression] = {}
 
     def channel(fit: Fit, kind: Any, name: str) -> SplineRegression:
         return known.setdefault(name, SplineRegression(fit, views, kind, name))
 
-    return SimpleNamespace(train=views, channel=channel), Term(step, ())
+    return SimpleNamespace(train=views, spline_regression=channel), Term(step, ())
 
 
 def rival(name: str, acts: Course, *there: Course) -> SmoothTerm | None:

@@ -182,13 +182,13 @@ def bench(**given: Any) -> DiagnosisData:
     return DiagnosisData(**{"train": [], "held_out": [], "effects": {}, **given})
 
 
-ONE: Any = SimpleNamespace(name="one", part="valve", sides=frozenset({"gas"}), parameters=(1, 2))
-TWO: Any = SimpleNamespace(name="two", part="cylinder", sides=frozenset({"gas"}), parameters=(1,))
-THREE: Any = SimpleNamespace(name="three", part="gas", sides=frozenset({"gas"}), parameters=(1, 2, 3))
+ONE: Any = SimpleNamespace(name="one", part="valve", balances=frozenset({"gas"}), parameters=(1, 2))
+TWO: Any = SimpleNamespace(name="two", part="cylinder", balances=frozenset({"gas"}), parameters=(1,))
+THREE: Any = SimpleNamespace(name="three", part="gas", balances=frozenset({"gas"}), parameters=(1, 2, 3))
 
 
 def seen(*names: str) -> Any:
-    return SimpleNamespace(feels=lambda effect: effect.name in names, alone=lambda effect: ())
+    return SimpleNamespace(is_sensitive_to=lambda effect: effect.name in names, exclusive_channels=lambda effect: ())
 
 
 def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
@@ -198,7 +198,7 @@ def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
 
 
 def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
-    found = bench(train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, covered=frozenset({"valve"}))
+    found = bench(train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, modelled_parts=frozenset({"valve"}))
     assert not found.is_observable(ONE)
     assert found.hypothesis_count == 1
 
@@ -227,7 +227,7 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
         return SimpleNamespace(
             residual=lambda model: read if model == "fitted" else {},
             noise={"a": 2.0, "force": 1.0},
-            alone=lambda effect: alone[effect.name],
+            exclusive_channels=lambda effect: alone[effect.name],
         )
 
     none = np.zeros(0)
@@ -247,10 +247,10 @@ def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPat
     found = bench(
         train=[seen("one", "two", "three")], effects={e.name: e for e in (ONE, TWO, THREE)}, progress=told.append
     )
-    known: Any = SimpleNamespace(names=[], fit=None)
+    known: Any = SimpleNamespace(effect_names=[], fit=None)
     assert [(e.name, s[0].gain) for e, s in found.ranked_signatures(known)] == [("two", 9.0), ("one", 5.0)]
     assert told == ["screening one, 2 left", "screening two, 1 left", "screening three, 0 left"]
-    has: Any = SimpleNamespace(names=["two"], fit=None)
+    has: Any = SimpleNamespace(effect_names=["two"], fit=None)
     assert [e.name for e, _ in found.ranked_signatures(has)] == ["one"]
     promised["one"] = [0.0]
     assert [e.name for e, _ in found.ranked_signatures(known)] == ["two"]
@@ -289,20 +289,20 @@ NEW: Any = SimpleNamespace(model="new")
 def test_a_step_may_raise_the_error_of_one_use_by_five_percent_in_the_mean_of_both(
     train: float | None, test: float, raises: bool
 ) -> None:
-    found = bench(shown=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
+    found = bench(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
     assert found.free_run_error_rises(OLD, NEW) == raises
 
 
 def test_without_errors_nothing_rises() -> None:
     assert not bench().free_run_error_rises(OLD, NEW)
-    assert not bench(shown=errors(old={"train": None}, new={"train": None})).free_run_error_rises(OLD, NEW)
+    assert not bench(free_run_errors=errors(old={"train": None}, new={"train": None})).free_run_error_rises(OLD, NEW)
 
 
 @pytest.mark.parametrize(
     ("train", "test", "falls"), [(0.9, 0.9, True), (1.2, 0.8, True), (1.3, 0.8, False), (1.0, 1.0, False)]
 )
 def test_the_ladder_falls_where_the_mean_of_both_errors_does(train: float, test: float, falls: bool) -> None:
-    found = bench(shown=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
+    found = bench(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
     assert found.free_run_error_falls(OLD, NEW) == falls
     assert bench().free_run_error_falls(OLD, NEW)
 
@@ -375,7 +375,7 @@ def test_two_effects_are_told_apart_by_what_both_say() -> None:
 
 def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.MinimumDetectableEffect:
     signatures: Any = [
-        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, error=e) for values, e in found
+        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, step_error=e) for values, e in found
     ]
     known: Any = SimpleNamespace(model=model([name], {}))
     return visible._minimum_detectable_effect(catalogue()[name], signatures, known)
@@ -431,11 +431,11 @@ def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: 
 
     def found_for(effect: Any, fit: Any, views: Any) -> list[Any]:
         known = values.get(effect.name)
-        return [SimpleNamespace(values=known, error=0.1, gain=1.0)] if known else []
+        return [SimpleNamespace(values=known, step_error=0.1, gain=1.0)] if known else []
 
     monkeypatch.setattr(trials, "score_tests", found_for)
     ready = bench(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
-    has: Any = SimpleNamespace(names=["extra-mass"], fit=None, model=model())
+    has: Any = SimpleNamespace(effect_names=["extra-mass"], fit=None, model=model())
     found = visible.minimum_detectable_effects(ready, has)
     assert [d.effect.name for d in found] == ["constant-force", "stribeck"]
     assert [d.size for d in found] == pytest.approx([4.0, 4 * 0.1 * 8.0])

@@ -20,11 +20,11 @@ def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: An
     known = [
         SimpleNamespace(name=f"p{k}", unit="1", null=0.0, lower=-9.0, upper=9.0, **more) for k in range(parameters)
     ]
-    return SimpleNamespace(name=name, parameters=tuple(known), part=part, bounds=False, ports={})
+    return SimpleNamespace(name=name, parameters=tuple(known), part=part, is_set_valued=False, ports={})
 
 
 class Toys:
-    """Stands in for :class:`pneucli.diagnose.data.Bench`.
+    """Stands in for :class:`pneucli.diagnose.data.DiagnosisData`.
 
     ``takes`` says what a set of effects takes of the cost, as a share of what noise leaves, in the fitted and in the
     held-out blocks; every fit scatters a little. ``chance`` gives an effect's p value where it is not that of the gain.
@@ -35,8 +35,8 @@ class Toys:
     ) -> None:
         self.effects = {e.name: e for e in effects}
         self.takes, self.unseen, self.excess = takes, unseen or takes, excess
-        self.hypotheses = more.get("hypotheses", 50)
-        self.given: tuple[str, ...] = more.get("given", ())
+        self.hypothesis_count = more.get("hypotheses", 50)
+        self.base_effects: tuple[str, ...] = more.get("given", ())
         self.chance: dict[str, float] = more.get("chance", {})
         self.worse: set[str] = more.get("worse", set())
         self.sized_by: dict[str, set[str]] = more.get("sized_by", {})  # what an effect needs to have a size at all
@@ -44,9 +44,9 @@ class Toys:
         self.added_names: list[tuple[str, ...]] = []
         view = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
         self.train, self.held_out = [view], [view] if more.get("held_out", True) else []
-        self.checked = bool(self.held_out)
+        self.has_held_out_data = bool(self.held_out)
 
-    def state(self, names: Sequence[str]) -> FittedModel:
+    def model_with(self, names: Sequence[str]) -> FittedModel:
         chosen = frozenset(names)
         rng = np.random.default_rng(sum(map(hash_of, chosen)))
         train = SAMPLES * (1.0 + self.excess - self.takes(chosen)) + rng.normal(scale=1.0, size=TRAIN)
@@ -64,7 +64,7 @@ class Toys:
             return FittedModel(fit, train, np.zeros(0), train, np.full(TRAIN, SAMPLES))
         return FittedModel(fit, train, test, np.concatenate([train, test]), np.full(TRAIN + TEST, SAMPLES))
 
-    def screen(self, state: FittedModel) -> list[Any]:
+    def ranked_signatures(self, state: FittedModel) -> list[Any]:
         promised = [
             (e, self.takes(frozenset([*state.effect_names, e.name])) - self.takes(frozenset(state.effect_names)))
             for e in self.effects.values()
@@ -72,35 +72,35 @@ class Toys:
         found = [
             (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0)])
             for e, p in promised
-            if e.name not in state.effect_names and self.can_start(state, e)
+            if e.name not in state.effect_names and self.has_initial_guess(state, e)
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
-    def felt(self, state: FittedModel, one: Any) -> tuple[float, int]:
+    def sensitive_cost(self, state: FittedModel, one: Any) -> tuple[float, int]:
         return float(state.train_costs.sum()), TRAIN * SAMPLES
 
-    def parts(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
+    def sensitive_costs(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
         return [
             (float(state.train_costs.sum()), TRAIN * SAMPLES),
             (float(state.test_costs.sum()), state.test_costs.size * SAMPLES),
         ]
 
-    def alone(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
+    def exclusive_channel_costs(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
         return []
 
-    def added(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
-        assert all(self.can_start(state, one) for one in effects)
+    def refit_with(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
+        assert all(self.has_initial_guess(state, one) for one in effects)
         self.added_names += [(*state.effect_names, one.name) for one in effects]
-        return [self.trial(state, self.state([*state.effect_names, one.name]), one) for one in effects]
+        return [self.candidate(state, self.model_with([*state.effect_names, one.name]), one) for one in effects]
 
-    def polished(self, trials: Sequence[Candidate]) -> list[Candidate]:
+    def refit_to_convergence(self, trials: Sequence[Candidate]) -> list[Candidate]:
         self.polished_names += [t.effect.name for t in trials]
         return list(trials)
 
-    def without(self, state: FittedModel, effects: Sequence[Any]) -> list[FittedModel]:
-        return [self.state([n for n in state.effect_names if n != one.name]) for one in effects]
+    def refit_without(self, state: FittedModel, effects: Sequence[Any]) -> list[FittedModel]:
+        return [self.model_with([n for n in state.effect_names if n != one.name]) for one in effects]
 
-    def trial(self, before: FittedModel, after: FittedModel, one: Any) -> Candidate:
+    def candidate(self, before: FittedModel, after: FittedModel, one: Any) -> Candidate:
         train = score_gain(before.train_costs, after.train_costs)
         return Candidate(
             one,
@@ -111,17 +111,17 @@ class Toys:
             self.chance.get(one.name, train.p_value),
         )
 
-    def lacking(self, state: FittedModel) -> list[Any]:
+    def absent_effects(self, state: FittedModel) -> list[Any]:
         return [e for e in self.effects.values() if e.name not in state.effect_names]
 
-    def can_start(self, state: FittedModel, one: Any) -> bool:
+    def has_initial_guess(self, state: FittedModel, one: Any) -> bool:
         return self.sized_by.get(one.name, set()) <= set(state.effect_names)
 
-    def raises(self, before: FittedModel, after: FittedModel) -> bool:
+    def free_run_error_rises(self, before: FittedModel, after: FittedModel) -> bool:
         return bool(self.worse & (set(after.effect_names) - set(before.effect_names)))
 
-    def lowers(self, before: FittedModel, after: FittedModel) -> bool:
-        return not self.raises(before, after)
+    def free_run_error_falls_clearly(self, before: FittedModel, after: FittedModel) -> bool:
+        return not self.free_run_error_rises(before, after)
 
 
 def hash_of(name: str) -> int:

@@ -22,8 +22,8 @@ VIEW: Any = SimpleNamespace(
         recording=SimpleNamespace(period=1e-3, name="one"), time=np.arange(SAMPLES) * 0.25 * BLOCKS / SAMPLES
     ),
     channels=("force",),
-    feels=lambda effect: True,
-    alone=lambda effect: (),
+    is_sensitive_to=lambda effect: True,
+    exclusive_channels=lambda effect: (),
 )
 
 
@@ -88,5 +88,5 @@ def bench(
     seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
     shown = (lambda m: seen[id(m)]) if errors else None
     made = DiagnosisData([VIEW], [VIEW] if held_out else [], catalogue(), free_run_errors=shown, **changes)
-    made.__dict__["hypotheses"] = 50
+    made.__dict__["hypothesis_count"] = 50
     return made

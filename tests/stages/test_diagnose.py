@@ -125,7 +125,7 @@ def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
 def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: str) -> None:
     last = SimpleNamespace(model=SimpleNamespace(effects=()))
     found: Any = SimpleNamespace(
-        verdict="inconclusive", missing=(), found=SimpleNamespace(last=last),
+        verdict="inconclusive", missing=(), path=SimpleNamespace(last=last),
         detectable=[SimpleNamespace(typical=t) for t in typical],
     )  # fmt: skip
     told = verdict_sentence(found, [{"train": 1.1, "test": None}], None)
@@ -200,7 +200,7 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
 
 def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alone() -> None:
     rungs = ("base", "with a", "with a and b", "with a, b and c")
-    found: Any = SimpleNamespace(missing=("a", "b"), found=SimpleNamespace(added=("a", "b", "c"), rungs=rungs))
+    found: Any = SimpleNamespace(missing=("a", "b"), path=SimpleNamespace(added=("a", "b", "c"), models=rungs))
     assert diagnose._selected_model(found) == "with a and b"
     found.missing = ()
     assert diagnose._selected_model(found) == "base"
