@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from pneucli.closed_loop.metrics import Metrics, evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller.laws import LAWS
-from pneucli.controller.laws.base import DesignData
 from pneucli.controller.parameters import Controller
-from pneucli.design.bandwidths import Bandwidths
-from pneucli.design.lpv import WeightStudy as WeightStudy
-from pneucli.design.requirements import Requirements
-from pneucli.design.sliding import LinearSystem, surface_by_lq, surface_by_poles
-from pneucli.errors import InputError
 from pneucli.simulate.model import Model
 
 # what each component of the cascade brings: the switches of the layout that take it out
@@ -28,61 +20,6 @@ COMPONENTS = {
     "all but the map": ("C_FEEDFORWARD", "C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING"),
 }
 NO_COMPONENT = "nothing"
-
-
-def sliding_surfaces(
-    mechanical: LinearSystem, bandwidths: Bandwidths, requirements: Requirements
-) -> list[dict[str, object]]:
-    """Return the sliding line of the mechanical system (5.2) by pole placement and by LQ, and which one is taken.
-
-    Where no weights are stated, those that make the error of one time constant of the position loop weigh as its rate.
-    """
-    weights = requirements.surface_weights or (bandwidths.position**2, 1.0)
-    found = {
-        "poles": surface_by_poles(mechanical.A, mechanical.B, [-bandwidths.position]),
-        "lq": surface_by_lq(mechanical.A, mechanical.B, np.diag(weights)),
-    }
-    titles = {"poles": "pole placement", "lq": "LQ"}
-    return [
-        {
-            "system": "mechanical",
-            "method": titles[kind],
-            "surface": [float(v) for v in one.S[0]],
-            "pole": float(one.poles[0].real),
-            "slope": float(one.S[0][0] / one.S[0][1]),
-            "taken": kind == requirements.surface,
-        }
-        for kind, one in found.items()
-    ]
-
-
-def collect_design_data(
-    cascade: Controller,
-    bandwidths: Bandwidths,
-    requirements: Requirements,
-    lines: Sequence[Mapping[str, object]],
-    vertices: Sequence[float],
-    weights: Sequence[WeightStudy],
-    missing: Mapping[str, str],
-) -> DesignData:
-    """Return what laws are designed from; of the PDCs the one that is verified and decays fastest."""
-    slope = next(float(line["slope"]) for line in lines if line["taken"])  # type: ignore[arg-type]
-    kept = [(w.model, w.pdc) for w in weights if w.model is not None and w.pdc is not None and w.pdc.verified]
-    fastest = max(kept, key=lambda pair: pair[1].rate, default=None)
-    return DesignData(cascade, requirements, bandwidths, slope, tuple(vertices), fastest, missing)
-
-
-def design_controllers(
-    data: DesignData, names: Iterable[str] = tuple(LAWS)
-) -> tuple[dict[str, Controller], dict[str, str]]:
-    """Return the controllers by name, and of those that cannot be made why."""
-    made, failed = {}, {}
-    for name in names:
-        try:
-            made[name] = LAWS[name].controller(data)
-        except InputError as error:
-            failed[name] = f"{error.where}: {error.found}"
-    return made, failed
 
 
 def without_component(controller: Controller, component: str) -> Controller:

@@ -29,7 +29,7 @@ from pneucli.controller.pressure_level import set_level
 from pneucli.controller.valve_dynamics import null_command_1, null_command_2
 from pneucli.physics import gas
 
-DISPATCH_FUNCTION = "any_law"  # of :mod:`pneucli.controller.codegen`
+DISPATCH_FUNCTION = "step_law"  # of :mod:`pneucli.controller.codegen`
 
 
 @cache

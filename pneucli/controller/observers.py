@@ -7,7 +7,8 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.plant import clamp, dry_friction_factor, is_plausible, sign, speed_after, stroke_table
+from pneucli.controller.plant import clamp, is_plausible, net_force, speed_after
+from pneucli.controller.stiction import detect_motion, load_observable
 from pneucli.controller.valve_dynamics import (
     apply_valve_dynamics,
     chamber_volume_1,
@@ -107,56 +108,6 @@ def observe_pressures(p1, p2, s, c):
     rate_2 = s[S_RATE2] + drift_2(s[S_X], s[S_V], s[S_P1], s[S_P2], c)
     observe_pressure((p1 - c[C_OFFSET_1]) / c[C_SCALE_1], rate_1, S_P1, S_FLOW1, S_SENSOR_P1, S_PRESSURE_LINE1, s, c)
     observe_pressure((p2 - c[C_OFFSET_2]) / c[C_SCALE_2], rate_2, S_P2, S_FLOW2, S_SENSOR_P2, S_PRESSURE_LINE2, s, c)
-
-
-def pressure_force_at(p1, p2, c):
-    """Return the force of two pressures on the piston in N."""
-    return c[C_AREA_1] * p1 - c[C_AREA_2] * p2 - (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]
-
-
-def pressure_force(s, c):
-    """Return the force of the observed pressures in N."""
-    return pressure_force_at(s[S_P1], s[S_P2], c)
-
-
-def net_force(x, p1, p2, s, c):
-    """Return all that drives the piston at x (m) but friction, in N."""
-    return pressure_force_at(p1, p2, c) + stroke_table(x, 4, c) + s[S_LOAD]
-
-
-def detect_motion(force, s, c):
-    """Tell whether the piston stirs, and whether it is elastic: driven by a force in N that friction surely holds.
-
-    A rigid one starts, and turns, only under more than dry friction. What goes on is no spring.
-    """
-    s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_MOTION_WINDOW], 1.0)
-    s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_HOLDING_BAND] else 0.0
-    if s[S_MOVING_COUNT] < 0.5:
-        s[S_REST_TIME] += c[C_PERIOD]
-    elif s[S_MOVING_COUNT] > 1.5:
-        s[S_REST_TIME] = 0.0
-    if s[S_EXCURSION] * s[S_V] <= 0.0:
-        if s[S_ELASTIC] > 0.5 and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
-            s[S_LOOP_GAIN] = max(0.7 * s[S_LOOP_GAIN], 0.05)
-        s[S_EXCURSION] = 0.0
-        s[S_PEAK_FORCE] = 0.0
-    s[S_EXCURSION] += c[C_PERIOD] * s[S_V]
-    s[S_PEAK_FORCE] = max(s[S_PEAK_FORCE], force * sign(s[S_V]))
-    held = s[S_PEAK_FORCE] < 0.5 * c[C_COULOMB] * dry_friction_factor(s[S_X], s[S_V], s, c)
-    if held and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
-        s[S_ELASTIC] = 1.0
-    if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (
-        s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
-    ):
-        s[S_ELASTIC] = 0.0
-        s[S_LOOP_GAIN] = 1.0
-
-
-def load_observable(s):
-    """Whether what is left over of the motion is a load: not while something elastic may carry a piston at rest."""
-    if s[S_MOVING_COUNT] < 0.5:
-        return False
-    return s[S_REF_REST_TIME] < 0.05 or s[S_ELASTIC] < 0.5
 
 
 def observe_motion(x, s, c):

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.observers import initialise_state, pressure_force, settle_valves_and_sensors
-from pneucli.controller.plant import clamp, is_plausible, stroke_table
+from pneucli.controller.observers import initialise_state, settle_valves_and_sensors
+from pneucli.controller.plant import clamp, is_plausible, pressure_force, stroke_table
 from pneucli.controller.valve_dynamics import (
     chamber_volume_1,
     chamber_volume_2,

@@ -65,6 +65,21 @@ def speed_after(x, v, force, h, s, c):
     return faster if faster * way > 0.0 else 0.0
 
 
+def pressure_force_at(p1, p2, c):
+    """Return the force of two pressures on the piston in N."""
+    return c[C_AREA_1] * p1 - c[C_AREA_2] * p2 - (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]
+
+
+def pressure_force(s, c):
+    """Return the force of the observed pressures in N."""
+    return pressure_force_at(s[S_P1], s[S_P2], c)
+
+
+def net_force(x, p1, p2, s, c):
+    """Return all that drives the piston at x (m) but friction, in N."""
+    return pressure_force_at(p1, p2, c) + stroke_table(x, 4, c) + s[S_LOAD]
+
+
 def supply_pressure(s, c):
     """Return the supply pressure in Pa: the one that is measured, else the one designed for."""
     return s[S_SUPPLY] if s[S_SUPPLY] > 0.0 else c[C_SUPPLY]

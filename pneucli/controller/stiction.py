@@ -1,12 +1,51 @@
-"""Near a resting reference: the force that frees a piston that sticks off it, and when it is left in peace."""
+"""Stiction: how the controller frees a piston that sticks off a resting reference, and when it leaves it alone.
+
+State chart (state variable in brackets; "at rest": the reference has rested for more than 0.05 s [S_REF_REST_TIME])::
+
+    TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
+      -> HOLD                at rest, |v| < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band gain
+      -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
+    HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND
+      entry: half of the net force is released (rigid piston only), release force 0
+      -> TRACKING, RAMP or ELASTIC   |v| >= C_V_FLOOR, the reference moves, or |error| > 1.8 x band (hysteresis)
+      after 10 C_MOTION_WINDOW at rest [S_REST_TIME]: ramp gain back to 4
+    rigid piston [S_ELASTIC = 0]: breakaway_ramp
+      RAMP     the release force [S_RELEASE_FORCE] rises: fast up to 92 % of the last break-away force, then slowly;
+               it stops where the pressures are saturated
+        error changes its sign: ramp gain x 0.5 (>= 0.03); once below 1 also dead-band gain x 1.5
+                                (<= C_DEADBAND_GAIN_MAX)
+        -> SLIDING   motion is detected [S_MOVING_COUNT > 0] in the direction of the release force
+      SLIDING  first sample after a rest of more than 0.5 C_MOTION_WINDOW: record break-away force and position
+        -> BRAKING   error - stopping distance < 2 C_HOLDING_BAND: release force 0, timer C_MOTION_WINDOW
+                     [S_BRAKING_TIME]
+        else slower than C_CLOSING_RATE x error: integrate the error
+      BRAKING  the timer runs down
+        -> RAMP      at its end adapt_after_overshoot: a jump past the reference that half the ramp rate did not
+                     shorten by 30 % widens the dead band to half that jump
+    elastic piston [S_ELASTIC = 1]: drive_elastic_piston and braking_force
+      entered  at rest, excursion > 2 C_HOLDING_BAND under a peak force < 0.5 Coulomb friction (detect_motion)
+      left     excursion or error > C_PRESLIDING_DISTANCE (loop gain back to 1)
+      PRESSURES LAG  keep the force          STICKING  the force grows exponentially [S_FORCE_RAMP]
+      RETURNING      unload the ramp         MOVING    integrate the predicted stopping error
+      each reversal after > 2 C_HOLDING_BAND: loop gain x 0.7 (>= 0.05); each overshoot: dead-band gain x 1.5
+"""
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+# ruff: noqa: F403, F405, ANN
 
 from __future__ import annotations
 
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.observers import net_force, pressure_force
-from pneucli.controller.plant import clamp, dry_friction_factor, max_pressure_reference, sign, speed_after
+from pneucli.controller.plant import (
+    clamp,
+    dry_friction_factor,
+    max_pressure_reference,
+    net_force,
+    pressure_force,
+    sign,
+    speed_after,
+)
 from pneucli.controller.valve_dynamics import (
     chamber_volume_1,
     chamber_volume_2,
@@ -16,12 +55,45 @@ from pneucli.controller.valve_dynamics import (
     valve_gradient_2,
 )
 
-# mypy: disable-error-code="no-untyped-def, no-untyped-call"
-# ruff: noqa: F403, F405, ANN
+
+def detect_motion(force, s, c):
+    """Detect whether the piston moves, and whether it is elastic: it moves under a force that friction must hold.
+
+    A rigid piston starts, and reverses, only under more than dry friction. An excursion longer than the presliding
+    distance is sliding, whatever is elastic. ``force`` is the net force in N without friction.
+    """
+    s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_MOTION_WINDOW], 1.0)
+    s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_HOLDING_BAND] else 0.0
+    if s[S_MOVING_COUNT] < 0.5:
+        s[S_REST_TIME] += c[C_PERIOD]
+    elif s[S_MOVING_COUNT] > 1.5:
+        s[S_REST_TIME] = 0.0
+    if s[S_EXCURSION] * s[S_V] <= 0.0:
+        if s[S_ELASTIC] > 0.5 and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
+            s[S_LOOP_GAIN] = max(0.7 * s[S_LOOP_GAIN], 0.05)
+        s[S_EXCURSION] = 0.0
+        s[S_PEAK_FORCE] = 0.0
+    s[S_EXCURSION] += c[C_PERIOD] * s[S_V]
+    s[S_PEAK_FORCE] = max(s[S_PEAK_FORCE], force * sign(s[S_V]))
+    held = s[S_PEAK_FORCE] < 0.5 * c[C_COULOMB] * dry_friction_factor(s[S_X], s[S_V], s, c)
+    if held and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
+        s[S_ELASTIC] = 1.0
+    if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (
+        s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
+    ):
+        s[S_ELASTIC] = 0.0
+        s[S_LOOP_GAIN] = 1.0
+
+
+def load_observable(s):
+    """Whether the residual of the motion is a load: not while elastic seals may carry a piston at rest."""
+    if s[S_MOVING_COUNT] < 0.5:
+        return False
+    return s[S_REF_REST_TIME] < 0.05 or s[S_ELASTIC] < 0.5
 
 
 def sector_switching_term(error, rate, c):
-    """Return the sector's switching term, -1 to 1: both lines' mean sign, continuous between them (5.13)."""
+    """Return the switching term of the sector, -1 to 1: mean sign of both lines, continuous between them (5.13)."""
     s1 = rate + c[C_SECTOR_1] * error
     s2 = rate + c[C_SECTOR_2] * error
     total = math.fabs(s1) + math.fabs(s2)
@@ -29,15 +101,15 @@ def sector_switching_term(error, rate, c):
 
 
 def air_stiffness(s, c):
-    """Return the stiffness in N/m of the enclosed gas when a command arrives."""
+    """Return the stiffness of the enclosed gas in N/m at the time when a command arrives."""
     x = s[S_PREDICTED_X]
     return c[C_GAMMA] * (gas_stiffness_1(x, c) * s[S_PREDICTED_P1] + gas_stiffness_2(x, c) * s[S_PREDICTED_P2])
 
 
 def max_unloading_rate(direction, s, c):
-    """Return by how much in N/s valves that open fully change the force of the pressures toward ``direction``.
+    """Return the rate in N/s at which fully open valves change the pressure force toward ``direction``.
 
-    Not less than what moves the pressure level: near ambient or supply pressure there is no force left to take away.
+    Not below the rate of the pressure level: near ambient or supply pressure there is no force left to release.
     """
     nodes: int = int(c[C_TABLE_NODES])
     first: int = C_TABLE + nodes - 1 if direction > 0.0 else C_TABLE + 2 * nodes - 1
@@ -50,42 +122,41 @@ def max_unloading_rate(direction, s, c):
 
 
 def net_force_at_arrival(s, c):
-    """Return all that drives the piston but friction when a command arrives, in N."""
+    """Return the net force in N without friction at the time when a command arrives."""
     return net_force(s[S_PREDICTED_X], s[S_PREDICTED_P1], s[S_PREDICTED_P2], s, c)
 
 
 def stopping_distance(s, c):
-    """Return how far in m the piston goes on when what drives it is taken away as fast as can be.
+    """Return the distance in m that the piston still travels if the net force is released as fast as possible.
 
-    From when a command arrives: by the pressure loop, no faster than spool, valves and the gas that expands allow.
+    The release starts when a command arrives. The pressure loop, the spool, the opening of the valves and the
+    expansion of the gas limit its rate.
     """
-    driving = net_force_at_arrival(s, c)
-    most = max_unloading_rate(-driving, s, c)
-    stiff = air_stiffness(s, c)
-    h = 0.1 / c[C_P_KP] + 0.1 * math.fabs(driving) / most
-    share = min(h * c[C_P_KP], 1.0)
-    spool = h / (h + c[C_PERIOD] * (1.0 / c[C_SPOOL_SHARE] - 1.0))
-    opened = 0.0
+    force = net_force_at_arrival(s, c)
+    max_rate = max_unloading_rate(-force, s, c)
+    stiffness = air_stiffness(s, c)
+    h = 0.1 / c[C_P_KP] + 0.1 * math.fabs(force) / max_rate
+    loop_share = min(h * c[C_P_KP], 1.0)
+    spool_share = h / (h + c[C_PERIOD] * (1.0 / c[C_SPOOL_SHARE] - 1.0))
+    opening = 0.0
     v = s[S_PREDICTED_V]
-    way = s[S_PREDICTED_X] - s[S_X]
-    for i in range(40):  # noqa: B007 - structured text knows no name that begins with _
-        opened += spool * (1.0 - opened)
-        limit = h * opened * most
-        taken = clamp(share * driving, -limit, limit)
-        gone = (
-            0.5 * h * (v + speed_after(s[S_PREDICTED_X], v, driving - 0.5 * taken, h, s, c))
-        )  # by which the gas expands
-        limit += stiff * math.fabs(gone)
-        taken = clamp(share * driving, -limit, limit)
-        faster = speed_after(s[S_PREDICTED_X], v, driving - 0.5 * taken, h, s, c)  # at the middle of the step
-        way += 0.5 * h * (v + faster)
-        v = faster
-        driving -= taken
-    return way
+    distance = s[S_PREDICTED_X] - s[S_X]
+    for i in range(40):  # noqa: B007 - structured text has no names that begin with _
+        opening += spool_share * (1.0 - opening)
+        limit = h * opening * max_rate
+        released = clamp(loop_share * force, -limit, limit)
+        next_v = speed_after(s[S_PREDICTED_X], v, force - 0.5 * released, h, s, c)
+        limit += stiffness * math.fabs(0.5 * h * (v + next_v))  # the gas expands with the piston's motion
+        released = clamp(loop_share * force, -limit, limit)
+        next_v = speed_after(s[S_PREDICTED_X], v, force - 0.5 * released, h, s, c)  # mean force of the step
+        distance += 0.5 * h * (v + next_v)
+        v = next_v
+        force -= released
+    return distance
 
 
 def adapt_after_overshoot(error, s, c):
-    """Put up with half of a jump over the reference that half the pace did not shorten, once the piston has landed."""
+    """Widen the dead band to half of a jump past the reference that half the ramp rate did not shorten."""
     if s[S_BRAKING_TIME] <= 0.0 or s[S_BRAKING_TIME] > c[C_PERIOD]:
         return
     jump = math.fabs(s[S_X] - s[S_BREAKAWAY_POSITION])
@@ -97,57 +168,64 @@ def adapt_after_overshoot(error, s, c):
 
 
 def is_force_saturated(error, s, c):
-    """Whether more force toward the reference cannot be had: the pressures are as high, or low, as they may be."""
+    """Whether the pressure references are at the limits that bound the force toward the reference."""
     two = c[C_TWO_VALVES] > 0.5
     if error > 0.0:
         return s[S_P1_REF] >= max_pressure_reference(s, c) and (not two or s[S_P2_REF] <= c[C_P_LOW])
     return s[S_P1_REF] <= c[C_P_LOW] and (not two or s[S_P2_REF] >= max_pressure_reference(s, c))
 
 
-def breakaway_ramp(error, s, c):
-    """Set the force in N beyond the load that shall free the piston where it sticks off the reference.
-
-    Up to a little below what it took last it rises fast, then slowly; as soon as the piston stirs near the
-    reference, the force is taken away and friction stops it. From the third time on that it lands on the other side,
-    all goes at half the pace each time, and half as much again is put up with, so that what is
-    not modelled does not keep up a limit cycle. Where half the pace did not shorten the jump, another one would bring
-    the piston no nearer than half of it: that is put up with.
-    """
-    h = c[C_PERIOD]
-    factor = max(dry_friction_factor(s[S_X], error, s, c), 0.1)
+def slow_down_after_overshoot(error, s, c):
+    """Halve the ramp rate at each change of the error's sign; from the third overshoot on also widen the dead band."""
     if error * s[S_LAST_SIGN] < 0.0:
         s[S_RAMP_GAIN] = max(0.5 * s[S_RAMP_GAIN], 0.03)
         if s[S_RAMP_GAIN] < 1.0:
             s[S_DEADBAND_GAIN] = min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])
     s[S_LAST_SIGN] = sign(error)
+
+
+def drive_sliding_piston(error, factor, s, c):
+    """Record the break-away force, then brake near the reference, or integrate the error of a piston that creeps."""
+    if s[S_MOVING_COUNT] == 1.0 and s[S_REST_TIME] > 0.5 * c[C_MOTION_WINDOW]:
+        force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
+        s[S_BREAKAWAY_FORCE] = clamp(math.fabs(force) / factor, 0.5 * c[C_STATIC], c[C_BREAKAWAY_MAX])
+        s[S_BREAKAWAY_POSITION] = s[S_X]
+    if (error - stopping_distance(s, c)) * sign(s[S_RELEASE_FORCE]) < 2.0 * c[C_HOLDING_BAND]:
+        s[S_RELEASE_FORCE] = 0.0
+        s[S_BRAKING_TIME] = c[C_MOTION_WINDOW]
+    elif math.fabs(s[S_V]) < c[C_CLOSING_RATE] * math.fabs(error):
+        increment = c[C_PERIOD] * clamp(c[C_MASS] * c[C_KI] * error, -c[C_RAMP_RATE_MAX], c[C_RAMP_RATE_MAX])
+        s[S_RELEASE_FORCE] = clamp(s[S_RELEASE_FORCE] + increment, -c[C_RELEASE_FORCE_MAX], c[C_RELEASE_FORCE_MAX])
+
+
+def breakaway_ramp(error, s, c):
+    """Set the release force in N of a rigid piston that sticks off a resting reference (state chart above).
+
+    The release force adds to the load estimate. It rises fast up to a little below the last break-away force, then
+    slowly. Near the reference it is released and friction stops the piston. Overshoots slow the ramp down and widen
+    the dead band, so that an unmodelled effect cannot sustain a limit cycle.
+    """
+    factor = max(dry_friction_factor(s[S_X], error, s, c), 0.1)
+    slow_down_after_overshoot(error, s, c)
     if s[S_MOVING_COUNT] > 0.5 and s[S_BRAKING_TIME] <= 0.0 and s[S_RELEASE_FORCE] * s[S_V] > 0.0:
-        if s[S_MOVING_COUNT] == 1.0 and s[S_REST_TIME] > 0.5 * c[C_MOTION_WINDOW]:
-            driving = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
-            s[S_BREAKAWAY_FORCE] = clamp(math.fabs(driving) / factor, 0.5 * c[C_STATIC], c[C_BREAKAWAY_MAX])
-            s[S_BREAKAWAY_POSITION] = s[S_X]
-        left = (error - stopping_distance(s, c)) * sign(s[S_RELEASE_FORCE])
-        if left < 2.0 * c[C_HOLDING_BAND]:
-            s[S_RELEASE_FORCE] = 0.0
-            s[S_BRAKING_TIME] = c[C_MOTION_WINDOW]
-        elif math.fabs(s[S_V]) < c[C_CLOSING_RATE] * math.fabs(error):  # it creeps: the error is integrated
-            more = h * clamp(c[C_MASS] * c[C_KI] * error, -c[C_RAMP_RATE_MAX], c[C_RAMP_RATE_MAX])
-            s[S_RELEASE_FORCE] = clamp(s[S_RELEASE_FORCE] + more, -c[C_RELEASE_FORCE_MAX], c[C_RELEASE_FORCE_MAX])
+        drive_sliding_piston(error, factor, s, c)
         return
     adapt_after_overshoot(error, s, c)
-    s[S_BRAKING_TIME] -= h
-    if s[S_BRAKING_TIME] <= 0.0 and not is_force_saturated(error, s, c):
-        side = sector_switching_term(error, -s[S_V], c)
-        pace = c[C_RAMP_RATE_MAX]
-        if net_force_at_arrival(s, c) * sign(error) >= factor * max(0.92 * s[S_BREAKAWAY_FORCE], 0.7 * c[C_STATIC]):
-            pace = min(c[C_RAMP_RATE_PER_ERROR] * math.fabs(error), c[C_RAMP_RATE_MAX])
-        pace = max(pace * min(s[S_RAMP_GAIN], 1.0), c[C_RAMP_RATE_MIN])
-        s[S_RELEASE_FORCE] = clamp(
-            s[S_RELEASE_FORCE] + h * pace * side, -c[C_RELEASE_FORCE_MAX], c[C_RELEASE_FORCE_MAX]
-        )
+    s[S_BRAKING_TIME] -= c[C_PERIOD]
+    if s[S_BRAKING_TIME] > 0.0 or is_force_saturated(error, s, c):
+        return
+    direction = sector_switching_term(error, -s[S_V], c)
+    rate = c[C_RAMP_RATE_MAX]
+    if net_force_at_arrival(s, c) * sign(error) >= factor * max(0.92 * s[S_BREAKAWAY_FORCE], 0.7 * c[C_STATIC]):
+        rate = min(c[C_RAMP_RATE_PER_ERROR] * math.fabs(error), c[C_RAMP_RATE_MAX])
+    rate = max(rate * min(s[S_RAMP_GAIN], 1.0), c[C_RAMP_RATE_MIN])
+    s[S_RELEASE_FORCE] = clamp(
+        s[S_RELEASE_FORCE] + c[C_PERIOD] * rate * direction, -c[C_RELEASE_FORCE_MAX], c[C_RELEASE_FORCE_MAX]
+    )
 
 
 def enter_hold(s, c):
-    """Leave the piston where it sticks: its force is half loosened, unless it is elastic and would move with it."""
+    """Hold the piston where it sticks; release half of the net force unless the piston is elastic."""
     s[S_HOLD] = 1.0
     s[S_FORCE] = pressure_force(s, c)
     if s[S_ELASTIC] < 0.5:
@@ -157,56 +235,57 @@ def enter_hold(s, c):
 
 
 def update_hold(x_ref, s, c):
-    """Whether the piston is left where it sticks, near a resting reference; its force is then half loosened."""
+    """Enter or leave the state HOLD; return whether the piston is held."""
     resting = s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_V]) < c[C_V_FLOOR]
-    off = math.fabs(x_ref - s[S_X])
-    reach = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]
-    if s[S_HOLD] < 0.5 and resting and off < reach:
+    error = math.fabs(x_ref - s[S_X])
+    band = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]
+    if s[S_HOLD] < 0.5 and resting and error < band:
         enter_hold(s, c)
-    elif not resting or off > 1.8 * reach:
+    elif not resting or error > 1.8 * band:
         s[S_HOLD] = 0.0
-    elif s[S_REST_TIME] > 10.0 * c[C_MOTION_WINDOW]:  # it rests indeed: what sets it off next is something new
+    elif s[S_REST_TIME] > 10.0 * c[C_MOTION_WINDOW]:  # at rest for good: the next motion has a new cause
         s[S_RAMP_GAIN] = 4.0
     return s[S_HOLD] > 0.5
 
 
 def pressure_loop_lags(s, c):
-    """Whether the pressures are still behind what is asked of them: then no more force is put on."""
+    """Whether the pressure error exceeds break-away: then the force is not raised further."""
     return c[C_AREA_1] * math.fabs(s[S_P1_REF] - s[S_P1]) > c[C_STATIC]
 
 
 def drive_elastic_piston(error, s, c):
-    """Set the force in N beyond the load that brings an elastic piston to its reference.
+    """Set the release force in N of an elastic piston off a resting reference (state chart above).
 
-    It is driven by the error that the piston will have where it stops by itself; each time that it lands on the other
-    side a wider error is put up with, so that no limit cycle can go on.
+    The error at the predicted stop drives it; each overshoot widens the dead band, so that no limit cycle persists.
     """
-    left = error - s[S_V] / c[C_CLOSING_RATE]
+    stopping_error = error - s[S_V] / c[C_CLOSING_RATE]
     if error * s[S_LAST_SIGN] < 0.0:
         s[S_DEADBAND_GAIN] = min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])
         s[S_FORCE_RAMP] = 0.0
     s[S_LAST_SIGN] = sign(error)
-    rate = c[C_MASS] * c[C_KI] * math.fabs(left)
+    rate = c[C_MASS] * c[C_KI] * math.fabs(stopping_error)
     if pressure_loop_lags(s, c):
         rate = 0.0
     elif s[S_MOVING_COUNT] < 0.5:
         rate = max(rate, c[C_RAMP_GROWTH_RATE] * s[S_FORCE_RAMP])
         rate = max(rate, 2.0 * c[C_STATIC])
         s[S_FORCE_RAMP] = min(s[S_FORCE_RAMP] + c[C_PERIOD] * rate, c[C_RELEASE_FORCE_MAX])
-    elif left * s[S_V] < 0.0 and s[S_FORCE_RAMP] > 0.0:
+    elif stopping_error * s[S_V] < 0.0 and s[S_FORCE_RAMP] > 0.0:
         rate = max(rate, c[C_UNLOADING_RATE] * s[S_FORCE_RAMP])
         s[S_FORCE_RAMP] = max(s[S_FORCE_RAMP] - c[C_PERIOD] * rate, 0.0)
     else:
         s[S_FORCE_RAMP] = 0.0
     s[S_RELEASE_FORCE] = clamp(
-        s[S_RELEASE_FORCE] + c[C_PERIOD] * rate * sign(left), -c[C_RELEASE_FORCE_MAX], c[C_RELEASE_FORCE_MAX]
+        s[S_RELEASE_FORCE] + c[C_PERIOD] * rate * sign(stopping_error),
+        -c[C_RELEASE_FORCE_MAX],
+        c[C_RELEASE_FORCE_MAX],
     )
 
 
 def braking_force(error, s, c):
-    """Return the force in N that stops a piston near its reference: in proportion to its speed beyond closing in."""
-    beyond = s[S_V] - c[C_CLOSING_RATE] * error
-    if beyond * s[S_V] <= 0.0:
+    """Return the force in N that brakes an elastic piston: proportional to its speed above the closing speed."""
+    excess_speed = s[S_V] - c[C_CLOSING_RATE] * error
+    if excess_speed * s[S_V] <= 0.0:
         return 0.0
-    most = 2.0 * c[C_COULOMB] * dry_friction_factor(s[S_X], s[S_V], s, c)
-    return -clamp(c[C_BRAKE_DAMPING] * beyond, -most, most)
+    limit = 2.0 * c[C_COULOMB] * dry_friction_factor(s[S_X], s[S_V], s, c)
+    return -clamp(c[C_BRAKE_DAMPING] * excess_speed, -limit, limit)

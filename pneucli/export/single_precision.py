@@ -89,7 +89,7 @@ def replay_in_single_precision(controller: Controller, signals: Mapping[str, Arr
     with np.errstate(all="ignore"):
         for k, readings in enumerate(zip(*read, strict=True)):
             if start == "before" and k > 0:
-                world["follow"](*logged[k - 1], state, numbers)
+                world["track_commands"](*logged[k - 1], state, numbers)
             world["operate"](0, *readings, supply[k], duty[k], np.float32(0.0), state, numbers)
             rows[k, list(kept)] = state[list(kept.values())]
     return rows
@@ -105,7 +105,7 @@ def _single_precision_functions(law: str) -> dict[str, Any]:
     ]:
         world[function.__name__] = FunctionType(function.__code__, world, function.__name__, function.__defaults__)
     step = world[LAWS[law].step.__name__]
-    world["any_law"] = lambda _which, *arguments: step(*arguments)
+    world["step_law"] = lambda _which, *arguments: step(*arguments)
     return world
 
 

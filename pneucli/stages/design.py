@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.closed_loop.law_comparison import collect_design_data, design_controllers, sliding_surfaces
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS, select_laws
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import Bandwidths, choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
+from pneucli.design.control_laws import collect_design_data, design_controllers, sliding_surfaces
 from pneucli.design.effect_compensation import has_restoring_force
 from pneucli.design.lpv import WeightStudy as WeightStudy
 from pneucli.design.lpv import compare_weight_types

@@ -13,21 +13,21 @@ from pneucli.controller import reference as shape
 
 NODES = 5
 ROUND = {
-    "PERIOD": 1e-3, "U_MAX": 10.0, "TWO_VALVES": 0.0, "AHEAD": 1.0, "ESTIMATES": 1.0,
-    "HOLD": 1.0, "SWITCHING": 1.0, "INVERSE": 1.0, "PRESSURE": 0.0, "MASS": 2.0, "AREA_1": 8e-4, "AREA_2": 6e-4,
-    "STROKE": 0.2, "DEAD_1": 2e-5, "DEAD_2": 3e-5, "AMBIENT": 1e5, "SUPPLY": 7e5, "GAMMA": 1.4, "GAMMA_R_T": 1.2e5,
-    "K_GAS": 5e-3, "CRITICAL": 0.5, "COULOMB": 10.0, "STATIC": 20.0, "STRIBECK": 0.01, "VISCOUS": 50.0,
-    "V_FLOOR": 2e-3, "V_MAX": 0.5, "A_MAX": 5.0, "SHAPE": 4e-3, "KP": 900.0, "KD": 60.0, "KI": 2e4, "SECTOR_1": 20.0,
-    "SECTOR_2": 40.0, "SECTOR_RATE": 1e5, "SECTOR_SLOW": 14.0, "SECTOR_FAST": 500.0, "LINGER": 0.02, "REACH": 1e-5,
-    "OBS_X": 0.5, "OBS_V": 100.0, "OBS_LOAD": 1e5, "LOAD_STEP": 3.0, "P_KP": 100.0, "P_KI": 300.0, "OBS_P": 0.25,
-    "OBS_FLOW": 20.0, "FLOW_STEP": 1e4, "P_BAND": 1e3, "P_LOW": 1.05e5, "P_HIGH": 6.5e5, "P_MEAN": 3e5,
+    "PERIOD": 1e-3, "U_MAX": 10.0, "TWO_VALVES": 0.0, "FEEDFORWARD": 1.0, "DISTURBANCE_OBSERVERS": 1.0,
+    "HOLD": 1.0, "SWITCHING": 1.0, "INVERSE_MAP": 1.0, "PRESSURE_MODE": 0.0, "MASS": 2.0, "AREA_1": 8e-4, "AREA_2": 6e-4,
+    "STROKE": 0.2, "DEAD_VOLUME_1": 2e-5, "DEAD_VOLUME_2": 3e-5, "AMBIENT": 1e5, "SUPPLY": 7e5, "GAMMA": 1.4, "GAMMA_R_T": 1.2e5,
+    "K_GAS": 5e-3, "CRITICAL_RATIO": 0.5, "COULOMB": 10.0, "STATIC": 20.0, "STRIBECK": 0.01, "VISCOUS": 50.0,
+    "V_FLOOR": 2e-3, "V_MAX": 0.5, "A_MAX": 5.0, "SHAPING_TIME": 4e-3, "KP": 900.0, "KD": 60.0, "KI": 2e4, "SECTOR_1": 20.0,
+    "SECTOR_2": 40.0, "RAMP_RATE_PER_ERROR": 1e5, "RAMP_RATE_MIN": 14.0, "RAMP_RATE_MAX": 500.0, "MOTION_WINDOW": 0.02, "HOLDING_BAND": 1e-5,
+    "OBS_X": 0.5, "OBS_V": 100.0, "OBS_LOAD": 1e5, "LOAD_STEP_MAX": 3.0, "P_KP": 100.0, "P_KI": 300.0, "OBS_P": 0.25,
+    "OBS_FLOW": 20.0, "FLOW_STEP_MAX": 1e4, "PRESSURE_BAND": 1e3, "P_LOW": 1.05e5, "P_HIGH": 6.5e5, "P_MEAN": 3e5,
     "AIR_STIFFNESS": 0.0, "LEVEL_RATE": 1e6,
     "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0,
-    "OBS_SEEN": 0.25, "SPOOL": 1.0, "SPOOL_MEAN": 1.0, "HURRY": 1.0, "PLAY": 0.0, "PLAY_LEAST": 0.0, "WAIT": 0.0,
-    "SENSE": 1.0, "SENSE_WAIT": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "ZERO_1": 0.0, "ZERO_2": 0.0, "LEAK_1": 0.0,
-    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "VISCOUS_BACK": 50.0, "SLOWING": 1.0,
-    "DRY_P1": 0.0, "DRY_P2": 0.0, "LEAD": 0.0, "STIFF": 5e-4, "GROWTH": 10.0, "UNLOADING": 50.0, "CLOSING": 10.0,
-    "BRAKE": 100.0, "STICK_MOST": 60.0, "BREAK_MOST": 40.0, "WIDEST": 10.0, "PLACES": 2.0, "NODES": float(NODES),
+    "OBS_SENSOR": 0.25, "SPOOL_SHARE": 1.0, "SPOOL_MEAN_SHARE": 1.0, "SPOOL_LEAD": 1.0, "PLAY": 0.0, "PLAY_DEADBAND": 0.0, "FLOW_DELAY": 0.0,
+    "SENSOR_SHARE": 1.0, "SENSOR_DELAY": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "OFFSET_1": 0.0, "OFFSET_2": 0.0, "LEAK_1": 0.0,
+    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "VISCOUS_BACK": 50.0, "DECELERATION_RATIO": 1.0,
+    "DRY_P1": 0.0, "DRY_P2": 0.0, "FRICTION_LEAD": 0.0, "PRESLIDING_DISTANCE": 5e-4, "RAMP_GROWTH_RATE": 10.0, "UNLOADING_RATE": 50.0, "CLOSING_RATE": 10.0,
+    "BRAKE_DAMPING": 100.0, "RELEASE_FORCE_MAX": 60.0, "BREAKAWAY_MAX": 40.0, "DEADBAND_GAIN_MAX": 10.0, "STROKE_NODES": 2.0, "TABLE_NODES": float(NODES),
 }  # fmt: skip
 ALONG = (1.0, 1.0, 1.0, 1.0, *6 * (0.0,))  # friction alike all over the stroke, nothing else
 FILL, VENT = (1.0, 2.0, 4.0, 7.0, 10.0), (-2.0, -3.0, -5.0, -7.0, -9.0)
@@ -46,14 +46,14 @@ def state(**given: float) -> np.ndarray:
         "X": 0.1,
         "P1": 3e5,
         "P2": 3e5,
-        "BREAK": 20.0,
+        "BREAKAWAY_FORCE": 20.0,
         "ANCHOR": 0.1,
-        "STIRS": 5.0,
-        "EAGER": 4.0,
-        "WIDE": 1.0,
-        "SOFT": 1.0,
+        "MOVING_COUNT": 5.0,
+        "RAMP_GAIN": 4.0,
+        "DEADBAND_GAIN": 1.0,
+        "LOOP_GAIN": 1.0,
     }
-    known |= {"SEEN1": 3e5, "SEEN2": 3e5, "P1_REF": 3e5, "P2_REF": 3e5, "STILL": 1.0}
+    known |= {"SENSOR_P1": 3e5, "SENSOR_P2": 3e5, "P1_REF": 3e5, "P2_REF": 3e5, "REST_TIME": 1.0}
     for name, value in (known | given).items():
         s[at.STATE.index(f"S_{name}")] = value
     observers.reset_prediction(s)
@@ -93,7 +93,7 @@ def test_a_reading_is_usable_within_its_range(reading: float, can_be: bool) -> N
     ("speed", "seen", "friction"), [(0.0, 30.0, 30.0), (0.01, 30.0, 20.0), (0.03, 30.0, 12.0), (0.0, 5.0, 10.0)]
 )
 def test_dry_friction_falls_from_the_breakaway_force_to_coulombs(speed: float, seen: float, friction: float) -> None:
-    assert plant.dry_friction(speed, state(BREAK=seen), C) == pytest.approx(friction)
+    assert plant.dry_friction(speed, state(BREAKAWAY_FORCE=seen), C) == pytest.approx(friction)
 
 
 def rate(filling: bool, p: float) -> float:
@@ -176,7 +176,7 @@ def test_it_starts_at_rest_from_the_first_readings() -> None:
     assert of(s, "STARTED", "X", "P1", "P2", "X_REF", "X_SHAPED", "ANCHOR", "V", "LOAD") == [
         1.0, 0.12, 4e5, 3.5e5, 0.15, 0.12, 0.12, 0.0, 0.0,
     ]  # fmt: skip
-    assert of(s, "P1_REF", "P2_REF", "BREAK") == [4e5, 3.5e5, 20.0]
+    assert of(s, "P1_REF", "P2_REF", "BREAKAWAY_FORCE") == [4e5, 3.5e5, 20.0]
     assert of(s, "FORCE") == pytest.approx([8e-4 * 3e5 - 6e-4 * 2.5e5])
 
 
@@ -211,7 +211,7 @@ def test_the_rate_of_a_ramp_is_reached_over_the_shaping_time() -> None:
     assert rates[0] == pytest.approx(0.02 * (0.4375 + 0.5 * 0.0625))
     assert rates[1] == pytest.approx(0.02 * (0.4375 + 0.0625 + 0.4375 * 0.5 + 0.5 * 0.0625 * 1.5))
     assert rates[-1] == pytest.approx(0.02, rel=1e-6)
-    assert of(s, "X_REF", "RAW", "A_REF") == pytest.approx([x, 0.02, 0.0], abs=1e-7)
+    assert of(s, "X_REF", "RAW_RATE", "A_REF") == pytest.approx([x, 0.02, 0.0], abs=1e-7)
 
 
 def test_the_rate_does_not_lag_behind_a_steady_acceleration() -> None:
@@ -227,12 +227,12 @@ def test_a_jump_of_the_reference_has_no_rate() -> None:
     s = state(X_REF=0.1)
     assert shape.reference_rate(0.11, s, C) == 0.0
     assert shape.reference_rate(0.11, s, C) == 0.0
-    assert of(s, "X_REF", "RAW") == [0.11, 0.0]
+    assert of(s, "X_REF", "RAW_RATE") == [0.11, 0.0]
 
 
 def test_a_period_longer_than_the_shaping_time_takes_the_rate_as_it_is() -> None:
     s = state(X_REF=0.1)
-    assert shape.reference_rate(0.10001, s, settings(SHAPE=5e-4)) == pytest.approx(0.01 + 0.5e-3 * 10.0)
+    assert shape.reference_rate(0.10001, s, settings(SHAPING_TIME=5e-4)) == pytest.approx(0.01 + 0.5e-3 * 10.0)
     assert of(s, "V_REF", "A_REF") == pytest.approx([0.01, 10.0])
 
 
@@ -286,17 +286,17 @@ def test_rest_is_counted_from_when_the_shaped_reference_has_arrived() -> None:
     s = state(X_REF=0.1, X_SHAPED=0.1)
     for _ in range(3):
         shape.shape_reference(0.1, s, C)
-    assert of(s, "REST") == pytest.approx([3e-3])
+    assert of(s, "REF_REST_TIME") == pytest.approx([3e-3])
     shape.shape_reference(0.1 + 1e-7, s, C)  # it moves
-    assert of(s, "REST") == [0.0]
+    assert of(s, "REF_REST_TIME") == [0.0]
 
 
 @pytest.mark.parametrize(("off", "v"), [(0.6e-5, 0.0), (0.0, 2.1e-3)])
 def test_rest_needs_position_and_speed(off: float, v: float) -> None:
     """Half the reach off, or faster than the least speed, even after a sample of braking at 5 mm/s in 1 ms."""
-    s = state(X_REF=0.1, X_SHAPED=0.1 + off, V_SHAPED=v, REST=1.0)
+    s = state(X_REF=0.1, X_SHAPED=0.1 + off, V_SHAPED=v, REF_REST_TIME=1.0)
     shape.shape_reference(0.1, s, settings(A_MAX=1e-3))
-    assert of(s, "REST") == [0.0]
+    assert of(s, "REF_REST_TIME") == [0.0]
 
 
 # --- observers
@@ -335,7 +335,7 @@ def test_readings_out_of_range_are_bridged(p: float, used: bool) -> None:
 
 
 def test_the_force_of_the_pressures_is_over_ambient() -> None:
-    assert observers.pressure_force(state(P1=4e5, P2=3e5), C) == pytest.approx(8e-4 * 3e5 - 6e-4 * 2e5)
+    assert plant.pressure_force(state(P1=4e5, P2=3e5), C) == pytest.approx(8e-4 * 3e5 - 6e-4 * 2e5)
 
 
 def balanced(force: float, **given: float) -> np.ndarray:
@@ -362,19 +362,19 @@ def test_friction_stops_but_does_not_turn() -> None:
 
 
 def test_a_piston_that_is_not_seen_to_stir_rests_whatever_pushes_it() -> None:
-    s = moved(balanced(100.0, V=0.0, ANCHOR=0.1, STIRS=0.0))
-    assert of(s, "V", "X", "STIRS") == [0.0, 0.1, 0.0]
+    s = moved(balanced(100.0, V=0.0, ANCHOR=0.1, MOVING_COUNT=0.0))
+    assert of(s, "V", "X", "MOVING_COUNT") == [0.0, 0.1, 0.0]
 
 
 def test_stirring_is_counted_beyond_a_quarter_of_the_reach_from_where_it_lately_was() -> None:
-    assert of(moved(state(X=0.1 + 2.7e-6, ANCHOR=0.1, STIRS=2.0)), "STIRS") == [3.0]
-    assert of(moved(state(X=0.1 - 2.7e-6, ANCHOR=0.1, STIRS=2.0)), "STIRS") == [3.0]
-    assert of(moved(state(X=0.1 + 2.3e-6, ANCHOR=0.1, STIRS=2.0)), "STIRS") == [0.0]
+    assert of(moved(state(X=0.1 + 2.7e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [3.0]
+    assert of(moved(state(X=0.1 - 2.7e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [3.0]
+    assert of(moved(state(X=0.1 + 2.3e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [0.0]
 
 
 def test_the_anchor_follows_over_the_time_of_lingering() -> None:
     assert of(moved(state(X=0.12, ANCHOR=0.1)), "ANCHOR") == pytest.approx([0.1 + 0.02 / 20])
-    assert of(moved(state(X=0.12, ANCHOR=0.1), LINGER=1e-4), "ANCHOR") == pytest.approx([0.12])
+    assert of(moved(state(X=0.12, ANCHOR=0.1), MOTION_WINDOW=1e-4), "ANCHOR") == pytest.approx([0.12])
 
 
 def test_the_observed_position_stays_within_the_stroke() -> None:
@@ -391,7 +391,7 @@ def test_a_position_read_corrects_motion_and_load_which_changes_by_no_more_than_
 
 
 def test_the_load_of_a_piston_that_rests_is_not_told() -> None:
-    s = moved(state(STIRS=0.0), 0.1 + 1e-5)
+    s = moved(state(MOVING_COUNT=0.0), 0.1 + 1e-5)
     assert of(s, "LOAD") == [0.0]
     assert of(s, "X") == pytest.approx([0.1 + 0.5e-5])
 
@@ -412,74 +412,76 @@ def test_the_sector_is_the_mean_sign_of_both_lines_weighted_by_their_size() -> N
 
 
 def loosened(error: float, **given: float) -> np.ndarray:
-    s = balanced(**({"force": 0.0, "STIRS": 0.0, "EAGER": 1.0, "SIDE": 1.0} | given))
+    s = balanced(**({"force": 0.0, "MOVING_COUNT": 0.0, "RAMP_GAIN": 1.0, "LAST_SIGN": 1.0} | given))
     stiction.breakaway_ramp(error, s, C)
     return s
 
 
 def test_far_below_breaking_away_the_force_rises_fast() -> None:
     """Sticking: rate 500 N/s toward the error."""
-    assert of(loosened(1e-3), "STICK", "SIDE") == pytest.approx([0.5, 1.0])
-    assert of(loosened(-1e-3, SIDE=-1.0), "STICK", "SIDE") == pytest.approx([-0.5, -1.0])
+    assert of(loosened(1e-3), "RELEASE_FORCE", "LAST_SIGN") == pytest.approx([0.5, 1.0])
+    assert of(loosened(-1e-3, LAST_SIGN=-1.0), "RELEASE_FORCE", "LAST_SIGN") == pytest.approx([-0.5, -1.0])
 
 
 def test_near_breaking_away_it_rises_in_proportion_to_the_error_but_not_less_than_slowly() -> None:
     """From 92 % of what it took last: 1e5 N/(s m) x 1 mm = 100 N/s; at 0.1 mm the slow 14 N/s instead of 10."""
-    assert of(loosened(1e-3, force=18.5), "STICK") == pytest.approx([0.1])
-    assert of(loosened(1e-4, force=18.5), "STICK") == pytest.approx([0.014])
-    assert of(loosened(1.0, force=18.5), "STICK") == pytest.approx([0.5])
-    assert of(loosened(1e-3, force=18.3), "STICK") == pytest.approx([0.5])
-    assert of(loosened(-1e-3, force=-18.5, SIDE=-1.0), "STICK") == pytest.approx([-0.1])
-    assert of(loosened(1e-3, force=10.0, LOAD=8.5), "STICK") == pytest.approx([0.1])
+    assert of(loosened(1e-3, force=18.5), "RELEASE_FORCE") == pytest.approx([0.1])
+    assert of(loosened(1e-4, force=18.5), "RELEASE_FORCE") == pytest.approx([0.014])
+    assert of(loosened(1.0, force=18.5), "RELEASE_FORCE") == pytest.approx([0.5])
+    assert of(loosened(1e-3, force=18.3), "RELEASE_FORCE") == pytest.approx([0.5])
+    assert of(loosened(-1e-3, force=-18.5, LAST_SIGN=-1.0), "RELEASE_FORCE") == pytest.approx([-0.1])
+    assert of(loosened(1e-3, force=10.0, LOAD=8.5), "RELEASE_FORCE") == pytest.approx([0.1])
 
 
 def test_what_it_took_last_counts_as_no_less_than_seven_tenths_of_static_friction() -> None:
-    assert of(loosened(1e-3, force=13.9, BREAK=10.0), "STICK") == pytest.approx([0.5])
-    assert of(loosened(1e-3, force=14.1, BREAK=10.0), "STICK") == pytest.approx([0.1])
+    assert of(loosened(1e-3, force=13.9, BREAKAWAY_FORCE=10.0), "RELEASE_FORCE") == pytest.approx([0.5])
+    assert of(loosened(1e-3, force=14.1, BREAKAWAY_FORCE=10.0), "RELEASE_FORCE") == pytest.approx([0.1])
 
 
 def test_the_pace_is_eagers_share_of_it_and_never_more_than_all() -> None:
-    assert of(loosened(1e-3, EAGER=0.5), "STICK") == pytest.approx([0.25])
-    assert of(loosened(1e-3, EAGER=4.0), "STICK") == pytest.approx([0.5])
+    assert of(loosened(1e-3, RAMP_GAIN=0.5), "RELEASE_FORCE") == pytest.approx([0.25])
+    assert of(loosened(1e-3, RAMP_GAIN=4.0), "RELEASE_FORCE") == pytest.approx([0.5])
 
 
 def test_it_pushes_by_no_more_than_its_largest_force() -> None:
-    assert of(loosened(1e-3, STICK=59.9), "STICK") == [60.0]
-    assert of(loosened(-1e-3, STICK=-59.9, SIDE=-1.0), "STICK") == [-60.0]
+    assert of(loosened(1e-3, RELEASE_FORCE=59.9), "RELEASE_FORCE") == [60.0]
+    assert of(loosened(-1e-3, RELEASE_FORCE=-59.9, LAST_SIGN=-1.0), "RELEASE_FORCE") == [-60.0]
 
 
 @pytest.mark.parametrize(("before", "after"), [(4.0, 2.0), (0.5, 0.25), (0.04, 0.03), (0.03, 0.03)])
 def test_each_landing_on_the_other_side_halves_the_pace(before: float, after: float) -> None:
-    assert of(loosened(1e-3, EAGER=before, SIDE=-1.0), "EAGER") == pytest.approx([after])
-    assert of(loosened(1e-3, EAGER=before, SIDE=1.0), "EAGER") == pytest.approx([before])
+    assert of(loosened(1e-3, RAMP_GAIN=before, LAST_SIGN=-1.0), "RAMP_GAIN") == pytest.approx([after])
+    assert of(loosened(1e-3, RAMP_GAIN=before, LAST_SIGN=1.0), "RAMP_GAIN") == pytest.approx([before])
 
 
 def test_while_it_is_braked_no_force_is_put_on() -> None:
-    s = loosened(1e-3, BRAKE=0.01, STICK=0.3)
-    assert of(s, "BRAKE", "STICK") == pytest.approx([9e-3, 0.3])
+    s = loosened(1e-3, BRAKING_TIME=0.01, RELEASE_FORCE=0.3)
+    assert of(s, "BRAKING_TIME", "RELEASE_FORCE") == pytest.approx([9e-3, 0.3])
 
 
 def freed(error: float, stirs: float, **given: float) -> np.ndarray:
-    return loosened(error, **({"STIRS": stirs, "V": 1e-3, "STICK": 15.0, "force": 17.0, "LOAD": 5.0} | given))
+    return loosened(
+        error, **({"MOVING_COUNT": stirs, "V": 1e-3, "RELEASE_FORCE": 15.0, "force": 17.0, "LOAD": 5.0} | given)
+    )
 
 
 def test_as_it_breaks_away_the_force_that_it_took_is_remembered_within_half_and_twice_the_static_one() -> None:
-    assert of(freed(1e-3, 1.0), "BREAK") == pytest.approx([22.0])
-    assert of(freed(1e-3, 1.0, force=-17.0, LOAD=-5.0), "BREAK") == pytest.approx([22.0])
-    assert of(freed(1e-3, 1.0, force=100.0), "BREAK") == [40.0]
-    assert of(freed(1e-3, 1.0, force=0.0), "BREAK") == [10.0]
-    assert of(freed(1e-3, 2.0), "BREAK") == [20.0]
+    assert of(freed(1e-3, 1.0), "BREAKAWAY_FORCE") == pytest.approx([22.0])
+    assert of(freed(1e-3, 1.0, force=-17.0, LOAD=-5.0), "BREAKAWAY_FORCE") == pytest.approx([22.0])
+    assert of(freed(1e-3, 1.0, force=100.0), "BREAKAWAY_FORCE") == [40.0]
+    assert of(freed(1e-3, 1.0, force=0.0), "BREAKAWAY_FORCE") == [10.0]
+    assert of(freed(1e-3, 2.0), "BREAKAWAY_FORCE") == [20.0]
 
 
 def test_a_piston_that_turns_has_not_broken_away() -> None:
     """It had stirred 10 ms ago, less than half of the 20 ms in which that is noticed."""
-    assert of(freed(1e-3, 1.0, STILL=0.0099), "BREAK", "FREED") == [20.0, 0.0]
-    assert of(freed(1e-3, 1.0, STILL=0.0101), "BREAK", "FREED") == pytest.approx([22.0, 0.1])
+    assert of(freed(1e-3, 1.0, REST_TIME=0.0099), "BREAKAWAY_FORCE", "BREAKAWAY_POSITION") == [20.0, 0.0]
+    assert of(freed(1e-3, 1.0, REST_TIME=0.0101), "BREAKAWAY_FORCE", "BREAKAWAY_POSITION") == pytest.approx([22.0, 0.1])
 
 
 # a piston of 2 kg, dry friction of 10 N at any speed, no damping; pressures follow at 100 1/s, the valves let them
 COASTING = settings(
-    MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=100.0, STRIBECK=1e-6, SLOWING=1.0, LEVEL_RATE=1e9,
+    MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=100.0, STRIBECK=1e-6, DECELERATION_RATIO=1.0, LEVEL_RATE=1e9,
     GAMMA=0.0,
 )  # fmt: skip
 
@@ -487,12 +489,12 @@ COASTING = settings(
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_what_nothing_drives_coasts_until_friction_has_taken_its_speed(way: float) -> None:
     """From 0.1 m/s against 10 N: 2 kg x (0.1 m/s)^2 / (2 x 10 N) = 1 mm."""
-    s = balanced(0.0, V=0.1 * way, BREAK=10.0)
+    s = balanced(0.0, V=0.1 * way, BREAKAWAY_FORCE=10.0)
     assert stiction.stopping_distance(s, COASTING) == pytest.approx(1e-3 * way, rel=1e-3)
 
 
 def test_the_way_until_a_command_arrives_counts() -> None:
-    s = balanced(0.0, V=0.1, BREAK=10.0)
+    s = balanced(0.0, V=0.1, BREAKAWAY_FORCE=10.0)
     s[at.S_PREDICTED_X] += 2e-3
     assert stiction.stopping_distance(s, COASTING) == pytest.approx(3e-3, rel=1e-3)
 
@@ -505,7 +507,9 @@ def test_what_drives_it_fades_as_the_pressures_follow() -> None:
     q = 3.92069
     way = (4e-3 * (q - 1.0 + math.exp(-q)) - 5e-4 * q * q) / 2.0
     assert 4.0 * (1.0 - math.exp(-q)) == pytest.approx(q, rel=1e-4)
-    assert stiction.stopping_distance(balanced(40.0, V=0.0, BREAK=10.0), COASTING) == pytest.approx(way, rel=0.12)
+    assert stiction.stopping_distance(balanced(40.0, V=0.0, BREAKAWAY_FORCE=10.0), COASTING) == pytest.approx(
+        way, rel=0.12
+    )
 
 
 def coasted(rate: float, stiff: float, lag: float) -> float:
@@ -530,10 +534,10 @@ def test_what_drives_it_is_taken_away_no_faster_than_spool_valve_and_expanding_g
     Steps of 5 ms find up to a tenth more.
     """
     c = settings(
-        MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=1e4, STRIBECK=1e-6, GAMMA=gamma, SPOOL=share,
+        MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=1e4, STRIBECK=1e-6, GAMMA=gamma, SPOOL_SHARE=share,
         AREA_FILL=1e-9, AREA_VENT=1e-9,
     )  # fmt: skip
-    s = balanced(40.0 * way, V=0.0, BREAK=10.0)
+    s = balanced(40.0 * way, V=0.0, BREAKAWAY_FORCE=10.0)
     p1, p2 = of(s, "P1", "P2")
     stiff = gamma * (8e-4**2 * p1 / VOLUME_1 + 6e-4**2 * p2 / VOLUME_2)
     wanted = way * coasted(800.0, stiff, 1e-3 * (1.0 / share - 1.0))
@@ -556,19 +560,19 @@ def test_valves_that_open_fully_relieve_both_chambers() -> None:
 
 def test_near_breaking_away_is_what_the_force_comes_to_when_a_command_arrives() -> None:
     """18 N now, 18.5 N when what is under way has arrived: 92 % of 20 N lie between."""
-    s = balanced(force=18.0, STIRS=0.0, EAGER=1.0, SIDE=1.0)
+    s = balanced(force=18.0, MOVING_COUNT=0.0, RAMP_GAIN=1.0, LAST_SIGN=1.0)
     s[at.S_PREDICTED_P1] += 0.5 / 8e-4
     stiction.breakaway_ramp(1e-3, s, C)
-    assert of(s, "STICK") == pytest.approx([0.1])
+    assert of(s, "RELEASE_FORCE") == pytest.approx([0.1])
 
 
 def test_a_freed_piston_is_let_go_where_it_coasts_to_its_reference() -> None:
     """It coasts 1 mm; within twice the reach of 10 um of that its force is taken away."""
-    s = {"V": 0.1, "force": 0.0, "STICK": 15.0, "STIRS": 2.0, "BREAK": 10.0}
+    s = {"V": 0.1, "force": 0.0, "RELEASE_FORCE": 15.0, "MOVING_COUNT": 2.0, "BREAKAWAY_FORCE": 10.0}
     for error, kept in ((1.03e-3, 15.0), (1.01e-3, 0.0), (-1e-3, 0.0)):
         stiction.breakaway_ramp(error, found := balanced(**s), COASTING)
-        assert of(found, "STICK") == [kept]
-        assert of(found, "BRAKE") == pytest.approx([0.0 if kept else COASTING[at.C_MOTION_WINDOW]])
+        assert of(found, "RELEASE_FORCE") == [kept]
+        assert of(found, "BRAKING_TIME") == pytest.approx([0.0 if kept else COASTING[at.C_MOTION_WINDOW]])
 
 
 @pytest.mark.parametrize(
@@ -579,79 +583,99 @@ def test_half_of_a_jump_that_half_the_pace_did_not_shorten_is_put_up_with_by_and
     eager: float, error: float, before: float, wide: float
 ) -> None:
     """It landed 0.1 mm from where it was set free; not where it went less far than before, or is further off yet."""
-    s = state(X=0.1001, FREED=0.1, JUMP=before, EAGER=eager, SIDE=1.0, STIRS=0.0, BRAKE=1e-3)
+    s = state(
+        X=0.1001,
+        BREAKAWAY_POSITION=0.1,
+        LAST_JUMP=before,
+        RAMP_GAIN=eager,
+        LAST_SIGN=1.0,
+        MOVING_COUNT=0.0,
+        BRAKING_TIME=1e-3,
+    )
     stiction.breakaway_ramp(error, s, C)
-    assert of(s, "WIDE", "JUMP") == pytest.approx([wide, 1e-4])
+    assert of(s, "DEADBAND_GAIN", "LAST_JUMP") == pytest.approx([wide, 1e-4])
 
 
 def test_no_force_is_piled_up_that_the_pressures_cannot_make() -> None:
-    assert of(loosened(1e-3, P1_REF=6.5e5), "STICK") == [0.0]
-    assert of(loosened(-1e-3, SIDE=-1.0, P1_REF=1.05e5), "STICK") == [0.0]
-    assert of(loosened(1e-3, P1_REF=1.05e5), "STICK") == pytest.approx([0.5])
+    assert of(loosened(1e-3, P1_REF=6.5e5), "RELEASE_FORCE") == [0.0]
+    assert of(loosened(-1e-3, LAST_SIGN=-1.0, P1_REF=1.05e5), "RELEASE_FORCE") == [0.0]
+    assert of(loosened(1e-3, P1_REF=1.05e5), "RELEASE_FORCE") == pytest.approx([0.5])
     two = settings(TWO_VALVES=1.0)
     for p2, stick in ((3e5, 0.5), (1.05e5, 0.0)):
-        s = balanced(force=0.0, STIRS=0.0, EAGER=1.0, SIDE=1.0, P1_REF=6.5e5, P2_REF=p2)
+        s = balanced(force=0.0, MOVING_COUNT=0.0, RAMP_GAIN=1.0, LAST_SIGN=1.0, P1_REF=6.5e5, P2_REF=p2)
         stiction.breakaway_ramp(1e-3, s, two)
-        assert of(s, "STICK") == pytest.approx([stick])
+        assert of(s, "RELEASE_FORCE") == pytest.approx([stick])
 
 
 def test_far_from_the_reference_a_freed_piston_keeps_its_push() -> None:
     """It closes in at 10/s or faster."""
-    assert of(freed(1e-3, 2.0, V=0.0101), "STICK", "BRAKE") == [15.0, 0.0]
+    assert of(freed(1e-3, 2.0, V=0.0101), "RELEASE_FORCE", "BRAKING_TIME") == [15.0, 0.0]
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_freed_piston_that_creeps_is_pushed_by_the_integral_of_its_error(way: float) -> None:
     """2 kg x 2e4 1/s^3 x 1 mm over 1 ms; no faster than a piston that sticks surely."""
-    s = freed(1e-3 * way, 2.0, V=0.0099 * way, STICK=15.0 * way, SIDE=way)
-    assert of(s, "STICK", "BRAKE") == pytest.approx([15.04 * way, 0.0])
-    far = freed(0.1 * way, 2.0, V=0.0099 * way, STICK=15.0 * way, SIDE=way)
-    assert of(far, "STICK") == pytest.approx([15.0 * way + 1e-3 * way * C[at.C_RAMP_RATE_MAX]])
+    s = freed(1e-3 * way, 2.0, V=0.0099 * way, RELEASE_FORCE=15.0 * way, LAST_SIGN=way)
+    assert of(s, "RELEASE_FORCE", "BRAKING_TIME") == pytest.approx([15.04 * way, 0.0])
+    far = freed(0.1 * way, 2.0, V=0.0099 * way, RELEASE_FORCE=15.0 * way, LAST_SIGN=way)
+    assert of(far, "RELEASE_FORCE") == pytest.approx([15.0 * way + 1e-3 * way * C[at.C_RAMP_RATE_MAX]])
 
 
 @pytest.mark.parametrize("error", [1.9e-5, -1e-3])
 def test_near_the_reference_or_beyond_it_a_freed_piston_is_stopped(error: float) -> None:
-    assert of(freed(error, 2.0), "STICK", "BRAKE") == [0.0, 0.02]
+    assert of(freed(error, 2.0), "RELEASE_FORCE", "BRAKING_TIME") == [0.0, 0.02]
 
 
 def test_a_piston_that_moves_against_its_push_is_not_freed_by_it() -> None:
     s = freed(1e-3, 2.0, V=-1e-3)
-    assert of(s, "BRAKE") == [-1e-3]
-    assert of(s, "STICK")[0] > 15.0
+    assert of(s, "BRAKING_TIME") == [-1e-3]
+    assert of(s, "RELEASE_FORCE")[0] > 15.0
 
 
 # --- holding
 
 
 def held(x_ref: float = 0.1, **given: float) -> tuple[bool, np.ndarray]:
-    s = balanced(**({"force": 30.0, "STILL": 0.0, "REST": 0.06, "LOAD": 4.0, "STICK": 9.0, "EAGER": 1.0} | given))
+    s = balanced(
+        **(
+            {
+                "force": 30.0,
+                "REST_TIME": 0.0,
+                "REF_REST_TIME": 0.06,
+                "LOAD": 4.0,
+                "RELEASE_FORCE": 9.0,
+                "RAMP_GAIN": 1.0,
+            }
+            | given
+        )
+    )
     return bool(stiction.update_hold(x_ref, s, C)), s
 
 
 def test_near_a_resting_reference_it_is_held_and_half_of_its_force_is_loosened() -> None:
     found, s = held(0.1 + 0.9e-5)
     assert found
-    assert of(s, "HOLD", "EAGER", "STICK", "FORCE") == pytest.approx([1.0, 1.0, 0.0, 13.0])
+    assert of(s, "HOLD", "RAMP_GAIN", "RELEASE_FORCE", "FORCE") == pytest.approx([1.0, 1.0, 0.0, 13.0])
 
 
 def test_only_a_piston_that_rested_for_long_is_set_free_at_the_full_pace_again() -> None:
     """Ten times the 20 ms in which a stirring piston is noticed."""
-    assert of(held(HOLD=1.0, STILL=0.19)[1], "EAGER") == [1.0]
-    assert of(held(HOLD=1.0, STILL=0.21)[1], "EAGER") == [4.0]
+    assert of(held(HOLD=1.0, REST_TIME=0.19)[1], "RAMP_GAIN") == [1.0]
+    assert of(held(HOLD=1.0, REST_TIME=0.21)[1], "RAMP_GAIN") == [4.0]
 
 
-@pytest.mark.parametrize("given", [{"x_ref": 0.1 + 1.1e-5}, {"REST": 0.05}, {"V": 2.1e-3}, {"V": -2.1e-3}])
+@pytest.mark.parametrize("given", [{"x_ref": 0.1 + 1.1e-5}, {"REF_REST_TIME": 0.05}, {"V": 2.1e-3}, {"V": -2.1e-3}])
 def test_it_is_not_held_off_the_reference_early_or_in_motion(given: dict[str, float]) -> None:
     found, s = held(**given)
     assert not found
-    assert of(s, "STICK") == [9.0]
+    assert of(s, "RELEASE_FORCE") == [9.0]
 
 
 @pytest.mark.parametrize(("off", "stays"), [(1.7e-5, True), (-1.7e-5, True), (2.1e-5, False)])
 def test_held_it_stays_so_a_little_within_twice_the_reach(off: float, stays: bool) -> None:
     found, s = held(0.1 + off, HOLD=1.0, FORCE=7.0)
     assert found == stays
-    assert of(s, "FORCE", "STICK") == [7.0, 9.0]
+    assert of(s, "FORCE", "RELEASE_FORCE") == [7.0, 9.0]
 
 
 def test_held_it_is_let_go_as_it_moves() -> None:
@@ -671,9 +695,9 @@ PID = 2.0 * (0.3 + 60.0 * 0.01 + 900.0 * 1e-4) + 50.0 * 0.02
 
 def test_in_motion_the_force_is_pid_and_friction_ahead_less_the_load() -> None:
     """Stribeck friction at the shaped 20 mm/s: 10 N + 10 N / (1 + 4)."""
-    force, s = asked(STICK=8.0, EAGER=0.1)
+    force, s = asked(RELEASE_FORCE=8.0, RAMP_GAIN=0.1)
     assert force == pytest.approx(PID + 12.0 - 5.0)
-    assert of(s, "STICK", "EAGER") == [0.0, 4.0]
+    assert of(s, "RELEASE_FORCE", "RAMP_GAIN") == [0.0, 4.0]
 
 
 @pytest.mark.parametrize(
@@ -689,20 +713,20 @@ def test_friction_ahead_is_of_the_shaped_speed_within_a_factor_of_two_of_the_pis
 ) -> None:
     """10 N + 10 N / (1 + (v / 10 mm/s)^2) at the shaped 20 mm/s, or half of what it runs ahead, or twice of what it
     stays behind at: where it is ahead it need not be freed."""
-    s = state(X_SHAPED=0.1 + way * behind, V_SHAPED=0.02 * way, V=v * way, BREAK=20.0)
+    s = state(X_SHAPED=0.1 + way * behind, V_SHAPED=0.02 * way, V=v * way, BREAKAWAY_FORCE=20.0)
     level *= way
     assert cascade.friction_feedforward(s, settings(COULOMB=10.0, STRIBECK=0.01)) == pytest.approx(level)
 
 
 def test_friction_in_proportion_to_the_speed_is_that_of_when_the_force_arrives() -> None:
     """Without dry friction: 50 N s/m at the 20 mm/s that become 23 mm/s within 10 ms."""
-    s = state(X_SHAPED=0.1, V_SHAPED=0.02, A_SHAPED=0.3, V=0.02, BREAK=0.0)
-    force = cascade.position_control(0.15, s, settings(LEAD=0.01, COULOMB=0.0))
+    s = state(X_SHAPED=0.1, V_SHAPED=0.02, A_SHAPED=0.3, V=0.02, BREAKAWAY_FORCE=0.0)
+    force = cascade.position_control(0.15, s, settings(FRICTION_LEAD=0.01, COULOMB=0.0))
     assert force == pytest.approx(2.0 * 0.3 + 50.0 * 0.023)
 
 
 def test_a_loop_that_swung_is_less_firm() -> None:
-    firm, soft = (asked(0.15, REST=0.06, SOFT=soft, ELASTIC=1.0, V=0.0)[0] for soft in (1.0, 0.5))
+    firm, soft = (asked(0.15, REF_REST_TIME=0.06, LOOP_GAIN=soft, ELASTIC=1.0, V=0.0)[0] for soft in (1.0, 0.5))
     assert firm - soft == pytest.approx(0.5 * 2.0 * (60.0 * 0.02 + 900.0 * 1e-4))
 
 
@@ -714,33 +738,49 @@ def test_friction_ahead_fades_below_the_least_speed(v: float, share: float) -> N
 
 
 def test_without_the_estimate_the_error_is_integrated_instead() -> None:
-    force, s = asked(off=("ESTIMATES",), INTEGRAL=7.0)
+    force, s = asked(off=("DISTURBANCE_OBSERVERS",), INTEGRAL=7.0)
     grown = 7.0 + 1e-3 * 2.0 * 2e4 * 1e-4
     assert of(s, "INTEGRAL") == pytest.approx([grown])
     assert force == pytest.approx(PID + 12.0 + grown)
 
 
 def test_with_nothing_ahead_mass_and_friction_are_left_to_the_loop() -> None:
-    force, _ = asked(off=("AHEAD",))
+    force, _ = asked(off=("FEEDFORWARD",))
     assert force == pytest.approx(2.0 * (60.0 * 0.01 + 900.0 * 1e-4) - 5.0)
 
 
 def test_at_rest_off_the_reference_the_sector_pushes_too() -> None:
-    stiction = {"X_SHAPED": 0.15, "V_SHAPED": 0.0, "A_SHAPED": 0.0, "V": 0.0, "REST": 0.06, "STIRS": 0.0, "LOAD": 0.0}
-    force, s = asked(**stiction, P1=1e5 + 6e-4 * 2e5 / 8e-4, EAGER=1.0, SIDE=1.0)
-    assert of(s, "STICK") == pytest.approx([0.5])
+    stiction = {
+        "X_SHAPED": 0.15,
+        "V_SHAPED": 0.0,
+        "A_SHAPED": 0.0,
+        "V": 0.0,
+        "REF_REST_TIME": 0.06,
+        "MOVING_COUNT": 0.0,
+        "LOAD": 0.0,
+    }
+    force, s = asked(**stiction, P1=1e5 + 6e-4 * 2e5 / 8e-4, RAMP_GAIN=1.0, LAST_SIGN=1.0)
+    assert of(s, "RELEASE_FORCE") == pytest.approx([0.5])
     assert force == pytest.approx(2.0 * 900.0 * 0.05 + 0.5)
 
 
 def test_held_the_force_is_left_as_it_was() -> None:
-    force, _ = asked(0.1, REST=0.06, V=0.0, V_SHAPED=0.0, HOLD=1.0, FORCE=3.5)
+    force, _ = asked(0.1, REF_REST_TIME=0.06, V=0.0, V_SHAPED=0.0, HOLD=1.0, FORCE=3.5)
     assert force == 3.5
-    assert asked(0.1, ("HOLD",), REST=0.06, V=0.0, V_SHAPED=0.0, FORCE=3.5)[0] != 3.5
+    assert asked(0.1, ("HOLD",), REF_REST_TIME=0.06, V=0.0, V_SHAPED=0.0, FORCE=3.5)[0] != 3.5
 
 
 def test_without_switching_a_piston_that_sticks_off_the_reference_is_not_freed() -> None:
-    stiction = {"X_SHAPED": 0.15, "V_SHAPED": 0.0, "A_SHAPED": 0.0, "V": 0.0, "REST": 0.06, "STIRS": 0.0, "LOAD": 0.0}
-    assert of(asked(off=("SWITCHING",), **stiction)[1], "STICK") == [0.0]
+    stiction = {
+        "X_SHAPED": 0.15,
+        "V_SHAPED": 0.0,
+        "A_SHAPED": 0.0,
+        "V": 0.0,
+        "REF_REST_TIME": 0.06,
+        "MOVING_COUNT": 0.0,
+        "LOAD": 0.0,
+    }
+    assert of(asked(off=("SWITCHING",), **stiction)[1], "RELEASE_FORCE") == [0.0]
 
 
 # --- pressures that make the force, and anti-windup
@@ -843,14 +883,14 @@ def test_chamber_2_makes_up_likewise_where_it_has_a_valve() -> None:
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_pi_alone_integrates_its_error(number: int) -> None:
     given = {f"P{number}_REF": 3.01e5, f"INTEGRAL{number}": 5e3, "V": 0.1, f"FLOW{number}": 2e4}
-    s = driven(number, ("AHEAD", "ESTIMATES"), 1.0, **given)
+    s = driven(number, ("FEEDFORWARD", "DISTURBANCE_OBSERVERS"), 1.0, **given)
     assert of(s, f"RATE{number}", f"INTEGRAL{number}") == pytest.approx([1.05e5, 5e3 + 1e-3 * 300.0 * 1e3])
 
 
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_anti_windup_stops_the_integral_while_the_valve_is_wide_open(number: int, sign: float) -> None:
-    s = driven(number, ("AHEAD", "ESTIMATES"), 1.0, **{f"P{number}_REF": 3e5 + sign * 1e9})
+    s = driven(number, ("FEEDFORWARD", "DISTURBANCE_OBSERVERS"), 1.0, **{f"P{number}_REF": 3e5 + sign * 1e9})
     assert of(s, f"INTEGRAL{number}") == [0.0]
     assert of(s, f"U{number}") == pytest.approx([10.0 if sign > 0 else -9.0])
     assert 0.0 < sign * of(s, f"RATE{number}")[0] < 1e11
@@ -864,15 +904,17 @@ def test_held_and_near_its_pressure_a_valve_is_shut(number: int) -> None:
 
 def test_the_motion_alone_or_the_other_flows_alone_are_made_up_for() -> None:
     known = {"V": 0.1, "FLOW1": 2e4, "P1_REF": 3.01e5}
-    assert of(driven(off=("AHEAD",), **known), "RATE1") == pytest.approx([100.0 * 1e3 - 2e4])
-    assert of(driven(off=("ESTIMATES",), **known), "RATE1") == pytest.approx([100.0 * 1e3 + COMPRESSED + SPRING])
+    assert of(driven(off=("FEEDFORWARD",), **known), "RATE1") == pytest.approx([100.0 * 1e3 - 2e4])
+    assert of(driven(off=("DISTURBANCE_OBSERVERS",), **known), "RATE1") == pytest.approx(
+        [100.0 * 1e3 + COMPRESSED + SPRING]
+    )
 
 
 @pytest.mark.parametrize(("share", "u"), [(0.25, 2.125), (-0.5, -4.75), (3.0, 10.0), (0.0, -0.5)])
 def test_without_the_inverse_map_the_command_is_in_proportion(share: float, u: float) -> None:
     """All of what the open valve makes at mean pressure takes all of the command, whose null is -0.5 V here."""
     whole = plant.pressure_rate_per_area(share > 0.0, 3e5, VOLUME_1, state(), C) * (2e-6 if share > 0.0 else 1e-6)
-    assert plant.valve_command(share * whole, 5e5, VOLUME_1, state(), settings(INVERSE=0.0)) == pytest.approx(u)
+    assert plant.valve_command(share * whole, 5e5, VOLUME_1, state(), settings(INVERSE_MAP=0.0)) == pytest.approx(u)
 
 
 # --- the whole step

@@ -8,20 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.law_comparison import (
-    COMPONENTS,
-    compare_laws,
-    design_controllers,
-    sliding_surfaces,
-    without_component,
-)
+from pneucli.closed_loop.law_comparison import COMPONENTS, compare_laws, without_component
 from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
 from pneucli.controller.laws import LAWS, compensated, find_law, pdc, pid, relay, sector, shared_blocks
-from pneucli.controller.laws.base import DesignData
 from pneucli.design.bandwidths import choose_bandwidths
+from pneucli.design.control_laws import SYNTHESIS, DesignData, controller_for, design_controllers, sliding_surfaces
 from pneucli.design.requirements import read_requirements
 from pneucli.design.sliding import axis_systems
 from pneucli.errors import InputError
@@ -39,7 +33,7 @@ TP, PDC = PLAN.scheduled
 
 def state(**given: float) -> np.ndarray:
     s = np.zeros(at.L_STATES)
-    known = {"STARTED": 1.0, "X": 0.1, "X_SHAPED": 0.1, "P1": 3e5, "P2": 3e5, "BREAK": V["C_STATIC"]}
+    known = {"STARTED": 1.0, "X": 0.1, "X_SHAPED": 0.1, "P1": 3e5, "P2": 3e5, "BREAKAWAY_FORCE": V["C_STATIC"]}
     for name, value in (known | given).items():
         s[at.STATE.index(f"S_{name}")] = value
     return s
@@ -61,6 +55,7 @@ def by_equation(v: float) -> float:
 def test_the_table_has_the_laws_of_the_interface_and_the_projects_own_is_the_default() -> None:
     assert set(LAWS) == {"pid", "pid-feedforward", "relay", "sector", "compensated", "pdc", "best"}
     assert next(iter(LAWS)) == "best"
+    assert list(SYNTHESIS) == list(LAWS)
 
 
 def test_a_law_that_is_misspelt_is_mended() -> None:
@@ -131,7 +126,7 @@ def test_off_the_line_the_relay_is_all_of_m_and_near_it_what_one_sample_needs(si
 
 def test_a_relay_without_equivalent_control_is_the_sign_alone() -> None:
     plan = replace(PLAN, requirements=replace(PLAN.requirements, equivalent_control=False))
-    c = LAWS["relay"].controller(plan).vector()
+    c = controller_for("relay", plan).vector()
     assert relay.relay_force(state(X_SHAPED=0.2, V_SHAPED=0.3, A_SHAPED=2.0), c) == pytest.approx(PLAN.switching_force)
 
 
@@ -170,7 +165,7 @@ def test_the_sectors_force_is_its_law_at_the_end_of_the_sample(x1: float, v: flo
 
 
 def test_a_sector_pushes_a_piston_that_sticks_with_all_of_m() -> None:
-    c = LAWS["sector"].controller(replace(PLAN, requirements=replace(PLAN.requirements, switching_gain=0.1))).vector()
+    c = controller_for("sector", replace(PLAN, requirements=replace(PLAN.requirements, switching_gain=0.1))).vector()
     assert sector.sector_force(state(X=0.1 - 1e-3), c) == pytest.approx(PLAN.switching_force / 15.0, rel=1e-6)
 
 

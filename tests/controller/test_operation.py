@@ -118,7 +118,7 @@ def test_hold_waits_for_a_reading_that_is_one() -> None:
 def test_a_pressure_is_held_where_it_was_asked_for() -> None:
     s = states(P1_REF=2.5e5)
     operation.pause(1.0, s)
-    assert operation.active_reference(4e5, 0.1, 3e5, 3e5, s, settings(PRESSURE=1.0)) == 2.5e5
+    assert operation.active_reference(4e5, 0.1, 3e5, 3e5, s, settings(PRESSURE_MODE=1.0)) == 2.5e5
 
 
 def test_a_moving_axis_that_is_held_comes_to_rest() -> None:
@@ -167,7 +167,7 @@ def test_one_spool_drives_the_other_chamber_against_the_first() -> None:
 
 
 def test_what_is_forgotten_leaves_the_supply_and_what_was_switched() -> None:
-    s = states(SUPPLY=6e5, PAUSED=2.0, FLOW2=3.0, INTEGRAL=3.0)
+    s = states(SUPPLY=6e5, HOLD_REQUEST=2.0, FLOW2=3.0, INTEGRAL=3.0)
     operation.clear_state(s)
     assert [s[at.S_SUPPLY], s[at.S_HOLD_REQUEST]] == [6e5, 1.0]
     assert np.count_nonzero(s) == 2

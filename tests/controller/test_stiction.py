@@ -21,7 +21,7 @@ COULOMB, REACH = 10.0, 1e-5
 
 
 def stirred(force: float, way: float, **given: float) -> np.ndarray:
-    s = state(**({"REST": 1.0, "V": 1e-3, "WAY": way, "X_SHAPED": 0.1} | given))
+    s = state(**({"REF_REST_TIME": 1.0, "V": 1e-3, "EXCURSION": way, "X_SHAPED": 0.1} | given))
     observers.detect_motion(force, s, C)
     return s
 
@@ -32,9 +32,9 @@ def stirred(force: float, way: float, **given: float) -> np.ndarray:
         (0.4 * COULOMB, 3 * REACH, {}, 1.0),
         (-0.4 * COULOMB, -3 * REACH, {"V": -1e-3}, 1.0),
         (0.6 * COULOMB, 3 * REACH, {}, 0.0),  # a rigid one may slide on
-        (0.4 * COULOMB, 3 * REACH, {"PUSHED": 1.1 * COULOMB}, 0.0),  # it was pushed loose before
+        (0.4 * COULOMB, 3 * REACH, {"PEAK_FORCE": 1.1 * COULOMB}, 0.0),  # it was pushed loose before
         (0.4 * COULOMB, 1 * REACH, {}, 0.0),  # noise goes as far
-        (0.4 * COULOMB, 3 * REACH, {"REST": 0.0}, 0.0),  # it shall move
+        (0.4 * COULOMB, 3 * REACH, {"REF_REST_TIME": 0.0}, 0.0),  # it shall move
         (0.4 * COULOMB, 6e-4, {"ELASTIC": 1.0}, 0.0),  # no spring gives way so far
         (0.4 * COULOMB, 3 * REACH, {"ELASTIC": 1.0, "X_SHAPED": 0.101}, 0.0),  # a load took it away
     ],
@@ -46,51 +46,51 @@ def test_what_moves_under_a_force_that_friction_surely_holds_is_elastic(
 
 
 def test_the_way_counts_from_where_it_last_turned() -> None:
-    assert of(stirred(1.0, 3 * REACH, V=-1e-3), "WAY", "PUSHED") == pytest.approx([-1e-6, 0.0])
+    assert of(stirred(1.0, 3 * REACH, V=-1e-3), "EXCURSION", "PEAK_FORCE") == pytest.approx([-1e-6, 0.0])
 
 
 def test_no_more_force_is_put_on_while_the_pressures_are_behind() -> None:
     """By more than static friction: 20 N on 8 cm^2 are 25 kPa."""
     for ahead, grows in ((26e3, False), (24e3, True)):
-        s = balanced(8.0, REST=1.0, V=0.0, STIRS=0.0, ELASTIC=1.0, STICK=3.0)
+        s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, MOVING_COUNT=0.0, ELASTIC=1.0, RELEASE_FORCE=3.0)
         s[at.STATE.index("S_P1_REF")] = of(s, "P1")[0] + ahead
         stiction.drive_elastic_piston(1e-4, s, C)
-        assert (of(s, "STICK")[0] > 3.0) == grows
+        assert (of(s, "RELEASE_FORCE")[0] > 3.0) == grows
 
 
 @pytest.mark.parametrize(
     ("way", "given", "soft"),
     [
         (-3 * REACH, {}, 0.7),  # it turned: the loop swings on the seals
-        (-3 * REACH, {"SOFT": 0.06}, 0.05),
+        (-3 * REACH, {"LOOP_GAIN": 0.06}, 0.05),
         (3 * REACH, {}, 1.0),  # it goes on
         (-REACH, {}, 1.0),  # noise turns as well
         (-3 * REACH, {"ELASTIC": 0.0}, 1.0),
-        (-3 * REACH, {"REST": 0.0}, 1.0),
-        (0.0, {"X_SHAPED": 0.101, "SOFT": 0.2}, 1.0),  # a load took it away: all firmness is needed
+        (-3 * REACH, {"REF_REST_TIME": 0.0}, 1.0),
+        (0.0, {"X_SHAPED": 0.101, "LOOP_GAIN": 0.2}, 1.0),  # a load took it away: all firmness is needed
     ],
 )
 def test_a_loop_that_swings_on_elastic_seals_loses_firmness_at_each_turn(
     way: float, given: dict[str, float], soft: float
 ) -> None:
-    assert of(stirred(1.0, way, **({"ELASTIC": 1.0} | given)), "SOFT") == pytest.approx([soft])
+    assert of(stirred(1.0, way, **({"ELASTIC": 1.0} | given)), "LOOP_GAIN") == pytest.approx([soft])
 
 
 def test_how_long_it_had_not_stirred_is_kept_for_the_first_sample_in_which_it_does() -> None:
     still_, begins, goes_on = (
-        stirred(0.0, 0.0, STIRS=stirs, STILL=0.05, ANCHOR=anchor)
+        stirred(0.0, 0.0, MOVING_COUNT=stirs, REST_TIME=0.05, ANCHOR=anchor)
         for stirs, anchor in ((0.0, 0.1), (0.0, 0.099), (1.0, 0.099))
     )
-    assert [of(s, "STILL")[0] for s in (still_, begins, goes_on)] == pytest.approx([0.051, 0.05, 0.0])
+    assert [of(s, "REST_TIME")[0] for s in (still_, begins, goes_on)] == pytest.approx([0.051, 0.05, 0.0])
 
 
 @pytest.mark.parametrize(
     ("given", "tells"),
     [
-        ({"REST": 1.0}, False),
-        ({"REST": 0.0}, True),
-        ({"REST": 1.0, "ELASTIC": 0.0}, True),
-        ({"REST": 0.0, "STIRS": 0.0}, False),
+        ({"REF_REST_TIME": 1.0}, False),
+        ({"REF_REST_TIME": 0.0}, True),
+        ({"REF_REST_TIME": 1.0, "ELASTIC": 0.0}, True),
+        ({"REF_REST_TIME": 0.0, "MOVING_COUNT": 0.0}, False),
     ],
 )
 def test_an_elastic_piston_near_its_rest_tells_no_load(given: dict[str, float], tells: bool) -> None:
@@ -99,29 +99,29 @@ def test_an_elastic_piston_near_its_rest_tells_no_load(given: dict[str, float], 
 
 def test_the_force_on_one_that_sticks_grows_in_proportion_to_what_it_has_grown_by() -> None:
     """10 1/s of 8 N, and at least twice static friction a second."""
-    s = state(STIRS=0.0, TRIED=8.0)
+    s = state(MOVING_COUNT=0.0, FORCE_RAMP=8.0)
     stiction.drive_elastic_piston(2e-5, s, C)
-    assert of(s, "STICK", "TRIED") == pytest.approx([0.08, 8.08])
-    s = state(STIRS=0.0)
+    assert of(s, "RELEASE_FORCE", "FORCE_RAMP") == pytest.approx([0.08, 8.08])
+    s = state(MOVING_COUNT=0.0)
     stiction.drive_elastic_piston(-2e-5, s, C)
-    assert of(s, "STICK") == pytest.approx([-0.04])
+    assert of(s, "RELEASE_FORCE") == pytest.approx([-0.04])
 
 
 def test_each_landing_on_the_other_side_puts_up_with_half_as_much_again() -> None:
-    s = state(SIDE=1.0)
+    s = state(LAST_SIGN=1.0)
     stiction.drive_elastic_piston(-2e-5, s, C)
-    assert of(s, "WIDE") == [1.5]
-    s = state(SIDE=1.0, WIDE=9.0)
+    assert of(s, "DEADBAND_GAIN") == [1.5]
+    s = state(LAST_SIGN=1.0, DEADBAND_GAIN=9.0)
     stiction.drive_elastic_piston(-2e-5, s, C)
-    assert of(s, "WIDE") == [10.0]
+    assert of(s, "DEADBAND_GAIN") == [10.0]
 
 
 def test_a_rigid_piston_that_lands_on_the_other_side_again_and_again_is_put_up_with_too() -> None:
     """From the third landing on, so that a break-away that grows with the rest keeps up no limit cycle."""
-    s, wide = state(SIDE=-1.0, STIRS=0.0), []
+    s, wide = state(LAST_SIGN=-1.0, MOVING_COUNT=0.0), []
     for k in range(12):
         still.breakaway_ramp((-1.0) ** k * 1e-3, s, C)
-        wide += of(s, "WIDE")
+        wide += of(s, "DEADBAND_GAIN")
     assert wide[:4] == [1.0, 1.0, 1.5, 2.25]
     assert wide[-1] == 10.0
 
@@ -133,9 +133,9 @@ def test_what_moves_past_closing_in_is_braked_by_no_more_than_twice_dry_friction
 
 
 def test_held_an_elastic_piston_keeps_its_force() -> None:
-    s = balanced(8.0, REST=1.0, V=0.0, ELASTIC=1.0, STICK=3.0)
+    s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, ELASTIC=1.0, RELEASE_FORCE=3.0)
     assert still.update_hold(0.1, s, C)
-    assert of(s, "FORCE", "STICK") == pytest.approx([8.0, 3.0])
+    assert of(s, "FORCE", "RELEASE_FORCE") == pytest.approx([8.0, 3.0])
 
 
 @pytest.mark.parametrize("known", [False, True])

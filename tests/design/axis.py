@@ -9,13 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pneucli.closed_loop.law_comparison import collect_design_data, design_controllers, sliding_surfaces
 from pneucli.closed_loop.scenarios import equilibrium_at
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
-from pneucli.controller.laws.base import DesignData
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
+from pneucli.design.control_laws import (
+    DesignData,
+    collect_design_data,
+    design_controllers,
+    sliding_surfaces,
+)
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import axis_systems

@@ -463,6 +463,6 @@ def test_the_kernel_gets_the_controllers_constants_and_functions_as_text() -> No
     exec(text.replace("flow_function", "abs"), names)
     for name in (*(n for n in layout.STATE if hasattr(layout, n)), *layout.PARAMETERS, "L_U1", "L_ROW"):
         assert names[name] == getattr(layout, name)
-    assert all(callable(names[name]) for name in ("clamp", "step", "control", "rounded", "any_law"))
+    assert all(callable(names[name]) for name in ("clamp", "cascade_step", "control", "quantize", "step_law"))
     assert all(callable(names[law.step.__name__]) for law in LAWS.values())
     assert "import" not in text

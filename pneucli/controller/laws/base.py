@@ -1,4 +1,4 @@
-"""Which of the program's functions a scalar function needs, so that it can be written down whole."""
+"""A control law: its sample in scalar code, its own states and parameters, and the functions that it needs."""
 
 from __future__ import annotations
 
@@ -10,18 +10,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from pneucli.controller import layout
-from pneucli.controller.parameters import Controller, nominal_load
-
-if TYPE_CHECKING:
-    from pneucli.design.bandwidths import Bandwidths
-    from pneucli.design.pdc import Pdc
-    from pneucli.design.requirements import Requirements
-    from pneucli.tp import TPModel
 
 
 def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
@@ -40,38 +31,6 @@ def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
     return list(done.values())
 
 
-LawParameters = Mapping[str, "float | tuple[float, ...]"]
-
-
-@dataclass(frozen=True)
-class DesignData:
-    """What laws are designed from.
-
-    ``cascade``: the project's own controller, whose numbers of the axis, gains and inverse map the others share.
-    ``bandwidths``: those of loops that predict nothing. ``surface_slope``: slope of the sliding line in
-    1/s. ``vertices``: a22 of the direct TP friction model in 1/s. ``scheduled``: the TP model of the axis and its PDC.
-    What could not be had is empty, and ``missing`` says why, by the names here.
-    """
-
-    cascade: Controller
-    requirements: Requirements
-    bandwidths: Bandwidths
-    surface_slope: float
-    vertices: tuple[float, ...] = ()
-    scheduled: tuple[TPModel, Pdc] | None = None
-    missing: Mapping[str, str] | None = None
-
-    @property
-    def switching_force(self) -> float:
-        """Force M in N of the switching terms: more than breakaway friction and a usual load together."""
-        c = self.cascade.values
-        return self.requirements.switching_gain * (c["C_STATIC"] + nominal_load(c))
-
-    def reason_missing(self, name: str) -> str:
-        """Return why something is missing."""
-        return (self.missing or {}).get(name, "not known")
-
-
 @dataclass(frozen=True)
 class ControlLaw:
     """One control law: ``step(x_ref, x, p1, p2, s, c)`` is its sample, in the scalar code of ``pneucli.controller.cascade``.
@@ -85,7 +44,6 @@ class ControlLaw:
     title: str
     source: str
     step: Callable[..., None]
-    design: Callable[[DesignData], LawParameters]
     estimates_load: bool = False
     controls_pressure: bool = True
 
@@ -94,14 +52,6 @@ class ControlLaw:
         """Places of its own states and numbers, those of the parts that it uses included."""
         modules = {sys.modules[f.__module__] for f in callees_first(self.step)}
         return {name: place for module in modules for name, place in own_constants(vars(module)).items()}
-
-    def controller(self, plan: DesignData) -> Controller:
-        """Return the controller of this law; raises InputError where the plan lacks what it needs."""
-        found = self.design(plan)
-        common = {n: v for n, v in found.items() if n in layout.PARAMETERS and not isinstance(v, tuple)}
-        own = np.concatenate([[], *(np.atleast_1d(found[name]) for name in self.parameters)])
-        assert set(found) == {*common, *self.parameters}
-        return plan.cascade.with_law(self.name, common, tuple(map(float, own)))
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -14,10 +14,8 @@ it: where the map is inverted exactly both are one, and within the valve's overl
 
 from __future__ import annotations
 
-import math
-
 from pneucli.controller.cascade import set_pressure_references
-from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.base import ControlLaw
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
     NEXT_LAW_STATE,
@@ -25,11 +23,9 @@ from pneucli.controller.laws.shared_blocks import (
     drive_chamber_1,
     drive_chamber_2,
     read_sensors,
-    shared_parameters,
 )
 from pneucli.controller.layout import *
-from pneucli.controller.observers import pressure_force
-from pneucli.controller.plant import clamp
+from pneucli.controller.plant import clamp, pressure_force
 from pneucli.controller.reference import follow_reference
 
 (
@@ -93,17 +89,10 @@ def compensated_step(x_ref, x, p1, p2, s, c):
         drive_chamber_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]) - s[S_FLOW2], s, c)
 
 
-def compensated_parameters(data: DesignData) -> LawParameters:
-    """Return both loops; the low-passes are as fast as the position loop, and as the flow observer."""
-    h = data.requirements.period
-    own = {
-        "C_LOAD_FILTER": 1.0 - math.exp(-data.bandwidths.position * h),
-        "C_FLOW_FILTER": 1.0 - math.exp(-data.bandwidths.flow_observer * h),
-    }
-    return shared_parameters(data) | own
-
-
 LAW = ControlLaw(
-    "compensated", "model reference adaptive compensation in both loops", "5.15-5.21, 7.2, 7.3", compensated_step,
-    compensated_parameters, estimates_load=True,
-)  # fmt: skip
+    "compensated",
+    "model reference adaptive compensation in both loops",
+    "5.15-5.21, 7.2, 7.3",
+    compensated_step,
+    estimates_load=True,
+)

@@ -10,21 +10,16 @@ friction what the TP model does.
 
 from __future__ import annotations
 
-import numpy as np
-
-from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.base import ControlLaw
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
     drive_chamber_1,
     drive_chamber_2,
     read_sensors,
-    shared_parameters,
 )
 from pneucli.controller.layout import *
-from pneucli.controller.observers import pressure_force
-from pneucli.controller.plant import clamp
+from pneucli.controller.plant import clamp, pressure_force
 from pneucli.controller.reference import shape_reference
-from pneucli.errors import InputError
 
 (
     C_PDC_SPEEDS,  # nodes of speed from -C_V_MAX to C_V_MAX, and weights there
@@ -78,29 +73,6 @@ def pdc_step(x_ref, x, p1, p2, s, c):
         drive_chamber_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]), s, c)
 
 
-def pdc_parameters(data: DesignData) -> LawParameters:
-    """Return the regulator of the plan's TP model; raises InputError where there is none."""
-    if data.scheduled is None:
-        raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow")
-    model, pdc = data.scheduled
-    by_speed, by_place = model.weights
-    own = {
-        "C_PDC_SPEEDS": float(by_speed.shape[0]),
-        "C_PDC_V_WEIGHTS": float(by_speed.shape[1]),
-        "C_PDC_POSITIONS": float(by_place.shape[0]),
-        "C_PDC_FIRST": float(model.grids[1][0]),
-        "C_PDC_LAST": float(model.grids[1][-1]),
-        "C_PDC_X_WEIGHTS": float(by_place.shape[1]),
-    }
-    table = np.concatenate([by_speed.ravel(), by_place.ravel(), pdc.gains.ravel()])
-    return {**shared_parameters(data), **own, "C_PDC_TABLE": tuple(map(float, table))}
-
-
 LAW = ControlLaw(
-    "pdc",
-    "parallel distributed compensation, scheduled by TP weights",
-    "4.4-4.6",
-    pdc_step,
-    pdc_parameters,
-    controls_pressure=False,
+    "pdc", "parallel distributed compensation, scheduled by TP weights", "4.4-4.6", pdc_step, controls_pressure=False
 )

@@ -9,11 +9,9 @@ gradient that the piston's motion makes.
 
 from __future__ import annotations
 
-from functools import partial
-
 from pneucli.controller.cascade import set_pressure_references
 from pneucli.controller.laws.base import ControlLaw
-from pneucli.controller.laws.shared_blocks import feedforward_force, pressure_pi, read_sensors, shared_parameters
+from pneucli.controller.laws.shared_blocks import feedforward_force, pressure_pi, read_sensors
 from pneucli.controller.layout import *
 from pneucli.controller.reference import follow_reference
 
@@ -34,8 +32,7 @@ def pid_step(x_ref, x, p1, p2, s, c):
     pressure_pi(s, c)
 
 
-PID = ControlLaw("pid", "PIDs of position and pressure", "7.1-7.3", pid_step, shared_parameters)
+PID = ControlLaw("pid", "PIDs of position and pressure", "7.1-7.3", pid_step)
 PID_FEEDFORWARD = ControlLaw(
-    "pid-feedforward", "the PIDs with mass, friction and motion ahead", "7.1-7.3, 3.6", pid_step,
-    partial(shared_parameters, ahead=True),
-)  # fmt: skip
+    "pid-feedforward", "the PIDs with mass, friction and motion ahead", "7.1-7.3, 3.6", pid_step
+)

@@ -18,8 +18,8 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.cascade import set_pressure_references
-from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
-from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, pressure_pi, read_sensors, shared_parameters
+from pneucli.controller.laws.base import ControlLaw
+from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, pressure_pi, read_sensors
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, dry_friction
 from pneucli.controller.reference import follow_reference
@@ -51,16 +51,4 @@ def relay_step(x_ref, x, p1, p2, s, c):
     pressure_pi(s, c)
 
 
-def relay_parameters(data: DesignData) -> LawParameters:
-    """Return the relay on the surface of the plan."""
-    own = {
-        "C_RELAY_FORCE": data.switching_force,
-        "C_RELAY_SLOPE": data.surface_slope,
-        "C_RELAY_EQUIVALENT": float(data.requirements.equivalent_control),
-    }
-    return shared_parameters(data) | own
-
-
-LAW = ControlLaw(
-    "relay", "relay with equivalent control on one line", "5.2, 5.6, 5.9, 5.10", relay_step, relay_parameters
-)
+LAW = ControlLaw("relay", "relay with equivalent control on one line", "5.2, 5.6, 5.9, 5.10", relay_step)

@@ -19,19 +19,16 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.cascade import friction_feedforward, set_pressure_references
-from pneucli.controller.laws.base import ControlLaw, DesignData, LawParameters
+from pneucli.controller.laws.base import ControlLaw
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
     feedforward_force,
     pressure_pi,
     read_sensors,
-    shared_parameters,
 )
 from pneucli.controller.layout import *
 from pneucli.controller.plant import dry_friction, sign
 from pneucli.controller.reference import follow_reference
-from pneucli.design.sliding_sector import sector_from_vertices
-from pneucli.errors import InputError
 
 (
     C_SECTOR_FORCE,  # N: M
@@ -85,21 +82,4 @@ def sector_step(x_ref, x, p1, p2, s, c):
     pressure_pi(s, c)
 
 
-def sector_parameters(data: DesignData) -> LawParameters:
-    """Return the sector of the plan's vertices; raises InputError where there are none."""
-    if not data.vertices:
-        raise InputError("the sliding sector", data.reason_missing("vertices"), "a direct TP friction model (C)")
-    c, wanted = data.cascade.values, data.requirements
-    found = sector_from_vertices(data.vertices, c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio)
-    own = {
-        "C_SECTOR_FORCE": data.switching_force,
-        "C_LAMBDA_1": found.lambda_1,
-        "C_LAMBDA_2": found.lambda_2,
-        "C_VERTEX_1": found.a_1,
-    }
-    return shared_parameters(data) | own
-
-
-LAW = ControlLaw(
-    "sector", "sliding sector from the direct TP friction model", "5.11-5.14, 6.9-6.20", sector_step, sector_parameters
-)
+LAW = ControlLaw("sector", "sliding sector from the direct TP friction model", "5.11-5.14, 6.9-6.20", sector_step)

@@ -9,9 +9,6 @@ chambers, the force over the area of chamber 1 is that pressure; a second valve 
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
-
 from pneucli.controller.cascade import friction_feedforward
 from pneucli.controller.layout import *
 from pneucli.controller.observers import initialise_at_first_sample
@@ -23,10 +20,6 @@ from pneucli.controller.plant import (
     valve_command,
     valve_command_2,
 )
-from pneucli.design.bandwidths import loop_gains
-
-if TYPE_CHECKING:
-    from pneucli.controller.laws.base import DesignData
 
 S_UNFILTERED_SPEED = FIRST_LAW_STATE  # m/s: unfiltered rate of the last two positions
 C_SPEED_FILTER = FIRST_LAW_PARAMETER  # 1: share by which the rate is followed in a sample
@@ -102,11 +95,3 @@ def pressure_pi(s, c):
         wanted = c[C_P_KP] * error + s[S_INTEGRAL2] + c[C_FEEDFORWARD] * moved
         if drive_chamber_2(wanted, s, c) == wanted:
             s[S_INTEGRAL2] += c[C_PERIOD] * c[C_P_KI] * error
-
-
-def shared_parameters(data: DesignData, *, ahead: bool = False) -> dict[str, float]:
-    """Return the numbers that every law of the thesis has: no estimates, standstill or lead, the rate's filter."""
-    share = 1.0 - math.exp(-data.bandwidths.motion_observer * data.requirements.period)
-    off = dict.fromkeys(("C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING"), 0.0)
-    loops = loop_gains(data.bandwidths, data.requirements)
-    return loops | off | {"C_FEEDFORWARD": float(ahead), "C_FRICTION_LEAD": 0.0, "C_SPEED_FILTER": share}

@@ -1,0 +1,258 @@
+"""Synthesis of the control laws: from an identified axis and its requirements to the parameters of each law.
+
+The samples of the laws stand in :mod:`pneucli.controller.laws`. A law is one module there and one entry in ``LAWS``
+and in ``SYNTHESIS``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from pneucli.controller import layout
+from pneucli.controller.laws import LAWS
+from pneucli.controller.parameters import Controller, nominal_load
+from pneucli.design.bandwidths import Bandwidths, loop_gains
+from pneucli.design.lpv import WeightStudy
+from pneucli.design.pdc import Pdc
+from pneucli.design.requirements import Requirements
+from pneucli.design.sliding import LinearSystem, surface_by_lq, surface_by_poles
+from pneucli.design.sliding_sector import sector_from_vertices
+from pneucli.errors import InputError
+from pneucli.tp import TPModel
+
+LawParameters = Mapping[str, "float | tuple[float, ...]"]
+METHODS = {"poles": "pole placement", "lq": "LQ"}  # of finding a sliding surface, by the words of ``[design] surface``
+
+
+@dataclass(frozen=True)
+class DesignData:
+    """The data from which every law is designed.
+
+    Attributes:
+        cascade: Controller ``best``; the other laws take its axis, its gains and its inverse map.
+        requirements: The table ``[design]``.
+        bandwidths: Corner frequencies of loops without prediction (rad/s).
+        surface_slope: Slope lambda of the sliding line (1/s), thesis (5.2).
+        vertices: a22 at the vertices of the direct TP friction model C (1/s); empty without one.
+        scheduled: TP model of the axis and its verified PDC; None without one.
+        missing: The reason why a field is empty, by the name of the field.
+
+    """
+
+    cascade: Controller
+    requirements: Requirements
+    bandwidths: Bandwidths
+    surface_slope: float
+    vertices: tuple[float, ...] = ()
+    scheduled: tuple[TPModel, Pdc] | None = None
+    missing: Mapping[str, str] | None = None
+
+    @property
+    def switching_force(self) -> float:
+        """Amplitude M of the switching terms in N: ``switching_gain`` times breakaway force and nominal load."""
+        c = self.cascade.values
+        return self.requirements.switching_gain * (c["C_STATIC"] + nominal_load(c))
+
+    def reason_missing(self, name: str) -> str:
+        """Return the reason why the field ``name`` is empty."""
+        return (self.missing or {}).get(name, "not known")
+
+
+def sliding_surfaces(
+    mechanical: LinearSystem, bandwidths: Bandwidths, requirements: Requirements
+) -> list[dict[str, object]]:
+    """Design the sliding line of the mechanical subsystem by pole placement and by LQ.
+
+    Args:
+        mechanical: Piston with states position (m) and speed (m/s), input force (N).
+        bandwidths: Corner frequencies (rad/s); the pole is that of the position loop.
+        requirements: ``surface`` selects the method, ``surface_weights`` weight the squared error (1/m^2) and the
+            squared rate (s^2/m^2). Without weights, the error of one time constant of the position loop weighs as much
+            as its rate.
+
+    Returns:
+        One row a method: ``surface`` (2,), ``pole`` and ``slope`` (1/s), and ``taken`` for the selected one.
+
+    References:
+        Thesis (5.2); Utkin and Young (1978) for the LQ surface.
+
+    """
+    weights = requirements.surface_weights or (bandwidths.position**2, 1.0)
+    found = {
+        "poles": surface_by_poles(mechanical.A, mechanical.B, [-bandwidths.position]),
+        "lq": surface_by_lq(mechanical.A, mechanical.B, np.diag(weights)),
+    }
+    return [
+        {
+            "system": "mechanical",
+            "method": METHODS[kind],
+            "surface": [float(v) for v in one.S[0]],
+            "pole": float(one.poles[0].real),
+            "slope": float(one.S[0][0] / one.S[0][1]),
+            "taken": kind == requirements.surface,
+        }
+        for kind, one in found.items()
+    ]
+
+
+def collect_design_data(
+    cascade: Controller,
+    bandwidths: Bandwidths,
+    requirements: Requirements,
+    surfaces: Sequence[Mapping[str, object]],
+    vertices: Sequence[float],
+    weights: Sequence[WeightStudy],
+    missing: Mapping[str, str],
+) -> DesignData:
+    """Collect the data of all laws; of the verified PDCs, the one with the fastest decay is selected.
+
+    Args:
+        cascade: Controller ``best``.
+        bandwidths: Corner frequencies of loops without prediction (rad/s).
+        requirements: The table ``[design]``.
+        surfaces: Rows of :func:`sliding_surfaces`.
+        vertices: a22 at the vertices of the direct TP friction model (1/s).
+        weights: Studies of the weight types, :func:`pneucli.design.lpv.compare_weight_types`.
+        missing: Reasons for empty fields.
+
+    """
+    slope = next(float(line["slope"]) for line in surfaces if line["taken"])  # type: ignore[arg-type]
+    verified = [(w.model, w.pdc) for w in weights if w.model is not None and w.pdc is not None and w.pdc.verified]
+    fastest = max(verified, key=lambda pair: pair[1].rate, default=None)
+    return DesignData(cascade, requirements, bandwidths, slope, tuple(vertices), fastest, missing)
+
+
+def controller_for(law: str, data: DesignData) -> Controller:
+    """Design the controller of one law.
+
+    Args:
+        law: A key of ``LAWS``.
+        data: The design data of the axis.
+
+    Raises:
+        InputError: The data lack what the law needs, or there is no such law.
+
+    """
+    found = SYNTHESIS[law](data)
+    common = {n: v for n, v in found.items() if n in layout.PARAMETERS and not isinstance(v, tuple)}
+    own = np.concatenate([[], *(np.atleast_1d(found[name]) for name in LAWS[law].parameters)])
+    assert set(found) == {*common, *LAWS[law].parameters}
+    return data.cascade.with_law(law, common, tuple(map(float, own)))
+
+
+def design_controllers(
+    data: DesignData, names: Iterable[str] = tuple(LAWS)
+) -> tuple[dict[str, Controller], dict[str, str]]:
+    """Design several laws.
+
+    Returns:
+        The controllers by name of the law, and for each law that cannot be designed the reason.
+
+    """
+    made, failed = {}, {}
+    for name in names:
+        try:
+            made[name] = controller_for(name, data)
+        except InputError as error:
+            failed[name] = f"{error.where}: {error.found}"
+    return made, failed
+
+
+def cascade_parameters(data: DesignData) -> LawParameters:
+    """Return no parameters: the law ``best`` is the cascade itself."""
+    return {}
+
+
+def shared_parameters(data: DesignData, *, feedforward: bool = False) -> dict[str, float]:
+    """Return the parameters that the laws of the thesis share: loop gains, speed filter, no parts of ``best``."""
+    h = data.requirements.period
+    off = dict.fromkeys(("C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING", "C_FRICTION_LEAD"), 0.0)
+    return {
+        **loop_gains(data.bandwidths, data.requirements),
+        **off,
+        "C_FEEDFORWARD": float(feedforward),
+        "C_SPEED_FILTER": low_pass_share(data.bandwidths.motion_observer, h),
+    }
+
+
+def low_pass_share(corner: float, period: float) -> float:
+    """Return the share by which a sampled first-order low-pass approaches its input in one sample.
+
+    Args:
+        corner: Corner frequency in rad/s.
+        period: Sample time in s.
+
+    >>> round(low_pass_share(100.0, 1e-3), 6)
+    0.095163
+
+    """
+    return 1.0 - math.exp(-corner * period)
+
+
+def relay_parameters(data: DesignData) -> LawParameters:
+    """Return amplitude, slope and switch of the relay, thesis (5.6), (5.9), (5.10)."""
+    return shared_parameters(data) | {
+        "C_RELAY_FORCE": data.switching_force,
+        "C_RELAY_SLOPE": data.surface_slope,
+        "C_RELAY_EQUIVALENT": float(data.requirements.equivalent_control),
+    }
+
+
+def sector_parameters(data: DesignData) -> LawParameters:
+    """Return the sliding sector, thesis (6.18) to (6.20); raises InputError without a direct TP friction model."""
+    if not data.vertices:
+        raise InputError("the sliding sector", data.reason_missing("vertices"), "a direct TP friction model (C)")
+    c, requirements = data.cascade.values, data.requirements
+    sector = sector_from_vertices(
+        data.vertices, c["C_MASS"], requirements.period, c["C_STATIC"], requirements.sector_ratio
+    )
+    return shared_parameters(data) | {
+        "C_SECTOR_FORCE": data.switching_force,
+        "C_LAMBDA_1": sector.lambda_1,
+        "C_LAMBDA_2": sector.lambda_2,
+        "C_VERTEX_1": sector.a_1,
+    }
+
+
+def compensated_parameters(data: DesignData) -> LawParameters:
+    """Return the low-passes of both disturbance observers, thesis (5.20): position loop, and flow observer."""
+    h = data.requirements.period
+    return shared_parameters(data) | {
+        "C_LOAD_FILTER": low_pass_share(data.bandwidths.position, h),
+        "C_FLOW_FILTER": low_pass_share(data.bandwidths.flow_observer, h),
+    }
+
+
+def pdc_parameters(data: DesignData) -> LawParameters:
+    """Return weights and gains of the PDC; raises InputError without a verified one."""
+    if data.scheduled is None:
+        raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow")
+    model, pdc = data.scheduled
+    speed_weights, position_weights = model.weights
+    table = np.concatenate([speed_weights.ravel(), position_weights.ravel(), pdc.gains.ravel()])
+    return {
+        **shared_parameters(data),
+        "C_PDC_SPEEDS": float(speed_weights.shape[0]),
+        "C_PDC_V_WEIGHTS": float(speed_weights.shape[1]),
+        "C_PDC_POSITIONS": float(position_weights.shape[0]),
+        "C_PDC_FIRST": float(model.grids[1][0]),
+        "C_PDC_LAST": float(model.grids[1][-1]),
+        "C_PDC_X_WEIGHTS": float(position_weights.shape[1]),
+        "C_PDC_TABLE": tuple(map(float, table)),
+    }
+
+
+SYNTHESIS: dict[str, Callable[[DesignData], LawParameters]] = {
+    "best": cascade_parameters,
+    "pid": shared_parameters,
+    "pid-feedforward": partial(shared_parameters, feedforward=True),
+    "relay": relay_parameters,
+    "sector": sector_parameters,
+    "compensated": compensated_parameters,
+    "pdc": pdc_parameters,
+}
