@@ -1,7 +1,7 @@
-"""One sample of the controller, in scalar code that numba compiles and :mod:`pneucli.export.c_source` writes as C.
+"""Sample of the cascade controller, in scalar code that numba compiles and :mod:`pneucli.export.c_source` translates.
 
 Only scalars, the two arrays of :mod:`pneucli.controller.layout` (``s`` state, ``c`` parameters and inverse tables),
-``math`` and the functions here; a local that holds an integer is annotated where it is set.
+``math`` and the functions of this package; a local that holds an integer is annotated where it is assigned.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -49,11 +49,11 @@ from pneucli.controller.valve_dynamics import (
 
 
 def friction_feedforward(s, c):
-    """Return the dry friction in N on the reference's way; its direction fades below the least speed.
+    """Return the feed-forward of dry friction in N along the reference; its sign is continuous below the least speed.
 
-    It is that of when the force arrives: a turn is led by the time that the pressure loop takes. A piston that broke
-    away and runs at more than twice the speed has the friction of half its own: what drives it on falls, as that does.
-    One that stays behind, at less than half the speed, has that of twice its own: what holds it has to be overcome.
+    The speed is that of the reference at the time when the force arrives, the lag of the pressure loop ahead. It is
+    limited to within a factor of two of the speed of the piston: above half of it after break-away, where friction
+    falls, and below twice of it for a piston that lags behind and must still break away.
     """
     v = s[S_V_SHAPED] + c[C_FRICTION_LEAD] * s[S_A_SHAPED]
     speed = max(math.fabs(v), 0.5 * math.fabs(s[S_V]))
@@ -62,15 +62,15 @@ def friction_feedforward(s, c):
     level = dry_friction(speed, s, c)
     if s[S_A_SHAPED] * v < 0.0 and c[C_DECELERATION_RATIO] < 1.0:
         level = min(level, c[C_COULOMB] * c[C_DECELERATION_RATIO])
-    floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference is known however coarse the sensor
+    floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference has no quantisation
     return level * dry_friction_factor(s[S_X_SHAPED] + c[C_FRICTION_LEAD] * v, v, s, c) * clamp(v / floor, -1.0, 1.0)
 
 
 def position_control(x_ref, s, c):
-    """Return the force in N that the pressures shall make: PID, friction ahead, minus the load, the sector at rest."""
-    wait = c[C_FLOW_DELAY] * c[C_PERIOD]
-    error = s[S_X_SHAPED] + wait * (s[S_V_SHAPED] + 0.5 * wait * s[S_A_SHAPED]) - s[S_PREDICTED_X]
-    rate = s[S_V_SHAPED] + wait * s[S_A_SHAPED] - s[S_PREDICTED_V]
+    """Return the requested pressure force in N: PID, feed-forward, less the load; the release force at rest."""
+    delay = c[C_FLOW_DELAY] * c[C_PERIOD]
+    error = s[S_X_SHAPED] + delay * (s[S_V_SHAPED] + 0.5 * delay * s[S_A_SHAPED]) - s[S_PREDICTED_X]
+    rate = s[S_V_SHAPED] + delay * s[S_A_SHAPED] - s[S_PREDICTED_V]
     if c[C_HOLD] > 0.5 and update_hold(x_ref, s, c):
         return s[S_FORCE]
     ahead = c[C_FEEDFORWARD]
@@ -99,7 +99,7 @@ def position_control(x_ref, s, c):
 
 
 def set_pressure_references(force, s, c):
-    """Set the pressure references in Pa from the force, within what supply and ambient allow; keep what is left."""
+    """Set the pressure references in Pa for a force (N), within supply and ambient; back-calculate the integral."""
     bias = (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]
     if c[C_TWO_VALVES] > 0.5:
         level = update_level(force + bias, s, c)
@@ -112,18 +112,18 @@ def set_pressure_references(force, s, c):
     s[S_P1_REF] = clamp(wanted, c[C_P_LOW], max_pressure_reference(s, c))
     lost = c[C_AREA_1] * (s[S_P1_REF] - wanted)
     s[S_FORCE] = force + lost
-    # anti-windup: what was not reachable is taken back from the integral
+    # anti-windup by back-calculation
     if lost * s[S_INTEGRAL] < 0.0:
         s[S_INTEGRAL] += sign(lost) * min(math.fabs(lost), math.fabs(s[S_INTEGRAL]))
 
 
 def valve_stays_shut(error, s, c):
-    """Whether a valve stays shut: the piston is held, and its pressure is near enough."""
+    """Whether a valve stays shut: the piston is held and the pressure error is within its band."""
     return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_PRESSURE_BAND]
 
 
 def undriven_gradient(s, c):
-    """Return the rate in Pa/s of the force over the first area with the valve shut, when the command arrives."""
+    """Return the rate in Pa/s of the pressure force over the first area with shut valves, at arrival of the command."""
     x = s[S_PREDICTED_X]
     v = s[S_PREDICTED_V]
     p1 = s[S_PREDICTED_P1]
@@ -137,7 +137,7 @@ def undriven_gradient(s, c):
 
 
 def control_chamber_1(s, c):
-    """Set the command of the valve at chamber 1: what motion, leaks and other flows make is made up for, or a PI."""
+    """Set the command of the valve of chamber 1: P with compensation of motion, leaks and flow estimate, or PI."""
     error = s[S_P1_REF] - s[S_PREDICTED_P1]
     if c[C_TWO_VALVES] < 0.5:
         error += c[C_AREA_2] / c[C_AREA_1] * (s[S_PREDICTED_P2] - s[S_P2])
@@ -161,7 +161,7 @@ def control_chamber_1(s, c):
 
 
 def control_chamber_2(s, c):
-    """Set the command of the valve at chamber 2, likewise, where there is one."""
+    """Set the command of the valve of chamber 2, likewise, if there is one."""
     if c[C_TWO_VALVES] < 0.5:
         return
     x = s[S_PREDICTED_X]
@@ -187,7 +187,7 @@ def control_chamber_2(s, c):
 def cascade_step(x_ref, x, p1, p2, s, c):
     """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2].
 
-    Positions in m, pressures absolute in Pa. A reading that cannot be one is bridged by what the observers expect.
+    Positions in m, pressures absolute in Pa. The observers bridge implausible readings.
     """
     x_ref = initialise_at_first_sample(x_ref, x, p1, p2, s, c)
     advance_valve_gradients(s, c)

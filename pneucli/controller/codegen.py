@@ -1,4 +1,4 @@
-"""Scalar functions as text: which a law needs, in what order, and what the simulation kernel gets of all laws."""
+"""Source text of the controller for the simulation kernel: constants, functions of all laws, and the loop."""
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -34,7 +34,7 @@ DISPATCH_FUNCTION = "step_law"  # of :mod:`pneucli.controller.codegen`
 
 @cache
 def controller_source() -> str:
-    """Return all laws as text for the kernel: constants, functions, and the choice between them."""
+    """Return the source of all laws for the kernel: constants, functions, and the dispatch between them."""
     roots = [*(law.step for law in LAWS.values()), control]
     needed = {f.__name__: f for root in roots for f in callees_first(root) if f.__module__ != gas.__name__}
     needed.pop(DISPATCH_FUNCTION)
@@ -70,19 +70,19 @@ def _dispatch_source() -> str:
 
 
 def quantize(value, quantum):
-    """Return value on a grid of ``quantum``, itself where that is zero or the value is missing."""
+    """Return ``value`` rounded to multiples of ``quantum``; unchanged for quantum 0 or a missing value."""
     return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 and math.isfinite(value) else value
 
 
 def step_law(which: int, x_ref, x, p1, p2, s, c):
-    """Advance the law at that place of the table; in the kernel a choice between compiled functions."""
+    """Advance the law with the index ``which`` of LAWS; the kernel replaces this function by a dispatch."""
     tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
 
 
 def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
-    """Run one sample of a law as a machine does: ``supply`` is measured (Pa, 0: not), ``duty`` one of DUTIES.
+    """Run one sample of a law with its operation: measured supply (Pa, 0: none), operating mode, pressure level.
 
-    ``level``: the mean of both pressures that is set (Pa, 0: as designed).
+    ``duty`` is an index of ``OPERATING_MODES``; ``level`` the set mean pressure (Pa, 0: as designed).
     """
     set_supply(supply, s, c)
     set_level(level, s, c)
@@ -98,9 +98,10 @@ def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
 
 
 def control(k, x_ref, x, p1, p2, cs, cp):
-    """Run one sample of the controller: cs holds its state and then a row of noise and log a sample.
+    """Run one sample of the controller in the loop: ``cs`` holds its state, followed by one log row a sample.
 
-    The last four of cp are the quanta of position (m) and pressure (Pa), the delay in samples, and the law's place.
+    The last four of ``cp`` are the quanta of position (m) and pressure (Pa), the delay in samples, and the index of
+    the law.
     """
     settings: int = cp.size - 4
     row: int = L_STATES + k * L_ROW

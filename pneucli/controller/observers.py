@@ -1,4 +1,4 @@
-"""The observers of pressures, motion and load: the model, with what it leaves over fed back (5.17-5.21, 7.9-7.11)."""
+"""Observers of pressures, motion and load: the model with feedback of its innovation (5.17-5.21, 7.9-7.11)."""
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
@@ -27,7 +27,7 @@ from pneucli.controller.valve_dynamics import (
 
 
 def initialise_state(x_ref, x, p1, p2, s, c):
-    """Set the state from the first readings: all at rest, no disturbance known."""
+    """Initialise the state from the first readings, at rest and without disturbances."""
     s[S_STARTED] = 1.0
     s[S_X] = x if is_plausible(x, -c[C_STROKE], 2.0 * c[C_STROKE]) else 0.5 * c[C_STROKE]
     s[S_P1] = p1 if is_plausible(p1, 0.3 * c[C_AMBIENT], 2.0 * c[C_SUPPLY]) else c[C_P_MEAN]
@@ -48,7 +48,7 @@ def initialise_state(x_ref, x, p1, p2, s, c):
 
 
 def settle_valves_and_sensors(s, c):
-    """Let spools, hose and sensors stand where the commands and pressures are."""
+    """Set spools, delay lines and sensors to the steady state of the present commands and pressures."""
     second = s[S_U2] if c[C_TWO_VALVES] > 0.5 else s[S_U1]
     s[S_PLAY1] = s[S_U1]
     s[S_SPOOL1] = s[S_U1]
@@ -63,7 +63,7 @@ def settle_valves_and_sensors(s, c):
 
 
 def initialise_at_first_sample(x_ref, x, p1, p2, s, c):
-    """Start from the first sample; return the reference, the last one where it is missing."""
+    """Initialise at the first sample; return the reference, or the last one if it is missing."""
     if not math.isfinite(x_ref):
         x_ref = s[S_X_REF] if s[S_STARTED] > 0.5 else x
     if s[S_STARTED] < 0.5:
@@ -72,7 +72,7 @@ def initialise_at_first_sample(x_ref, x, p1, p2, s, c):
 
 
 def advance_valve_gradients(s, c):
-    """Set what the valves make of the pressures over a sample in Pa/s: the last commands through spool and hose."""
+    """Set the gradients in Pa/s that the last commands make over a sample, through spool and hose."""
     delay_line_advance(s)
     u1 = delay_line_update(apply_valve_dynamics(s[S_U1], S_PLAY1, S_SPOOL1, s, c), S_OPENING_LINE1, c[C_FLOW_DELAY], s)
     u2 = u1
@@ -85,9 +85,10 @@ def advance_valve_gradients(s, c):
 
 
 def observe_pressure(reading, rate, p: int, flow: int, seen: int, row: int, s, c):
-    """Observe one pressure: ``rate`` in Pa/s is known; what the reading leaves over corrects it and the other flows.
+    """Observe one pressure with the known gradient ``rate`` (Pa/s); the innovation corrects pressure and flow.
 
-    The reading is compared with what its sensor should show, late as it is, and corrects the whole row since.
+    The innovation is the reading less the expected reading of the lagging, delayed sensor; it corrects the whole
+    delay line.
     """
     s[p] += c[C_PERIOD] * (rate + s[flow])
     s[seen] += c[C_SENSOR_SHARE] * (s[p] - s[seen])
@@ -103,7 +104,7 @@ def observe_pressure(reading, rate, p: int, flow: int, seen: int, row: int, s, c
 
 
 def observe_pressures(p1, p2, s, c):
-    """Observe p1 and p2 from what their sensors read, in Pa: valve, leaks and motion are known (thesis 7.9-7.11)."""
+    """Observe p1 and p2 (Pa) from their readings, with known valve flow, leaks and motion (thesis 7.9-7.11)."""
     rate_1 = s[S_RATE1] + drift_1(s[S_X], s[S_V], s[S_P1], s[S_P2], c)
     rate_2 = s[S_RATE2] + drift_2(s[S_X], s[S_V], s[S_P1], s[S_P2], c)
     observe_pressure((p1 - c[C_OFFSET_1]) / c[C_SCALE_1], rate_1, S_P1, S_FLOW1, S_SENSOR_P1, S_PRESSURE_LINE1, s, c)
@@ -111,10 +112,10 @@ def observe_pressures(p1, p2, s, c):
 
 
 def observe_motion(x, s, c):
-    """Observe motion and load: the piston with set-valued friction, driven by what it leaves over (5.18-5.21).
+    """Observe motion and load: a piston with set-valued friction, corrected by its innovation (5.18-5.21).
 
-    What is left over enters as the switching term, at most C_LOAD_STEP_MAX a sample around the filtered equivalent value
-    of the last one. While the piston is not seen to stir, friction is whatever holds it, and nothing is left over.
+    The load changes by at most C_LOAD_STEP_MAX a sample (M_k of 5.21). While no motion is detected, friction balances
+    any force and the load estimate stays.
     """
     h = c[C_PERIOD]
     force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
@@ -131,7 +132,7 @@ def observe_motion(x, s, c):
 
 
 def reset_prediction(s):
-    """Take motion and pressures as they are for when what is commanded now arrives."""
+    """Set the prediction to the present motion and pressures."""
     s[S_PREDICTED_X] = s[S_X]
     s[S_PREDICTED_V] = s[S_V]
     s[S_PREDICTED_P1] = s[S_P1]
@@ -139,7 +140,7 @@ def reset_prediction(s):
 
 
 def predict_to_arrival(s, c):
-    """Predict motion and pressures to when what is commanded now arrives, from what is under way in the hose."""
+    """Predict motion and pressures to the arrival of the present command, from the openings in the delay line."""
     reset_prediction(s)
     steps: int = int(c[C_FLOW_DELAY] + 0.999999)
     if steps < 1:
@@ -152,7 +153,7 @@ def predict_to_arrival(s, c):
 
 
 def advance_prediction(u1, u2, h, s, c):
-    """Bring the prediction forward by h (s) under openings in V."""
+    """Advance the prediction by h (s) under openings in V."""
     x = s[S_PREDICTED_X]
     v = s[S_PREDICTED_V]
     p1 = s[S_PREDICTED_P1]

@@ -1,4 +1,4 @@
-"""What is done around a law's sample on a machine: enable, hold, a start without a bump, the measured supply.
+"""Operation on a machine, around the sample of a law: enable, hold, bumpless start, measured supply.
 
 In the scalar code of :mod:`pneucli.controller.cascade`: the simulation runs it around every law, the exports write it.
 """
@@ -25,20 +25,20 @@ from pneucli.controller.valve_dynamics import (
 
 
 def set_supply(p, s, c):
-    """Take a measured supply pressure in Pa; one that cannot be is passed over."""
+    """Set the measured supply pressure in Pa; ignore an implausible one."""
     if is_plausible(p, 1.1 * c[C_AMBIENT], 3.0 * c[C_SUPPLY]):
         s[S_SUPPLY] = p
 
 
 def enable(on, s):
-    """Begin to control, or shut the valves. What begins anew starts from the state of its next readings."""
+    """Enable the controller, or disable it and shut the valves; on enabling, the next readings reset the state."""
     if on > 0.5 and s[S_DISABLED] > 0.5:
         s[S_RESET_PHASE] = 2.0
     s[S_DISABLED] = 0.0 if on > 0.5 else 1.0
 
 
 def pause(on, s):
-    """Stop as fast as the reference may and stay there, or go on to the reference."""
+    """Request a hold at the shortest stopping distance of the reference, or release it."""
     if on < 0.5:
         s[S_HOLD_REQUEST] = 0.0
     elif s[S_HOLD_REQUEST] < 0.5:
@@ -46,7 +46,7 @@ def pause(on, s):
 
 
 def holding_force(x, s, c):
-    """Return the force in N that holds a resting piston against its pressures, beside what an end stop carries."""
+    """Return the force in N that balances the pressures on a resting piston, less the force of an end stop."""
     force = pressure_force(s, c)
     if x <= 0.005 * c[C_STROKE]:
         return -max(force, 0.0)
@@ -56,7 +56,7 @@ def holding_force(x, s, c):
 
 
 def track_commands(u1, u2, s, c):
-    """Take u1, u2 (V) as the last commands; what the valves make of them where nothing is late."""
+    """Set the last commands to u1, u2 (V), and the gradients that they make without delay."""
     s[S_U1] = u1
     s[S_U2] = u2 if c[C_TWO_VALVES] > 0.5 else 0.0
     s[S_RATE1] = valve_gradient_1(u1, s[S_P1], chamber_volume_1(s[S_X], c), s, c)
@@ -64,7 +64,7 @@ def track_commands(u1, u2, s, c):
 
 
 def assume_equilibrium(s, c):
-    """Take pressures and piston as at rest: something else takes away what the valves make and the pressures push."""
+    """Initialise estimates and integrals such that piston and pressures are in equilibrium."""
     s[S_INTEGRAL] = -holding_force(s[S_X], s, c)
     s[S_LOAD] = -s[S_INTEGRAL] - stroke_table(s[S_X], 4, c)
     s[S_FLOW1] = -s[S_RATE1] - drift_1(s[S_X], 0.0, s[S_P1], s[S_P2], c)
@@ -74,7 +74,7 @@ def assume_equilibrium(s, c):
 
 
 def clear_state(s):
-    """Forget all but the supply, the level, whether it is enabled, and whether it shall hold."""
+    """Clear the state except supply, pressure level, and the requests to disable and to hold."""
     off = s[S_DISABLED]
     paused = s[S_HOLD_REQUEST]
     supply = s[S_SUPPLY]
@@ -88,10 +88,10 @@ def clear_state(s):
 
 
 def reset(x, p1, p2, u1, u2, s, c):
-    """Start from an axis that rests at x (m), p1, p2 (Pa) under the commands u1, u2 (V), without a bump.
+    """Take over an axis at rest at x (m), p1, p2 (Pa) under the commands u1, u2 (V), without a bump.
 
-    Forces and flows are in balance then: what is left over is the load's and the foreign flow's estimate, or the
-    integrals'. What the law's first command still differs by from u1, u2 is carried over and fades.
+    Forces and flows are assumed in equilibrium: the imbalances initialise the estimates of load and flow, or the
+    integrals. The difference of the first command of the law from u1, u2 is added as an offset that decays.
     """
     clear_state(s)
     initialise_state(x, x, p1, p2, s, c)
@@ -105,9 +105,9 @@ def reset(x, p1, p2, u1, u2, s, c):
 
 
 def active_reference(x_ref, x, p1, p2, s, c):
-    """Return what the law is asked for: the reference, or where the axis shall hold.
+    """Return the reference of the law: that of the caller, or the position of a hold.
 
-    An axis that was off starts; one that starts as near to its reference as one that is held has no way to go.
+    An axis that was disabled is reset first. A start within the holding band holds at once.
     """
     if s[S_RESET_PHASE] > 1.5:
         reset(x, p1, p2, null_command_1(c), null_command_2(c), s, c)
@@ -123,39 +123,39 @@ def active_reference(x_ref, x, p1, p2, s, c):
 
 
 def stopping_position(x, s, c):
-    """Return where the shaped reference comes to rest if it stops now, in m; the pressure asked for where it is one."""
+    """Return the position in m at which the shaped reference stops from now on, or the present pressure reference."""
     if c[C_PRESSURE_MODE] > 0.5:
         return s[S_P1_REF]
     if s[S_STARTED] < 0.5:
         return x
-    way = 0.5 * s[S_V_SHAPED] * math.fabs(s[S_V_SHAPED]) / c[C_A_MAX]
-    return clamp(s[S_X_SHAPED] + way, 0.0, c[C_STROKE])
+    distance = 0.5 * s[S_V_SHAPED] * math.fabs(s[S_V_SHAPED]) / c[C_A_MAX]
+    return clamp(s[S_X_SHAPED] + distance, 0.0, c[C_STROKE])
 
 
-def bumpless_command(u, carry: int, table: int, s, c):
-    """Return a command in V with what it is off by for the sake of a smooth start, within the valve's range."""
+def bumpless_command(u, offset: int, table: int, s, c):
+    """Return a command in V with the offset of the bumpless start, limited to the range of the valve."""
     if s[S_RESET_PHASE] > 0.5:
-        s[carry] -= u
+        s[offset] -= u
     nodes: int = int(c[C_TABLE_NODES])
-    return clamp(u + s[carry], c[table + 2 * nodes - 1], c[table + nodes - 1])
+    return clamp(u + s[offset], c[table + 2 * nodes - 1], c[table + nodes - 1])
 
 
 def fade_bumpless_offset(s, c):
-    """Let what is carried over from the start fade, four times slower than the pressure loop answers."""
+    """Let the offsets of the bumpless start decay, at a quarter of the corner of the pressure loop."""
     s[S_RESET_PHASE] = 0.0
     s[S_BUMPLESS_OFFSET1] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_BUMPLESS_OFFSET1]
     s[S_BUMPLESS_OFFSET2] -= min(0.25 * c[C_PERIOD] * c[C_P_KP], 1.0) * s[S_BUMPLESS_OFFSET2]
 
 
 def close_valves(s, c):
-    """Set the commands of an axis that is not enabled: its valves are shut."""
+    """Set the commands of a disabled axis: valves shut."""
     s[S_STARTED] = 0.0
     s[S_U1] = null_command_1(c)
     s[S_U2] = null_command_2(c) if c[C_TWO_VALVES] > 0.5 else 0.0
 
 
 def finish_commands(s, c):
-    """Set the commands that go out: those of the law and what is carried over."""
+    """Set the output commands: those of the law with the offsets of the bumpless start."""
     if s[S_RESET_PHASE] > 0.5 or s[S_BUMPLESS_OFFSET1] != 0.0 or s[S_BUMPLESS_OFFSET2] != 0.0:
         s[S_U1] = bumpless_command(s[S_U1], S_BUMPLESS_OFFSET1, C_TABLE, s, c)
         if c[C_TWO_VALVES] > 0.5:

@@ -1,4 +1,4 @@
-"""The designed controller: plain numbers by name and the inverse of the valve's map."""
+"""The designed controller: parameters by name, and the inverse valve map."""
 
 from __future__ import annotations
 
@@ -17,12 +17,18 @@ TABLE_MARKER = "C_TABLE"
 
 @dataclass(frozen=True)
 class Controller:
-    """A controller: ``values`` by the names of :mod:`pneucli.controller.layout` (SI), and the valve's inverse.
+    """Parameters of a controller.
 
-    ``fill`` and ``vent``, those of chamber 1 and then of chamber 2, hold commands in V at effective areas
-    ``(i / (n - 1))^2`` of the largest one of that direction; all have n entries. ``law`` names the control law
-    (:mod:`pneucli.controller.laws`), ``own`` are the numbers and tables that it has beside the common ones. ``along`` has
-    the tables over the stroke by the names of ``layout.ALONG``.
+    Attributes:
+        values: Parameters by the names of :mod:`pneucli.controller.layout` (SI).
+        fill: Commands (n,) in V that fill chamber 1 at effective areas ``(i / (n - 1))^2`` of the largest one.
+        vent: Commands (n,) in V that vent chamber 1, likewise.
+        fill_2: Commands (n,) in V that fill chamber 2; of a 5/3 valve those of its one spool.
+        vent_2: Commands (n,) in V that vent chamber 2.
+        law: Name of the control law (:mod:`pneucli.controller.laws`).
+        own: Own parameters and tables of the law, in the order of ``ControlLaw.parameters``.
+        along: Tables along the stroke, in the order of ``layout.STROKE_TABLES``.
+
     """
 
     values: Mapping[str, float]
@@ -40,17 +46,17 @@ class Controller:
         return self.values["C_PERIOD"]
 
     def vector(self) -> Array:
-        """Return the parameter array of :func:`pneucli.controller.cascade.step`."""
+        """Return the parameter array of :func:`pneucli.controller.cascade.cascade_step`."""
         numbers = [self.values[name] for name in PARAMETERS if name != TABLE_MARKER]
         return np.concatenate([numbers, *self.tables().values(), self.own])
 
     def tables(self) -> dict[str, tuple[float, ...]]:
-        """Return the inverse tables and those along the stroke by name, in the order in which they stand."""
+        """Return the inverse tables and the tables along the stroke by name, in the order of the parameter array."""
         inverse = {"fill": self.fill, "vent": self.vent, "fill_2": self.fill_2, "vent_2": self.vent_2}
         return inverse | dict(zip(STROKE_TABLES, self.along, strict=True))
 
     def with_values(self, **values: float) -> Controller:
-        """Return the controller with some numbers replaced, by the names of the layout."""
+        """Return the controller with some parameters replaced, by the names of the layout."""
         return replace(self, values={**self.values, **values})
 
     def with_law(self, law: str, values: Mapping[str, float], own: tuple[float, ...]) -> Controller:
@@ -58,7 +64,7 @@ class Controller:
         return replace(self.with_values(**values), law=law, own=own)
 
     def to_json(self) -> str:
-        """Return the controller as text from which :meth:`from_json` makes the same one, to the last bit."""
+        """Return the controller as JSON; :meth:`from_json` restores it exactly."""
         return json.dumps(asdict(self), indent=1)
 
     @staticmethod
@@ -70,5 +76,9 @@ class Controller:
 
 
 def nominal_load(c: Mapping[str, float]) -> float:
-    """Return a usual load in N: a tenth of the force that supply makes against ambient pressure."""
+    """Return the nominal load in N: a tenth of the force of supply against ambient pressure.
+
+    >>> round(nominal_load({"C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5}), 6)
+    48.0
+    """
     return 0.1 * c["C_AREA_1"] * (c["C_SUPPLY"] - c["C_AMBIENT"])

@@ -1,4 +1,4 @@
-"""What the controller knows of valve and piston, in the scalar code of :mod:`pneucli.controller.cascade`."""
+"""Model of piston, valve map and forces in the controller, in the scalar code of :mod:`pneucli.controller.cascade`."""
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
@@ -11,7 +11,7 @@ from pneucli.physics.gas import flow_function
 
 
 def clamp(value, low, high):
-    """Return value within low and high."""
+    """Return ``value`` limited to [low, high]."""
     return low if value < low else high if value > high else value
 
 
@@ -21,12 +21,12 @@ def sign(value):
 
 
 def is_plausible(reading, low, high):
-    """Whether a reading can be one: finite and within low and high."""
+    """Whether a reading is finite and within [low, high]."""
     return math.isfinite(reading) and reading >= low and reading <= high
 
 
 def stroke_table(x, table: int, c):
-    """Return what a table along the stroke has at x in m, linear between its places."""
+    """Return the entry of a table along the stroke at x (m), linear between its nodes."""
     last: int = int(c[C_STROKE_NODES]) - 1
     place = clamp(x / c[C_STROKE], 0.0, 1.0) * last
     i: int = min(int(place), last - 1)
@@ -35,26 +35,26 @@ def stroke_table(x, table: int, c):
 
 
 def dry_friction_factor(x, direction, s, c):
-    """Return the factor on dry friction at x (m) toward ``direction``: along the stroke, and by the pressures."""
+    """Return the factor on dry friction at x (m) toward ``direction``: position and pressure dependence."""
     pressed = c[C_DRY_P1] * (s[S_P1] - c[C_AMBIENT]) + c[C_DRY_P2] * (s[S_P2] - c[C_AMBIENT])
     return max(stroke_table(x, 0 if direction > 0.0 else 1, c) * (1.0 + pressed), 0.0)
 
 
 def dry_friction(speed, s, c):
-    """Return dry friction in N at a speed (thesis 3.6) before its factor, with the breakaway force last seen."""
+    """Return dry friction in N at a speed (m/s) by thesis (3.6), with the last break-away force, before its factor."""
     r = speed / c[C_STRIBECK]
     return c[C_COULOMB] + max(s[S_BREAKAWAY_FORCE] - c[C_COULOMB], 0.0) / (1.0 + r * r)
 
 
 def damping(x, direction, c):
-    """Return what brakes in proportion to the speed at x (m) toward ``direction``, in N s/m."""
+    """Return the viscous damping in N s/m at x (m) toward ``direction``."""
     if direction > 0.0:
         return c[C_VISCOUS] + stroke_table(x, 2, c)
     return c[C_VISCOUS_BACK] + stroke_table(x, 3, c)
 
 
 def speed_after(x, v, force, h, s, c):
-    """Return the speed in m/s after h (s) under a force in N, friction as a set: on two branches, or at rest."""
+    """Return the speed in m/s after h (s) under a force in N, with set-valued friction: two branches, or sticking."""
     way = sign(v) if v != 0.0 else sign(force)
     factor = dry_friction_factor(x, way, s, c)
     rising = dry_friction(math.fabs(v), s, c) * factor
@@ -76,22 +76,22 @@ def pressure_force(s, c):
 
 
 def net_force(x, p1, p2, s, c):
-    """Return all that drives the piston at x (m) but friction, in N."""
+    """Return the net force in N without friction at x (m): pressures, static forces of the stroke, load estimate."""
     return pressure_force_at(p1, p2, c) + stroke_table(x, 4, c) + s[S_LOAD]
 
 
 def supply_pressure(s, c):
-    """Return the supply pressure in Pa: the one that is measured, else the one designed for."""
+    """Return the measured supply pressure in Pa, or that of the design without a measurement."""
     return s[S_SUPPLY] if s[S_SUPPLY] > 0.0 else c[C_SUPPLY]
 
 
 def max_pressure_reference(s, c):
-    """Return the highest pressure in Pa that may be asked for: as near to the supply as designed."""
+    """Return the largest pressure reference in Pa at the present supply pressure."""
     return c[C_P_HIGH] / c[C_SUPPLY] * supply_pressure(s, c)
 
 
 def pressure_rate_per_area(filling, p, volume, s, c):
-    """Return dp/dt in Pa/s that 1 m^2 of open valve makes in a chamber (2.46): to be filled, or vented."""
+    """Return dp/dt in Pa/s per m^2 of effective area, thesis (2.46), while filling or venting."""
     scale = c[C_GAMMA_R_T] * c[C_K_GAS] / volume
     if filling:
         supply = supply_pressure(s, c)
@@ -100,7 +100,7 @@ def pressure_rate_per_area(filling, p, volume, s, c):
 
 
 def relative_area(u, begin: int, c):
-    """Return the share of the largest area that a command in V opens, by the inverse table that begins there."""
+    """Return the effective area at a command in V over the largest, from the inverse table at ``begin``."""
     nodes: int = int(c[C_TABLE_NODES])
     way = sign(c[begin + nodes - 1] - c[begin])
     low: int = 0
@@ -119,7 +119,7 @@ def relative_area(u, begin: int, c):
 
 
 def command_for_area(area, most, table: int, c):
-    """Return the command in V for an effective area, from the inverse table that begins at ``table``."""
+    """Return the command in V for an effective area (m^2), from the inverse table at ``table``."""
     nodes: int = int(c[C_TABLE_NODES])
     place = math.sqrt(area / most) * (nodes - 1)
     i: int = min(int(place), nodes - 2)
@@ -127,14 +127,14 @@ def command_for_area(area, most, table: int, c):
 
 
 def linear_command(wanted, slope, most, begin: int, c):
-    """Return the command in V in proportion to ``wanted``, all of it at ``slope`` x ``most``: what no map inverts."""
+    """Return the command in V proportional to ``wanted``, fully open at ``slope`` x ``most``: no inverse map."""
     nodes: int = int(c[C_TABLE_NODES])
     null = 0.5 * (c[C_TABLE] + c[C_TABLE + nodes])
     return null + min(math.fabs(wanted) / (slope * most), 1.0) * (c[begin + nodes - 1] - null)
 
 
 def inverse_valve_map(gradient, p, volume, fill, vent, table: int, s, c):
-    """Return the command in V that makes dp/dt in Pa/s at p, by the inverse tables from ``table`` on."""
+    """Return the command in V for a gradient in Pa/s at p (Pa), by the inverse tables from ``table`` on."""
     nodes: int = int(c[C_TABLE_NODES])
     if gradient == 0.0:
         return 0.5 * (c[table] + c[table + nodes])
@@ -149,60 +149,76 @@ def inverse_valve_map(gradient, p, volume, fill, vent, table: int, s, c):
 
 
 def valve_command(gradient, p, volume, s, c):
-    """Return the command in V that makes dp/dt in Pa/s in chamber 1: the inverse of its map, clipped at its ends."""
+    """Return the command in V for a gradient in Pa/s in chamber 1, limited to the identified range."""
     return inverse_valve_map(gradient, p, volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
 
 
 def valve_command_2(gradient, p, volume, s, c):
-    """Return the same for the valve of chamber 2."""
+    """Return the command in V for a gradient in Pa/s in chamber 2, likewise."""
     begin: int = C_TABLE + 2 * int(c[C_TABLE_NODES])
     return inverse_valve_map(gradient, p, volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, s, c)
 
 
 def limit_gradient_1(gradient, p, volume, s, c):
-    """Return dp/dt in Pa/s that the valve makes in chamber 1 where ``gradient`` is asked for: cut where it must be."""
+    """Return the gradient in Pa/s limited to what the valve of chamber 1 can make."""
     if gradient > 0.0:
         return min(gradient, c[C_AREA_FILL] * pressure_rate_per_area(True, p, volume, s, c))
     return max(gradient, -c[C_AREA_VENT] * pressure_rate_per_area(False, p, volume, s, c))
 
 
 def limit_gradient_2(gradient, p, volume, s, c):
-    """Return the same for chamber 2."""
+    """Return the gradient in Pa/s limited to what the valve of chamber 2 can make."""
     if gradient > 0.0:
         return min(gradient, c[C_AREA_FILL_2] * pressure_rate_per_area(True, p, volume, s, c))
     return max(gradient, -c[C_AREA_VENT_2] * pressure_rate_per_area(False, p, volume, s, c))
 
 
-def drive_mirrored_valve(wanted, x, p1, p2, s, c):
-    """Set the one command of a 5/3 valve: what fills one chamber vents the other; return what of ``wanted`` it makes.
+def mirrored_command(target, low, high, slope_1, slope_2, table_1: int, table_2: int, c):
+    """Return the command in V between ``low`` and ``high`` at which both paths of a 5/3 valve make ``target`` (Pa/s).
 
-    ``wanted`` is the rate of the force over the first area in Pa/s with the piston at x (m) and both pressures (Pa).
-    The paths of chamber 2 are taken to open in proportion to those of chamber 1.
+    ``slope_1`` and ``slope_2`` are the rates at the largest area of each path; both paths open monotonically.
     """
-    share = c[C_AREA_2] / c[C_AREA_1]
+    for halved in range(40):  # 2^-40 of the command's range  # noqa: B007 - structured text: no names that begin with _
+        middle = 0.5 * (low + high)
+        if slope_1 * relative_area(middle, table_1, c) + slope_2 * relative_area(middle, table_2, c) < target:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def drive_mirrored_valve(wanted, x, p1, p2, s, c):
+    """Set the command of a 5/3 valve, which fills one chamber and vents the other; return the rate that it reaches.
+
+    ``wanted`` and the result are the rate of the pressure force over the first area in Pa/s, with the piston at x (m)
+    and both pressures (Pa). Each chamber has its own inverse table; the command solves the sum of both rates.
+    """
+    nodes: int = int(c[C_TABLE_NODES])
+    ratio = c[C_AREA_2] / c[C_AREA_1]
+    s[S_RATE1] = 0.0
+    s[S_RATE2] = 0.0
+    s[S_U1] = 0.5 * (c[C_TABLE] + c[C_TABLE + nodes])
     if wanted == 0.0:
-        s[S_RATE1] = 0.0
-        s[S_RATE2] = 0.0
-        s[S_U1] = 0.5 * (c[C_TABLE] + c[C_TABLE + int(c[C_TABLE_NODES])])
         return 0.0
     filling = wanted > 0.0
-    way = 1.0 if filling else -1.0
-    most = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
-    ratio = (c[C_AREA_VENT_2] if filling else c[C_AREA_FILL_2]) / most
+    direction = 1.0 if filling else -1.0
+    table_1: int = C_TABLE if filling else C_TABLE + nodes
+    table_2: int = C_TABLE + 3 * nodes if filling else C_TABLE + 2 * nodes
     volume_1 = c[C_DEAD_VOLUME_1] + c[C_AREA_1] * x
     volume_2 = c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - x)
-    slope_1 = pressure_rate_per_area(filling, p1, volume_1, s, c)
-    slope_2 = ratio * pressure_rate_per_area(not filling, p2, volume_2, s, c)
-    slope = slope_1 + share * slope_2
-    enough = slope * most > math.fabs(wanted)
-    area = math.fabs(wanted) / slope if enough else most
-    s[S_RATE1] = way * area * slope_1
-    s[S_RATE2] = -way * area * slope_2
-    begin: int = C_TABLE if filling else C_TABLE + int(c[C_TABLE_NODES])
-    s[S_U1] = command_for_area(area, most, begin, c)
+    area_1 = c[C_AREA_FILL] if filling else c[C_AREA_VENT]
+    area_2 = c[C_AREA_VENT_2] if filling else c[C_AREA_FILL_2]
+    max_1 = area_1 * pressure_rate_per_area(filling, p1, volume_1, s, c)
+    max_2 = area_2 * pressure_rate_per_area(not filling, p2, volume_2, s, c)
+    reached = min(math.fabs(wanted), max_1 + ratio * max_2)
+    low = direction * min(direction * c[table_1], direction * c[table_2])
+    high = direction * max(direction * c[table_1 + nodes - 1], direction * c[table_2 + nodes - 1])
+    u = mirrored_command(reached, low, high, max_1, ratio * max_2, table_1, table_2, c)
+    s[S_RATE1] = direction * max_1 * relative_area(u, table_1, c)
+    s[S_RATE2] = -direction * max_2 * relative_area(u, table_2, c)
+    s[S_U1] = u
     if c[C_INVERSE_MAP] < 0.5:
-        usual = pressure_rate_per_area(filling, c[C_P_MEAN], volume_1, s, c) + share * ratio * pressure_rate_per_area(
-            not filling, c[C_P_MEAN], volume_2, s, c
-        )
-        s[S_U1] = linear_command(wanted, usual, most, begin, c)
-    return wanted if enough else way * area * slope
+        mean_1 = pressure_rate_per_area(filling, c[C_P_MEAN], volume_1, s, c)
+        mean_2 = pressure_rate_per_area(not filling, c[C_P_MEAN], volume_2, s, c)
+        s[S_U1] = linear_command(wanted, area_1 * mean_1 + ratio * area_2 * mean_2, 1.0, table_1, c)
+    return direction * reached

@@ -14,13 +14,13 @@ from pneucli.controller.valve_dynamics import gas_stiffness_1, gas_stiffness_2
 
 
 def set_level(p, s, c):
-    """Take the mean of both pressures in Pa that shall be kept; 0: as designed. One that cannot be is passed over."""
+    """Set the mean of both pressures in Pa, 0: as designed; ignore an implausible one."""
     if is_plausible(p, 0.0, 3.0 * c[C_SUPPLY]):
         s[S_LEVEL_SET] = p
 
 
 def requested_level(even, s, c):
-    """Return the level in Pa that is asked for, where a force is ``even`` (Pa) times the sum of both areas.
+    """Return the requested level in Pa for a force of ``even`` (Pa) times the sum of both areas.
 
     Then p1 is level (1 - unequal) + even and p2 is level (1 + unequal) - even, which the stiffness is solved for.
     """
@@ -36,7 +36,7 @@ def requested_level(even, s, c):
 
 
 def update_level(force, s, c):
-    """Bring the level forward by a sample, the pressures making ``force`` (N) beside ambient pressure's; return it."""
+    """Advance the pressure level by a sample at a pressure force (N) without ambient pressure; return it in Pa."""
     asked = clamp(requested_level(force / (c[C_AREA_1] + c[C_AREA_2]), s, c), c[C_P_LOW], max_pressure_reference(s, c))
     if s[S_LEVEL] <= 0.0:
         s[S_LEVEL] = clamp(0.5 * (s[S_P1] + s[S_P2]), c[C_P_LOW], max_pressure_reference(s, c))

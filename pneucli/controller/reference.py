@@ -1,4 +1,4 @@
-"""The reference as the controller takes it in: shaped to what the axis is able to follow, or as a pressure."""
+"""Reference of the controller: a position shaped to the limits of the axis, or a pressure."""
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
@@ -12,9 +12,9 @@ from pneucli.controller.pressure_level import requested_level
 
 
 def reference_rate(x_ref, s, c):
-    """Return the reference's filtered rate in m/s; a sample at which the rate itself jumps is passed over.
+    """Return the filtered rate of the reference in m/s; the filter ignores samples at which the rate jumps.
 
-    Both poles of the filter lie at the shaping time; it does not lag behind a steady acceleration.
+    Second order, both time constants are the shaping time; no lag at constant acceleration.
     """
     h = c[C_PERIOD]
     raw = (x_ref - s[S_X_REF]) / h
@@ -29,10 +29,10 @@ def reference_rate(x_ref, s, c):
 
 
 def shape_reference(x_ref, s, c):
-    """Follow the reference within limits of closing speed and acceleration, exactly where it keeps to them.
+    """Shape the reference to limits of closing speed and acceleration; within them it passes unchanged.
 
-    Discrete time-optimal control (Han's fhan) of the distance to the reference and of its rate, both of the sample
-    before, while the reference's acceleration goes ahead.
+    Discrete time-optimal control (fhan, Han 2009) of distance and rate to the reference of the last sample, with the
+    acceleration of the reference as feed-forward.
     """
     h = c[C_PERIOD]
     v_ref = reference_rate(x_ref, s, c)
@@ -48,19 +48,19 @@ def shape_reference(x_ref, s, c):
     s[S_A_SHAPED] = (v - s[S_V_SHAPED]) / h
     s[S_X_SHAPED] += 0.5 * h * (s[S_V_SHAPED] + v)
     s[S_V_SHAPED] = v
-    still = math.fabs(v) < c[C_V_FLOOR] and math.fabs(s[S_X_SHAPED] - x_ref) < 0.5 * c[C_HOLDING_BAND]
-    s[S_REF_REST_TIME] = s[S_REF_REST_TIME] + h if still and s[S_RAW_RATE] == 0.0 else 0.0
+    at_rest = math.fabs(v) < c[C_V_FLOOR] and math.fabs(s[S_X_SHAPED] - x_ref) < 0.5 * c[C_HOLDING_BAND]
+    s[S_REF_REST_TIME] = s[S_REF_REST_TIME] + h if at_rest and s[S_RAW_RATE] == 0.0 else 0.0
 
 
 def set_pressure_reference(p_ref, s, c):
-    """Set the pressure of chamber 1 in Pa that is asked for itself; a second valve keeps the mean pressure."""
+    """Set the pressure reference of chamber 1 in Pa; a second valve keeps the mean pressure."""
     s[S_X_REF] = p_ref
     s[S_P1_REF] = clamp(p_ref, c[C_P_LOW], max_pressure_reference(s, c))
     s[S_P2_REF] = requested_level(0.0, s, c) if c[C_TWO_VALVES] > 0.5 else s[S_P2]
 
 
 def follow_reference(x_ref, s, c):
-    """Take the reference in; whether it is a position, else it is the pressure of chamber 1."""
+    """Process the reference; return whether it is a position (else the pressure of chamber 1)."""
     if c[C_PRESSURE_MODE] > 0.5:
         set_pressure_reference(x_ref, s, c)
         return False

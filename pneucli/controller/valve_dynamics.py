@@ -1,7 +1,7 @@
-"""Between command and chamber: play, spool and hose, forward for the observers and backward for the command.
+"""Play, spool and hose between command and chamber: forward for the observers, inverted for the command.
 
-The play stands before the spool, a first-order lag; what the hose delays is kept in a row of openings. Each is found
-from the model's ports (:mod:`pneucli.design.effect_compensation`), whatever makes it.
+The play precedes the spool, a first-order lag; a delay line holds the openings that are on their way through the hose.
+:mod:`pneucli.design.effect_compensation` identifies each from the response of the model.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -21,13 +21,13 @@ def null_command_1(c):
 
 
 def null_command_2(c):
-    """Return the same for the valve of chamber 2; that of the one spool where it drives both."""
+    """Return the command in V at which the valve of chamber 2 is shut; that of the one spool if it drives both."""
     begin: int = C_TABLE + 2 * int(c[C_TABLE_NODES])
     return 0.5 * (c[begin] + c[begin + int(c[C_TABLE_NODES])]) if c[C_TWO_VALVES] > 0.5 else null_command_1(c)
 
 
 def apply_valve_dynamics(u, play: int, spool: int, s, c):
-    """Bring play and spool forward by a sample under a command u in V; return the mean opening over it in V."""
+    """Advance play and spool by a sample under a command u (V); return the mean opening in V over the sample."""
     s[play] = clamp(s[play], u - c[C_PLAY], u + c[C_PLAY])
     before = s[spool]
     s[spool] += c[C_SPOOL_SHARE] * (s[play] - before)
@@ -35,18 +35,18 @@ def apply_valve_dynamics(u, play: int, spool: int, s, c):
 
 
 def delay_line_advance(s):
-    """Go on to the next place of all rows, which are rings."""
+    """Advance the common index of all delay lines, which are ring buffers."""
     s[S_LINE_INDEX] = s[S_LINE_INDEX] + 1.0 if s[S_LINE_INDEX] < S_OPENING_LINE2 - S_OPENING_LINE1 - 1.5 else 0.0
 
 
 def delay_line_read(row: int, back: int, s):
-    """Return what was put into a row so many samples ago."""
+    """Return the entry of a delay line ``back`` samples ago."""
     place: int = int(s[S_LINE_INDEX]) - back
     return s[row + place] if place >= 0 else s[row + place + S_OPENING_LINE2 - S_OPENING_LINE1]
 
 
 def delay_line_update(value, row: int, wait, s):
-    """Put a value into a row; return the one of ``wait`` samples ago, linear between two."""
+    """Append a value to a delay line; return the value ``wait`` samples ago, linear between two entries."""
     place: int = int(s[S_LINE_INDEX])
     s[row + place] = value
     back: int = int(wait)
@@ -55,13 +55,13 @@ def delay_line_update(value, row: int, wait, s):
 
 
 def delay_line_fill(row: int, value, s):
-    """Fill a row with a value."""
+    """Set all entries of a delay line."""
     for i in range(S_OPENING_LINE2 - S_OPENING_LINE1):
         s[row + i] = value
 
 
 def valve_gradient_1(u, p, volume, s, c):
-    """Return dp/dt in Pa/s that an opening u (V) and the leaks of the valve make in chamber 1."""
+    """Return dp/dt in Pa/s of chamber 1 by an opening u (V) and the leaks of the valve."""
     fill = c[C_LEAK_VALVE]
     vent = c[C_LEAK_VALVE]
     if u > null_command_1(c):
@@ -72,7 +72,7 @@ def valve_gradient_1(u, p, volume, s, c):
 
 
 def valve_gradient_2(u, p, volume, s, c):
-    """Return the same of chamber 2: from its own valve, by the other way of the one spool, or nothing."""
+    """Return dp/dt in Pa/s of chamber 2: by its own valve, by the one spool of a 5/3 valve, or zero."""
     nodes: int = int(c[C_TABLE_NODES])
     fill = c[C_LEAK_VALVE]
     vent = c[C_LEAK_VALVE]
@@ -80,9 +80,9 @@ def valve_gradient_2(u, p, volume, s, c):
         return 0.0
     if c[C_MIRRORED] > 0.5:
         if u > null_command_1(c):
-            vent += c[C_AREA_VENT_2] * relative_area(u, C_TABLE, c)
+            vent += c[C_AREA_VENT_2] * relative_area(u, C_TABLE + 3 * nodes, c)
         else:
-            fill += c[C_AREA_FILL_2] * relative_area(u, C_TABLE + nodes, c)
+            fill += c[C_AREA_FILL_2] * relative_area(u, C_TABLE + 2 * nodes, c)
     elif u > null_command_2(c):
         fill += c[C_AREA_FILL_2] * relative_area(u, C_TABLE + 2 * nodes, c)
     else:
@@ -91,13 +91,13 @@ def valve_gradient_2(u, p, volume, s, c):
 
 
 def leak_flow_1(p1, p2, c):
-    """Return the flow in kg/s that leaks out of chamber 1: to ambient, and to chamber 2."""
+    """Return the leak flow in kg/s out of chamber 1, to ambient and to chamber 2."""
     out = c[C_LEAK_1] * orifice_flow(p1, c[C_AMBIENT], c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
     return out + c[C_LEAK_12] * orifice_flow(p1, p2, c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
 
 
 def leak_flow_2(p1, p2, c):
-    """Return the same of chamber 2."""
+    """Return the leak flow in kg/s out of chamber 2, to ambient and to chamber 1."""
     out = c[C_LEAK_2] * orifice_flow(p2, c[C_AMBIENT], c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
     return out - c[C_LEAK_12] * orifice_flow(p1, p2, c[C_CRITICAL_RATIO], c[C_K_GAS], c[C_K_GAS])
 
@@ -108,40 +108,40 @@ def chamber_volume_1(x, c):
 
 
 def chamber_volume_2(x, c):
-    """Return that of chamber 2."""
+    """Return the value of chamber 2, likewise."""
     return c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - x)
 
 
 def gas_stiffness_1(x, c):
-    """Return what chamber 1 adds to the stiffness of the enclosed gas, in m: times gamma and its pressure, N/m."""
+    """Return A^2 / V of chamber 1 in m; times gamma and pressure it is the stiffness of the enclosed gas in N/m."""
     return c[C_AREA_1] * c[C_AREA_1] / chamber_volume_1(x, c)
 
 
 def gas_stiffness_2(x, c):
-    """Return that of chamber 2."""
+    """Return the value of chamber 2, likewise."""
     return c[C_AREA_2] * c[C_AREA_2] / chamber_volume_2(x, c)
 
 
 def drift_1(x, v, p1, p2, c):
-    """Return dp1/dt in Pa/s by motion and leaks, the valve aside."""
+    """Return dp1/dt in Pa/s by motion and leaks, without the valve."""
     volume = chamber_volume_1(x, c)
     return -(c[C_GAMMA_R_T] * leak_flow_1(p1, p2, c) + c[C_GAMMA] * p1 * c[C_AREA_1] * v) / volume
 
 
 def drift_2(x, v, p1, p2, c):
-    """Return dp2/dt in Pa/s likewise."""
+    """Return dp2/dt in Pa/s by motion and leaks, without the valve."""
     volume = chamber_volume_2(x, c)
     return (c[C_GAMMA] * p2 * c[C_AREA_2] * v - c[C_GAMMA_R_T] * leak_flow_2(p1, p2, c)) / volume
 
 
 def compensate_valve_dynamics(u, last, play: int, spool: int, low, high, s, c):
-    """Return the command in V, within low and high, that opens a valve as u (V) asks: spool and play undone.
+    """Return the command in V, limited to [low, high], that inverts spool and play for the opening u (V).
 
-    What would move the play by little keeps the ``last`` command: noise must not carry it to and fro.
+    A change within the dead band of the play keeps the ``last`` command, so that noise does not cross the play.
     """
-    way = s[spool] + c[C_SPOOL_LEAD] * (u - s[spool]) / c[C_SPOOL_SHARE]
-    if math.fabs(way - s[play]) < c[C_PLAY_DEADBAND]:
+    target = s[spool] + c[C_SPOOL_LEAD] * (u - s[spool]) / c[C_SPOOL_SHARE]
+    if math.fabs(target - s[play]) < c[C_PLAY_DEADBAND]:
         return last
-    if way > s[play]:
-        return clamp(way + c[C_PLAY], low, high)
-    return clamp(way - c[C_PLAY], low, high)
+    if target > s[play]:
+        return clamp(target + c[C_PLAY], low, high)
+    return clamp(target - c[C_PLAY], low, high)

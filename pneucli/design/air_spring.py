@@ -1,4 +1,4 @@
-"""The enclosed gas as a spring: how stiff it is, which pressure level makes it so, and which arrangement can set that.
+"""The enclosed gas as a spring: its stiffness, the pressure level that sets it, and the arrangements that can set it.
 
 ``k = gamma (A1^2 p1 / V1 + A2^2 p2 / V2)``, isentropic. Two valves set both pressures, hence the level. One 5/3 spool
 fills one chamber as it vents the other: their mean follows from leaks and overlap alone, too slowly to be a reference.
@@ -23,7 +23,7 @@ STROKE_FRACTIONS = np.linspace(0.2, 0.8, 25)  # of the stroke
 
 
 class UnmetRequirement(NamedTuple):
-    """What is asked of the spring and cannot be had: limit and what there is in ``unit``, and why."""
+    """A requirement on the gas spring that is not met: limit and reached value in ``unit``, and the cause."""
 
     name: str
     limit: float
@@ -33,14 +33,37 @@ class UnmetRequirement(NamedTuple):
 
 
 def stiffness_per_pressure(c: Values, x: Array) -> tuple[Array, Array]:
-    """Return the stiffness in N/m that 1 Pa in either chamber makes at x (m)."""
+    """Return the stiffness in N/m per Pa of pressure in chamber 1 and in chamber 2, at x (m)."""
     one = c["C_AREA_1"] ** 2 / (c["C_DEAD_VOLUME_1"] + c["C_AREA_1"] * x)
     two = c["C_AREA_2"] ** 2 / (c["C_DEAD_VOLUME_2"] + c["C_AREA_2"] * (c["C_STROKE"] - x))
     return c["C_GAMMA"] * one, c["C_GAMMA"] * two
 
 
+def max_motion_gradient(c: Values) -> float:
+    """Return the largest pressure gradient in Pa/s that the piston's motion makes, the a32 term of thesis (2.47).
+
+    The bound of a pressure observer that treats the motion as a disturbance (thesis 7.3): at the highest pressure
+    reference, the largest speed of the reference, and anywhere along the stroke. One valve moves both chambers: then
+    the bound is that of the force over the first area, ``k v / A1`` with the stiffness k of the gas.
+
+    Args:
+        c: Parameters of a controller by name (SI).
+
+    >>> chamber = {"C_GAMMA": 1.4, "C_STROKE": 0.2, "C_P_HIGH": 7e5, "C_V_MAX": 0.3, "C_TWO_VALVES": 1.0}
+    >>> chamber |= {f"C_AREA_{i}": 8e-4 for i in (1, 2)} | {f"C_DEAD_VOLUME_{i}": 4e-5 for i in (1, 2)}
+    >>> round(max_motion_gradient(chamber))  # 1.4 x 7e5 Pa x 8e-4 m^2 x 0.3 m/s / 4e-5 m^3
+    5880000
+
+    """
+    x = np.linspace(0.0, c["C_STROKE"], 101)
+    one, two = stiffness_per_pressure(c, x)
+    area_1, area_2 = c["C_AREA_1"], c["C_AREA_2"]
+    rate = np.maximum(one / area_1, two / area_2) if c["C_TWO_VALVES"] > 0.5 else (one + two) / area_1
+    return float(np.max(rate)) * c["C_P_HIGH"] * c["C_V_MAX"]
+
+
 def level_for_stiffness(c: Values, stiffness: float, x: Array) -> Array:
-    """Return the mean pressure in Pa that makes the gas so stiff (N/m) at x (m) while no force is asked for."""
+    """Return the mean pressure in Pa at which the gas has the ``stiffness`` (N/m) at x (m) without a force."""
     one, two = stiffness_per_pressure(c, x)
     sum_, unequal = c["C_AREA_1"] + c["C_AREA_2"], c["C_AREA_1"] - c["C_AREA_2"]
     even = unequal * c["C_AMBIENT"] / sum_
@@ -49,7 +72,7 @@ def level_for_stiffness(c: Values, stiffness: float, x: Array) -> Array:
 
 
 def level_settings(requirements: Requirements, c: Values) -> dict[str, float]:
-    """Return mean pressure and stiffness as stated, by the layout's names; nothing where two valves cannot set them."""
+    """Return stated mean pressure and stiffness by the names of the layout; empty without two valves."""
     if c["C_TWO_VALVES"] < 0.5:
         return {}
     found: dict[str, float] = {}
@@ -66,7 +89,7 @@ def level_settings(requirements: Requirements, c: Values) -> dict[str, float]:
 
 
 def unmet_requirements(requirements: Requirements, c: Values, min_stiffness: float) -> list[UnmetRequirement]:
-    """Return what is asked of level and stiffness and cannot be had; ``min_stiffness``: stiffness (N/m) of the enclosed gas."""
+    """Return the unmet requirements on level and stiffness; ``min_stiffness`` of the enclosed gas in N/m."""
     found = []
     if requirements.pressure_level is not None and abs(requirements.pressure_level - c["C_P_MEAN"]) > 1.0:
         found.append(UnmetRequirement("pressure_level", requirements.pressure_level, c["C_P_MEAN"], "Pa", _cause(c)))

@@ -1,9 +1,9 @@
-"""The rules for the gains: how fast each loop and observer may be, each overruled by a requirement that is stated.
+"""Rules for the bandwidths of loops and observers, and the gains that follow; a stated requirement has precedence.
 
-- Pressure loop: corner 0.7 over what of the lags and delays is not predicted, half a sample of the hold included, at
-  most 0.8 / period.
-- Observers: those of pressure have the same corner, that of motion 1 / period, at most
-  ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x does not make a load of a tenth of the dry friction.
+- Pressure loop: corner 0.7 over the unpredicted lags and delays, half a sample of the hold included, at most
+  0.8 / period.
+- Observers: those of pressure have the corner of the pressure loop, that of motion too, at most
+  ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x changes the load estimate by less than a tenth of friction.
 - Position loop: corner of the pressure loop / 10, poles of ``(s + w)(s^2 + 2 damping w s + w^2)``.
 - Sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sliding_sector`.
 """
@@ -13,48 +13,45 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.controller.layout import DELAY_LINE_SAMPLES
 from pneucli.design import effect_compensation
+from pneucli.design.requirements import Requirements
 from pneucli.simulate.model import Model
-
-if TYPE_CHECKING:  # names the laws, which rest on the rules
-    from pneucli.design.requirements import Requirements
 
 Array = NDArray[np.float64]
 
-SPOOL_LEAD = 5.0  # by which a spool is hurried: so much more command than the opening that is asked for
-UNMODELLED_DELAY = (
-    2e-3  # s, what a valve takes that no model tells; with 5 ms and bristles beside it most loops still hold
-)
-DELAY_UNCERTAINTY = 0.1  # of a predicted delay, by which it may be wrong
-MAX_CORRECTION_PER_SAMPLE = 0.8  # of an error of pressure, at most, that one sample takes away
-PRESSURE_LOOP_DELAY_PRODUCT = 0.7  # corner of the pressure loop times what it has to stand
-CASCADE_RATIO = 10.0  # between the corners of the pressure loop and the position loop around it
-LOAD_OBSERVER_RATIO = 0.5  # of the pressure loop's corner, by which a load is told
-SEAL_STIFFNESS = (
-    12.0  # supply forces over the stroke: stiffness of a soft seal, which gives way before the piston slides
-)
-CLOSING_RATE = 10.0  # 1/s, by which a piston closes in at rest
-DWELL_RATE_FACTOR = 5.0  # by which a force rises faster than a rest raises what holds the piston
-FAST_RAMP_RATIO = (
-    10.0  # times of the pressure loop in which the force on a piston that sticks rises by a breakaway force
-)
-SLOW_RAMP_RATIO = 400.0  # the same near where it breaks away: what is put on until the loop answers throws the piston
-MAX_DEADBAND_GAIN = 10.0  # reaches that are put up with at most
-SENSOR_LAG_BANDWIDTH_PRODUCT = 2.0  # corner of the pressure observer times the lag of its sensor: noise grows with it
+SPOOL_LEAD = 5.0  # lag of the spool over its lag with lead compensation
+UNMODELLED_DELAY = 2e-3  # s: delay of a valve that no model has; most loops tolerate 5 ms and presliding in addition
+DELAY_UNCERTAINTY = 0.1  # relative error of a predicted delay
+MAX_CORRECTION_PER_SAMPLE = 0.8  # largest share of a pressure error that one sample corrects
+PRESSURE_LOOP_DELAY_PRODUCT = 0.7  # corner of the pressure loop times its residual delay
+CASCADE_RATIO = 10.0  # corner of the pressure loop over that of the position loop
+LOAD_OBSERVER_RATIO = 0.5  # corner of the load estimate over that of the pressure loop
+SEAL_STIFFNESS = 12.0  # supply forces over the stroke: stiffness of a soft seal before the piston slides
+CLOSING_RATE = 10.0  # 1/s: closing speed per error near a resting reference
+DWELL_RATE_FACTOR = 5.0  # rate of the release force over the rate at which a rest raises break-away
+FAST_RAMP_RATIO = 10.0  # time constants of the pressure loop in which the release force rises by a break-away force
+SLOW_RAMP_RATIO = 400.0  # the same near break-away: the rise within the lag of the loop accelerates the freed piston
+MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band
+SENSOR_LAG_BANDWIDTH_PRODUCT = 2.0  # corner of the pressure observer times the lag of its sensor; limits its noise
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What passes between command and reading, all in s.
+    """Lags and delays between command and reading, in s.
 
-    ``lag`` of the spool and ``led_lag``, to what it is brought by leading; ``flow_delay`` of the flow, predicted;
-    ``sensor_lag`` and ``sensor_delay`` of the pressures' sensors, in the observer; ``unmodelled_delay``: what no model tells.
+    Attributes:
+        lag: Lag of the spool.
+        led_lag: Lag of the spool with lead compensation.
+        flow_delay: Delay of the flow, predicted.
+        sensor_lag: Lag of the pressure sensors, in the observer.
+        sensor_delay: Delay of the pressure sensors, in the observer.
+        unmodelled_delay: Allowance for delays that no model has.
+
     """
 
     lag: float
@@ -66,12 +63,12 @@ class Timing:
 
     @property
     def residual_delay(self) -> float:
-        """What the loops have to stand beside what is predicted."""
+        """Delay of loops with prediction and lead compensation."""
         return self.led_lag + self.unmodelled_delay
 
     @property
     def total_delay(self) -> float:
-        """What loops have to stand that predict nothing."""
+        """Delay of loops without prediction."""
         return self.lag + self.flow_delay + self.sensor_lag + self.sensor_delay + self.unmodelled_delay
 
 
@@ -86,27 +83,44 @@ class Bandwidths:
 
 
 def loop_timing(model: Model, requirements: Requirements) -> Timing:
-    """Return the lags and delays of a model; what is too long to be remembered counts as not known."""
+    """Return lags and delays of a model; a delay longer than the delay line counts as unmodelled."""
     h, longest = requirements.period, (DELAY_LINE_SAMPLES - 2) * requirements.period
     lag = effect_compensation.identify_spool(model).lag
     lag = lag if lag > 0.02 * h else 0.0
-    wait, sensed = effect_compensation.flow_delay(model) + requirements.delay, effect_compensation.sensor_delay(model)
-    beyond = max(wait - longest, 0.0) + max(sensed - longest, 0.0)
-    unknown = beyond + DELAY_UNCERTAINTY * (wait + 0.5 * sensed) + UNMODELLED_DELAY
+    flow = effect_compensation.flow_delay(model) + requirements.delay
+    sensor = effect_compensation.sensor_delay(model)
+    excess = max(flow - longest, 0.0) + max(sensor - longest, 0.0)
+    unmodelled = excess + DELAY_UNCERTAINTY * (flow + 0.5 * sensor) + UNMODELLED_DELAY
     return Timing(
-        lag, lag / SPOOL_LEAD, min(wait, longest), effect_compensation.sensor_lag(model), min(sensed, longest), unknown
+        lag,
+        lag / SPOOL_LEAD,
+        min(flow, longest),
+        effect_compensation.sensor_lag(model),
+        min(sensor, longest),
+        unmodelled,
     )
 
 
 def choose_bandwidths(
     model: Model, requirements: Requirements, axis: Mapping[str, float], *, predicted: bool = True
 ) -> Bandwidths:
-    """Return the corner frequencies by the rules above, for loops that predict what is late or (False) do not."""
+    """Return the corner frequencies by the rules above.
+
+    Args:
+        model: The identified model.
+        requirements: Stated bandwidths have precedence.
+        axis: Parameters of the axis by name (C_COULOMB, C_MASS).
+        predicted: Whether the loops predict delays and lead the spool, as ``best`` does.
+
+    References:
+        Thesis 7.1: the inner loop is faster than the outer one.
+
+    """
     timing = loop_timing(model, requirements)
-    left = timing.residual_delay if predicted else timing.total_delay
+    delay = timing.residual_delay if predicted else timing.total_delay
     pressure = min(
         MAX_CORRECTION_PER_SAMPLE / requirements.period,
-        PRESSURE_LOOP_DELAY_PRODUCT / (left + 0.5 * requirements.period),
+        PRESSURE_LOOP_DELAY_PRODUCT / (delay + 0.5 * requirements.period),
     )
     if requirements.pressure_bandwidth is not None:
         pressure = 2.0 * math.pi * requirements.pressure_bandwidth
@@ -114,14 +128,16 @@ def choose_bandwidths(
     if requirements.position_bandwidth is not None:
         position = 2.0 * math.pi * requirements.position_bandwidth
     noise = math.hypot(requirements.noise_x, requirements.quantum_x / math.sqrt(12.0))
-    quiet = math.sqrt(0.1 * axis["C_COULOMB"] / (axis["C_MASS"] * noise)) if noise and axis["C_COULOMB"] else math.inf
-    return Bandwidths(pressure, position, min(pressure, quiet), pressure / 7.5)
+    noise_limit = (
+        math.sqrt(0.1 * axis["C_COULOMB"] / (axis["C_MASS"] * noise)) if noise and axis["C_COULOMB"] else math.inf
+    )
+    return Bandwidths(pressure, position, min(pressure, noise_limit), pressure / 7.5)
 
 
 def controller_gains(
     bandwidths: Bandwidths, axis: Mapping[str, float], requirements: Requirements, timing: Timing
 ) -> dict[str, float]:
-    """Return the gains of both PIDs and all observers (that of motion: equal poles at exp(-corner period))."""
+    """Return the gains of both loops and of all observers."""
     h = requirements.period
     return {
         **loop_gains(bandwidths, requirements),
@@ -131,7 +147,7 @@ def controller_gains(
 
 
 def motion_observer_gains(bandwidths: Bandwidths, mass: float, h: float) -> dict[str, float]:
-    """Return the gains of the observer of motion; the load is told no faster than it is made up for."""
+    """Return the gains of the motion observer; its poles of motion coincide, that of the load is slower."""
     quick = math.exp(-bandwidths.motion_observer * h)
     slow = math.exp(-min(bandwidths.motion_observer, LOAD_OBSERVER_RATIO * bandwidths.pressure) * h)
     forward = np.array([[1.0, h, h * h / (2.0 * mass)], [0.0, 1.0, h / mass], [0.0, 0.0, 1.0]])
@@ -140,7 +156,20 @@ def motion_observer_gains(bandwidths: Bandwidths, mass: float, h: float) -> dict
 
 
 def loop_gains(bandwidths: Bandwidths, requirements: Requirements) -> dict[str, float]:
-    """Return the gains of both PIDs."""
+    """Return the gains of both PIDs: poles of the position loop at ``(s + w)(s^2 + 2 damping w s + w^2)``.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        requirements: ``damping`` of the oscillating pair.
+
+    Returns:
+        C_KP (1/s^2), C_KD (1/s), C_KI (1/s^3) per unit mass, C_P_KP (1/s), C_P_KI (1/s^2).
+
+    >>> gains = loop_gains(Bandwidths(300.0, 30.0, 300.0, 40.0), Requirements())
+    >>> gains["C_KP"], gains["C_KD"], gains["C_KI"], gains["C_P_KP"], gains["C_P_KI"]
+    (2700.0, 90.0, 27000.0, 300.0, 2500.0)
+
+    """
     w, two_zeta = bandwidths.position, 2.0 * requirements.damping
     return {
         "C_KP": w * w * (1.0 + two_zeta),
@@ -152,7 +181,7 @@ def loop_gains(bandwidths: Bandwidths, requirements: Requirements) -> dict[str, 
 
 
 def pressure_observer_gains(bandwidths: Bandwidths, timing: Timing, h: float) -> dict[str, float]:
-    """Return the gains of the pressure observers: what a sensor sees, pressure, and what flows beside the known."""
+    """Return the gains of the pressure observers for expected reading, pressure and unmodelled flow."""
     fast, slow = math.exp(-bandwidths.pressure * h), math.exp(-bandwidths.flow_observer * h)
     share = 1.0 - math.exp(-h / timing.sensor_lag) if timing.sensor_lag > 0.0 else 1.0
     if share > 1.0 - 1e-6:
@@ -172,29 +201,40 @@ def pressure_observer_gains(bandwidths: Bandwidths, timing: Timing, h: float) ->
 
 
 def ackermann_gains(forward: Array, poles: Sequence[float]) -> tuple[float, ...]:
-    """Return the gains L (n,) of an observer that corrects after the step, by Ackermann's formula.
+    """Return the gains of a current observer by Ackermann's formula.
 
-    The first of the states, which go ``forward`` (n, n) in a sample, is read; its error goes by (I - L C) forward, with
-    these ``poles``.
+    Args:
+        forward: State transition (n, n) of one sample; the first state is measured, C = (1, 0, ...).
+        poles: n poles of the error dynamics (I - L C) forward.
+
+    Returns:
+        The gains L, n numbers.
+
+    References:
+        Ackermann (1972); Franklin, Powell and Workman, Digital Control of Dynamic Systems, current estimator.
+
+    >>> ackermann_gains(np.array([[1.0]]), (0.25,))
+    (0.75,)
+
     """
     n = len(forward)
     row = forward[0]
-    seen = np.array([row @ np.linalg.matrix_power(forward, k) for k in range(n)])
-    wanted = np.eye(n)
+    observability = np.array([row @ np.linalg.matrix_power(forward, k) for k in range(n)])
+    polynomial = np.eye(n)
     for pole in poles:
-        wanted = wanted @ (forward - pole * np.eye(n))
-    return tuple(float(g) for g in wanted @ np.linalg.solve(seen, np.eye(n)[:, -1]))
+        polynomial = polynomial @ (forward - pole * np.eye(n))
+    return tuple(float(g) for g in polynomial @ np.linalg.solve(observability, np.eye(n)[:, -1]))
 
 
 def valve_compensation(model: Model, requirements: Requirements, timing: Timing) -> dict[str, float]:
-    """Return what undoes play and spool, and the wait behind them."""
+    """Return the parameters of play, spool and flow delay, and of their compensation."""
     h, found = requirements.period, effect_compensation.identify_spool(model)
-    lag, hurried = timing.lag, timing.led_lag
+    lag, led_lag = timing.lag, timing.led_lag
     share = 1.0 - math.exp(-h / lag) if lag else 1.0
     return {
         "C_SPOOL_SHARE": share,
         "C_SPOOL_MEAN_SHARE": 1.0 - share * lag / h if lag else 1.0,
-        "C_SPOOL_LEAD": 1.0 - math.exp(-h / hurried) if lag else 1.0,
+        "C_SPOOL_LEAD": 1.0 - math.exp(-h / led_lag) if lag else 1.0,
         "C_PLAY": found.play_half_width,
         "C_PLAY_DEADBAND": 0.1 * found.play_half_width,
         "C_FLOW_DELAY": timing.flow_delay / h,
@@ -202,7 +242,7 @@ def valve_compensation(model: Model, requirements: Requirements, timing: Timing)
 
 
 def presliding_distance(values: Mapping[str, float], stiffness: float) -> float:
-    """Return the way in m after which a piston surely slides, whatever is elastic in its seals."""
+    """Return the largest elastic excursion of the seals in m, for a ``stiffness`` in N/m (0: not known)."""
     supply_force = values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"])
     return 1.5 * values["C_COULOMB"] / (stiffness or SEAL_STIFFNESS * supply_force / values["C_STROKE"])
 
@@ -214,22 +254,30 @@ def stiction_parameters(
     stiffness: float,
     dwell: effect_compensation.DwellStrengthening,
 ) -> dict[str, float]:
-    """Return what the controller needs near standstill; forces and their rates are multiples of the breakaway force.
+    """Return the parameters of hold and release (:mod:`pneucli.controller.stiction`).
 
-    ``stiffness`` (N/m) of what gives way before the piston slides, 0 where it is not known.
+    Forces and their rates are multiples of the break-away force.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        values: Parameters of the axis and of the loops by name (SI).
+        requirements: ``tolerance``, by default 10 um, two quanta or four sigma of the position sensor.
+        stiffness: Presliding stiffness in N/m, 0 without a value.
+        dwell: Growth of break-away with the time at rest.
+
     """
     static = values["C_STATIC"]
     tolerance = requirements.tolerance or max(10e-6, 2.0 * requirements.quantum_x, 4.0 * requirements.noise_x)
-    reach = 0.5 * tolerance
-    steep = min(0.2 / requirements.period, bandwidths.pressure / 5.0)
+    band = 0.5 * tolerance
+    slope = min(0.2 / requirements.period, bandwidths.pressure / 5.0)
     slow = bandwidths.pressure / SLOW_RAMP_RATIO * static  # N/s
     return {
-        "C_HOLDING_BAND": reach,
+        "C_HOLDING_BAND": band,
         "C_V_FLOOR": max(2.0 * requirements.quantum_x / requirements.period, 0.01 * values["C_V_MAX"]),
         "C_MOTION_WINDOW": 6.0 / bandwidths.pressure,
-        "C_SECTOR_1": steep / requirements.sector_ratio,
-        "C_SECTOR_2": steep,
-        "C_RAMP_RATE_PER_ERROR": slow / (5.0 * reach),
+        "C_SECTOR_1": slope / requirements.sector_ratio,
+        "C_SECTOR_2": slope,
+        "C_RAMP_RATE_PER_ERROR": slow / (5.0 * band),
         "C_RAMP_RATE_MIN": max(slow, DWELL_RATE_FACTOR * dwell.initial_rate * static),
         "C_RAMP_RATE_MAX": bandwidths.pressure / FAST_RAMP_RATIO * static,
         "C_BREAKAWAY_MAX": static if dwell.initial_rate > 0.0 else 2.0 * static,

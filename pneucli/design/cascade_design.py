@@ -75,7 +75,24 @@ def design_cascade(model: Model, requirements: Requirements, sealed_pressure: fl
         effect_compensation.dwell_strengthening(model),
     )
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
+    if axis["C_MIRRORED"] > 0.5:
+        null = model.base()["valve.null"]
+        fill_2, vent_2 = (mirrored_commands(commands, null) for commands in (fill_2, vent_2))
     return Controller(values, fill, vent, fill_2, vent_2, along=stroke_tables(model, limits["C_V_MAX"]))
+
+
+def mirrored_commands(commands: Sequence[float], null: float) -> tuple[float, ...]:
+    """Return the commands of the one spool of a 5/3 valve at the openings of chamber 2, which opens the other way.
+
+    Args:
+        commands: Commands (n,) in V in the sense of the map of chamber 2: above ``null`` it fills.
+        null: Command in V at which nothing flows.
+
+    >>> mirrored_commands((5.5, 6.0), 5.0)
+    (4.5, 4.0)
+
+    """
+    return tuple(2.0 * null - u for u in commands)
 
 
 def stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:

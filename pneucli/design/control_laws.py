@@ -16,12 +16,13 @@ import numpy as np
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller, nominal_load
+from pneucli.design.air_spring import max_motion_gradient
 from pneucli.design.bandwidths import Bandwidths, loop_gains
 from pneucli.design.lpv import WeightStudy
 from pneucli.design.pdc import Pdc
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import LinearSystem, surface_by_lq, surface_by_poles
-from pneucli.design.sliding_sector import sector_from_vertices
+from pneucli.design.sliding_sector import SlidingSector, eta_for_slope, sector_from_eta
 from pneucli.errors import InputError
 from pneucli.tp import TPModel
 
@@ -38,7 +39,6 @@ class DesignData:
         requirements: The table ``[design]``.
         bandwidths: Corner frequencies of loops without prediction (rad/s).
         surface_slope: Slope lambda of the sliding line (1/s), thesis (5.2).
-        vertices: a22 at the vertices of the direct TP friction model C (1/s); empty without one.
         scheduled: TP model of the axis and its verified PDC; None without one.
         missing: The reason why a field is empty, by the name of the field.
 
@@ -48,7 +48,6 @@ class DesignData:
     requirements: Requirements
     bandwidths: Bandwidths
     surface_slope: float
-    vertices: tuple[float, ...] = ()
     scheduled: tuple[TPModel, Pdc] | None = None
     missing: Mapping[str, str] | None = None
 
@@ -105,7 +104,6 @@ def collect_design_data(
     bandwidths: Bandwidths,
     requirements: Requirements,
     surfaces: Sequence[Mapping[str, object]],
-    vertices: Sequence[float],
     weights: Sequence[WeightStudy],
     missing: Mapping[str, str],
 ) -> DesignData:
@@ -116,7 +114,6 @@ def collect_design_data(
         bandwidths: Corner frequencies of loops without prediction (rad/s).
         requirements: The table ``[design]``.
         surfaces: Rows of :func:`sliding_surfaces`.
-        vertices: a22 at the vertices of the direct TP friction model (1/s).
         weights: Studies of the weight types, :func:`pneucli.design.lpv.compare_weight_types`.
         missing: Reasons for empty fields.
 
@@ -124,7 +121,7 @@ def collect_design_data(
     slope = next(float(line["slope"]) for line in surfaces if line["taken"])  # type: ignore[arg-type]
     verified = [(w.model, w.pdc) for w in weights if w.model is not None and w.pdc is not None and w.pdc.verified]
     fastest = max(verified, key=lambda pair: pair[1].rate, default=None)
-    return DesignData(cascade, requirements, bandwidths, slope, tuple(vertices), fastest, missing)
+    return DesignData(cascade, requirements, bandwidths, slope, fastest, missing)
 
 
 def controller_for(law: str, data: DesignData) -> Controller:
@@ -200,32 +197,53 @@ def relay_parameters(data: DesignData) -> LawParameters:
         "C_RELAY_FORCE": data.switching_force,
         "C_RELAY_SLOPE": data.surface_slope,
         "C_RELAY_EQUIVALENT": float(data.requirements.equivalent_control),
+        "C_RELAY_IMPLICIT": float(data.requirements.relay == "implicit"),
+    }
+
+
+def designed_sector(cascade: Controller, bandwidths: Bandwidths, requirements: Requirements) -> SlidingSector:
+    """Return the sector of ``[design] eta``; by default its steeper line is the corner of the position loop.
+
+    Raises:
+        InputError: The model has no dry friction.
+
+    """
+    c, width = cascade.values, requirements.sector_ratio
+    eta = requirements.eta or eta_for_slope(bandwidths.position, c["C_MASS"], c["C_STATIC"], width)
+    if c["C_STATIC"] <= 0.0:
+        raise InputError("the sliding sector", "the model has no dry friction", "friction that depends on speed")
+    return sector_from_eta(eta, c["C_MASS"], requirements.period, c["C_STATIC"], c["C_VISCOUS"], width)
+
+
+def load_observer_parameters(data: DesignData, *, friction: bool) -> dict[str, float]:
+    """Return the load observer: M_k is the switching force, the low-pass has the corner of the position loop."""
+    return {
+        "C_LOAD_STEP_MAX": data.switching_force,
+        "C_LOAD_FILTER": low_pass_share(data.bandwidths.position, data.requirements.period),
+        "C_FRICTION_OBSERVED": float(friction),
     }
 
 
 def sector_parameters(data: DesignData) -> LawParameters:
-    """Return the sliding sector, thesis (6.18) to (6.20); raises InputError without a direct TP friction model."""
-    if not data.vertices:
-        raise InputError("the sliding sector", data.reason_missing("vertices"), "a direct TP friction model (C)")
-    c, requirements = data.cascade.values, data.requirements
-    sector = sector_from_vertices(
-        data.vertices, c["C_MASS"], requirements.period, c["C_STATIC"], requirements.sector_ratio
-    )
-    return shared_parameters(data) | {
+    """Return sector and load observer, thesis (6.18) to (6.20), (7.5), (7.6); raises InputError without friction."""
+    sector = designed_sector(data.cascade, data.bandwidths, data.requirements)
+    own = {
         "C_SECTOR_FORCE": data.switching_force,
         "C_LAMBDA_1": sector.lambda_1,
         "C_LAMBDA_2": sector.lambda_2,
         "C_VERTEX_1": sector.a_1,
     }
+    return shared_parameters(data) | load_observer_parameters(data, friction=True) | own
 
 
 def compensated_parameters(data: DesignData) -> LawParameters:
-    """Return the low-passes of both disturbance observers, thesis (5.20): position loop, and flow observer."""
-    h = data.requirements.period
-    return shared_parameters(data) | {
-        "C_LOAD_FILTER": low_pass_share(data.bandwidths.position, h),
-        "C_FLOW_FILTER": low_pass_share(data.bandwidths.flow_observer, h),
+    """Return both disturbance observers, thesis (5.20), (5.21): M_k of the flow is the largest a32 term."""
+    own = {
+        "C_FLOW_STEP_MAX": max_motion_gradient(data.cascade.values),
+        "C_FLOW_FILTER": low_pass_share(data.bandwidths.flow_observer, data.requirements.period),
     }
+    observer = load_observer_parameters(data, friction=data.requirements.friction_in_observer)
+    return shared_parameters(data) | observer | own
 
 
 def pdc_parameters(data: DesignData) -> LawParameters:

@@ -1,4 +1,4 @@
-"""What is asked of the controller: the table ``[design]`` of a pipeline file, with a default for everything."""
+"""Requirements on the controller: the table ``[design]`` of a pipeline file; every key has a default."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ UNITS = {
     "noise_p": "Pa",
     "delay": "s",
     "switching_gain": "1",
+    "eta": "s/m",
 }
 PERIOD_RANGE = (1e-5, 1.0)  # s, of a controller
 
@@ -44,16 +45,19 @@ class Requirements:
     ``noise_x``, ``quantum_x``, ``noise_p``: what the sensors add (1 sigma) and how they round; ``delay``: from reading
     to valve. ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (driven).
 
-    Asked of the loop, and held by :mod:`pneucli.closed_loop.acceptance`: ``settling_time`` of a step to 50 um, ``overshoot``,
-    ``tracking_error`` (rms, on a sine), ``stiffness``: a load over the largest deviation that it makes. ``strict``:
-    what is missed fails like a check.
+    Criteria of the loop (:mod:`pneucli.closed_loop.acceptance`): ``settling_time`` of a step to 50 um, ``overshoot``,
+    ``tracking_error`` (rms, on a sine), ``stiffness``: a load over its largest deviation. ``strict``: a missed criterion
+    fails like a check.
 
     ``pressure_level`` (Pa): mean of both pressures, where two valves drive the chambers; ``air_stiffness``: of the
     enclosed gas, which sets that mean along the stroke (:mod:`pneucli.design.air_spring`).
 
-    ``controller`` names the law that is exported and simulated. Of the sliding mode laws: how the line of the relay is
-    found (``surface``), the weights of the squared error (1/m^2) and rate (s^2/m^2) that the LQ one stands for, whether
-    the relay has the equivalent control beside it, and its force over the breakaway force (``switching_gain``).
+    ``controller`` names the law that is simulated and exported. Laws of sliding mode: ``surface`` is the method that
+    finds the line of the relay, ``surface_weights`` its LQ weights of squared error (1/m^2) and rate (s^2/m^2),
+    ``equivalent_control`` whether the relay has it (5.9), ``relay`` whether its sign is that at the end of the sample
+    or that of the reading, ``switching_gain`` M over break-away force and nominal load. ``eta`` (s/m) is the steepness
+    of the smoothed sign (6.22) of the sector, ``friction_in_observer`` whether the load observer of ``compensated`` has
+    the friction a22(v) (7.5, 7.6).
     """
 
     period: float = 1e-3
@@ -74,6 +78,9 @@ class Requirements:
     surface_weights: tuple[float, float] | None = None
     equivalent_control: bool = True
     switching_gain: float = 1.5
+    eta: float | None = None
+    relay: Literal["implicit", "switching"] = "implicit"
+    friction_in_observer: bool = False
     settling_time: float | None = None
     overshoot: float | None = None
     tracking_error: float | None = None
@@ -116,7 +123,7 @@ def _positive(value: Any, key: str, where: str) -> float:
 
 
 def _one_of(*choices: Any) -> Callable[[Any, str], Any]:
-    """Return a reader of one of a few words or of yes and no."""
+    """Return a reader of one of the ``choices``: words, or true and false."""
 
     def read(value: Any, where: str) -> Any:
         if not any(value is choice or (value == choice and isinstance(choice, str)) for choice in choices):
@@ -144,6 +151,8 @@ def _law(value: Any, where: str) -> str:
 VALUE_READERS: dict[str, Callable[[Any, str], Any]] = {
     "chamber_2": _one_of("closed", "open", "valve"),
     "surface": _one_of("poles", "lq"),
+    "relay": _one_of("implicit", "switching"),
+    "friction_in_observer": _one_of(True, False),
     "equivalent_control": _one_of(True, False),
     "strict": _one_of(True, False),
     "surface_weights": _weights,

@@ -5,9 +5,10 @@ The piston is ``dv/dt = F / m - a22(v) v``; a22 lies between two vertices a1 < a
 ``lambda2 - lambda1 = a2 - a1``, and with the width ``alpha = lambda2 / lambda1`` follows
 ``lambda1 = (a2 - a1) / (alpha - 1)`` (6.18-6.20).
 
-How steep it becomes rests on a22(0) = (breakaway force / v0 + viscous) / m, where v0 is the speed below which friction
-is no longer resolved. That is a choice, not physics: the vertices as identified carry that of the friction model's
-grid; a controller that samples with T can follow a line only if lambda T is small.
+The slopes depend on a22(0) = (Fs eta / 2 + Fv) / m (6.22) and hence on eta, a choice and not physics. The eta of the
+identified friction model follows from the resolution of its sensors and gives lines that no sampled controller can
+follow (lambda T > 1). The controller has its own: ``[design] eta``, by default such that the steeper line is the corner
+of the position loop.
 """
 
 from __future__ import annotations
@@ -22,9 +23,7 @@ from pneucli.errors import InputError
 
 Array = NDArray[np.float64]
 
-MAX_SLOPE_PER_SAMPLE = (
-    0.2  # lambda T: from its start to a line, a sampled controller overshoots by less than that share
-)
+MAX_SLOPE_PER_SAMPLE = 0.2  # lambda T: a sampled controller overshoots a line by less than this share of its error
 
 
 @dataclass(frozen=True)
@@ -53,13 +52,18 @@ class SlidingSector:
         return self.lambda_2 * self.period
 
     @property
+    def eta(self) -> float:
+        """Steepness in s/m of the smoothed sign (6.22) that resolves friction down to the same speed."""
+        return 2.0 / self.speed_floor
+
+    @property
     def warning(self) -> str:
         """What is wrong with it for a sampled controller; empty where nothing is."""
         if self.steepness <= MAX_SLOPE_PER_SAMPLE:
             return ""
         return (
             f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {MAX_SLOPE_PER_SAMPLE}; a22(0) = "
-            f"{self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): the resolved one is taken"
+            f"{self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): the law takes the sector of [design] eta"
         )
 
     def equivalent_force(self, v: ArrayLike, x2: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
@@ -74,7 +78,7 @@ class SlidingSector:
     def switching_term(self, x1: ArrayLike, x2: ArrayLike, boundary_layer: float = 0.0) -> Array:
         """Return the switching term, -1 to 1: minus the sign outside the sector, continuous across it (5.13).
 
-        Toward the origin the sector narrows to nothing; within ``boundary_layer`` (m) the term fades instead, see :meth:`boundary_layer`.
+        Within ``boundary_layer`` (m) of the origin, where the sector has no width, the term is linear.
         """
         s1 = np.asarray(x2) + self.lambda_1 * np.asarray(x1)
         s2 = np.asarray(x2) + self.lambda_2 * np.asarray(x1)
@@ -109,6 +113,47 @@ def sector_from_vertices(
         raise InputError("the friction model", "its vertices are equal: a22 does not depend on speed", "dry friction")
     lambda_1 = (high - low) / (width - 1.0)
     return SlidingSector(low, high, lambda_1, width * lambda_1, mass, period, speed_floor(high, mass, static, low))
+
+
+def sector_from_eta(
+    eta: float, mass: float, period: float, static: float, viscous: float, width: float = 2.0
+) -> SlidingSector:
+    """Return the sector of a friction model whose sign is smoothed by ``2 / (1 + exp(-eta v)) - 1``.
+
+    The vertices are those of a22 = F / (m v) over all speeds: ``a_1 = Fv / m`` and ``a_2 = (Fs eta / 2 + Fv) / m``.
+
+    Args:
+        eta: Steepness of the smoothed sign in s/m.
+        mass: Moving mass in kg.
+        period: Sample time in s.
+        static: Break-away force Fs in N.
+        viscous: Viscous friction Fv in N s/m.
+        width: lambda_2 / lambda_1, above 1.
+
+    Raises:
+        InputError: There is no dry friction, or the width is not above 1.
+
+    References:
+        Thesis (6.18) to (6.20), (6.22).
+
+    >>> sector = sector_from_eta(eta=5.0, mass=2.0, period=1e-3, static=20.0, viscous=40.0)
+    >>> sector.a_1, sector.a_2, sector.lambda_1, sector.lambda_2
+    (20.0, 45.0, 25.0, 50.0)
+
+    """
+    low = viscous / mass
+    return sector_from_vertices([low, low + 0.5 * eta * static / mass], mass, period, static, width)
+
+
+def eta_for_slope(slope: float, mass: float, static: float, width: float = 2.0) -> float:
+    """Return eta in s/m such that the steeper line of :func:`sector_from_eta` has the ``slope`` lambda_2 (1/s).
+
+    Infinite without dry friction, whose sector has no width.
+
+    >>> eta_for_slope(50.0, mass=2.0, static=20.0)
+    5.0
+    """
+    return 2.0 * mass * slope * (1.0 - 1.0 / width) / static if static > 0.0 else math.inf
 
 
 def limit_slope(sector: SlidingSector, static: float, max_slope: float) -> SlidingSector:

@@ -56,7 +56,9 @@ def margins_and_acceptance(answer: Mapping[str, Any], verbose: bool) -> Iterator
 def describe_sector(name: str, found: Mapping[str, Any]) -> str:
     """Return one sliding sector: its lines, and the speed down to which it resolves friction."""
     slopes = f"λ {format_number(found['lambda_1'], 3)} and {format_number(found['lambda_2'], 3)} 1/s"
-    steep = "; too steep for the sample time, so the resolved one is taken" if found.get("remark") else ""
+    steep = (
+        "; too steep for the sample time, so the law takes the sector of [design] eta" if found.get("remark") else ""
+    )
     return f"{name}: {slopes}, friction resolved down to {format_quantity(found['speed_floor'], 'm/s', 2)}{steep}"
 
 

@@ -15,7 +15,7 @@ from pneucli.controller.laws import LAWS, select_laws
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import Bandwidths, choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
-from pneucli.design.control_laws import collect_design_data, design_controllers, sliding_surfaces
+from pneucli.design.control_laws import collect_design_data, design_controllers, designed_sector, sliding_surfaces
 from pneucli.design.effect_compensation import has_restoring_force
 from pneucli.design.lpv import WeightStudy as WeightStudy
 from pneucli.design.lpv import compare_weight_types
@@ -139,24 +139,22 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
     controller = design_cascade(model, wanted, sealed)
     c = controller.values
     corners = choose_bandwidths(model, wanted, c)
-    sectors, warnings = _sectors(context.artifacts / "identify", controller, wanted)
     systems = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])
     matching = {name: unmatched_disturbances(system) for name, system in systems.items()}
     unpredicted = choose_bandwidths(model, wanted, c, predicted=False)
+    designed = _designed_sector(controller, unpredicted, wanted)
+    sectors, warnings = _sectors(context.artifacts / "identify", controller, designed, wanted)
     rows = sliding_surfaces(systems["mechanical"], unpredicted, wanted)
     context.progress("linear matrix inequalities", 0.4)
     floor = sectors["resolved"].speed_floor if "resolved" in sectors else c["C_V_FLOOR"]
     weights: list[WeightStudy] = []
-    missing = {"vertices": "there is none", "scheduled": "no weight type gives gains that are verified"}
+    missing = {"scheduled": "no weight type gives gains that are verified"}
     try:
         weights = compare_weight_types(c, floor)
     except InputError as error:
         missing["scheduled"] = error.found
         warnings.append(f"no PDC: {error.found}")
-    vertices = _vertices(context.artifacts / "identify")
-    made, failed = design_controllers(
-        collect_design_data(controller, unpredicted, wanted, rows, vertices, weights, missing)
-    )
+    made, failed = design_controllers(collect_design_data(controller, unpredicted, wanted, rows, weights, missing))
     return DesignResult(made, failed, wanted, corners, sectors, rows, matching, weights, warnings)
 
 
@@ -169,17 +167,31 @@ def _vertices(folder: Path) -> list[float]:
     return [float(a) for a, m in zip(table["a22"], table["model"], strict=True) if m == "C"]
 
 
-def _sectors(folder: Path, controller: Controller, wanted: Requirements) -> tuple[dict[str, SlidingSector], list[str]]:
-    """Return the sector of the TP friction model as identified, and as far as the controller can resolve it."""
+def _sectors(
+    folder: Path, controller: Controller, designed: SlidingSector | None, requirements: Requirements
+) -> tuple[dict[str, SlidingSector], list[str]]:
+    """Return the sectors by name: ``vertices`` as identified, ``resolved`` as a sample can follow it, ``design``."""
+    own = {} if designed is None else {"design": designed}
     if not (vertices := _vertices(folder)):
-        return {}, ["no sliding sector from vertices: there is no direct TP friction model"]
+        return own, ["no sliding sector from vertices: there is no direct TP friction model"]
     c = controller.values
     try:
-        sector = sector_from_vertices(vertices, c["C_MASS"], wanted.period, c["C_STATIC"], wanted.sector_ratio)
+        sector = sector_from_vertices(
+            vertices, c["C_MASS"], requirements.period, c["C_STATIC"], requirements.sector_ratio
+        )
     except InputError as error:
-        return {}, [f"no sliding sector: {error.found}"]
-    found = {"vertices": sector, "resolved": limit_slope(sector, c["C_STATIC"], c["C_SECTOR_2"])}
-    return found, []  # where it is too steep the resolved one is taken, and the table of sectors says so
+        return own, [f"no sliding sector: {error.found}"]
+    return {"vertices": sector, "resolved": limit_slope(sector, c["C_STATIC"], c["C_SECTOR_2"]), **own}, []
+
+
+def _designed_sector(
+    controller: Controller, bandwidths: Bandwidths, requirements: Requirements
+) -> SlidingSector | None:
+    """Return the sector of the law ``sector``; None without dry friction."""
+    try:
+        return designed_sector(controller, bandwidths, requirements)
+    except InputError:
+        return None
 
 
 def _write(study: PipelineData, designed: DesignResult) -> None:
@@ -282,7 +294,10 @@ def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -
         "pipeline": study.context.config.name,
         "requirements": asdict(designed.requirements),
         "corners": {n: {"value": v, "unit": "1/s"} for n, v in asdict(designed.corners).items()},
-        "sector": {n: asdict(s) | {"steepness": s.steepness, "remark": s.warning} for n, s in designed.sectors.items()},
+        "sector": {
+            n: asdict(s) | {"eta": s.eta, "steepness": s.steepness, "remark": s.warning}
+            for n, s in designed.sectors.items()
+        },
         "matching": {n: {"holds": not broken, "broken_by": broken} for n, broken in designed.matching.items()},
         "surface": designed.surfaces,
         "lmi": {

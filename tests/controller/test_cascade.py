@@ -33,10 +33,14 @@ ALONG = (1.0, 1.0, 1.0, 1.0, *6 * (0.0,))  # friction alike all over the stroke,
 FILL, VENT = (1.0, 2.0, 4.0, 7.0, 10.0), (-2.0, -3.0, -5.0, -7.0, -9.0)
 
 
+FILL_2, VENT_2 = (-1.0, -2.5, -4.0, -6.0, -8.0), (1.5, 2.5, 5.0, 8.0, 9.0)  # V, of a 5/3 valve's second outlet
+
+
 def settings(**changed: float) -> np.ndarray:
     values = ROUND | changed
     numbers = (values[name[2:]] for name in at.PARAMETERS if name != "C_TABLE")
-    return np.array([*numbers, *FILL, *VENT, *FILL, *VENT, *ALONG])
+    second = (FILL_2, VENT_2) if values["MIRRORED"] > 0.5 else (FILL, VENT)
+    return np.array([*numbers, *FILL, *VENT, *second[0], *second[1], *ALONG])
 
 
 def state(**given: float) -> np.ndarray:
@@ -140,20 +144,28 @@ def test_what_the_valve_cannot_reach_is_cut_in_both_directions() -> None:
 MIRRORED = settings(MIRRORED=1.0, AREA_FILL_2=1.5e-6, AREA_VENT_2=3e-6)
 
 
-@pytest.mark.parametrize(("share", "volts"), [(0.25, 4.0), (-0.25, -5.0), (1.5, 10.0), (-1.5, -9.0)])
-def test_one_command_of_a_5_3_valve_fills_one_chamber_and_vents_the_other(share: float, volts: float) -> None:
-    """What of the force's rate over the first area each makes; the second's paths open in proportion to the first's."""
+def opened_share(u: float, commands: tuple[float, ...]) -> float:
+    """The share of the largest area at a command: the tables hold commands at equal steps of its root."""
+    order = np.argsort(commands)
+    return float(np.interp(u, np.array(commands)[order], np.linspace(0.0, 1.0, NODES)[order]) ** 2)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.25, 0.9, 1.5, -0.002, -0.25, -0.9, -1.5])
+def test_the_command_of_a_5_3_valve_inverts_the_map_of_each_chamber(share: float) -> None:
+    """Both paths at that command, each by its own table, make the rate that is asked for, or all that they can."""
     filling = share > 0.0
-    most, other = (2e-6, 3e-6) if filling else (1e-6, 1.5e-6)
-    one = most * rate(filling, 4e5) * 1e-4 / (2e-5 + 8e-4 * 0.12)
-    two = other * rate(not filling, 2.5e5) * 1e-4 / (3e-5 + 6e-4 * 0.08)
-    both, s = one + 0.75 * two, state(X=0.12, P1=4e5, P2=2.5e5)
-    made, opened = (
-        plant.drive_mirrored_valve(share * both, 0.12, 4e5, 2.5e5, s, MIRRORED),
-        math.copysign(min(abs(share), 1.0), share),
-    )
-    assert made == pytest.approx(opened * both)
-    assert of(s, "RATE1", "RATE2", "U1") == pytest.approx([opened * one, -opened * two, volts])
+    area_1, area_2 = (2e-6, 3e-6) if filling else (1e-6, 1.5e-6)
+    tables = (FILL, VENT_2) if filling else (VENT, FILL_2)
+    full_1 = area_1 * rate(filling, 4e5) * 1e-4 / (2e-5 + 8e-4 * 0.12)
+    full_2 = area_2 * rate(not filling, 2.5e5) * 1e-4 / (3e-5 + 6e-4 * 0.08)
+    s, wanted = state(X=0.12, P1=4e5, P2=2.5e5), share * (full_1 + 0.75 * full_2)
+    reached = plant.drive_mirrored_valve(wanted, 0.12, 4e5, 2.5e5, s, MIRRORED)
+    u, rate_1, rate_2 = of(s, "U1", "RATE1", "RATE2")
+    way = math.copysign(1.0, share)
+    assert rate_1 == pytest.approx(way * full_1 * opened_share(u, tables[0]))
+    assert rate_2 == pytest.approx(-way * full_2 * opened_share(u, tables[1]))
+    assert reached == pytest.approx(way * min(abs(share), 1.0) * (full_1 + 0.75 * full_2))
+    assert rate_1 - 0.75 * rate_2 == pytest.approx(reached, rel=1e-6)
 
 
 def test_a_5_3_valve_that_shall_do_nothing_stands_between_both_closing_edges() -> None:
@@ -553,7 +565,8 @@ def test_valves_that_open_fully_relieve_both_chambers() -> None:
     for way in (1.0, -1.0):
         assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0)) == pytest.approx(first[way])
         both = first[way] + second[way]
-        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, MIRRORED=1.0)) == pytest.approx(both)
+        mirrored = first[way] + (second[way] if way < 0.0 else 6e-4 * vent / VOLUME_2)
+        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, MIRRORED=1.0)) == pytest.approx(mirrored)
         assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, TWO_VALVES=1.0)) == pytest.approx(both)
         assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=1e7)) == pytest.approx(8e3)
 

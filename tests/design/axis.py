@@ -69,7 +69,6 @@ def controller(requirements: Requirements = REQUIREMENTS) -> Controller:
 
 
 ARRANGEMENTS = ("one-chamber", "5/3", "two")
-VERTICES = (45.0, 900.0)  # 1/s, of a friction model that resolves 10 mm/s
 
 
 def arranged(arrangement: str) -> tuple[Model, Requirements]:
@@ -89,9 +88,7 @@ def plan(arrangement: str = "one-chamber") -> DesignData:
     corners, c = choose_bandwidths(one, wanted, cascade.values), cascade.values
     mechanical = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])["mechanical"]
     weights = compare_weight_types(c, 0.05, ("cno",))
-    return collect_design_data(
-        cascade, corners, wanted, sliding_surfaces(mechanical, corners, wanted), VERTICES, weights, {}
-    )
+    return collect_design_data(cascade, corners, wanted, sliding_surfaces(mechanical, corners, wanted), weights, {})
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The controllers that can be designed: one module a law, one entry here; everything else reads this table."""
+"""Table of the control laws: one module a law, one entry here and in ``design.control_laws.SYNTHESIS``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pneucli.controller.laws import cascade, compensated, pdc, pid, relay, secto
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.errors import InputError, did_you_mean
 
-# the first is the project's own; the kernel asks for a law by its place
+# the first is the default; the kernel selects a law by its index
 LAWS: dict[str, ControlLaw] = {
     law.name: law
     for law in (cascade.LAW, pid.PID, pid.PID_FEEDFORWARD, relay.LAW, sector.LAW, compensated.LAW, pdc.LAW)
@@ -18,12 +18,12 @@ DEFAULT = cascade.LAW.name
 
 
 def find_law(name: Any, where: str) -> ControlLaw:
-    """Return a law by its name; raises InputError, which ``where`` begins, where there is none."""
+    """Return a law by its name; raises InputError at ``where`` for an unknown one."""
     if not isinstance(name, str) or name not in LAWS:
         raise InputError(where, f"{name!r}", f"one of {', '.join(LAWS)}", did_you_mean(str(name), LAWS))
     return LAWS[name]
 
 
 def select_laws(names: Iterable[str], where: str) -> list[ControlLaw]:
-    """Return laws by their names, each once, in the order asked for."""
+    """Return laws by their names, each once, in the given order."""
     return [find_law(name, where) for name in dict.fromkeys(names)]

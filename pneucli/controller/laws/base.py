@@ -16,7 +16,7 @@ from pneucli.controller import layout
 
 
 def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
-    """Return the program's functions that ``root`` needs, and ``root``, each after those that it calls."""
+    """Return ``root`` and the functions that it calls, directly or not, each after its callees."""
     done: dict[str, FunctionType] = {}
 
     def visit(function: Any) -> None:
@@ -33,11 +33,17 @@ def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
 
 @dataclass(frozen=True)
 class ControlLaw:
-    """One control law: ``step(x_ref, x, p1, p2, s, c)`` is its sample, in the scalar code of ``pneucli.controller.cascade``.
+    """One control law.
 
-    ``source`` names its equations in the thesis. ``design`` returns from a plan all its own numbers, a table last, and
-    those of the common ones that it changes; it raises InputError where the plan lacks what it needs. ``estimates_load``:
-    whether it has an estimate of the load; ``controls_pressure``: whether it has a pressure loop that takes a reference.
+    Attributes:
+        name: Key of ``[design] controller``.
+        title: Description for users.
+        source: Equations of the thesis.
+        step: Sample of the law, ``step(x_ref, x, p1, p2, s, c)``, in the scalar code of
+            :mod:`pneucli.controller.cascade`.
+        estimates_load: Whether S_LOAD is an estimate of the load.
+        controls_pressure: Whether the law can follow a reference of pressure.
+
     """
 
     name: str
@@ -49,18 +55,18 @@ class ControlLaw:
 
     @cached_property
     def constants(self) -> dict[str, int]:
-        """Places of its own states and numbers, those of the parts that it uses included."""
+        """Indices of the law's own states and parameters by name, those of shared blocks included."""
         modules = {sys.modules[f.__module__] for f in callees_first(self.step)}
         return {name: place for module in modules for name, place in own_constants(vars(module)).items()}
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of its own numbers, in the order in which they stand behind the inverse tables."""
+        """Names of the law's own parameters, in the order in which they follow the tables."""
         return self._named("C_")
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of its own states, which stand behind the common ones."""
+        """Names of the law's own states, in the order in which they follow the common ones."""
         return self._named("S_")
 
     def _named(self, begin: str) -> tuple[str, ...]:
@@ -68,6 +74,6 @@ class ControlLaw:
 
 
 def own_constants(names: Mapping[str, Any]) -> dict[str, int]:
-    """Return the constants of states and numbers among a module's names that are not those of the layout."""
+    """Return the constants S_ and C_ among a module's names that the layout does not define."""
     common = vars(layout)
     return {n: v for n, v in names.items() if n.startswith(("S_", "C_")) and n not in common}

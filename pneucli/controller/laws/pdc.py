@@ -2,8 +2,8 @@
 
 ``q = - sum_ij w_i(v) w_j(x) F_ij (x - x_r, v - v_r, F)`` with the weights of the TP model at the measured speed and
 position, between its nodes linear as in the model, and the vertices' gains. The gas flow q (kg/s) becomes a gradient
-by the chamber's volume (2.22) and a command by the inverse map. A regulator: it integrates nothing and knows of dry
-friction what the TP model does.
+by the chamber's volume (2.22) and a command by the inverse map. The law has no integral, and its model of dry friction
+is that of the TP model.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -33,14 +33,14 @@ from pneucli.controller.reference import shape_reference
 
 
 def interpolated_weight(at, nodes: int, count: int, which: int, table: int, c):
-    """Return a weight at a place between nodes, linear."""
+    """Return a weight at a fractional node index, linear between nodes."""
     i: int = min(int(at), nodes - 2)
     before = c[table + i * count + which]
     return before + (at - i) * (c[table + (i + 1) * count + which] - before)
 
 
 def pdc_flow(s, c):
-    """Return the gas flow in kg/s: the gains of all vertices, weighted (4.4)."""
+    """Return the gas flow in kg/s: the weighted sum of the vertex gains (4.4)."""
     speeds: int = int(c[C_PDC_SPEEDS])
     v_count: int = int(c[C_PDC_V_WEIGHTS])
     places: int = int(c[C_PDC_POSITIONS])
@@ -63,7 +63,7 @@ def pdc_flow(s, c):
 
 
 def pdc_step(x_ref, x, p1, p2, s, c):
-    """Advance the regulator by one sample; readings and commands as in step. A second valve keeps the mean pressure."""
+    """Advance the law by one sample, as cascade_step; a second valve keeps the mean pressure."""
     x_ref = read_sensors(x_ref, x, p1, p2, s, c)
     shape_reference(x_ref, s, c)
     s[S_P1_REF] = s[S_P1]

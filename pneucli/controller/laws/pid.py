@@ -1,8 +1,8 @@
-"""The cascade's PIDs (7.1-7.3), alone, or with what is known of mass, friction and motion ahead.
+"""PIDs of position and pressure (7.1-7.3), without or with feed-forward of mass, friction and motion.
 
 Position: ``F = m (KD (v_r - v) + KP (x_r - x)) + m KI int (x_r - x) dt``, poles by the rule of the cascade; with
-feed-forward also ``m a_r + Fv v_r`` and dry friction (3.6) on the reference's way, and in the pressure loop the
-gradient that the piston's motion makes.
+feed-forward also ``m a_r + Fv v_r`` and dry friction (3.6) along the reference, and in the pressure loop the gradient
+of the piston's motion.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -17,7 +17,7 @@ from pneucli.controller.reference import follow_reference
 
 
 def pid_force(s, c):
-    """Return the force in N: PID, and what goes ahead; the integral is wound back where pressures end."""
+    """Return the force in N: PID and feed-forward; set_pressure_references back-calculates the integral."""
     error = s[S_X_SHAPED] - s[S_X]
     rate = s[S_V_SHAPED] - s[S_V]
     s[S_INTEGRAL] += c[C_PERIOD] * c[C_MASS] * c[C_KI] * error
@@ -25,7 +25,7 @@ def pid_force(s, c):
 
 
 def pid_step(x_ref, x, p1, p2, s, c):
-    """Advance the PIDs by one sample; readings and commands as in step."""
+    """Advance the PIDs by one sample; readings and commands as in cascade_step."""
     x_ref = read_sensors(x_ref, x, p1, p2, s, c)
     if follow_reference(x_ref, s, c):
         set_pressure_references(pid_force(s, c), s, c)

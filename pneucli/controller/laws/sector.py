@@ -1,15 +1,16 @@
-"""The sliding sector (5.11-5.14) between the lines that the vertices of the direct TP friction model give (6.9-6.20).
+"""Sliding sector, thesis (5.11) to (5.14), between lines from the vertices of the friction model (6.9) to (6.20).
 
 ``x1 = x - x_r``, ``x2 = v - v_r``, lines ``s_r = x2 + lambda_r x1``; ``lambda2 - lambda1 = a2 - a1`` and the width
-``alpha = lambda2 / lambda1`` give ``lambda1 = (a2 - a1) / (alpha - 1)`` (6.18-6.20), nothing is solved back. Both lines
-have the same equivalent force ``m (a1 - lambda1) x2`` (6.16), to which a moving reference adds what its way takes.
+``alpha = lambda2 / lambda1`` give ``lambda1 = (a2 - a1) / (alpha - 1)`` (6.18) to (6.20). Both lines have the same
+equivalent force ``m (a1 - lambda1) x2`` (6.16); a moving reference adds mass and friction on its way.
 ``u_d = -M`` above both lines, ``+M`` below both, ``-M (s1 + s2) / (|s1| + |s2|)`` between them (5.13).
 
-Discrete time, which the thesis leaves open: such lines are steep (lambda T far above 1), and no explicit sample can
-follow one. All is therefore taken at the end of the sample (implicit Euler, Acary and Brogliato 2010), dry friction as
-a set among it: with the rate y there, ``(1 + lambda1 T) y + (T / m) (M phi(x1 + T y, y) + f) = x2``, phi = (s1 + s2) /
-(|s1| + |s2|), f in dry friction Sgn(y + v_r) beside what goes ahead of it. The left side rises in y and has one root,
-which halving finds; a piston that sticks has y = - v_r there, and gets all of M.
+The load estimate (5.15) to (5.21), (7.5), (7.6) is subtracted, so that M need not hold a load.
+
+Discrete time: the whole law is taken at the end of the sample (implicit Euler, Acary and Brogliato 2010), with dry
+friction as a set. The rate y at that time solves ``(1 + lambda1 T) y + (T / m) (M phi(x1 + T y, y) + f) = x2`` with
+``phi = (s1 + s2) / (|s1| + |s2|)`` and f the dry friction Sgn(y + v_r) less its feed-forward. The left side increases
+with y and has one root, found by bisection. A piston that sticks has y = -v_r and gets all of M.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -20,6 +21,7 @@ import math
 
 from pneucli.controller.cascade import friction_feedforward, set_pressure_references
 from pneucli.controller.laws.base import ControlLaw
+from pneucli.controller.laws.load_observer import observe_load
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
     feedforward_force,
@@ -32,10 +34,10 @@ from pneucli.controller.reference import follow_reference
 
 (
     C_SECTOR_FORCE,  # N: M
-    C_LAMBDA_1,  # 1/s: lambda1, lambda2, and the lower vertex a1
+    C_LAMBDA_1,  # 1/s: slopes lambda1 and lambda2 of the lines, and the lower vertex a1
     C_LAMBDA_2,
     C_VERTEX_1,
-) = range(NEXT_LAW_PARAMETER, NEXT_LAW_PARAMETER + 4)
+) = range(NEXT_LAW_PARAMETER + 2, NEXT_LAW_PARAMETER + 6)
 
 
 def sector_sign(x1, x2, c):
@@ -47,18 +49,18 @@ def sector_sign(x1, x2, c):
 
 
 def implicit_error_rate(x1, x2, s, c):
-    """Return the rate in m/s at the end of the sample, m and m/s before it."""
+    """Return the rate of the error in m/s at the end of the sample, from error (m) and rate (m/s) before it."""
     h = c[C_PERIOD]
-    stiff = 1.0 + c[C_LAMBDA_1] * h
-    kick = h * c[C_SECTOR_FORCE] / c[C_MASS]
-    brake = h * dry_friction(math.fabs(s[S_V]), s, c) / c[C_MASS]
+    damping = 1.0 + c[C_LAMBDA_1] * h
+    switching = h * c[C_SECTOR_FORCE] / c[C_MASS]
+    friction = h * dry_friction(math.fabs(s[S_V]), s, c) / c[C_MASS]
     ahead = h * friction_feedforward(s, c) / c[C_MASS]
-    low = (x2 - kick - 2.0 * brake - math.fabs(ahead)) / stiff
-    high = (x2 + kick + 2.0 * brake + math.fabs(ahead)) / stiff
+    low = (x2 - switching - 2.0 * friction - math.fabs(ahead)) / damping
+    high = (x2 + switching + 2.0 * friction + math.fabs(ahead)) / damping
     for _i in range(60):
         y = 0.5 * (low + high)
-        held = brake * sign(y + s[S_V_SHAPED]) - ahead
-        if stiff * y + kick * sector_sign(x1 + h * y, y, c) + held > x2:
+        residual = friction * sign(y + s[S_V_SHAPED]) - ahead
+        if damping * y + switching * sector_sign(x1 + h * y, y, c) + residual > x2:
             high = y
         else:
             low = y
@@ -66,7 +68,7 @@ def implicit_error_rate(x1, x2, s, c):
 
 
 def sector_force(s, c):
-    """Return the force in N: equivalent (6.16) and switching (5.13) at the end of the sample; and what goes ahead."""
+    """Return the force in N: equivalent (6.16) and switching (5.13) at the end of the sample, and feed-forward."""
     x1 = s[S_X] - s[S_X_SHAPED]
     x2 = s[S_V] - s[S_V_SHAPED]
     y = implicit_error_rate(x1, x2, s, c)
@@ -75,11 +77,18 @@ def sector_force(s, c):
 
 
 def sector_step(x_ref, x, p1, p2, s, c):
-    """Advance the sliding sector by one sample; readings and commands as in step."""
+    """Advance the sliding sector by one sample; readings and commands as in cascade_step."""
     x_ref = read_sensors(x_ref, x, p1, p2, s, c)
+    observe_load(s, c)
     if follow_reference(x_ref, s, c):
-        set_pressure_references(sector_force(s, c), s, c)
+        set_pressure_references(sector_force(s, c) - s[S_LOAD], s, c)
     pressure_pi(s, c)
 
 
-LAW = ControlLaw("sector", "sliding sector from the direct TP friction model", "5.11-5.14, 6.9-6.20", sector_step)
+LAW = ControlLaw(
+    "sector",
+    "sliding sector from the direct TP friction model",
+    "5.11-5.14, 6.9-6.20",
+    sector_step,
+    estimates_load=True,
+)

@@ -1,6 +1,6 @@
-"""What the thesis's laws share: readings, the force as a pressure, the pressure loop with the inverse map (7.1-7.3).
+"""Blocks that the laws of the thesis share: readings, feed-forward, pressure loop with inverse map (7.1-7.3).
 
-The position loop asks for a force, which is a pressure of chamber 1 (7.5-7.7); the pressure loop is a PI whose
+The position loop requests a force, which is a pressure of chamber 1 (7.5-7.7); the pressure loop is a PI whose
 gradient becomes a command by the inverse of the valve's map (figures 7.10 and 7.11). Where one command moves both
 chambers, the force over the area of chamber 1 is that pressure; a second valve has a loop of its own.
 """
@@ -23,16 +23,13 @@ from pneucli.controller.plant import (
 
 S_UNFILTERED_SPEED = FIRST_LAW_STATE  # m/s: unfiltered rate of the last two positions
 C_SPEED_FILTER = FIRST_LAW_PARAMETER  # 1: share by which the rate is followed in a sample
-NEXT_LAW_STATE, NEXT_LAW_PARAMETER = (
-    FIRST_LAW_STATE + 1,
-    FIRST_LAW_PARAMETER + 1,
-)  # from where on a law's own ones stand
+NEXT_LAW_STATE, NEXT_LAW_PARAMETER = FIRST_LAW_STATE + 1, FIRST_LAW_PARAMETER + 1  # first own indices of a law
 
 
 def read_sensors(x_ref, x, p1, p2, s, c):
-    """Take the readings in, the speed as the filtered rate of position; return the reference.
+    """Process the readings, with the speed as the filtered rate of position; return the reference.
 
-    A reading that cannot be one is bridged: the position goes on at its speed, a pressure stays.
+    An implausible position is extrapolated at the last speed, an implausible pressure keeps its last value.
     """
     x_ref = initialise_at_first_sample(x_ref, x, p1, p2, s, c)
     h = c[C_PERIOD]
@@ -50,12 +47,12 @@ def read_sensors(x_ref, x, p1, p2, s, c):
 
 
 def feedforward_force(s, c):
-    """Return the force in N that the reference's way takes of mass and friction (3.6, 2.48), where it goes ahead."""
+    """Return the feed-forward force in N along the reference: mass, viscous and dry friction (2.48, 3.6)."""
     return c[C_MASS] * s[S_A_SHAPED] + c[C_VISCOUS] * s[S_V_SHAPED] + friction_feedforward(s, c)
 
 
 def motion_compensation_1(s, c):
-    """Return dp/dt in Pa/s of chamber 1 that makes up for the piston's motion (the a32 term of 2.47)."""
+    """Return the gradient in Pa/s of chamber 1 that compensates the piston's motion (a32 of 2.47)."""
     volume = c[C_DEAD_VOLUME_1] + c[C_AREA_1] * s[S_X]
     moved = c[C_GAMMA] * s[S_P1] * c[C_AREA_1] * s[S_V] / volume
     if c[C_TWO_VALVES] < 0.5:
@@ -65,7 +62,7 @@ def motion_compensation_1(s, c):
 
 
 def drive_chamber_1(wanted, s, c):
-    """Set the command that makes dp/dt of chamber 1 in Pa/s by the inverse map; return what of it the valve makes."""
+    """Set the command for a gradient (Pa/s) of chamber 1 by the inverse map; return the gradient that it reaches."""
     if c[C_MIRRORED] > 0.5:
         return drive_mirrored_valve(wanted, s[S_X], s[S_P1], s[S_P2], s, c)
     volume = c[C_DEAD_VOLUME_1] + c[C_AREA_1] * s[S_X]
@@ -75,7 +72,7 @@ def drive_chamber_1(wanted, s, c):
 
 
 def drive_chamber_2(wanted, s, c):
-    """Set the command of the valve of chamber 2 likewise."""
+    """Set the command of the valve of chamber 2, likewise."""
     volume = c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
     s[S_U2] = valve_command_2(wanted, s[S_P2], volume, s, c)
     s[S_RATE2] = limit_gradient_2(wanted, s[S_P2], volume, s, c)
@@ -83,7 +80,7 @@ def drive_chamber_2(wanted, s, c):
 
 
 def pressure_pi(s, c):
-    """Drive the pressures to their references: a PI a valve, and the piston's motion where it goes ahead."""
+    """Control the pressures: one PI a valve, and compensation of the piston's motion if C_FEEDFORWARD is set."""
     error = s[S_P1_REF] - s[S_P1]
     wanted = c[C_P_KP] * error + s[S_INTEGRAL1] + c[C_FEEDFORWARD] * motion_compensation_1(s, c)
     if drive_chamber_1(wanted, s, c) == wanted:
