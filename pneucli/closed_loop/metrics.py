@@ -11,6 +11,7 @@ from scipy.signal import welch
 
 from pneucli.caches import compiled
 from pneucli.closed_loop.simulation import Run
+from pneucli.closed_loop.sliding_share import sliding_shares
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 MICROMETRES_PER_METRE = 1e6
 REST_WINDOW = 0.4  # s at the end of a stretch in which nothing changes, over which rest is judged
 SETTLING_BAND = 50e-6  # m
+PRESSURE_SETTLING_BAND = 0.02  # of a step of the pressure reference
 CHATTERING_FREQUENCY = 50.0  # above it the command counts as chattering
 MIN_REST_DURATION = 1.2  # s that a stretch without change lasts at least
 
@@ -39,8 +41,9 @@ class Metrics:
     ``recovery_s``, ``peak_um``: the worst after changes of load. ``load_error``: estimate minus true load, over the
     largest true load. ``switching_hz``: reversals of u by more than 1 % of its range; ``fast_share``: share of u's
     variance above 50 Hz; ``fast_v``: its rms in V. ``air_kg``: drawn from the supply. ``pressure_rest_pa``,
-    ``pressure_rms_pa``: error of a pressure that is asked for, the largest at rest and the rms of all; of such a run
-    nothing else is told but u and the air.
+    ``pressure_rms_pa``: error of pressure control, the largest at rest and the rms of all; ``pressure_settling_s``: time
+    to within 2 % of a step, the worst. ``sliding_load``, ``sliding_flow``: share of samples in which the disturbance
+    observers slide, that is their feedback is within M_k.
     """
 
     steady_um: float
@@ -59,6 +62,9 @@ class Metrics:
     air_kg: float
     pressure_rest_pa: float = np.nan
     pressure_rms_pa: float = np.nan
+    pressure_settling_s: float = np.nan
+    sliding_load: float = np.nan
+    sliding_flow: float = np.nan
 
 
 def evaluate_run(run: Run, model: Model, controller: Controller) -> Metrics:
@@ -90,7 +96,12 @@ def evaluate_run(run: Run, model: Model, controller: Controller) -> Metrics:
         share,
         fast,
         air_consumption(run, model, controller),
+        **_sliding(run, controller),
     )
+
+
+def _sliding(run: Run, controller: Controller) -> dict[str, float]:
+    return {f"sliding_{name}": share for name, share in sliding_shares(run, controller).items()}
 
 
 def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics:
@@ -111,8 +122,22 @@ def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics
         "air_kg": air_consumption(run, model, controller),
         "pressure_rest_pa": _worst(float(np.max(np.abs(error[e]))) for e in ends),
         "pressure_rms_pa": float(np.sqrt(np.mean(error**2))),
+        "pressure_settling_s": _worst(_pressure_settling(run, r) for r in rests if r.start > 0),
+        "sliding_flow": _sliding(run, controller)["sliding_flow"],
     }
     return Metrics(**(nothing | told))
+
+
+def _pressure_settling(run: Run, segment: slice) -> float:
+    """Return the time in s after which a pressure stays within PRESSURE_SETTLING_BAND of its step; infinite: never."""
+    reference, p = run.scenario.reference, run.model[segment, at.P1]
+    step = abs(reference[segment.start] - reference[segment.start - 1])
+    outside = np.flatnonzero(np.abs(reference[segment] - p) > PRESSURE_SETTLING_BAND * step)
+    if outside.size == 0:
+        return 0.0
+    if outside[-1] == p.size - 1:
+        return np.inf
+    return float(run.time[segment][outside[-1] + 1] - run.time[segment.start])
 
 
 def _switching(run: Run, controller: Controller) -> float:

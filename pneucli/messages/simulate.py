@@ -27,6 +27,9 @@ METRIC_TITLES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
     "air_kg": "air drawn, kg",
     "pressure_rest_pa": "error of the pressure at rest, Pa",
     "pressure_rms_pa": "error of the pressure, rms, Pa",
+    "pressure_settling_s": "settling time of the pressure to 2 %, s",
+    "sliding_load": "share of samples in sliding, load observer",
+    "sliding_flow": "share of samples in sliding, flow observer",
 }
 MAX_NAMED_EFFECTS = 3  # effects that are named where a check does not always hold
 

@@ -15,7 +15,8 @@ from pneucli.controller.laws import LAWS, select_laws
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import Bandwidths, choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
-from pneucli.design.control_laws import collect_design_data, design_controllers, designed_sector, sliding_surfaces
+from pneucli.design.control_laws import design_controllers, design_variants, designed_sector
+from pneucli.design.design_data import DesignData, collect_design_data, sliding_surfaces
 from pneucli.design.effect_compensation import has_restoring_force
 from pneucli.design.lpv import WeightStudy as WeightStudy
 from pneucli.design.lpv import compare_weight_types
@@ -33,6 +34,7 @@ from pneucli.stages.law_comparison import (
     closed_loop_scenarios,
     compare_controllers,
     comparison_answer,
+    observer_warnings,
     write_comparison,
 )
 from pneucli.stages.margins import margins_answer
@@ -54,6 +56,7 @@ class DesignResult:
     matching: dict[str, dict[str, list[str]]]
     weight_studies: list[WeightStudy]
     warnings: list[str]
+    data: DesignData
 
     @property
     def selected(self) -> Controller:
@@ -80,7 +83,9 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("the same scenarios under each law", 0.7)
     chosen = {name: designed.controllers[name] for name in names if name in designed.controllers}
     scenarios = closed_loop_scenarios(context, study.recordings, designed.selected)
-    found = compare_controllers(model, chosen, scenarios, _setup_from_requirements(wanted))
+    variants = design_variants(designed.data, chosen)
+    found = compare_controllers(model, chosen, scenarios, _setup_from_requirements(wanted), variants)
+    designed.warnings.extend(observer_warnings(found))
     _write(study, designed)
     write_comparison(found, context.out, study.provenance("identify/model.parquet"))
     about = (context, model, designed.selected)
@@ -154,8 +159,9 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
     except InputError as error:
         missing["scheduled"] = error.found
         warnings.append(f"no PDC: {error.found}")
-    made, failed = design_controllers(collect_design_data(controller, unpredicted, wanted, rows, weights, missing))
-    return DesignResult(made, failed, wanted, corners, sectors, rows, matching, weights, warnings)
+    data = collect_design_data(controller, unpredicted, wanted, rows, weights, missing)
+    made, failed = design_controllers(data)
+    return DesignResult(made, failed, wanted, corners, sectors, rows, matching, weights, warnings, data)
 
 
 def _vertices(folder: Path) -> list[float]:

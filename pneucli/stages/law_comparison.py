@@ -19,6 +19,7 @@ from pneucli.closed_loop.law_comparison import (
 from pneucli.closed_loop.metrics import Metrics
 from pneucli.closed_loop.scenarios import PRESSURE_SUFFIX, read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
+from pneucli.closed_loop.sliding_share import MIN_SLIDING_SHARE, OBSERVERS
 from pneucli.controller import layout
 from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
@@ -43,11 +44,12 @@ CONTROLLER_SIGNALS = {
 
 @dataclass(frozen=True)
 class LawComparison:
-    """Runs and figures of the laws, of the laws without the inverse map, and of the cascade less a component each."""
+    """Runs and figures of the laws, without the inverse map, of ``best`` without a component, and of variants."""
 
     laws: RunsByLaw = field(default_factory=dict)
     without_inverse_map: RunsByLaw = field(default_factory=dict)
     ablation: RunsByLaw = field(default_factory=dict)
+    variants: RunsByLaw = field(default_factory=dict)
 
 
 def closed_loop_tables(context: Context) -> list[dict[str, Any]] | None:
@@ -75,16 +77,36 @@ def recorded_references(recordings: Sequence[Recording]) -> dict[str, tuple[Any,
 
 
 def compare_controllers(
-    model: Model, controllers: Mapping[str, Controller], scenarios: Sequence[Scenario], setup: ClosedLoopSetup
+    model: Model,
+    controllers: Mapping[str, Controller],
+    scenarios: Sequence[Scenario],
+    setup: ClosedLoopSetup,
+    variants: Mapping[str, Controller] | None = None,
 ) -> LawComparison:
-    """Run the laws, each without the inverse map as well, and the project's own cascade less each component."""
+    """Run the laws, each without the inverse map as well, ``best`` without each component, and the variants."""
     cases = with_and_without_map(controllers)
     laws = compare_laws(model, controllers, scenarios, setup)
     bare = {name: c for name, c in cases.items() if name not in controllers}
     unmapped = compare_laws(model, bare, scenarios, setup)
     own = controllers.get(DEFAULT)
     parts = {name: without_component(own, name) for name in (NO_COMPONENT, *COMPONENTS)} if own is not None else {}
-    return LawComparison(laws, unmapped, compare_laws(model, parts, scenarios, setup))
+    ablation = compare_laws(model, parts, scenarios, setup)
+    return LawComparison(laws, unmapped, ablation, compare_laws(model, variants or {}, scenarios, setup))
+
+
+def observer_warnings(found: LawComparison) -> list[str]:
+    """Return a warning for each law whose disturbance observer is at its bound M_k in over 20 % of the samples."""
+    told = []
+    for name, by in found.laws.items():
+        for observer in OBSERVERS:
+            shares = {s: getattr(m, f"sliding_{observer}") for s, (_, m) in by.items()}
+            known = {s: share for s, share in shares.items() if not math.isnan(share)}
+            if known and (least := min(known, key=known.__getitem__)) and known[least] < MIN_SLIDING_SHARE:
+                told.append(
+                    f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - known[least]):.0f} % of the "
+                    f"samples of {least}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the disturbance"
+                )
+    return told
 
 
 def comparison_answer(found: LawComparison) -> dict[str, Any]:
@@ -93,6 +115,7 @@ def comparison_answer(found: LawComparison) -> dict[str, Any]:
         "compare": _metrics_by_law(found.laws),
         "without_map": _metrics_by_law(found.without_inverse_map),
         "ablation": _metrics_by_law(found.ablation),
+        "variants": _metrics_by_law(found.variants),
     }
 
 
@@ -113,6 +136,7 @@ def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> 
             ("law", found.laws),
             ("without map", found.without_inverse_map),
             ("without", found.ablation),
+            ("variant", found.variants),
         )
         for name, by in cases.items()
         for s, (_, m) in by.items()
@@ -132,7 +156,11 @@ def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> 
         out / "comparison_signals.parquet",
         {
             (name, s): r
-            for name, by in {**found.laws, **_pressure_control_runs(found.without_inverse_map)}.items()
+            for name, by in {
+                **found.laws,
+                **_pressure_control_runs(found.without_inverse_map),
+                **found.variants,
+            }.items()
             for s, (r, _) in by.items()
         },
         provenance,

@@ -15,9 +15,13 @@
 
 static double now(void)
 {
+#ifdef TIME_UTC /* C11 */
     struct timespec t;
     timespec_get(&t, TIME_UTC);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+#else /* C99: processor time */
+    return (double)clock() / (double)CLOCKS_PER_SEC;
+#endif
 }
 
 static void operate(pneucli_controller *c, const double value[9], const @REAL@ u[2])
