@@ -1,10 +1,11 @@
-"""The report: tables and answers of the stages in; one HTML page, a Markdown summary and JUnit XML out."""
+"""The report: tables and answers of the stages in; HTML page, its tables as data, Markdown summary and JUnit XML out."""
 
 from __future__ import annotations
 
 from pneucli.report.junit import to_junit
 from pneucli.report.markdown_summary import to_markdown
-from pneucli.report.page import to_html
+from pneucli.report.page import build_sections, to_html
 from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
+from pneucli.report.section_tables import section_tables
 
-__all__ = ["Check", "EarlierAnswer", "ReportData", "Table", "to_html", "to_junit", "to_markdown"]
+__all__ = ["Check", "EarlierAnswer", "ReportData", "Table", "build_sections", "section_tables", "to_html", "to_junit", "to_markdown"]

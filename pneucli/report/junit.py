@@ -9,12 +9,13 @@ from pneucli.report.report_data import Check
 
 
 def to_junit(name: str, checks: Sequence[Check]) -> str:
-    """Return one test case a check; a failure's text carries value and limit.
+    """Return one test case a check; a failure's text carries value and limit, a skipped case its reason.
 
     The stage that a check looks into (``compare`` of ``compare.error.test``) is the case's class name.
     """
     failures = sum(bool(check.failure) for check in checks)
-    counts = {"tests": str(len(checks)), "failures": str(failures), "errors": "0", "skipped": "0"}
+    skipped = sum(bool(check.skipped) for check in checks)
+    counts = {"tests": str(len(checks)), "failures": str(failures), "errors": "0", "skipped": str(skipped)}
     suites = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(suites, "testsuite", {"name": f"pneucli {name}", **counts})
     for check in checks:
@@ -22,6 +23,8 @@ def to_junit(name: str, checks: Sequence[Check]) -> str:
         case = ElementTree.SubElement(suite, "testcase", {"classname": f"{name}.{stage}", "name": check.path})
         if check.failure:
             ElementTree.SubElement(case, "failure", {"message": check.failure}).text = check.failure
+        if check.skipped:
+            ElementTree.SubElement(case, "skipped", {"message": check.skipped})
         ElementTree.SubElement(case, "system-out").text = f"{check.path} = {check.value} (wanted: {check.wanted})"
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"

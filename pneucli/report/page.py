@@ -23,8 +23,13 @@ STYLES = ("uPlot.min.css", "page.css")
 SCRIPTS = ("uPlot.iife.min.js", "plots.js")
 
 
-def to_html(material: ReportData) -> str:
-    """Return the whole page; a section whose artifact is absent is absent."""
+def build_sections(material: ReportData) -> list[Section]:
+    """Return the sections of the page; a section whose artifact is absent is absent."""
+    return [section for make in SECTIONS if (section := make(material)) is not None]
+
+
+def to_html(material: ReportData, sections: Sequence[Section] | None = None) -> str:
+    """Return the whole page, of the given sections or of all that the material has."""
     environment = Environment(
         loader=PackageLoader("pneucli.report", "assets"),
         autoescape=True,
@@ -33,7 +38,7 @@ def to_html(material: ReportData) -> str:
         lstrip_blocks=True,
     )
     environment.filters["named"] = _with_label
-    sections = [section for make in SECTIONS if (section := make(material)) is not None]
+    sections = build_sections(material) if sections is None else sections
     scripts = [_asset(name) for name in SCRIPTS] if any(_zoom_plots(sections)) else []
     return environment.get_template("page.html.j2").render(
         name=material.name,

@@ -63,12 +63,13 @@ class Table:
 
 @dataclass(frozen=True)
 class Check:
-    """One check of ``[checks]``: its path, what is wanted, the value found, and why it fails (empty: it passed)."""
+    """One check: its path, the wanted and the found value, why it fails, or why it is skipped (empty: it is not)."""
 
     path: str
     wanted: str
     value: Any
     failure: str = ""
+    skipped: str = ""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
 from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
+from pneucli.export.replay_check import replay_exported_c
 from pneucli.io.artifacts import read_table, write_table
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
@@ -54,6 +55,8 @@ def simulate_closed_loop(study: PipelineData) -> dict[str, Any]:
         told = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
         answer["closed_loop"], answer["pid_alone"] = told["compensated"], told["pid_alone"]
         answer["tolerance_um"] = REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"]
+        replayed = replay_exported_c(controller, model, bench, context.config.name)
+        answer["exported_c"] = asdict(replayed)
     studies = [t for t in tables if t.get("kind") == "monte-carlo"] or ([] if tables else [{}])
     for table in studies:
         answer["robust"] = _monte_carlo_study(study, model, controller, bench, table)

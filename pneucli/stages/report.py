@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
-from pneucli.io.artifacts import atomic_path, read_metadata, read_table
+from pneucli.io.artifacts import Provenance, atomic_path, read_metadata, read_table, write_table
 from pneucli.messages.formatting import format_number, format_quantity
 from pneucli.pipeline.checks import evaluate
 from pneucli.pipeline.context import Context
-from pneucli.report import Check, EarlierAnswer, ReportData, Table, to_html, to_junit, to_markdown
+from pneucli.report import (
+    Check,
+    EarlierAnswer,
+    ReportData,
+    Table,
+    build_sections,
+    section_tables,
+    to_html,
+    to_junit,
+    to_markdown,
+)
+from pneucli.report.page_elements import Section
 from pneucli.stages import history
+from pneucli.stages.closed_loop_checks import closed_loop_checks
 from pneucli.stages.compare import RESIDUALS_FILE
 from pneucli.stages.tables.diagnosis import SHAPE_FILE
 from pneucli.version import __version__
 
+UNIT_IN_TITLE = "as titled"  # unit of a column whose title states it
 REPORTED_ARTIFACTS = ("ingest/signals", "compare/*", "identify/*", "diagnose/*", "design/*", "simulate/*")
 
 
@@ -27,16 +40,19 @@ def run(context: Context) -> dict[str, Any]:
     """Write the report of whatever the stages before have left; return what it holds, in brief."""
     context.progress("reading artifacts", 0.1)
     checks = [check_result(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
+    defaults = closed_loop_checks(context.answers)
     tables = load_tables(context.artifacts)
     about = {"made by": f"pneucli {__version__}", "pipeline file": context.path.name}
     material = ReportData(context.config.name, context.answers, tables, checks, about, rig_description(context.config))
     material = replace(material, file=context.path.name, **_earlier_models(context.artifacts))
     context.progress("drawing", 0.3)
-    page = to_html(material)
+    sections = build_sections(material)
+    page = to_html(material, sections)
+    tables_written = _write_tables(context, sections)
     for name, text in (
         ("report.html", page),
         ("summary.md", to_markdown(material)),
-        ("junit.xml", to_junit(material.name, checks)),
+        ("junit.xml", to_junit(material.name, [*checks, *defaults])),
     ):
         with atomic_path(context.out / name) as path:
             path.write_text(text, encoding="utf-8")
@@ -44,9 +60,28 @@ def run(context: Context) -> dict[str, Any]:
         "schema": "pneucli/report/1",
         "pipeline": context.config.name,
         "files": ["report.html", "summary.md", "junit.xml"],
+        "tables": tables_written,
         "bytes": len(page.encode()),
         "checks": [{"path": c.path, "passed": not c.failure} for c in checks],
+        "default_checks": [
+            {"path": c.path, "passed": None if c.skipped else not c.failure, "value": c.value} for c in defaults
+        ],
     }
+
+
+def _write_tables(context: Context, sections: Sequence[Section]) -> list[str]:
+    """Write the tables of the page to ``tables/``, each with its caption; return the names of the files."""
+    names = []
+    for table in section_tables(sections):
+        names.append(f"tables/{table.name}.parquet")
+        write_table(
+            context.out / names[-1],
+            table.columns,
+            units={title: UNIT_IN_TITLE for title, values in table.columns.items() if not isinstance(values, list)},
+            schema="pneucli/report/table/1",
+            provenance=Provenance({}, {"pipeline": context.config.name, "caption": table.caption}),
+        )
+    return names
 
 
 def load_tables(artifacts: Path) -> dict[str, Table]:

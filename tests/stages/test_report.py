@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pneucli import config, messages
-from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.artifacts import Provenance, read_table, write_table
 from pneucli.pipeline.context import Context
 from pneucli.stages import report
 from tests.report.bench import whole
@@ -53,11 +53,19 @@ def context(tmp_path: Path) -> Context:
 
 def test_it_writes_page_summary_and_junit(context: Context) -> None:
     answer = report.run(context)
-    assert sorted(path.name for path in context.out.iterdir()) == sorted(answer["files"])
+    assert sorted(path.name for path in context.out.iterdir()) == sorted([*answer["files"], "tables"])
     page = (context.out / "report.html").read_text(encoding="utf-8")
     assert len(page.encode()) == answer["bytes"]
     assert '<section id="comparison">' in page
     assert str(context.artifacts) not in page
+
+
+def test_every_table_of_the_page_is_a_parquet_file_too(context: Context) -> None:
+    answer = report.run(context)
+    written = sorted(path.relative_to(context.out).as_posix() for path in context.out.glob("tables/*.parquet"))
+    assert written == sorted(answer["tables"])
+    shown = read_table(context.out / "tables/checks-1.parquet")
+    assert list(shown["check"]) == ["compare.error.test", "compare.error.train", "diagnose.verdict"]
 
 
 def test_units_of_a_table_come_with_it(context: Context) -> None:
