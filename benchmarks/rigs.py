@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -41,21 +41,28 @@ def model_of(par: Parameters, effects: tuple[str, ...] = ()) -> Model:
         gas_temperature=par.temperature, ambient_pressure=par.ambient, supply_pressure=par.supply,
         piston_area_1=par.piston_area_1, piston_area_2=par.piston_area_2, stroke=par.stroke,
         dead_volume_1=par.dead_volume_1, dead_volume_2=par.dead_volume_2, moving_mass=par.mass,
-        valve_arrangement={FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement),
+        valve_arrangement={FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement), valve_null=par.command_null,
     )  # fmt: skip
-    overlap = 0.0 if "valve-deadband" in effects else par.overlap
-    scale = par.command_range / 10.0
-
-    def area(u: float) -> float:
-        return par.effective_area * (max(u - overlap, 0.0) / (par.command_range - overlap)) ** par.exponent
-
-    opened = [scale * u for u in COMMANDS if area(scale * u) > 0.0]
-    commands = (*(-u for u in reversed(opened)), *opened)
-    valve = ValveArea(commands, tuple(area(abs(u)) for u in commands), overlap, overlap)
+    known = par._replace(overlap=0.0, overlap_2=0.0) if "valve-deadband" in effects else par
+    valve = _map(known, known.effective_area, known.overlap, known.exponent)
+    second = _map(known, known.effective_area_2, known.overlap_2, known.exponent_2) if par.effective_area_2 else None
     values = {"friction.coulomb": par.coulomb, "friction.viscous": par.viscous}
     for name in effects:
         values |= {f"{name}.{key}": value for key, value in BY_NAME[name].true_parameters(par).items()}
-    return Model(rig, tuple(catalogue()[name] for name in effects), values, valve)
+    second = None if second is None else replace(second, label="valve_2")
+    return Model(rig, tuple(catalogue()[name] for name in effects), values, valve, second)
+
+
+def _map(par: Parameters, largest: float, overlap: float, exponent: float) -> ValveArea:
+    """Return the map of one chamber's paths as a valve test at ``COMMANDS`` would give it."""
+    scale = par.command_range / 10.0
+
+    def area(u: float) -> float:
+        return largest * (max(u - overlap, 0.0) / (par.command_range - overlap)) ** exponent
+
+    opened = [scale * u for u in COMMANDS if area(scale * u) > 0.0]
+    commands = (*(-u for u in reversed(opened)), *opened)
+    return ValveArea(commands, tuple(area(abs(u)) for u in commands), overlap, overlap)
 
 
 @cache

@@ -76,7 +76,7 @@ def design_cascade(model: Model, requirements: Requirements, sealed_pressure: fl
     )
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
     if axis["C_MIRRORED"] > 0.5:
-        null = model.base()["valve.null"]
+        null = model.base_values()["valve.null"]
         fill_2, vent_2 = (mirrored_commands(commands, null) for commands in (fill_2, vent_2))
     return Controller(values, fill, vent, fill_2, vent_2, along=stroke_tables(model, limits["C_V_MAX"]))
 

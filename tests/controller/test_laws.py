@@ -84,11 +84,17 @@ def test_best_is_the_cascade_as_it_was() -> None:
 
 
 def test_what_a_plan_lacks_is_said_and_the_other_laws_are_made() -> None:
-    poor = replace(PLAN, vertices=(), scheduled=None, missing={"scheduled": "cvxpy is not installed"})
+    poor = replace(PLAN, scheduled=None, missing={"scheduled": "cvxpy is not installed"})
     made, failed = design_controllers(poor)
-    assert set(failed) == {"sector", "pdc"}
+    assert set(failed) == {"pdc"}
     assert "cvxpy is not installed" in failed["pdc"]
     assert set(made) == set(LAWS) - set(failed)
+
+
+def test_a_law_is_compared_with_the_variants_that_are_not_selected() -> None:
+    assert set(design_variants(PLAN, LAWS)) == {"relay, switching", "compensated, friction in the observer"}
+    other = replace(PLAN, requirements=replace(PLAN.requirements, relay="switching", friction_in_observer=True))
+    assert set(design_variants(other, ["relay"])) == {"relay, implicit"}
 
 
 # --- each law by its equation
