@@ -60,7 +60,7 @@ class Comparison:
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:
     """Compare a model with one experiment; ``noise`` by channel is drawn where it is not given.
 
-    Where an end decides on the motion, it is not compared.
+    Where an end decides on the motion, it is not compared. A channel of which nothing is left has no result.
     """
     noise = expected_rms(model, experiment) if noise is None else noise
     modelled = simulate_outputs(model, experiment)
@@ -71,6 +71,7 @@ def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None
     results = tuple(
         evaluate_channel(experiment, channel, measured[channel], modelled[channel], noise[channel])
         for channel in experiment.channels
+        if np.isfinite(measured[channel] - modelled[channel]).any()
     )
     return Comparison(experiment, results, measured, modelled)
 
