@@ -28,6 +28,8 @@ def estimate_noise(
     values: Array,
     command_jumps: NDArray[np.bool_] | None = None,
     signal_jumps: NDArray[np.bool_] | None = None,
+    *,
+    is_motion: bool = False,
 ) -> NoiseModel:
     """Return the noise of one channel of one recording, in the signal's unit.
 
@@ -35,6 +37,8 @@ def estimate_noise(
     command does, which kinks the signal, and ``signal_jumps`` where the signal itself does. A Whittle fit to the spectrum of the
     quiet segments takes apart white noise, AR(1) noise and the signal's own content, whose power falls at least like
     omega^-4 (AR(1) falls like omega^-2); BIC decides between white, coloured, and both. Lines are mains hum.
+    Slow content of a signal that ``is_motion``, a position that no accelerometer confirms, is taken for motion: its
+    noise is white unless segments at rest show a colour.
     Below about 80 samples only white noise is estimated, from differences of third order: colour and content that
     fast cannot be told from white noise there. Source: P. Whittle, Ark. Mat. 2 (1953); G. Schwarz, Ann. Stat. 6 (1978).
     """
@@ -43,11 +47,13 @@ def estimate_noise(
     if not step and np.median(np.abs(np.diff(values))) == 0:
         return NoiseModel(white=0.0, period=period)  # a command that is held between its jumps
     floor = noise_floor(values, period, command_jumps, signal_jumps)
+    rest = noise_floor(values, period, command_jumps, signal_jumps, at_rest=True) if is_motion else floor
     if floor is None:
         return NoiseModel(white=_white_noise_from_differences(values), period=period, step=step)
     smallest = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)
     lines = detect_mains_lines(values, period)
-    model = _whittle(_without_lines(floor, lines, period, smallest), period)
+    spectrum = _without_lines(rest or floor, lines, period, smallest)
+    model = _whittle(spectrum, period, may_be_coloured=rest is not None)
     return replace(model, lines=lines, step=step)
 
 
@@ -105,14 +111,15 @@ def _without_lines(
     return NoiseFloor(floor.omega[keep], np.maximum(floor.power[keep], smallest), floor.weight)
 
 
-def _whittle(floor: NoiseFloor, period: float) -> NoiseModel:
+def _whittle(floor: NoiseFloor, period: float, *, may_be_coloured: bool) -> NoiseModel:
     level = float(np.log(np.median(floor.power[floor.power.size // 2 :])))
     # per model: start and bounds of log white, log coloured power, pole
     white, coloured = (level, (level - 8, level + 8)), (level + 1, (level - 8, level + 8))
     absent, no_pole = _fixed(LOG_ZERO_POWER), _fixed(0.0)
     bounds = (POLE_BOUNDS[0], max(POLE_BOUNDS[1], float(np.exp(-MIN_CORNER_SHARE * floor.omega[0]))))
     choices = [[white, absent, no_pole]]
-    choices += [[part, coloured, (pole, bounds)] for part in (absent, white) for pole in (0.5, 0.9)]
+    if may_be_coloured:
+        choices += [[part, coloured, (pole, bounds)] for part in (absent, white) for pole in (0.5, 0.9)]
     fits = [_fit(floor, choice) for choice in choices]
     log_white, log_coloured, pole = min(fits, key=lambda fit: fit[0])[1][:3]
     return NoiseModel(

@@ -24,6 +24,7 @@ MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
 LINE_SIGNIFICANCE = 1e-4  # probability of a false line
 MIN_RELATIVE_JUMP = 0.1  # of a command's range in one sample: it kinks what it drives
 MIN_JUMP_FREE_SEGMENTS = 8  # segments without such a jump that tell the floor by themselves
+MAX_REST_SHAPE = 3.0  # of the power of line and parabola over the remainder: 1 for the slowest colour, 100 for motion
 BACKGROUND_HALF_BAND = 8.0  # Hz either side of a line that tell its background
 
 
@@ -81,6 +82,8 @@ def noise_floor(
     period: float,
     command_jumps: NDArray[np.bool_] | None = None,
     signal_jumps: NDArray[np.bool_] | None = None,
+    *,
+    at_rest: bool = False,
 ) -> NoiseFloor | None:
     """Return the spectrum of the quiet segments, per bin, or None where ``values`` are too few for one.
 
@@ -91,6 +94,7 @@ def noise_floor(
     segments does not enter. NaN segments are left out, and those in which a command ``command_jumps`` (n,) where enough are
     free of it: where most have a kink, as behind a switching valve, even the lower quartile is the signal's own.
     Of a signal that jumps by itself where ``signal_jumps`` (n,) says so, segments are as short as it takes to lie between.
+    ``at_rest``: only segments count whose line and parabola may be noise of the segment's own colour.
     """
     length = segment_length(values.size, period)
     if not length:
@@ -102,9 +106,14 @@ def noise_floor(
     segments = segments[np.isfinite(segments).all(axis=1) & (True if free is None else free)]
     if segments.shape[0] < 4:
         return None
-    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, length), 3))[0]
+    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, length), 3, increasing=True))[0]
+    remainder = segments - segments @ basis @ basis.T
+    if at_rest:
+        remainder = remainder[_at_rest(segments @ basis, remainder)]
+        if remainder.shape[0] < MIN_JUMP_FREE_SEGMENTS:
+            return None
     taper = hann(length, sym=False)
-    tapered = (segments - segments @ basis @ basis.T) * taper
+    tapered = remainder * taper
     periodograms = np.abs(np.fft.rfft(tapered, axis=1)) ** 2 / np.sum(taper**2)
     count = periodograms.shape[0]
     rank = max(1, round(FLOOR_QUANTILE * count))
@@ -113,6 +122,11 @@ def noise_floor(
     bins = np.arange(3, length // 2)  # the parabola takes the lowest; the last is real-valued
     # the lower quartile has a third of the mean's efficiency; half-overlapping Hann segments are worth 0.75
     return NoiseFloor(2 * np.pi * bins / length, power[bins], max(1.0, 0.25 * count))
+
+
+def _at_rest(shape: Array, remainder: Array) -> NDArray[np.bool_]:
+    """Return which segments (k,) hold no motion, from their parabolas' orthonormal coefficients (k, 3)."""
+    return np.asarray(np.sum(shape[:, 1:] ** 2, axis=1) <= MAX_REST_SHAPE * np.sum(remainder**2, axis=1))
 
 
 def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float], ...]:

@@ -245,7 +245,8 @@ def _noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str
         elif np.isfinite(values).sum() >= MIN_NOISE_SAMPLES:
             measured = _sample_mask(values)
             own = detect_jumps([values], time.size)[measured] if _has_friction_jumps(name, one.source) else None
-            models[name] = estimate_noise(time[measured], values[measured], jumps[measured], own)
+            alone = name == "x" and "a" not in one.signals
+            models[name] = estimate_noise(time[measured], values[measured], jumps[measured], own, is_motion=alone)
     return models
 
 

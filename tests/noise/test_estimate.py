@@ -190,3 +190,23 @@ def test_where_a_signal_jumps_all_the_time_its_spectrum_is_that_of_all_of_it():
     time, values = 0.01 * np.arange(2000), np.random.default_rng(0).normal(size=2000)
     everywhere = np.ones(2000, dtype=bool)
     assert estimate_noise(time, values, signal_jumps=everywhere) == estimate_noise(time, values)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_motion_of_a_position_without_accelerometer_is_not_taken_for_noise(seed: int) -> None:
+    """A random walk of the velocity has a spectrum that coloured noise would have too."""
+    rng = np.random.default_rng(seed)
+    time = PERIOD * np.arange(6000)
+    motion = np.cumsum(np.cumsum(5e-7 * rng.standard_normal(6000)))
+    found = estimate_noise(time, motion + 4e-6 * rng.standard_normal(6000), is_motion=True)
+    assert found.coloured == 0.0
+    assert found.white == pytest.approx(4e-6, rel=0.15)
+
+
+def test_colour_that_a_position_shows_at_rest_counts() -> None:
+    rng = np.random.default_rng(0)
+    time = PERIOD * np.arange(12000)
+    motion = np.where(time < time[6000], 0.0, 0.1 * (time - time[6000]) ** 2)
+    truth = NoiseModel(1e-6, coloured=6e-6, pole=0.8, period=PERIOD)
+    found = estimate_noise(time, motion + truth.draw(time, rng), is_motion=True)
+    assert found.coloured == pytest.approx(6e-6, rel=0.2)
