@@ -19,7 +19,8 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.imposed_motion import detect_reversals
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
-from pneucli.simulate.motion_smoother import MotionSmoother, smooth_inputs
+from pneucli.simulate.motion_smoother import MotionSmoother, input_errors
+from pneucli.simulate.position_smoother import PositionSmoother
 
 Array = NDArray[np.float64]
 Draw = TypeVar("Draw")
@@ -46,7 +47,7 @@ class Experiment:
     raw: Mapping[str, Array]
     noise: Mapping[str, NoiseModel]
     smoothers: Mapping[str, LocalPolynomialSmoother]
-    motion_smoother: MotionSmoother | None
+    motion_smoother: MotionSmoother | PositionSmoother | None
     inputs: Array
     restarts: NDArray[np.int64]
     flags: Array
@@ -124,7 +125,7 @@ class Experiment:
     @cached_property
     def smear_time(self) -> float:
         """The time in s on either side of a stop or a break-away in which neither smoothing nor sampling tells it."""
-        smoother = self.motion_smoother or self.smoothers.get("x")
+        smoother = self.motion_smoother
         return self.recording.period + (SMEAR_MEMORY_FACTOR * smoother.memory if smoother else 0.0)
 
     @cached_property
@@ -201,7 +202,7 @@ class Experiment:
 
         Windows are chosen anew, since their choice follows the noise; the motion's least squares is linear.
         """
-        inputs = self.inputs + smooth_inputs(noise, self.smoothers, self.motion_smoother, self.time)
+        inputs = self.inputs + input_errors(noise, self.smoothers, self.motion_smoother, self.time)
         for name in self.smoothers.keys() - {"x"}:
             column = at.INPUTS.index(name)
             reading = self.inputs[:, column] + noise[name]

@@ -12,6 +12,7 @@ from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.motion_smoother import MotionSmoother
+from pneucli.simulate.position_smoother import PositionSmoother
 
 Array = NDArray[np.float64]
 
@@ -50,8 +51,8 @@ class MeasuredMotion(Protocol):
         ...
 
     @property
-    def motion_smoother(self) -> MotionSmoother | None:
-        """Smoother of position and acceleration together."""
+    def motion_smoother(self) -> MotionSmoother | PositionSmoother | None:
+        """Smoother of position, with the acceleration where that is measured."""
         ...
 
     @property
@@ -73,15 +74,24 @@ def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None
     """
     time, raw = experiment.time, experiment.raw
     x = raw["x"] if noise is None else raw["x"] + noise.get("x", 0.0)
-    if experiment.motion_smoother is not None:
+    if isinstance(experiment.motion_smoother, MotionSmoother):
         x, v, _ = experiment.motion_smoother(x, raw["a"])
         return x, v, raw["a"]
     if experiment.low_pass is not None:
         x = experiment.low_passed(x, DIFFERENTIATION_BANDWIDTH_FACTOR)
-    elif "x" in experiment.smoothers:
-        x = experiment.smoothers["x"](x)
+    elif experiment.motion_smoother is not None:
+        x, v, a = experiment.motion_smoother(x)
+        return x, raw.get("v", v), a
     v = raw["v"] if "v" in raw else np.gradient(x, time)
     return x, v, raw["a"] if "a" in raw else np.gradient(v, time)
+
+
+def smooth_acceleration(experiment: MeasuredMotion) -> Array:
+    """Return the acceleration (n,) in m/s^2 that the measured position shows."""
+    if isinstance(experiment.motion_smoother, PositionSmoother):
+        return experiment.motion_smoother(experiment.raw["x"])[2]
+    v = experiment.raw["v"] if "v" in experiment.raw else np.gradient(experiment.raw["x"], experiment.time)
+    return np.asarray(np.gradient(v, experiment.time))
 
 
 def detect_reversals(experiment: MeasuredMotion) -> NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from scipy.signal import savgol_filter
 
 from pneucli.simulate import layout as at
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
+from pneucli.simulate.position_smoother import PositionSmoother
 
 Array = NDArray[np.float64]
 
@@ -106,22 +107,23 @@ def least_squares_motion(
 def smooth_motion(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | None,
     time: Array,
 ) -> tuple[Array, Array]:
     """Return smoothed position and velocity, each (n,)."""
-    if motion_smoother is not None:
+    if isinstance(motion_smoother, MotionSmoother):
         return motion_smoother(raw["x"], raw["a"])[:2]
+    if motion_smoother is not None:
+        x, v, _ = motion_smoother(raw["x"])
+        return x, raw.get("v", v)
     x = smoothers["x"](raw["x"]) if "x" in smoothers else raw["x"]
-    if "v" in raw:
-        return x, raw["v"]
-    return x, smoothers["x"].slope(raw["x"]) if "x" in smoothers else np.gradient(raw["x"], time)
+    return x, raw["v"] if "v" in raw else np.gradient(raw["x"], time)
 
 
 def smooth_inputs(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | None,
     time: Array,
 ) -> Array:
     """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
@@ -132,3 +134,20 @@ def smooth_inputs(
     if "x" in raw:
         inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, motion_smoother, time)
     return inputs
+
+
+def input_errors(
+    noise: Mapping[str, Array],
+    smoothers: Mapping[str, LocalPolynomialSmoother],
+    motion_smoother: MotionSmoother | PositionSmoother | None,
+    time: Array,
+) -> Array:
+    """Return the errors of the kernel's inputs (n, 8) from draws of the sensors' noise.
+
+    Where only a position sensor shows the motion, what its smoother misses of the motion is part of the error.
+    """
+    errors = smooth_inputs(noise, smoothers, motion_smoother, time)
+    if isinstance(motion_smoother, PositionSmoother):
+        x, v, _ = motion_smoother.draw_error(noise["x"])
+        errors[:, at.IN_X], errors[:, at.IN_V] = x, noise.get("v", v)
+    return errors

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, restart_samples
-from pneucli.simulate.imposed_motion import imposed_motion, standstill_speed
+from pneucli.simulate.imposed_motion import imposed_motion, smooth_acceleration, standstill_speed
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for, simulate, with_p2
 
@@ -87,7 +87,7 @@ def _force_residual(model: Model, e: Experiment, inputs: Array) -> Array:
     """Return the force (n,) in N toward +x that the model lacks for the measured motion."""
     kernel, out = kernel_for(model.effects), np.zeros(e.time.size)
     measured = "a" in e.raw
-    a = e.raw["a"] - accelerometer_offset(model, e) if measured else np.gradient(inputs[:, at.IN_V], e.time)
+    a = e.raw["a"] - accelerometer_offset(model, e) if measured else smooth_acceleration(e)
     values, on = kernel.effect_vector(model.effect_values()), kernel.effect_switches(e.active_effects(model.effects))
     still = standstill_speed(e, inputs[:, at.IN_V])
     kernel.functions.run_imposed(e.time, inputs, a, still, True, base_vector(model, e), values, on, out)

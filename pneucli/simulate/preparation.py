@@ -19,6 +19,7 @@ from pneucli.simulate.motion_smoother import (
     smooth_inputs,
     smooth_motion,
 )
+from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother
 from pneucli.simulate.substitutes import substitute_missing_inputs
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     noise = {n: recording.noise.get(n) or estimate_noise(time, recording[n]) for n in raw}
     smoothers = _smoothers(recording, raw, noise)
     motion_smoother = _motion_smoother(time, raw, noise)
-    if motion_smoother is not None:
+    if isinstance(motion_smoother, MotionSmoother):
         raw["a"] = _without_delay(raw["x"], raw["a"], recording.period, motion_smoother)
     inputs = smooth_inputs(raw, smoothers, motion_smoother, time)
     standstill_speed = 0.0
@@ -101,13 +102,17 @@ def _smoothers(
 ) -> dict[str, LocalPolynomialSmoother]:
     if recording.time.size < MIN_SMOOTHED_SAMPLES:
         return {}
-    smoothed = [name for name in (*SMOOTHED_PRESSURES, "x", "force") if name in raw]
+    smoothed = [name for name in (*SMOOTHED_PRESSURES, "force") if name in raw]
     return {name: choose_windows(raw[name], noise[name], recording.period) for name in smoothed}
 
 
-def _motion_smoother(time: Array, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> MotionSmoother | None:
-    if time.size < MIN_SMOOTHED_SAMPLES or not {"x", "a"} <= raw.keys():
+def _motion_smoother(
+    time: Array, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
+) -> MotionSmoother | PositionSmoother | None:
+    if time.size < MIN_SMOOTHED_SAMPLES or "x" not in raw:
         return None
+    if "a" not in raw:
+        return fit_position_smoother(time, raw["x"], noise["x"]) if noise["x"].rms else None
     x_noise, a_noise = (
         max(noise[name].rms, share * float(np.std(raw[name])) or DEFAULT_NOISE[name])
         for name, share in MIN_RELATIVE_NOISE.items()

@@ -11,8 +11,10 @@ import pytest
 from pneucli.identify.residuals import ForceBalance
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
+from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.outputs import accelerometer_offset
+from pneucli.simulate.preparation import prepare
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 TIME = time_grid(1.0)
@@ -63,16 +65,26 @@ def test_acceleration_is_a_force_of_the_mass() -> None:
         assert ForceBalance(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
 
 
-def test_loads_are_the_acceleration_and_what_smoothing_took_out_of_the_pressures() -> None:
+def test_what_smoothing_took_out_of_the_pressures_is_a_force() -> None:
     view = pushed(0.0, a=7.0)
     raw = {"p1": np.full(TIME.size, 100.0), "p2": np.full(TIME.size, 50.0)}
     inputs = np.zeros((TIME.size, len(at.INPUTS)))
-    inputs[:, at.IN_P1], inputs[:, at.IN_P2], inputs[:, at.IN_V] = 40.0, 20.0, 2.0 * TIME
-    a, rough = view.acceleration_and_removed_force(raw, inputs)
-    assert rough == pytest.approx(np.full(TIME.size, 60.0 * AREA_1 - 30.0 * AREA_2))
-    assert a == pytest.approx(np.full(TIME.size, 2.0))
-    a, rough = view.acceleration_and_removed_force({"a": np.full(TIME.size, 5.0)}, inputs)
-    assert (a[0], rough[0]) == (5.0, 0.0)
+    inputs[:, at.IN_P1], inputs[:, at.IN_P2] = 40.0, 20.0
+    assert view._removed_force(raw, inputs) == pytest.approx(np.full(TIME.size, 60.0 * AREA_1 - 30.0 * AREA_2))
+    assert view._acceleration_and_removed_force[0] == pytest.approx(np.full(TIME.size, 7.0))
+
+
+def test_without_an_accelerometer_the_position_tells_the_acceleration_and_its_error() -> None:
+    time = 1e-3 * np.arange(2000)
+    read = 0.01 * np.sin(10.0 * time) + 2e-6 * np.random.default_rng(0).standard_normal(time.size)
+    noise = {"x": NoiseModel(2e-6), "p1": NoiseModel(100.0)}
+    signals = {"x": read, "p1": 2e5 + 0.0 * time, "p2": 2e5 + 0.0 * time}
+    view = ForceBalance(prepare(Recording("moved", "friction", "train", time, signals, noise, "closed"), RIG, None))
+    a = view._acceleration_and_removed_force[0]
+    assert a[50:-50] == pytest.approx(-np.sin(10.0 * time)[50:-50], abs=0.2)
+    drawn = [inputs_and_loads[1][0] - a for inputs_and_loads in view._noise_realisations(4, 0)]
+    deviation = view.experiment.motion_smoother.deviations[:, 2]
+    assert np.std(np.array(drawn) / deviation) == pytest.approx(1.0, abs=0.15)
 
 
 def resting(noise: float = 0.05, **values: float) -> ForceBalance:

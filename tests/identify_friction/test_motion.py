@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.identify.friction import estimate_motion, kinematics
-from pneucli.identify.friction.velocity_estimation import integrate_between_rests, low_pass, rest_mask
+from pneucli.identify.friction.velocity_estimation import integrate_between_rests, rest_mask
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
@@ -159,17 +159,6 @@ def test_steady_sliding_is_not_a_rest_though_the_accelerometer_reads_nothing() -
     assert found[20:180].all()
     assert found[780:].all()
     assert not found[280:670].any()
-
-
-def test_low_pass_keeps_parabolas_and_halves_a_sine_at_its_cutoff() -> None:
-    rng = np.random.default_rng(1)
-    time = np.cumsum(rng.uniform(0.5e-3, 1.5e-3, 3000))
-    smooth = low_pass(time, 10.0)
-    parabola = 1.0 + 2 * time - 3 * time**2
-    assert smooth(parabola) == pytest.approx(parabola, abs=1e-4)  # of 18; rounding of a stiff system
-    even = 1e-3 * np.arange(3000)
-    sine = np.sin(2 * np.pi * 10.0 * even)
-    assert low_pass(even, 10.0)(sine)[500:2500] == pytest.approx(0.5 * sine[500:2500], abs=2e-3)
 
 
 @pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, kinematics.MAX_DRAWS)])

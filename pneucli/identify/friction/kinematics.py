@@ -18,12 +18,12 @@ from pneucli.identify.friction.velocity_estimation import (
     fuse_position_and_acceleration,
     integrate_between_rests,
     rest_mask,
-    strongest_low_pass,
 )
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
+from pneucli.simulate.position_smoother import fit_position_smoother
 from pneucli.simulate.preparation import fill_gaps
 
 Array = NDArray[np.float64]
@@ -218,9 +218,10 @@ def _estimators(
     if "a" not in raw and "x" not in raw:
         raise InputError(f"recording {recording.name}", "neither x nor a", "position, acceleration, or both")
     if "a" not in raw:
-        smooth, cutoff = strongest_low_pass(time, raw["x"], noise["x"])
-        blur = int(np.ceil(0.5 / (cutoff * recording.period)))
-        return _derivatives(time, smooth), dict.fromkeys(raw, smooth), np.zeros(time.size), blur
+        smoother = fit_position_smoother(time, raw["x"], noise["x"])
+        blur = int(np.ceil(np.pi * smoother.memory / recording.period))
+        # the forces too: so both sides of the equation of motion are smoothed alike
+        return lambda x, _: smoother(x)[1:], dict.fromkeys(raw, lambda y: smoother(y)[0]), np.zeros(time.size), blur
     fits: dict[str, Smoother] = {n: choose_windows(y, noise[n], recording.period) for n, y in raw.items()}
     if "x" in raw:
         velocity = fuse_position_and_acceleration(time, raw["a"], noise["x"].rms, noise["a"].rms)
@@ -233,11 +234,3 @@ def _estimators(
         bias = float(np.mean(raw["a"][rest]))
         derive = lambda _, a: (integrate_between_rests(time, a, rest), fits["a"](a))  # noqa: E731
     return derive, fits, raw["a"] - bias, 1
-
-
-def _derivatives(time: Array, smooth: Smoother) -> Kinematics:
-    def derive(x: Array, _: Array) -> tuple[Array, Array]:
-        v = np.gradient(smooth(x), time)
-        return v, np.gradient(v, time)
-
-    return derive

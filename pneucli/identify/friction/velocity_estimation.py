@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.integrate import cumulative_trapezoid
-from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
 from pneucli.noise import NoiseModel
@@ -22,46 +20,6 @@ MIN_REST_SAMPLES = 9  # samples at least, over which a rest is recognised
 REST_NOISE_RATIO = 1.5  # times the sensor's noise, beyond which an accelerometer is not at rest
 ZERO_VELOCITY_SIGMA = 5.0  # standard deviations of the integrated noise
 JUMP_ERROR_RATIO = 0.3  # of a jump in acceleration times the period: uniform over the period, 1 / sqrt(12)
-CUTOFF_RANGE = (1 / 200, 0.4)  # of the sampling frequency: below, rounding spoils the sixth power
-BISECTIONS = 6  # of that range
-
-
-def low_pass(time: Array, cutoff: float) -> Smoother:
-    """Return a smoother without phase shift, gain 1 / (1 + (f / cutoff)^6), for signals at ``time`` (s), cutoff in Hz.
-
-    The minimiser of the squared deviation plus the squared third derivative; the stamps need not be equidistant.
-    Source: E. Whittaker, Proc. Edinburgh Math. Soc. 41 (1923).
-    """
-    operator, at = sparse.csc_array(sparse.eye_array(time.size)), time
-    for _ in range(3):
-        slope = np.stack([-1.0 / np.diff(at), 1.0 / np.diff(at)])
-        difference = sparse.diags_array(slope, offsets=[0, 1], shape=(at.size - 1, at.size))
-        operator = sparse.csc_array(difference @ operator)
-        at = 0.5 * (at[1:] + at[:-1])
-    normal = (2 * np.pi * cutoff) ** -6.0 * (operator.T @ operator)
-    bands = np.zeros((4, time.size))
-    for k in range(4):
-        bands[3 - k, k:] = normal.diagonal(k)
-    bands[3] += 1.0
-    factor = cholesky_banded(bands), False
-    return lambda signal: np.asarray(cho_solve_banded(factor, signal))
-
-
-def strongest_low_pass(time: Array, x: Array, noise: NoiseModel) -> tuple[Smoother, float]:
-    """Return the strongest :func:`low_pass` that takes no more from ``x`` than ``noise``, and its cutoff in Hz.
-
-    The discrepancy principle. Source: V. Morozov, Soviet Math. Dokl. 7 (1966).
-    """
-    strong, gentle = np.array(CUTOFF_RANGE) / float(np.median(np.diff(time)))
-    smooth = low_pass(time, float(gentle))
-    for _ in range(BISECTIONS):
-        middle = float(np.sqrt(strong * gentle))
-        tried = low_pass(time, middle)
-        if np.sqrt(np.mean((x - tried(x)) ** 2)) <= noise.rms:
-            gentle, smooth = middle, tried
-        else:
-            strong = middle
-    return smooth, float(gentle)
 
 
 def fuse_position_and_acceleration(

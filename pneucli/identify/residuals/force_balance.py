@@ -22,9 +22,11 @@ from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side
 from pneucli.simulate.experiment import cache_draws
+from pneucli.simulate.imposed_motion import smooth_acceleration
 from pneucli.simulate.model import Model
-from pneucli.simulate.motion_smoother import smooth_inputs, smooth_motion
+from pneucli.simulate.motion_smoother import input_errors, smooth_motion
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_p2
+from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.run import base_vector, kernel_for
 
 
@@ -94,10 +96,16 @@ class ForceBalance(ResidualModel):
 
     def _noise_realisation(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
         e, (a, rough) = self.experiment, self._acceleration_and_removed_force
-        shift = smooth_inputs(noise, e.smoothers, e.motion_smoother, e.time)
+        shift = input_errors(noise, e.smoothers, e.motion_smoother, e.time)
         shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
-        more = self.acceleration_and_removed_force(noise, shift)
-        return e.inputs + shift, (a + more[0], rough + more[1])
+        more = noise["a"] if "a" in noise else self._acceleration_error(noise, shift)
+        return e.inputs + shift, (a + more, rough + self._removed_force(noise, shift))
+
+    def _acceleration_error(self, noise: Mapping[str, Array], shift: Array) -> Array:
+        smoother = self.experiment.motion_smoother
+        if isinstance(smoother, PositionSmoother):
+            return smoother.draw_error(noise["x"])[2]
+        return np.asarray(np.gradient(shift[:, at.IN_V], self.experiment.time))
 
     @cached_property
     def _realisation_cache(self) -> dict[tuple[int, int], list[tuple[Array, tuple[Array, Array]]]]:
@@ -121,20 +129,21 @@ class ForceBalance(ResidualModel):
 
     @cached_property
     def _acceleration_and_removed_force(self) -> tuple[Array, Array]:
-        return self.acceleration_and_removed_force(self.experiment.raw, self.experiment.inputs)
+        """The acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
 
-    def acceleration_and_removed_force(self, raw: Mapping[str, Array], inputs: Array) -> tuple[Array, Array]:
-        """Return the acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
-
-        Both are linear in the readings ``raw`` and their smoothed ``inputs`` (n, 8). The accelerometer's reading is
-        taken as it is: it jumps where the piston breaks away and stops, which smoothing would spread.
+        An accelerometer's reading is taken as it is: it jumps where the piston breaks away and stops, which smoothing
+        would spread.
         """
+        e = self.experiment
+        return e.raw["a"] if "a" in e.raw else smooth_acceleration(e), self._removed_force(e.raw, e.inputs)
+
+    def _removed_force(self, raw: Mapping[str, Array], inputs: Array) -> Array:
+        """Return the force (n,) of what smoothing took out of the pressures: linear in ``raw`` and ``inputs`` (n, 8)."""
         (area_1, area_2), rough = self.experiment.rig.piston_areas, np.zeros(self.experiment.time.size)
         for name, column, share in (("p1", at.IN_P1, area_1), ("p2", at.IN_P2, -area_2)):
             if name in raw:
                 rough += share * (raw[name] - inputs[:, column])
-        a = raw["a"] if "a" in raw else np.gradient(inputs[:, at.IN_V], self.experiment.time)
-        return a, rough
+        return rough
 
     @cached_property
     def _remaining_force_noise(self) -> Array:

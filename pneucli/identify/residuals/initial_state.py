@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, segment_lengths
 from pneucli.simulate.model import Model
-from pneucli.simulate.motion_smoother import smooth_inputs
+from pneucli.simulate.motion_smoother import input_errors
 from pneucli.simulate.run import simulate
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ PRESSURE_PERTURBATION = 2e-4  # of the highest pressure, added to a start to see
 def initial_state_errors(experiment: Experiment) -> dict[str, tuple[float, float]]:
     """Return by pressure the standard deviations of its starts in Pa, and of their rates in Pa/s."""
     e, rng = experiment, np.random.default_rng(0)
-    drawn = [smooth_inputs(e.draw_noise(rng), e.smoothers, e.motion_smoother, e.time) for _ in range(NOISE_DRAWS)]
+    drawn = [input_errors(e.draw_noise(rng), e.smoothers, e.motion_smoother, e.time) for _ in range(NOISE_DRAWS)]
     values = np.array([d[e.restarts] for d in drawn])
     rates = np.array([np.gradient(d, e.time, axis=0)[e.restarts] for d in drawn])
     return {

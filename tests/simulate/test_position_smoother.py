@@ -1,0 +1,131 @@
+"""Motion from a position sensor alone: its error, its covariance, and what a mass fitted with it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import savgol_filter
+
+from pneucli.noise import NoiseModel
+from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother, low_frequency_deviation
+
+Array = np.ndarray
+PERIOD = 2e-3
+STEP = 2e-5  # m, of an encoder
+MASS, COULOMB, VISCOUS = 3.5, 20.0, 40.0
+
+
+def stick_slip(seed: int, duration: float = 8.0) -> tuple[Array, Array, Array, Array, Array]:
+    """Return time, x, v, a and the force that drives a mass with dry friction, sampled from steps of 20 us."""
+    rng, h = np.random.default_rng(seed), 2e-5
+    count = round(duration / h)
+    levels = np.repeat(rng.uniform(-60.0, 60.0, 16), count // 16)
+    force = np.convolve(levels, np.full(2500, 1 / 2500), mode="same")
+    x, v, a = np.zeros((3, force.size))
+    for k in range(force.size - 1):
+        direction = np.sign(v[k]) if v[k] else np.sign(force[k])
+        beyond = force[k] - direction * COULOMB - VISCOUS * v[k]
+        a[k] = 0.0 if v[k] == 0.0 and abs(force[k]) <= COULOMB else beyond / MASS
+        v[k + 1] = v[k] + h * a[k]
+        if v[k] * v[k + 1] < 0.0:
+            v[k + 1] = 0.0
+        x[k + 1] = x[k] + 0.5 * h * (v[k] + v[k + 1])
+    every = slice(None, -1, round(PERIOD / h))
+    return h * np.arange(force.size)[every], x[every], v[every], a[every], force[every]
+
+
+@pytest.fixture(scope="module")
+def moved() -> tuple[Array, ...]:
+    """A stick-slip with the encoder's reading and its smoother behind it."""
+    time, x, v, a, force = stick_slip(3)
+    read = STEP * np.round((x + 0.2 * STEP * np.random.default_rng(0).standard_normal(x.size)) / STEP)
+    return time, x, v, a, force, read
+
+
+def smoother_of(time: Array, read: Array) -> PositionSmoother:
+    return fit_position_smoother(time, read, NoiseModel(np.hypot(0.2, 12**-0.5) * STEP, period=PERIOD, step=STEP))
+
+
+def rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def test_it_errs_little_more_than_the_best_local_polynomial(moved: tuple[Array, ...]) -> None:
+    """Of all Savitzky-Golay windows that of least error, which only the truth tells."""
+    time, _, v, a, _, read = moved
+    _, found_v, found_a = smoother_of(time, read)(read)
+    windows = range(5, 101, 4)
+    best_v = min(rms(savgol_filter(read, n, 2, deriv=1, delta=PERIOD) - v) for n in windows)
+    best_a = min(rms(savgol_filter(read, n, 3, deriv=2, delta=PERIOD) - a) for n in windows)
+    assert rms(found_v - v) < 1.1 * best_v
+    assert rms(found_a - a) < 1.1 * best_a
+
+
+def test_its_deviations_cover_the_truth(moved: tuple[Array, ...]) -> None:
+    time, x, v, a, _, read = moved
+    smoother = smoother_of(time, read)
+    for true, found, deviation in zip((x, v, a), smoother(read), smoother.deviations.T, strict=True):
+        assert 0.93 < np.mean(np.abs(found - true) < 1.96 * deviation) <= 1.0
+
+
+def test_a_drawn_error_has_the_deviations(moved: tuple[Array, ...]) -> None:
+    """The law of the process and the smoother's covariance are two ways to one number."""
+    time, *_, read = moved
+    smoother, rng = smoother_of(time, read), np.random.default_rng(1)
+    drawn = [smoother.draw_error(smoother.sigma * rng.standard_normal(time.size)) for _ in range(20)]
+    for errors, deviation in list(zip(zip(*drawn, strict=True), smoother.deviations.T, strict=True))[1:]:
+        assert rms(np.array(errors) / deviation) == pytest.approx(1.0, abs=0.05)
+
+
+def test_one_noise_has_one_error(moved: tuple[Array, ...]) -> None:
+    time, *_, read = moved
+    smoother = smoother_of(time, read)
+    noise = smoother.sigma * np.random.default_rng(2).standard_normal(time.size)
+    assert np.array_equal(smoother.draw_error(noise), smoother.draw_error(noise))
+
+
+@pytest.mark.parametrize("coarse", [1.0, 5.0])
+def test_a_mass_fitted_with_it_is_not_biased_toward_zero(moved: tuple[Array, ...], coarse: float) -> None:
+    """With a coarser encoder as well: the mean given the readings errs independently of itself."""
+    time, x, _, _, force, _ = moved
+    step = coarse * STEP
+    read = step * np.round((x + 0.2 * step * np.random.default_rng(4).standard_normal(x.size)) / step)
+    found = fit_position_smoother(time, read, NoiseModel(np.hypot(0.2, 12**-0.5) * step, period=PERIOD))(read)
+    moving = np.abs(found[1]) > 0.02
+    design = np.column_stack([found[2], np.sign(found[1]), found[1]])[moving]
+    assert np.linalg.lstsq(design, force[moving])[0][0] == pytest.approx(MASS, rel=0.03)
+
+
+def test_the_intensity_rises_where_the_piston_breaks_away_and_falls_where_it_rests(moved: tuple[Array, ...]) -> None:
+    time, _, v, _, _, read = moved
+    smoother = smoother_of(time, read)
+    leaves = np.flatnonzero((v[:-1] == 0.0) & (v[1:] != 0.0))
+    rests = np.convolve(v == 0.0, np.ones(41), mode="same") == 41
+    assert np.median(smoother.memories[leaves]) < 0.5 * np.median(smoother.memories[rests[:-1]])
+
+
+def test_what_only_moves_evenly_is_smoothed_as_long_as_it_may_be() -> None:
+    time = PERIOD * np.arange(2000)
+    read = 0.1 * time + 1e-6 * np.random.default_rng(0).standard_normal(time.size)
+    smoother = fit_position_smoother(time, read, NoiseModel(1e-6, period=PERIOD))
+    assert np.median(smoother.memories) > 10 * PERIOD
+    assert smoother(read)[1][200:-200] == pytest.approx(0.1, abs=2e-5)
+
+
+def test_it_is_linear_and_follows_uneven_stamps() -> None:
+    rng = np.random.default_rng(5)
+    time = np.cumsum(rng.uniform(0.5, 1.5, 400)) * PERIOD
+    course = 0.05 * np.sin(8.0 * time)
+    smoother = fit_position_smoother(time, course + 1e-6 * rng.standard_normal(400), NoiseModel(1e-6, period=PERIOD))
+    one, other = rng.standard_normal((2, 400))
+    for a, b, both in zip(smoother(one), smoother(other), smoother(2.0 * one - other), strict=True):
+        assert both == pytest.approx(2.0 * a - b, rel=1e-5, abs=1e-5 * np.abs(a).max())
+    _, v, a = smoother(course)
+    assert v[20:-20] == pytest.approx(0.4 * np.cos(8.0 * time)[20:-20], abs=2e-3)
+    assert a[20:-20] == pytest.approx(-3.2 * np.sin(8.0 * time)[20:-20], abs=0.1)
+
+
+def test_coloured_noise_counts_as_what_it_is_at_low_frequencies() -> None:
+    assert low_frequency_deviation(NoiseModel(3.0)) == 3.0
+    assert low_frequency_deviation(NoiseModel(0.0, coloured=1.0, pole=0.6)) == pytest.approx(2.0)
+    assert low_frequency_deviation(NoiseModel(0.0, step=12**0.5)) == pytest.approx(1.0)
