@@ -28,7 +28,7 @@ from pneucli.errors import InputError, did_you_mean
 from pneucli.executors import Engine, run_jobs
 from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue_with_sides
 from pneucli.simulate.build import source
 from pneucli.simulate.layout import BASE_NAMES
 from pneucli.simulate.model import Model
@@ -155,7 +155,7 @@ class MonteCarloStudy:
         """Return a hash of all that decides the rows, so that rows of another study are not taken for this one's."""
         model = self.distribution.model
         about = {
-            "program": source(tuple(catalogue().values()), control=controller_source()),
+            "program": source(tuple(catalogue_with_sides().values()), control=controller_source()),
             "controller": self.controller.to_json(),
             "scenarios": [
                 [s.name, s.reference.tobytes().hex(), s.force.tobytes().hex(), str(s)] for s in self.scenarios

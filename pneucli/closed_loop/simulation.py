@@ -14,7 +14,7 @@ from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue_with_sides
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.kernel_settings import max_motion_step
@@ -75,7 +75,7 @@ def closed_loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
     """Return the compiled kernel with the controller in it: bare, or with the catalogue and a user's own effects."""
     if not effects:
         return build((), control=controller_source())
-    return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()), control=controller_source())
+    return build(tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()), control=controller_source())
 
 
 def simulate(model: Model, controller: Controller, scenario: Scenario, setup: ClosedLoopSetup, seed: int = 0) -> Run:

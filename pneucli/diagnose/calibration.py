@@ -17,6 +17,7 @@ import numpy as np
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.data import FittedModel
 from pneucli.diagnose.evidence import RESAMPLES, SEED
+from pneucli.physics.sides import declared_name
 
 MIN_NAMED_PROBABILITY = 0.5  # an effect that is less sure is not named: it is more likely absent
 
@@ -94,7 +95,7 @@ def mean_effect_intercept(effects: Sequence[str]) -> float:
 
     What all of them explain as well resembles the unknown as each of them does: their mean. The least would be chance.
     """
-    return sum(EFFECT_INTERCEPTS.get(effect, 0.0) for effect in effects) / max(len(effects), 1)
+    return sum(EFFECT_INTERCEPTS.get(declared_name(effect), 0.0) for effect in effects) / max(len(effects), 1)
 
 
 def presence_rate(reason: Reason) -> float:

@@ -153,7 +153,8 @@ class Effect:
 
     ``equation`` is plain text with LaTeX between dollars; ``looks_like`` says what the effect does to a residual and
     over which signal it shows best; ``twins`` names effects that ordinary recordings cannot tell from it, ``separate``
-    the experiment that can.
+    the experiment that can. ``side`` is the chamber of a variant (:mod:`pneucli.physics.sides`), None of what is declared,
+    and ``needs`` the signals without which the variant is what is declared.
     """
 
     name: str
@@ -169,11 +170,18 @@ class Effect:
     source: str
     order: int = 0
     nested: bool = True
+    side: Literal[1, 2] | None = None
+    needs: frozenset[str] = frozenset()
 
     @property
     def balances(self) -> frozenset[Side]:
         """The balances in which it stands."""
         return frozenset(PORTS[port].side for port in self.ports)
+
+    @property
+    def sensors(self) -> frozenset[str]:
+        """The signals whose sensors it is a fault of."""
+        return frozenset(port.removeprefix("read_") for port in self.ports if port.startswith("read_"))
 
     @property
     def is_set_valued(self) -> bool:
@@ -193,7 +201,7 @@ _AREA = ("m^2", None, "0.01 bore areas", "100 bore areas", ("1 bore areas",))
 _DEAD = ("m^3", None, "1e-3 chamber volumes", "10 chamber volumes", ("0.1 chamber volumes",))
 
 BASE_PARAMETERS: dict[str, Parameter] = {
-    "friction.coulomb": Parameter("coulomb", "N", None, 0.0, "10 supply forces", ("0.02 supply forces",)),
+    "friction.coulomb": Parameter("coulomb", "N", None, 0.0, "2 supply forces", ("0.02 supply forces",)),
     "friction.viscous": Parameter(
         "viscous", "N s/m", None, 0.0, "1000 supply forces per top speed", ("0.02 supply forces per top speed",)
     ),

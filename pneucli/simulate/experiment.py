@@ -69,8 +69,16 @@ class Experiment:
     @cached_property
     def parts(self) -> frozenset[Part]:
         """What stands on the bench and can show."""
-        recorded = "p_supply" in self.recording
-        return self.recording.kind.parts(cylinder_known=self.rig.has_cylinder, supply_recorded=recorded)
+        recorded, shut = "p_supply" in self.recording, self.recording.chamber_2 in ("closed", "valve")
+        return self.recording.kind.parts(
+            cylinder_known=self.rig.has_cylinder, supply_recorded=recorded, chamber_2_shut=shut
+        )
+
+    def can_show(self, effect: Effect) -> bool:
+        """Whether the effect's part stands on this bench; of a sensor's fault, whether that sensor was recorded."""
+        recorded = self.raw.keys()
+        read = not effect.sensors or bool(effect.sensors & recorded)
+        return effect.part in self.parts and read and effect.needs <= recorded
 
     @property
     def p2_is_unmeasured(self) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pneucli.executors import thread_count
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue_with_sides
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
@@ -25,7 +25,7 @@ def kernel_for(effects: tuple[Effect, ...]) -> Kernel:
     """Return a compiled kernel that has these effects: the bare one, the catalogue's, or one with a user's own."""
     if not effects:
         return build(())
-    return build(tuple({**catalogue(), **{e.name: e for e in effects}}.values()))
+    return build(tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()))
 
 
 def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) -> dict[str, Array]:
@@ -104,5 +104,5 @@ def run_many(runs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
 
 def effects_by_name(names: Iterable[str], known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
     """Return effects by name, from the catalogue where ``known`` is not given."""
-    known = catalogue() if known is None else known
+    known = catalogue_with_sides() if known is None else known
     return tuple(known[name] for name in names)

@@ -33,10 +33,10 @@ def _faults(loaded: PipelineConfig) -> Iterator[InputError]:
     for number, table in enumerate(loaded.scenarios, 1):
         yield from _errors_of(_read_scenario, table, f"{where}, key scenarios.{number}")
     if loaded.model.parameters and not loaded.model.plugins:  # names of plugins are known once they are loaded
-        from pneucli.physics.effects import catalogue  # noqa: PLC0415 - it takes a moment, and few files need it
+        from pneucli.physics.effects import catalogue_with_sides  # noqa: PLC0415 - it takes a moment, and few files need it
         from pneucli.stages.parameter_priors import parameter_priors  # noqa: PLC0415 - likewise
 
-        yield from _errors_of(parameter_priors, loaded, catalogue())
+        yield from _errors_of(parameter_priors, loaded, catalogue_with_sides())
     known = {stage.name: stage.answer_paths for stage in STAGES.values() if stage.answer_paths}
     for path in loaded.checks:
         yield from _errors_of(require_valid_path, path, known, f"{where}, [checks]")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 from pneucli.config.json_schema import json_schema
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue_with_sides
 
 
 def schema_text() -> str:
     """Return the schema as JSON."""
-    return json.dumps(json_schema(catalogue()), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(json_schema(catalogue_with_sides()), indent=1, ensure_ascii=False) + "\n"

@@ -79,7 +79,7 @@ class ResidualModel(ABC):
 
     def is_sensitive_to(self, effect: Effect) -> bool:
         """Whether the effect can show in this view."""
-        return effect.part in self.experiment.parts and bool(self.sides & effect.balances)
+        return self.experiment.can_show(effect) and bool(self.sides & effect.balances)
 
     def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
         """Return the channels in which nothing shows but effects such as this one, at the same port."""

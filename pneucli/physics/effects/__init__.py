@@ -20,6 +20,7 @@ from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import Part
 from pneucli.physics.declaration import PORTS, Effect
 from pneucli.physics.equations import EquationError, check_effect
+from pneucli.physics.sides import with_variants
 
 
 @cache
@@ -27,6 +28,12 @@ def catalogue() -> dict[str, Effect]:
     """Return the effects that pneucli brings, by name."""
     modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))
     return {m.EFFECT.name: m.EFFECT for m in modules}
+
+
+@cache
+def catalogue_with_sides() -> dict[str, Effect]:
+    """Return the catalogue with the variants of its effects at either side, by name."""
+    return with_variants(catalogue().values())
 
 
 def load_plugin(path: Path) -> Effect:
@@ -75,9 +82,9 @@ def _check_plugin(effect: Effect, path: Path) -> None:
 
 
 def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
-    """Return the catalogue and the user's own effects, by name, in the order of names."""
+    """Return the catalogue and the user's own effects, with their variants at either side, in the order of names."""
     own = [load_plugin(path) for path in plugins]
-    return dict(sorted((catalogue() | {e.name: e for e in own}).items()))
+    return dict(sorted((catalogue_with_sides() | with_variants(own)).items()))
 
 
 def select_effects(

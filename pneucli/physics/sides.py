@@ -1,0 +1,95 @@
+"""Effects of one chamber, its hose or its sensor: the same declaration at the ports of either side.
+
+An effect is declared once, for chamber 1 or for both chambers. Its variant ``NAME:2`` enters at the ports of chamber 2
+with the same equations and parameters; an effect that is declared for both has variants ``NAME:1`` and ``NAME:2``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Literal
+
+from pneucli.physics.declaration import PORTS, Effect
+
+Chamber = Literal[1, 2]
+SEPARATOR = ":"
+_SIDED_TEXT = re.compile(r"(?<![\w.])(chamber |[pVA]_?|V_\{0|p_\{)([12])(?!\d|\.\d)")
+_FROM_THE_OTHER_END = {"x = 0": "x = stroke", "A_1 x": "A_1 (L - x)"}
+_SIDED_PORT = re.compile(r"(leak|volume|read_p|unread_p)(_?)([12])(_ambient)?")
+
+
+def variants(effect: Effect) -> list[Effect]:
+    """Return the variants of an effect by side: of either side where it is declared for both, else of the other one."""
+    sides = {_side_of(port) for port in effect.ports}
+    if None in sides or not sides:
+        return []
+    wanted: tuple[Chamber, ...] = (1, 2) if sides == {1, 2} else (2,)
+    return [_on_side(effect, chamber) for chamber in wanted]
+
+
+def with_variants(effects: Iterable[Effect]) -> dict[str, Effect]:
+    """Return effects and their variants by name; an effect that has a name of a variant takes its place."""
+    declared = list(effects)
+    found = {variant.name: variant for effect in declared for variant in variants(effect)}
+    return found | {effect.name: effect for effect in declared}
+
+
+def declared_name(name: str) -> str:
+    """Return the name under which an effect is declared.
+
+    >>> declared_name("chamber-leak:2")
+    'chamber-leak'
+
+    """
+    return name.partition(SEPARATOR)[0]
+
+
+def _side_of(port: str) -> int | None:
+    """Return the chamber at which a port stands; None for one that stands at no single chamber."""
+    parts = _SIDED_PORT.fullmatch(port)
+    return int(parts[3]) if parts else None
+
+
+def _on_side(effect: Effect, chamber: Chamber) -> Effect:
+    both = {_side_of(port) for port in effect.ports} == {1, 2}
+    kept = {p: f for p, f in effect.ports.items() if not both or _side_of(p) == chamber}
+    ports = {_mirrored(port) if chamber == 2 and not both else port: f for port, f in kept.items()}
+    return replace(
+        effect,
+        name=f"{effect.name}{SEPARATOR}{chamber}",
+        title=f"{effect.title} of p{chamber} alone" if both else _mirrored_text(effect.title),
+        part="chamber 2" if chamber == 2 and effect.part == "chamber" else effect.part,
+        ports=ports,
+        equation=effect.equation if both else _mirrored_text(effect.equation),
+        looks_like=effect.looks_like if both else _mirrored_text(effect.looks_like),
+        shows_over=effect.shows_over if both else _mirrored_text(effect.shows_over),
+        separate=effect.separate if both else _mirrored_text(effect.separate),
+        needs=frozenset({"p1", "p2"}) if both else frozenset(),
+        side=chamber,
+    )
+
+
+def _mirrored(port: str) -> str:
+    """Return the port of the other chamber.
+
+    >>> _mirrored("leak_1_ambient"), _mirrored("unread_p2")
+    ('leak_2_ambient', 'unread_p1')
+
+    """
+    found = _SIDED_PORT.sub(lambda m: f"{m[1]}{m[2]}{3 - int(m[3])}{m[4] or ''}", port)
+    assert found in PORTS
+    return found
+
+
+def _mirrored_text(text: str) -> str:
+    """Return text about one chamber as text about the other.
+
+    >>> _mirrored_text("Offset of the sensor of p1"), _mirrored_text("$V_1 = V_{01} + A_1 x$")
+    ('Offset of the sensor of p2', '$V_2 = V_{02} + A_2 (L - x)$')
+
+    """
+    for phrase, other in _FROM_THE_OTHER_END.items():
+        text = text.replace(phrase, other)
+    return _SIDED_TEXT.sub(lambda m: f"{m[1]}{3 - int(m[2])}", text)

@@ -1,0 +1,85 @@
+"""One declaration for both chambers: where its variants enter, and what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pneucli.physics.declaration import PORTS
+from pneucli.physics.effects import all_effects, catalogue, catalogue_with_sides
+from pneucli.physics.sides import declared_name, variants
+from tests.simulate.synthetic_experiments import make_experiment, time_grid
+
+
+@pytest.mark.parametrize(
+    ("name", "ports"),
+    [
+        ("chamber-leak:2", {"leak_2_ambient"}),
+        ("laminar-leak:2", {"leak_2_ambient"}),
+        ("dead-volume:2", {"volume_2"}),
+        ("pressure-offset:2", {"read_p2", "unread_p2"}),
+        ("pressure-scale:1", {"read_p1", "unread_p1"}),
+        ("pressure-scale:2", {"read_p2", "unread_p2"}),
+    ],
+)
+def test_a_variant_enters_at_the_ports_of_its_side(name: str, ports: set[str]) -> None:
+    variant, declared = catalogue_with_sides()[name], catalogue()[declared_name(name)]
+    assert set(variant.ports) == ports
+    assert set(variant.ports.values()) <= set(declared.ports.values())
+    assert variant.parameters == declared.parameters
+    assert variant.side == int(name[-1])
+
+
+def test_what_stands_at_no_chamber_has_no_variant() -> None:
+    sided = {declared_name(name) for name in catalogue_with_sides().keys() - catalogue().keys()}
+    for effect in catalogue().values():
+        assert (effect.name in sided) == bool(variants(effect))
+    assert not sided & {"stribeck", "heat-transfer", "valve-leak", "piston-leak", "acceleration-bias", "extra-mass"}
+    assert all(port in PORTS for effect in catalogue_with_sides().values() for port in effect.ports)
+
+
+def test_a_variant_speaks_of_its_chamber() -> None:
+    known = catalogue_with_sides()
+    assert known["chamber-leak:2"].title == "Leak of chamber 2 to ambient"
+    assert "p_2" in known["chamber-leak:2"].equation
+    assert "p_1" not in known["chamber-leak:2"].equation
+    assert known["dead-volume:2"].equation == "$V_2 = V_{02} + V_{add} + A_2 (L - x)$"
+    assert "leaving chamber 2" in known["laminar-leak:2"].equation
+    assert known["pressure-offset:2"].shows_over == "p2"
+    assert known["pressure-scale:2"].title.endswith("of p2 alone")
+
+
+def test_the_declared_effects_are_as_they_were() -> None:
+    assert all(all_effects()[name] is effect for name, effect in catalogue().items())
+    assert all(effect.side is None for effect in catalogue().values())
+
+
+@pytest.mark.parametrize(
+    ("signals", "chamber_2", "shown"),
+    [
+        ({"u", "p1", "x"}, "open", {"chamber-leak", "pressure-scale", "pressure-offset"}),
+        ({"u", "p1", "x"}, "closed", {"chamber-leak", "chamber-leak:2", "pressure-scale", "pressure-offset"}),
+        (
+            {"u", "p1", "p2", "x"},
+            "valve",
+            {"chamber-leak", "chamber-leak:2", "pressure-scale", "pressure-scale:1", "pressure-scale:2"}
+            | {"pressure-offset", "pressure-offset:2"},
+        ),
+        (
+            {"u", "p1", "p2", "x", "a"},
+            "open",
+            {"chamber-leak", "pressure-scale", "pressure-scale:1", "pressure-scale:2", "acceleration-bias"}
+            | {"pressure-offset", "pressure-offset:2"},
+        ),
+    ],
+)
+def test_an_effect_can_show_where_its_chamber_is_shut_and_its_sensor_recorded(
+    signals: set[str], chamber_2: str, shown: set[str]
+) -> None:
+    e = make_experiment("axis", time_grid(0.1), dict.fromkeys(signals, 0.0), chamber_2=chamber_2)
+    raw = {name: values for name, values in e.raw.items() if name in signals}
+    e = replace(e, raw=raw)
+    asked = {"chamber-leak", "pressure-scale", "pressure-offset", "acceleration-bias"}
+    found = {n for n, effect in catalogue_with_sides().items() if declared_name(n) in asked and e.can_show(effect)}
+    assert found == shown
