@@ -24,7 +24,8 @@ def level(name: str, friction: float, bar: float | None = None, speed: float = 0
 
 def motion(v: np.ndarray, drive: np.ndarray, imposed: bool) -> Motion:
     named = SimpleNamespace(name="one")
-    fields = {"recording": named, "v": v, "drive": drive, "smooth_drive": drive, "floor": 0.1, "imposed": imposed}
+    fields = {"recording": named, "v": v, "drive": drive, "smooth_drive": drive, "rest_speed": 0.1, "imposed": imposed}
+    fields["smooth_a"] = np.gradient(v)
     return cast("Motion", SimpleNamespace(**fields))
 
 
@@ -69,6 +70,17 @@ def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:
     found = break_away(motion(v, drive, imposed=True))
     assert found is not None
     assert (found.count, found.minimum, found.maximum) == (2, 7.0, 9.0)
+
+
+def test_what_a_machine_accelerates_is_no_friction_that_breaks_away() -> None:
+    """95 kg that it starts with 1 m/s^2, against 20 N of dry friction."""
+    v = np.concatenate([np.zeros(10), np.linspace(0.0, 5.0, 50), np.full(200, 5.0), np.zeros(10)])
+    moved = motion(v, 20.0 * np.sign(v) + 95.0 * np.gradient(v), imposed=True)
+    found, pushed = break_away(moved, 95.0), break_away(moved)
+    assert found is not None
+    assert pushed is not None
+    assert found.force.value == pytest.approx(20.0)
+    assert pushed.force.value > 25.0
 
 
 def test_a_piston_that_never_rests_has_no_break_away() -> None:

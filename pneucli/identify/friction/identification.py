@@ -136,7 +136,7 @@ def identify_friction(
         deviations=model_deviations(models, motions, inertia),
         replays=replay_stick_slip(models, motions, cuts, inertia),
         kinetic=levels,
-        break_aways=tuple(b for m in motions if (b := break_away(m))),
+        break_aways=tuple(b for m in motions if (b := break_away(m, inertia))),
         pressure_dependence=pressure_dependence(strokes, ambient),
         repeatability=tuple(repeatability(strokes, ambient)),
         removed_effects=train[0].non_friction.effect_names,

@@ -53,11 +53,16 @@ class Repeatability:
     spread: float
 
 
-def break_away(motion: Motion) -> BreakAway | None:
-    """Return the break-away forces of one recording; None where the piston never rests before it moves."""
-    forces = np.array(
-        list(_breakaway_forces_of_strokes(motion) if motion.imposed else _breakaway_forces_at_rest(motion))
-    )
+def break_away(motion: Motion, mass: float = 0.0) -> BreakAway | None:
+    """Return the break-away forces of one recording; None where the piston never rests before it moves.
+
+    Args:
+        motion: The motion and what drives it.
+        mass: All mass in kg that a machine accelerates with the piston; its inertia is no friction.
+
+    """
+    strokes = _breakaway_forces_of_strokes(motion, mass) if motion.imposed else _breakaway_forces_at_rest(motion)
+    forces = np.array(list(strokes))
     forces = forces[np.isfinite(forces)]
     if not forces.size:
         return None
@@ -75,13 +80,14 @@ def _breakaway_forces_at_rest(motion: Motion) -> Iterator[float]:
             yield abs(float(np.nanmean(motion.drive[k + 1 - BREAKAWAY_SAMPLES : k + 1])))
 
 
-def _breakaway_forces_of_strokes(motion: Motion) -> Iterator[float]:
-    """Yield the largest force at the start of each stroke that a machine makes: it turns before the seal lets go."""
+def _breakaway_forces_of_strokes(motion: Motion, mass: float) -> Iterator[float]:
+    """Yield the largest friction at the start of each stroke that a machine makes: it turns before the seal lets go."""
+    friction = motion.smooth_drive - mass * motion.smooth_a
     way = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
     edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
     for first, end in pairwise(edges):
         if way[first] and end - first >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO:
-            early = motion.smooth_drive[
+            early = friction[
                 max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))
             ]
             yield float(np.max(way[first] * early))
