@@ -19,7 +19,7 @@ EFFECT = Effect(
             "N",
             "friction.coulomb",
             0.0,
-            "20 supply forces",
+            "2 supply forces",  # a piston that moves was driven by more than it
             ("1.3 Coulomb forces", "1.8 Coulomb forces"),
             "static friction",
         ),
