@@ -9,6 +9,7 @@ from pneucli.diagnose.data import DiagnosisData, FittedModel, ScreenedEffect
 from pneucli.diagnose.hypothesis_tests import MIN_COST_SHARE, apply_tests
 
 MAX_REFITS = 6  # of the effects that promise most
+SHARED_REFITS = 3  # of them, that go to the subsystems by their parts of the residual
 MIN_CHI2 = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
 MIN_RELATIVE_SHARE = 0.01  # of the share that the best signature promises
 
@@ -23,7 +24,29 @@ def score_test_screen(
     """
     worth = [(s[0].gain / bench.sensitive_cost(state, e)[0], (e, s)) for e, s in screened if s[0].gain > MIN_CHI2]
     worth.sort(key=lambda one: -one[0])
-    return [pair for share, pair in worth[:MAX_REFITS] if share > MIN_RELATIVE_SHARE * worth[0][0]]
+    chosen = [pair for _, pair in _subsystem_leaders(bench, state, worth)]
+    promising = [pair for share, pair in worth if share > MIN_RELATIVE_SHARE * worth[0][0] and pair not in chosen]
+    kept = [*chosen, *promising[: MAX_REFITS - len(chosen)]]
+    return [pair for _, pair in worth if pair in kept]
+
+
+def _subsystem_leaders(
+    bench: DiagnosisData, state: FittedModel, worth: Sequence[tuple[float, ScreenedEffect]]
+) -> list[tuple[float, ScreenedEffect]]:
+    """Return the best effects of each subsystem, so many as its part of the residual is of ``SHARED_REFITS``.
+
+    An effect that acts everywhere, such as a sensor's fault, belongs to no subsystem.
+    """
+    total = float(state.train_costs.sum())
+    groups: dict[bytes, list[tuple[float, ScreenedEffect]]] = {}
+    for one in worth:
+        groups.setdefault(bench.sensitive_blocks(one[1][0]).tobytes(), []).append(one)
+    leaders = []
+    for group in groups.values():
+        cost = bench.sensitive_cost(state, group[0][1][0])[0]
+        if cost < total:
+            leaders += group[: int(SHARED_REFITS * cost / total)]
+    return leaders
 
 
 CONVERGED_COST_RATIO = 1.05  # times the least cost: such trials are fitted to the end before they are compared

@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pneucli.diagnose import screening as rounds
@@ -53,3 +54,19 @@ def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
     where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
     rounds.screen_and_refit(where, BEFORE, ["stribeck"], None if named is None else state(["stribeck"], named))
     assert len(polished) == ended
+
+
+def test_refits_are_shared_out_by_where_the_residual_stands(monkeypatch: pytest.MonkeyPatch):
+    """Seven effects promise more of a force that leaves a tenth than one promises of the gas, which leaves the rest."""
+    forces = [n for n, e in catalogue().items() if e.balances == {"friction"}][:7]
+    ranked = [(catalogue()[name], [signature(900.0 - i)]) for i, name in enumerate(forces)]
+    ranked.append((catalogue()["chamber-leak"], [signature(1800.0)]))
+    in_gas = {"chamber-leak"}
+    blocks = {True: np.array([True, False]), False: np.array([False, True])}
+    monkeypatch.setattr(DiagnosisData, "sensitive_blocks", lambda self, effect: blocks[effect.name in in_gas])
+    costs, counts = np.array([9000.0, 1000.0]), np.array([100, 100])
+    left = SimpleNamespace(train_costs=costs, costs=costs, residual_counts=counts)
+    kept = [e.name for e, _ in rounds.score_test_screen(bench(), left, ranked)]  # type: ignore[arg-type]
+    assert "chamber-leak" in kept
+    assert kept[:5] == forces[:5]
+    assert len(kept) == rounds.MAX_REFITS
