@@ -1,4 +1,4 @@
-"""Blocks of time, and the scores of residuals in them: what an interval rests on where residuals are correlated."""
+"""Blocks of time, and the scores of residuals in them: the units of a sandwich covariance of correlated residuals."""
 
 from __future__ import annotations
 
@@ -16,32 +16,70 @@ MAX_BLOCKS = 40  # of one recording
 ROWS_PER_CHUNK = 1 << 15  # rows of derivatives that are copied at once: all of them may be most of the memory
 
 
-def block_labels(views: Sequence[ResidualModel]) -> NDArray[np.int64]:
-    """Return the number of the block of each residual, in the order of :func:`scaled` over the views."""
-    numbers, first = [], 0
-    for view in views:
-        time = view.experiment.time
+def block_labels(residual_models: Sequence[ResidualModel]) -> NDArray[np.int64]:
+    """Label each residual with its block of time.
+
+    A block spans at least ``MIN_BLOCK_LENGTH``; all channels of one recording share its blocks.
+
+    Args:
+        residual_models: The residual models whose residuals are stacked, model after model and channel after channel.
+
+    Returns:
+        The block of each residual, shape (N,), counted from 0 over all models.
+    """
+    labels, first = [], 0
+    for residual_model in residual_models:
+        time = residual_model.experiment.time
         length = max(MIN_BLOCK_LENGTH, (time[-1] - time[0]) / MAX_BLOCKS)
-        mine = first + ((time - time[0]) / length).astype(np.int64)
-        numbers.append(np.tile(mine, len(view.channels)))
-        first = int(mine[-1]) + 1
-    return np.concatenate(numbers)
+        own_labels = first + ((time - time[0]) / length).astype(np.int64)
+        labels.append(np.tile(own_labels, len(residual_model.channels)))
+        first = int(own_labels[-1]) + 1
+    return np.concatenate(labels)
 
 
-def residual_mask(views: Sequence[ResidualModel], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which residuals (N,) belong to the chosen views."""
-    return np.repeat(chosen, [v.experiment.time.size * len(v.channels) for v in views])
+def residual_mask(residual_models: Sequence[ResidualModel], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mask the residuals that belong to chosen residual models.
+
+    Args:
+        residual_models: The residual models whose residuals are stacked.
+        chosen: Which models are chosen, one entry a model.
+
+    Returns:
+        True for each residual of a chosen model, shape (N,).
+    """
+    return np.repeat(chosen, [one.experiment.time.size * len(one.channels) for one in residual_models])
 
 
 def group_scores(jacobian: Array, residual: Array, labels: NDArray[np.int64]) -> Array:
-    """Return the sums of derivatives (N, k) times residuals (N,) over the samples of each label (N,), shape (B, k)."""
+    """Sum derivatives times residuals over the samples of each group.
+
+    Args:
+        jacobian: Derivatives of the residuals, shape (N, k).
+        residual: Residuals, shape (N,).
+        labels: Group of each residual, shape (N,), with B - 1 as the largest.
+
+    Returns:
+        The scores, shape (B, k).
+
+    >>> scores = group_scores(np.ones((4, 1)), np.array([1.0, 2.0, 4.0, 8.0]), np.array([0, 0, 1, 1]))
+    >>> scores.tolist()
+    [[3.0], [12.0]]
+    """
     runs = np.flatnonzero(np.diff(labels, prepend=-1))  # a label stays for many samples
     sums = [np.bincount(labels[runs], weights=np.add.reduceat(column * residual, runs)) for column in jacobian.T]
     return np.array(sums, dtype=np.float64).reshape(jacobian.shape[1], int(labels.max()) + 1).T
 
 
 def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
-    """Return the curvature J^T J of the derivatives (N, k) at the samples of each label (N,), shape (B, k, k)."""
+    """Sum the curvature J^T J over the samples of each group.
+
+    Args:
+        jacobian: Derivatives of the residuals, shape (N, k).
+        labels: Group of each residual, shape (N,), with B - 1 as the largest.
+
+    Returns:
+        The curvatures, shape (B, k, k).
+    """
     k = jacobian.shape[1]
     out, order = np.zeros((int(labels.max()) + 1, k, k)), np.argsort(labels, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
@@ -52,7 +90,15 @@ def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
 
 
 def weighted_curvature(jacobian: Array, weights: Array) -> Array:
-    """Return the curvature (k, k) of derivatives (N, k) times weights (N,)."""
+    """Sum the curvature J^T W J with a weight for each residual.
+
+    Args:
+        jacobian: Derivatives of the residuals, shape (N, k).
+        weights: Weights, shape (N,).
+
+    Returns:
+        The curvature, shape (k, k).
+    """
     out = np.zeros((jacobian.shape[1], jacobian.shape[1]))
     for i in range(0, len(weights), ROWS_PER_CHUNK):
         part = jacobian[i : i + ROWS_PER_CHUNK] * weights[i : i + ROWS_PER_CHUNK, None]

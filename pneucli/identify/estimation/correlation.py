@@ -1,4 +1,4 @@
-"""What the data say of parameters together: their correlation, and what a change of each does to each channel."""
+"""The correlation of the fitted parameters, and the sensitivity of each channel to each parameter."""
 
 from __future__ import annotations
 
@@ -17,54 +17,69 @@ RELATIVE_CHANGE = 0.01
 
 
 class Sensitivity(NamedTuple):
-    """What a change of a parameter by 1 % of its value does to a channel: rms over all samples, times the noise."""
+    """The rms change of a channel, in units of its noise, where a parameter changes by 1 % of its value."""
 
     name: str
     channel: str
     times_noise: float
 
 
-def parameter_correlation(found: Fit) -> Array:
-    """Return the correlation of the fitted parameters (k, k), in the order of ``found.estimates``.
+def parameter_correlation(fitted: Fit) -> Array:
+    """Compute the correlation of the fitted parameters.
 
-    From the curvature of the data at the end of the fit: what recordings of this kind can tell only together. Priors
-    and chance, which the intervals hold as well, are left out. A parameter that does not show has 0 with all others.
+    The correlation comes from the curvature of the data at the end of the fit. It leaves out priors and the scatter of
+    blocks, which the intervals contain as well. A parameter that changes no residual has correlation 0 with all others.
+
+    Args:
+        fitted: The fit.
+
+    Returns:
+        The correlation, shape (k, k), in the order of ``fitted.estimates``.
     """
-    deviation = np.sqrt(np.maximum(np.diag(found.inverse_hessian), 0.0))
+    deviation = np.sqrt(np.maximum(np.diag(fitted.inverse_hessian), 0.0))
     scale = np.where(deviation > 0.0, deviation, np.inf)
-    together = found.inverse_hessian / scale[:, None] / scale
-    np.fill_diagonal(together, 1.0)
-    return np.clip(together, -1.0, 1.0)
+    correlation = fitted.inverse_hessian / scale[:, None] / scale
+    np.fill_diagonal(correlation, 1.0)
+    return np.clip(correlation, -1.0, 1.0)
 
 
-def sensitivities(found: Fit, views: Sequence[ResidualModel]) -> list[Sensitivity]:
-    """Return what each parameter does to each channel that it changes; one of value 0 has none.
+def sensitivities(fitted: Fit, residual_models: Sequence[ResidualModel]) -> list[Sensitivity]:
+    """Compute the sensitivity of each channel to each parameter.
 
-    The derivatives are those of the fit at its end: of one subsystem at a time, the rest fed with measurements.
+    The derivatives are those of the residual models at the end of the fit: one subsystem at a time, the rest fed with
+    measurements. A parameter of value 0 has no sensitivity.
+
+    Args:
+        fitted: The fit.
+        residual_models: The residual models it was fitted to.
+
+    Returns:
+        One entry for each parameter and each channel that it changes.
     """
-    power = np.zeros((len(found.free), 0))
+    power = np.zeros((len(fitted.free), 0))
     channels: list[str] = []
     counts: list[int] = []
     first = 0
-    for view in views:
-        size = view.experiment.time.size
-        for channel in view.channels:
+    for residual_model in residual_models:
+        size = residual_model.experiment.time.size
+        for channel in residual_model.channels:
             if channel not in channels:
                 channels.append(channel)
                 counts.append(0)
                 power = np.pad(power, ((0, 0), (0, 1)))
-            place = channels.index(channel)
-            part = found.jacobian[first : first + size]
-            power[:, place] += np.einsum("ij,ij->j", part, part)  # without a copy: it is large
-            counts[place] += size
+            column = channels.index(channel)
+            part = fitted.jacobian[first : first + size]
+            power[:, column] += np.einsum("ij,ij->j", part, part)  # without a copy: it is large
+            counts[column] += size
             first += size
-    size_of = [
-        RELATIVE_CHANGE * abs(e.value) / f.derivative(e.value) for f, e in zip(found.free, found.estimates, strict=True)
+    steps = [
+        RELATIVE_CHANGE * abs(e.value) / f.derivative(e.value)
+        for f, e in zip(fitted.free, fitted.estimates, strict=True)
     ]
-    rms = np.sqrt(power / np.maximum(counts, 1)) * np.abs(np.array(size_of))[:, None]
+    rms = np.sqrt(power / np.maximum(counts, 1)) * np.abs(np.array(steps))[:, None]
     return [
         Sensitivity(f.name, channel, float(rms[j, c]))
-        for j, f in enumerate(found.free)
+        for j, f in enumerate(fitted.free)
         for c, channel in enumerate(channels)
         if rms[j, c] > 0.0
     ]

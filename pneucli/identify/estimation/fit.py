@@ -1,7 +1,8 @@
 """Fit a model to the training recordings: bounded least squares in units of the sensors' noise.
 
-Each recording is seen through one subsystem at a time (:mod:`pneucli.identify.residuals`). Intervals come from the scores
-of blocks of samples (a sandwich estimator), so that correlated residuals do not feign precision.
+Each residual model compares one subsystem of a recording with the model (:mod:`pneucli.identify.residuals`).
+Intervals come from the scores of blocks of samples (a sandwich estimator), so that correlated residuals do not feign
+precision.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.stats import t as student_t
 
 from pneucli.identify.estimation.blocks import group_scores, residual_mask
 from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
@@ -25,11 +26,11 @@ from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
 
-MAX_DERIVATIVE = 1e100  # times the noise: more is not squared
+MAX_DERIVATIVE = 1e100  # times the noise: its square is still a finite number
 
 
 class StoppingRule(NamedTuple):
-    """How far a fit goes: at most so many ``max_iterations``, until one lowers the cost by less than ``tolerance`` of it."""
+    """When a fit stops: after ``max_iterations``, or once an iteration lowers the cost by less than the share ``tolerance``."""
 
     max_iterations: int
     tolerance: float
@@ -40,7 +41,7 @@ FULL_CONVERGENCE = StoppingRule(12, 1e-5)
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter: value, standard error and 95 % interval in its own unit; whether it stands at a bound."""
+    """One fitted parameter: value, standard error and 95 % interval in its own unit, and whether it lies at a bound."""
 
     name: str
     unit: str
@@ -52,10 +53,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Fit:
-    """The fitted model, its parameters, and what tests on it need.
+    """The fitted model, its parameters, and the arrays that tests on it need.
 
-    ``residual`` (N,), ``jacobian`` (N, k) in units of the channels' noise and the fit's coordinates; ``blocks`` (N,)
-    numbers the block of each residual; ``covariance`` (k, k) of the coordinates; ``initial_state_sensitivities`` of the starts are by view.
+    ``residual`` (N,) and ``jacobian`` (N, k) are in units of the channels' noise and of the fit's coordinates.
+    ``blocks`` (N,) labels the block of each residual. ``covariance`` (k, k) is that of the coordinates.
+    ``initial_state_sensitivities`` holds one mapping a residual model.
     """
 
     model: Model
@@ -70,16 +72,26 @@ class Fit:
 
     @cached_property
     def inverse_hessian(self) -> Array:
-        """The inverse of the curvature that the data give (k, k)."""
+        """The inverse of the curvature of the data, shape (k, k)."""
         return pseudo_inverse(self.jacobian.T @ self.jacobian)
 
     def project_out_nuisance(self, change: Array) -> Array:
-        """Return what the free parameters cannot do of a change of the residual, shape (N,)."""
+        """Project a change of the residuals on the complement of the free parameters.
+
+        Args:
+            change: Change of the residuals in units of noise, shape (N,).
+
+        Returns:
+            The part of the change that no free parameter can reproduce to first order, shape (N,).
+
+        References:
+            Frisch, R. and Waugh, F. V., Econometrica 1 (1933) 387.
+        """
         return np.asarray(change - self.jacobian @ (self.inverse_hessian @ (self.jacobian.T @ change)))
 
     @cached_property
     def projected_residual(self) -> Array:
-        """The residual without what the free parameters could still take up, shape (N,)."""
+        """The residuals without the part that the free parameters could still absorb, shape (N,)."""
         return self.project_out_nuisance(self.residual)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -88,21 +100,29 @@ class Fit:
 
 def fit(
     model: Model,
-    views: Sequence[ResidualModel],
+    residual_models: Sequence[ResidualModel],
     free: Sequence[FreeParameter],
     *,
     stopping: StoppingRule = FULL_CONVERGENCE,
     initial_jacobian: Array | None = None,
 ) -> Fit:
-    """Fit the free parameters from their starts to what the views leave over.
+    """Fit the free parameters from their start values by bounded least squares.
 
-    ``initial_jacobian`` are the derivatives (N, k) at the start where a fit that ended there has left them.
+    Args:
+        model: The model to start from.
+        residual_models: The residual models whose squares are summed.
+        free: The free parameters with start values, bounds and priors.
+        stopping: When to stop.
+        initial_jacobian: Derivatives (N, k) at the start, where an earlier fit ended there and has them.
+
+    Returns:
+        The fit, with a covariance by blocks.
     """
-    problem = LeastSquaresProblem(model, views, free)
+    problem = LeastSquaresProblem(model, residual_models, free)
     if not free:
         residual = np.concatenate([*problem.data_residuals(model), problem.prior_residuals(np.zeros(0))])
         return _fit_summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
-    found = minimise(
+    solution = minimise(
         *(problem.residuals, problem.jacobian, problem.start, problem.bounds()),
         max_iterations=stopping.max_iterations,
         tolerance=stopping.tolerance,
@@ -111,7 +131,7 @@ def fit(
         if initial_jacobian is None
         else np.vstack([initial_jacobian, problem.prior_jacobian(problem.start)]),
     )
-    return _fit_summary(problem, found.z, found.residual, found.jacobian)
+    return _fit_summary(problem, solution.z, solution.residual, solution.jacobian)
 
 
 def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobian: Array) -> Fit:
@@ -120,12 +140,12 @@ def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobi
     if not problem.free:
         cost, none = float(residual @ residual), np.zeros((0, 0))
         return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
-    for column in jacobian.T:  # beyond all numbers nothing is known of it; written there alone, zeros take no memory
+    for column in jacobian.T:  # an overflow identifies nothing; zeros that are not written take no memory
         column[~(np.abs(column) < MAX_DERIVATIVE)] = 0.0
-    bread = pseudo_inverse(jacobian.T @ jacobian)
-    scored = group_scores(jacobian[:n], residual[:n], blocks)
-    meat = scored.T @ scored + jacobian[n:].T @ jacobian[n:]
-    covariance = bread @ meat @ bread
+    inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
+    scores = group_scores(jacobian[:n], residual[:n], blocks)
+    score_covariance = scores.T @ scores + jacobian[n:].T @ jacobian[n:]
+    covariance = inverse_hessian @ score_covariance @ inverse_hessian
     model = problem.model_at(z)
     return Fit(
         model,
@@ -143,53 +163,81 @@ def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobi
 def parameter_estimates(
     free: Sequence[FreeParameter], model: Model, covariance: Array, degrees_of_freedom: Array | None = None
 ) -> tuple[Estimate, ...]:
-    """Return a fitted model's free parameters with their intervals, by the coordinates' covariance (k, k).
+    """Return value, standard error and 95 % interval of each free parameter of a fitted model.
 
-    ``degrees_of_freedom`` (k,) are the degrees of freedom with which that is known, without end where none are given.
+    Args:
+        free: The free parameters.
+        model: The fitted model.
+        covariance: Covariance of the fit's coordinates, shape (k, k).
+        degrees_of_freedom: Degrees of freedom of each variance, shape (k,); infinite where absent.
+
+    Returns:
+        One estimate a parameter; the interval is Student's, symmetric in the fit's coordinate.
     """
-    within = np.asarray(
-        student.ppf(0.975, np.full(len(free), np.inf) if degrees_of_freedom is None else degrees_of_freedom)
+    quantile = np.asarray(
+        student_t.ppf(0.975, np.full(len(free), np.inf) if degrees_of_freedom is None else degrees_of_freedom)
     )
     estimates = []
     for j, f in enumerate(free):
         value = parameter_value(model, f.name)
         z, error = f.to_coordinate(value), float(np.sqrt(max(covariance[j, j], 0.0)))
-        edge = float(within[j]) * error
-        low, high = f.from_coordinate(z - edge), f.from_coordinate(z + edge)
+        half_width = float(quantile[j]) * error
+        low, high = f.from_coordinate(z - half_width), f.from_coordinate(z + half_width)
         at_bound = bool(z - f.to_coordinate(f.lower) < 1e-6 or f.to_coordinate(f.upper) - z < 1e-6)
         estimates.append(Estimate(f.name, f.unit, value, error * f.derivative(value), (low, high), at_bound))
     return tuple(estimates)
 
 
 def without_data(found: Fit) -> Fit:
-    """Return a fit with its model and parameters alone: the derivatives of a long recording fill the memory."""
+    """Drop residuals and derivatives from a fit; those of a long recording fill the memory.
+
+    Args:
+        found: The fit.
+
+    Returns:
+        The fit with its model, parameters and covariance alone.
+    """
     none = np.zeros((0, len(found.free)))
     return replace(
         found, residual=np.zeros(0), jacobian=none, blocks=np.zeros(0, dtype=np.int64), initial_state_sensitivities=()
     )
 
 
-def merge_partial_fit(found: Fit, part: Fit, views: Sequence[ResidualModel], chosen: NDArray[np.bool_]) -> Fit:
-    """Return a fit of all views from one of the ``chosen`` views, the others being left as ``found`` has them.
+def merge_partial_fit(
+    found: Fit, part: Fit, residual_models: Sequence[ResidualModel], chosen: NDArray[np.bool_]
+) -> Fit:
+    """Merge a fit of the chosen residual models into a fit of all.
 
-    Right where no parameter of the part reaches another view, and none of another view the part.
+    The result equals a joint fit where no parameter of the part changes another residual model, and no parameter of the
+    others changes the part.
+
+    Args:
+        found: The fit of all residual models.
+        part: The fit of the chosen ones.
+        residual_models: All residual models.
+        chosen: Which of them the part was fitted to, one entry a model.
+
+    Returns:
+        The fit of all residual models; those that were not chosen keep their residuals.
     """
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())
-    rows = residual_mask(views, chosen)
+    rows = residual_mask(residual_models, chosen)
     errors = iter(part.initial_state_sensitivities)
-    known = [next(errors) if new else old for old, new in zip(found.initial_state_sensitivities, chosen, strict=True)]
-    problem = LeastSquaresProblem(part.model, views, free, known)
+    sensitivities = [
+        next(errors) if new else old for old, new in zip(found.initial_state_sensitivities, chosen, strict=True)
+    ]
+    problem = LeastSquaresProblem(part.model, residual_models, free, sensitivities)
     z = np.array([f.to_coordinate(parameter_value(part.model, f.name)) for f in free])
     residual = np.concatenate([found.residual, problem.prior_residuals(z)])
     jacobian = np.zeros((residual.size, len(free)), order="F")
     jacobian[rows.size :] = problem.prior_jacobian(z)
     residual[: rows.size][rows] = part.residual
-    mine, theirs = [f.name for f in part.free], [f.name for f in found.free]
+    own, former = [f.name for f in part.free], [f.name for f in found.free]
     for j, f in enumerate(free):
         column = jacobian[: rows.size, j]
-        if f.name in mine:
-            column[rows] = part.jacobian[:, mine.index(f.name)]
+        if f.name in own:
+            column[rows] = part.jacobian[:, own.index(f.name)]
         else:
-            column[:] = found.jacobian[:, theirs.index(f.name)]
+            column[:] = found.jacobian[:, former.index(f.name)]
     return _fit_summary(problem, z, residual, jacobian)

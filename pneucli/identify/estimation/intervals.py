@@ -1,12 +1,13 @@
-"""Intervals of a fit's parameters where the model is not the whole truth.
+"""Intervals of a fit's parameters under model error.
 
-What a model misses is a function of something: of position, speed, pressure, command or time. Blocks of time are not
-independent of each other then: each time the piston comes by, the same is missing. So the samples are grouped by each
-of these signals as well, and what leaving out one group after the other (a jackknife over groups) moves a parameter by,
-beyond what leaving out blocks of time does, is added to its variance. A variance that ten groups tell is itself known
-badly, so intervals are those of Student's t. Sources: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29 (2011) 238,
-for groups of several kinds; Bell and McCaffrey, Survey Methodology 28 (2002) 169, for the jackknife and its degrees of
-freedom.
+A missing effect depends on something: position, speed, pressure, command or time. Blocks of time are then not
+independent, because the same error returns each time the piston passes the same place. The samples are therefore also
+grouped by each of these signals. A jackknife over these groups gives a variance of each parameter; its excess over the
+jackknife of blocks of time is added. A variance from ten groups is itself uncertain, so the intervals are Student's t.
+
+References:
+    Cameron, A. C., Gelbach, J. B. and Miller, D. L., J. Bus. Econ. Stat. 29 (2011) 238 (several groupings).
+    Bell, R. M. and McCaffrey, D. F., Survey Methodology 28 (2002) 169 (jackknife and its degrees of freedom).
 """
 
 from __future__ import annotations
@@ -29,29 +30,27 @@ Labels = NDArray[np.int64]
 
 BINS_PER_SIGNAL = 10  # of a signal, each with as many samples
 COMMON_ERROR_FACTOR = (
-    6.0  # times the variance that groups show where more than noise is left: what all have in common they do not
+    6.0  # times the added variance where the residual exceeds noise: groups do not show the error they have in common
 )
-MAX_LEVERAGE = (
-    0.9  # of what is known of a direction: a group that knows more is not left out of it, the others cannot tell
-)
+MAX_LEVERAGE = 0.9  # of the curvature of a direction: beyond it the other groups do not determine that direction
 
 
 @dataclass(frozen=True)
 class Groups:
-    """The residuals of a fit in groups, by their labels (N,): G labels, of which some may have no residual."""
+    """The residuals of a fit in groups: G labels over shape (N,), some of which may have no residual."""
 
-    found: Fit
+    fitted: Fit
     labels: Labels
 
     @cached_property
     def scores(self) -> Array:
         """The scores of each group, (G, k)."""
-        return group_scores(self.found.jacobian, self.found.residual, self.labels)
+        return group_scores(self.fitted.jacobian, self.fitted.residual, self.labels)
 
     @cached_property
     def curvatures(self) -> Array:
         """The curvature that each group gives, (G, k, k)."""
-        return group_curvatures(self.found.jacobian, self.labels)
+        return group_curvatures(self.fitted.jacobian, self.labels)
 
     @cached_property
     def count(self) -> int:
@@ -59,105 +58,145 @@ class Groups:
         return int(np.count_nonzero(np.bincount(self.labels)))
 
 
-def with_intervals(found: Fit, views: Sequence[ResidualModel]) -> Fit:
-    """Return a fit whose covariance and intervals allow for what the model misses, from the views it was fitted to."""
-    if not found.free or not found.residual.size:
-        return found
-    growth, freedom = variance_inflation(found, group_labels(views))
-    covariance = found.covariance * np.outer(np.sqrt(growth), np.sqrt(growth))
-    return replace(
-        found, covariance=covariance, estimates=parameter_estimates(found.free, found.model, covariance, freedom)
-    )
+def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit:
+    """Widen covariance and intervals of a fit by the variance that model error causes.
 
+    Args:
+        fitted: The fit.
+        residual_models: The residual models it was fitted to.
 
-def variance_inflation(found: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
-    """Return by how much each parameter's variance grows (k,), at least 1, and its degrees of freedom (k,).
-
-    ``groups`` number the residuals (N,). What they add has one degree less than there are groups, as of equal ones,
-    that tell of the parameter; what blocks of time tell is taken for known. The sum has the degrees of Welch and
-    Satterthwaite. A law that the model lacks moves a parameter also by what all groups have in common, which none of
-    them shows: so what they add counts UNSHOWN times, as far as the squares that tell of it are beyond noise.
+    Returns:
+        The fit with the wider covariance and Student's intervals; unchanged without parameters or data.
     """
-    by_time, variance = Groups(found, found.blocks), np.diag(found.covariance)
-    blocks, usual = _sandwich_variance(by_time), _jackknife_variance(by_time)
-    more, unsure = np.zeros(len(found.free)), np.zeros(len(found.free))
-    for labels in groups:
-        others = Groups(found, labels)
-        beyond = _sandwich_variance(others) > blocks
-        if beyond.any():
-            part = np.where(beyond, np.maximum(_jackknife_variance(others) - usual, 0.0), 0.0)
-            more, unsure = more + part, unsure + part**2 / _effective_degrees_of_freedom(others)
-    scale = 1.0 + (COMMON_ERROR_FACTOR - 1.0) * _excess_variance_share(found)
-    more, unsure = scale * more, scale**2 * unsure
-    growth = 1.0 + np.divide(more, variance, out=np.zeros_like(more), where=variance > 0.0)
-    freedom = np.divide((variance + more) ** 2, unsure, out=np.full_like(more, np.inf), where=unsure > 0.0)
-    return growth, np.maximum(freedom, 1.0)
-
-
-def _excess_variance_share(found: Fit) -> Array:
-    """Return the share beyond noise of the squares of the residuals that tell of each parameter, shape (k,)."""
-    total, squares = (
-        np.diag(found.inverse_hessian),
-        _parameter_information(found, weighted_curvature(found.jacobian, found.residual)),
+    if not fitted.free or not fitted.residual.size:
+        return fitted
+    inflation, degrees_of_freedom = variance_inflation(fitted, group_labels(residual_models))
+    covariance = fitted.covariance * np.outer(np.sqrt(inflation), np.sqrt(inflation))
+    return replace(
+        fitted,
+        covariance=covariance,
+        estimates=parameter_estimates(fitted.free, fitted.model, covariance, degrees_of_freedom),
     )
-    return np.asarray(1.0 - np.divide(total, squares, out=np.ones_like(total), where=squares > total))
 
 
-def _parameter_information(found: Fit, curvatures: Array) -> Array:
-    """Return how much residuals with these curvatures (..., k, k) tell of each parameter, shape (..., k)."""
-    return np.asarray(np.einsum("ji,...jk,ki->...i", found.inverse_hessian, curvatures, found.inverse_hessian))
+def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
+    """Compute how much model error inflates the variance of each parameter.
+
+    The variance that a grouping adds has one degree of freedom less than its effective number of groups; the variance
+    by blocks of time counts as exact. The sum has the degrees of freedom of Welch and Satterthwaite. Model error also
+    moves a parameter by the part that all groups have in common, which no grouping shows: the added variance is
+    multiplied by up to ``COMMON_ERROR_FACTOR``, by the share of the squared residuals that exceeds noise.
+
+    Args:
+        fitted: The fit.
+        groups: Groupings of the residuals, each with labels of shape (N,).
+
+    Returns:
+        The factor of each variance, at least 1, and its degrees of freedom; both of shape (k,).
+
+    References:
+        Satterthwaite, F. E., Biometrics Bulletin 2 (1946) 110.
+    """
+    by_time, variance = Groups(fitted, fitted.blocks), np.diag(fitted.covariance)
+    blocks, by_time_jackknife = _sandwich_variance(by_time), _jackknife_variance(by_time)
+    added, variance_of_added = np.zeros(len(fitted.free)), np.zeros(len(fitted.free))
+    for labels in groups:
+        by_signal = Groups(fitted, labels)
+        larger = _sandwich_variance(by_signal) > blocks
+        if larger.any():
+            part = np.where(larger, np.maximum(_jackknife_variance(by_signal) - by_time_jackknife, 0.0), 0.0)
+            added, variance_of_added = (
+                added + part,
+                variance_of_added + part**2 / _effective_degrees_of_freedom(by_signal),
+            )
+    scale = 1.0 + (COMMON_ERROR_FACTOR - 1.0) * _excess_variance_share(fitted)
+    added, variance_of_added = scale * added, scale**2 * variance_of_added
+    inflation = 1.0 + np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0)
+    degrees_of_freedom = np.divide(
+        (variance + added) ** 2, variance_of_added, out=np.full_like(added, np.inf), where=variance_of_added > 0.0
+    )
+    return inflation, np.maximum(degrees_of_freedom, 1.0)
+
+
+def _excess_variance_share(fitted: Fit) -> Array:
+    """Return the share of the squared residuals that inform each parameter and exceed noise, shape (k,)."""
+    expected, observed = (
+        np.diag(fitted.inverse_hessian),
+        _parameter_information(fitted, weighted_curvature(fitted.jacobian, fitted.residual)),
+    )
+    return np.asarray(1.0 - np.divide(expected, observed, out=np.ones_like(expected), where=observed > expected))
+
+
+def _parameter_information(fitted: Fit, curvatures: Array) -> Array:
+    """Return the information on each parameter from residuals of these curvatures (..., k, k), shape (..., k)."""
+    return np.asarray(np.einsum("ji,...jk,ki->...i", fitted.inverse_hessian, curvatures, fitted.inverse_hessian))
 
 
 def _effective_degrees_of_freedom(groups: Groups) -> Array:
-    """Return one less than how many groups, as of equal ones, tell of each parameter, shape (k,)."""
-    each = _parameter_information(groups.found, groups.curvatures)
-    squares = (each**2).sum(axis=0)
-    number = np.divide(each.sum(axis=0) ** 2, squares, out=np.ones_like(squares), where=squares > 0.0)
+    """Return one less than the effective number of groups that inform each parameter, shape (k,)."""
+    information = _parameter_information(groups.fitted, groups.curvatures)
+    observed = (information**2).sum(axis=0)
+    number = np.divide(information.sum(axis=0) ** 2, observed, out=np.ones_like(observed), where=observed > 0.0)
     return np.asarray(np.maximum(number - 1.0, 1.0))
 
 
-def group_labels(views: Sequence[ResidualModel]) -> Iterator[Labels]:
-    """Yield the number of the group of each residual (N,): by recording, then by bins of each signal in turn."""
-    names = {name: i for i, name in enumerate(dict.fromkeys(v.experiment.recording.name for v in views))}
-    yield _residual_labels(views, [np.full(v.experiment.time.size, names[v.experiment.recording.name]) for v in views])
-    kinds = {kind: i for i, kind in enumerate(dict.fromkeys(type(v) for v in views))}
+def group_labels(residual_models: Sequence[ResidualModel]) -> Iterator[Labels]:
+    """Yield groupings of the residuals: by recording, then by bins of each signal in turn.
+
+    Args:
+        residual_models: The residual models whose residuals are stacked.
+
+    Yields:
+        The group of each residual, shape (N,).
+    """
+    names = {name: i for i, name in enumerate(dict.fromkeys(v.experiment.recording.name for v in residual_models))}
+    yield _residual_labels(
+        residual_models, [np.full(v.experiment.time.size, names[v.experiment.recording.name]) for v in residual_models]
+    )
+    kinds = {kind: i for i, kind in enumerate(dict.fromkeys(type(v) for v in residual_models))}
     for name in ("time", "x", "v", "p1", "p2", "u"):
-        signals = [_signal(v.experiment, name) for v in views]
+        signals = [_signal(v.experiment, name) for v in residual_models]
         edges = np.unique(np.quantile(np.concatenate(signals), np.linspace(0.0, 1.0, BINS_PER_SIGNAL + 1)[1:-1]))
         bins = [np.searchsorted(edges, signal) for signal in signals]
         yield _residual_labels(
-            views, [b + (BINS_PER_SIGNAL + 1) * kinds[type(v)] for b, v in zip(bins, views, strict=True)]
+            residual_models,
+            [b + (BINS_PER_SIGNAL + 1) * kinds[type(v)] for b, v in zip(bins, residual_models, strict=True)],
         )
 
 
 def _signal(e: Experiment, name: str) -> Array:
-    """Return a signal of an experiment as the kernel takes it, shape (n,); time counts from the recording's start."""
+    """Return a kernel input of an experiment, shape (n,); time counts from the recording's start."""
     return e.time - e.time[0] if name == "time" else np.asarray(e.inputs[:, at.INPUTS.index(name)])
 
 
-def _residual_labels(views: Sequence[ResidualModel], labels: Sequence[Labels]) -> Labels:
-    """Return labels of samples as those of residuals: channel after channel of each view."""
-    return np.concatenate([np.tile(mine, len(view.channels)) for view, mine in zip(views, labels, strict=True)])
+def _residual_labels(residual_models: Sequence[ResidualModel], labels: Sequence[Labels]) -> Labels:
+    """Repeat labels of samples for each channel of their residual model."""
+    return np.concatenate(
+        [
+            np.tile(sample_labels, len(view.channels))
+            for view, sample_labels in zip(residual_models, labels, strict=True)
+        ]
+    )
 
 
 def _sandwich_variance(groups: Groups) -> Array:
-    """Return the variance of each parameter (k,) by the sums of the scores in groups."""
-    return np.asarray(((groups.scores @ groups.found.inverse_hessian) ** 2).sum(axis=0))
+    """Return the variance of each parameter (k,) from the summed scores of groups."""
+    return np.asarray(((groups.scores @ groups.fitted.inverse_hessian) ** 2).sum(axis=0))
 
 
 def _jackknife_variance(groups: Groups) -> Array:
-    """Return the variance of each parameter (k,): what leaving out each group moves it by, in one step, squared."""
-    root = _matrix_square_root(groups.found.inverse_hessian)
-    moved = np.zeros(len(root))
-    for score, curved in zip(groups.scores, groups.curvatures, strict=True):
-        share, own = np.linalg.eigh(root.T @ curved @ root)  # of what all data together know of a direction
-        left = own.T @ (root.T @ score) / (1.0 - np.minimum(share, MAX_LEVERAGE))
-        moved += (root @ (own @ left)) ** 2
-    return np.asarray(moved * (groups.count - 1) / groups.count)
+    """Return the jackknife variance of each parameter (k,): squared one-step shifts with each group left out."""
+    root = _matrix_square_root(groups.fitted.inverse_hessian)
+    shift = np.zeros(len(root))
+    for score, curvature in zip(groups.scores, groups.curvatures, strict=True):
+        share, axes = np.linalg.eigh(root.T @ curvature @ root)  # of what all data together know of a direction
+        step = axes.T @ (root.T @ score) / (1.0 - np.minimum(share, MAX_LEVERAGE))
+        shift += (root @ (axes @ step)) ** 2
+    return np.asarray(shift * (groups.count - 1) / groups.count)
 
 
 def _matrix_square_root(matrix: Array) -> Array:
-    """Return R (k, k) with R R^T the matrix, whose scales may differ much."""
+    """Return R (k, k) with R R^T equal to the matrix, also where the scales of its entries differ much."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     level = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(level, level))

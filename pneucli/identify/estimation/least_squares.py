@@ -1,8 +1,11 @@
-"""Bounded least squares by Levenberg and Marquardt's method on the normal equations.
+"""Bounded least squares by the Levenberg-Marquardt method on the normal equations.
 
-scipy's ``least_squares`` factorises the whole Jacobian (N, k) in every round; with N = 1e5 residuals and k = 20
-parameters that costs as much as the simulations. Here only k by k matrices are solved. Source: D. W. Marquardt,
-J. SIAM 11 (1963) 431; bounds by projection, parameters that press against one are held.
+scipy's ``least_squares`` factorises the whole Jacobian (N, k) in every iteration; with N = 1e5 residuals and k = 20
+parameters that costs as much as the simulations. This solver factorises k by k matrices only. Bounds act by projection;
+a parameter whose gradient points across its bound is fixed for that step.
+
+References:
+    Marquardt, D. W., J. SIAM 11 (1963) 431.
 """
 
 from __future__ import annotations
@@ -18,15 +21,15 @@ Array = NDArray[np.float64]
 
 INITIAL_DAMPING = 1e-3
 MAX_DAMPING = 1e8
-MAX_DAMPING_TRIES = 8  # of one direction, with ever more damping
-MAX_DECREASE_FOR_REUSE = 0.01  # of the sum: after a step that lowers it by less derivatives have hardly changed
-MIN_EXTENSION_RATIO = 1.5  # times the promised fall: a step that gains more was too short
-MAX_STEP_DOUBLINGS = 6  # of such a step
-MIN_GAIN_RATIO = 0.25  # of the promised fall: a step that gains less asks for derivatives anew (usual in trust regions)
+MAX_DAMPING_TRIES = 8  # increases of the damping before the search gives up
+MAX_DECREASE_FOR_REUSE = 0.01  # of the cost: after a smaller decrease the derivatives have hardly changed
+MIN_EXTENSION_RATIO = 1.5  # times the predicted decrease: a step that gains more was too short
+MAX_STEP_DOUBLINGS = 6  # of a step that was too short
+MIN_GAIN_RATIO = 0.25  # of the predicted decrease, as in trust regions: a step that gains less asks for new derivatives
 
 
 class NormalEquations(NamedTuple):
-    """What is to be solved of residuals r and derivatives J, where J would fill the memory: J'r (k,), J'J (k, k)."""
+    """The gradient J'r (k,) and the curvature J'J (k, k), where J itself would fill the memory."""
 
     gradient: Array
     curvature: Array
@@ -37,7 +40,7 @@ J = TypeVar("J", Array, NormalEquations)
 
 @dataclass(frozen=True)
 class Solution(Generic[J]):
-    """Where the search ended: z (k,), residuals (N,), their derivatives (N, k), and the rounds it took."""
+    """The end of a search: coordinates z (k,), residuals (N,), their derivatives (N, k), and the number of iterations."""
 
     z: Array
     residual: Array
@@ -46,8 +49,8 @@ class Solution(Generic[J]):
 
 
 class Step(NamedTuple):
-    """A step that lowers the sum: where it leads, the residuals there, the next damping, and whether the sum fell as
-    far as the derivatives promised.
+    """A step that lowers the cost: the new coordinates, the residuals there, the next damping, and whether the cost fell as
+    far as the derivatives predicted.
     """
 
     z: Array
@@ -67,28 +70,46 @@ def minimise(
     callback: Callable[[float], None] = lambda cost: None,
     initial_jacobian: J | None = None,
 ) -> Solution[J]:
-    """Minimise the sum of squares from ``start`` (k,) within ``bounds``.
+    """Minimise a sum of squares within bounds.
 
-    ``jacobian`` returns the derivatives (N, k) of the residuals, or the normal equations; ``initial_jacobian`` are those at the
-    start where they are known. Ends when the first step with new derivatives lowers the sum by less than ``tolerance``
-    of it (the derivatives stay those before that step), or after ``max_iterations`` of them; ``callback`` is told the sum, at
-    the start and then. Near the end, where steps are short, derivatives serve for more than one.
+    Near the minimum, where steps are short, one set of derivatives serves several steps.
+
+    Args:
+        residuals: Function of the coordinates (k,) to the residuals (N,).
+        jacobian: Function of the coordinates to the derivatives (N, k), or to the normal equations.
+        start: Coordinates to start from, shape (k,).
+        bounds: Lower and upper bounds, each of shape (k,).
+        max_iterations: Largest number of evaluations of ``jacobian``.
+        tolerance: Relative decrease of the cost below which a step with new derivatives ends the search.
+        callback: Function that receives the cost at the start and after each iteration.
+        initial_jacobian: The derivatives at the start, where they are available.
+
+    Returns:
+        The solution; its derivatives are those from which the last step was taken.
+
+    >>> line = lambda z: np.array([z[0] - 1.0, 2.0 * (z[0] - 1.0)])
+    >>> slope = lambda z: np.array([[1.0], [2.0]])
+    >>> found = minimise(line, slope, np.array([5.0]), (np.array([2.0]), np.array([9.0])), max_iterations=9, tolerance=1e-9)
+    >>> found.z.tolist()
+    [2.0]
     """
     z, damping = np.clip(start, *bounds), INITIAL_DAMPING
     r, j = residuals(z), jacobian(z) if initial_jacobian is None else initial_jacobian
     callback(_sum_of_squares(r))
     for done in range(1, max_iterations + 1):
-        new, fall = True, np.inf
-        while (step := _step(residuals, z, r, j, bounds, damping, MAX_DAMPING_TRIES if new else 1)) is not None:
-            fall = 1.0 - _sum_of_squares(step.residual) / _sum_of_squares(r)
+        has_new_jacobian, decrease = True, np.inf
+        while (
+            step := _step(residuals, z, r, j, bounds, damping, MAX_DAMPING_TRIES if has_new_jacobian else 1)
+        ) is not None:
+            decrease = 1.0 - _sum_of_squares(step.residual) / _sum_of_squares(r)
             z, r, damping = step.z, step.residual, step.damping
-            if fall < tolerance or fall > MAX_DECREASE_FOR_REUSE or not step.as_predicted:
+            if decrease < tolerance or decrease > MAX_DECREASE_FOR_REUSE or not step.as_predicted:
                 break
-            new = False
+            has_new_jacobian = False
         callback(_sum_of_squares(r))
-        if new and (step is None or fall < tolerance):
+        if has_new_jacobian and (step is None or decrease < tolerance):
             return Solution(z, r, j, done)
-        del j  # before the next one is made: it is what most memory goes into
+        del j  # frees the largest array before the next one is allocated
         j = jacobian(z)
     return Solution(z, r, j, max_iterations)
 
@@ -102,26 +123,29 @@ def _step(
     damping: float,
     tries: int,
 ) -> Step | None:
-    """Return the next step, None where none of so many ``tries``, with ever more damping, lowers the sum."""
+    """Return the next step; None where ``tries`` increases of the damping find no lower cost."""
     gradient, curvature = j if isinstance(j, NormalEquations) else normal_equations(r, j)
-    told = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
-    held = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~told
-    free = np.flatnonzero(~held)
+    is_determined = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
+    is_fixed = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~is_determined
+    free = np.flatnonzero(~is_fixed)
     if not free.size:
         return None
-    cost, inner, g = _sum_of_squares(r), curvature[np.ix_(free, free)], gradient[free]
+    cost, free_curvature, g = _sum_of_squares(r), curvature[np.ix_(free, free)], gradient[free]
     for _ in range(tries):
-        moved = z.copy()
-        moved[free] -= np.linalg.lstsq(inner + damping * np.diag(np.diag(inner)), g, rcond=1e-14)[0]
-        moved = np.clip(moved, *bounds)
-        tried = residuals(moved)
-        if _sum_of_squares(tried) < cost:
-            step = (moved - z)[free]
-            promised = -float(2.0 * g @ step + step @ inner @ step)
-            if cost - _sum_of_squares(tried) > MIN_EXTENSION_RATIO * promised:
-                moved, tried = _extend_step(residuals, z, moved, tried, bounds)
+        trial = z.copy()
+        trial[free] -= np.linalg.lstsq(free_curvature + damping * np.diag(np.diag(free_curvature)), g, rcond=1e-14)[0]
+        trial = np.clip(trial, *bounds)
+        trial_residual = residuals(trial)
+        if _sum_of_squares(trial_residual) < cost:
+            step = (trial - z)[free]
+            predicted_decrease = -float(2.0 * g @ step + step @ free_curvature @ step)
+            if cost - _sum_of_squares(trial_residual) > MIN_EXTENSION_RATIO * predicted_decrease:
+                trial, trial_residual = _extend_step(residuals, z, trial, trial_residual, bounds)
             return Step(
-                moved, tried, max(damping / 9.0, 1e-9), cost - _sum_of_squares(tried) > MIN_GAIN_RATIO * promised
+                trial,
+                trial_residual,
+                max(damping / 9.0, 1e-9),
+                cost - _sum_of_squares(trial_residual) > MIN_GAIN_RATIO * predicted_decrease,
             )
         damping = max(damping * 8.0, 1e-4)
         if damping > MAX_DAMPING:
@@ -130,13 +154,31 @@ def _step(
 
 
 def normal_equations(residual: Array, jacobian: Array) -> NormalEquations:
-    """Return the normal equations of residuals (N,) and their derivatives (N, k)."""
-    with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away has no derivatives
+    """Form the normal equations.
+
+    Args:
+        residual: Residuals, shape (N,).
+        jacobian: Their derivatives, shape (N, k).
+
+    Returns:
+        Gradient (k,) and curvature (k, k); not finite where the model diverges.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging model has no derivatives
         return NormalEquations(jacobian.T @ residual, jacobian.T @ jacobian)
 
 
 def pseudo_inverse(curvature: Array) -> Array:
-    """Return the inverse of a curvature (k, k), 0 for what is not told; whatever the sizes of the coordinates."""
+    """Invert a curvature whose coordinates may have very different scales.
+
+    Args:
+        curvature: The curvature, shape (k, k).
+
+    Returns:
+        The inverse, shape (k, k); 0 along directions that the curvature does not determine.
+
+    >>> pseudo_inverse(np.array([[4.0, 0.0], [0.0, 0.0]])).tolist()
+    [[0.25, 0.0], [0.0, 0.0]]
+    """
     size = np.sqrt(curvature.diagonal())
     size = np.where(size > 0.0, size, 1.0)
     scaled = curvature / size[:, None] / size
@@ -144,23 +186,23 @@ def pseudo_inverse(curvature: Array) -> Array:
 
 
 def _sum_of_squares(residual: Array) -> float:
-    """Return the sum of squares; infinite for a model that runs away."""
+    """Return the sum of squares; infinite for a diverging model."""
     with np.errstate(over="ignore", invalid="ignore"):
         cost = float(residual @ residual)
     return cost if np.isfinite(cost) else np.inf
 
 
 def _extend_step(
-    residuals: Callable[[Array], Array], z: Array, moved: Array, tried: Array, bounds: tuple[Array, Array]
+    residuals: Callable[[Array], Array], z: Array, trial: Array, trial_residual: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Return where a step from z to ``moved``, doubled as long as the sum falls, leads, and the residuals there.
+    """Double a step for as long as the cost falls; return its end and the residuals there.
 
-    Noise in the derivatives adds to the curvature and makes steps too short: the sum tells.
+    Noise in the derivatives adds to the curvature and makes steps too short.
     """
     for _ in range(MAX_STEP_DOUBLINGS):
-        beyond = np.clip(2.0 * moved - z, *bounds)
-        more = residuals(beyond)
-        if not _sum_of_squares(more) < _sum_of_squares(tried):
+        longer = np.clip(2.0 * trial - z, *bounds)
+        longer_residual = residuals(longer)
+        if not _sum_of_squares(longer_residual) < _sum_of_squares(trial_residual):
             break
-        moved, tried = beyond, more
-    return moved, tried
+        trial, trial_residual = longer, longer_residual
+    return trial, trial_residual

@@ -28,9 +28,9 @@ DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for differences
 class FreeParameter:
     """One free parameter. The fit sees (value - zero) / scale, or log(value) where ``logarithmic``.
 
-    ``prior_sigma`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide alone;
-    ``prior_mean`` is the value around which it holds, the start where there is none; ``step`` the difference in that
-    coordinate from which derivatives are taken.
+    ``prior_sigma`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide
+    alone; ``prior_mean`` is the value around which it holds, the start where there is none; ``step`` the difference in
+    that coordinate from which derivatives are taken.
     """
 
     name: str

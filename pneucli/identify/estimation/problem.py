@@ -29,7 +29,8 @@ POWER_LAW_SIGMA = 0.02  # of the logarithm of the area: by how much a valve depa
 class LeastSquaresProblem:
     """Residuals of the views in units of their noise, and their derivatives.
 
-    The residuals are whitened for the ``errors`` that starts have with the model as it is at first, or ``given_sensitivities`` ones.
+    The residuals are whitened for the ``errors`` that starts have with the model as it is at first, or
+    ``given_sensitivities`` ones.
     """
 
     model: Model

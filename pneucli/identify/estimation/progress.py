@@ -1,4 +1,4 @@
-"""Who wants to see a fit at work: each round of each search, as it is done."""
+"""Progress of a fit: each iteration of each search, as it happens."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 
 class Iteration(NamedTuple):
-    """One round: the effects of the model that is fitted, which search and round of it, and the rms residual.
+    """One iteration: the effects of the fitted model, the number of the search and of the iteration, and the rms residual.
 
-    The residual is in units of the noise, over all channels, what is known beforehand counted with it.
+    The residual is in units of the noise, over all channels and priors.
     """
 
     effects: tuple[str, ...]
@@ -27,7 +27,11 @@ _search_count: ContextVar[int] = ContextVar("searches", default=0)
 
 @contextmanager
 def report_iterations_to(observer: Callable[[Iteration], None]) -> Iterator[None]:
-    """Let ``observer`` be told of each round of the fits in this thread, while it lasts."""
+    """Call an observer at each iteration of the fits in this thread, for as long as the context lasts.
+
+    Args:
+        observer: The function to call.
+    """
     tokens = _observer.set(observer), _search_count.set(0)
     try:
         yield
@@ -37,15 +41,23 @@ def report_iterations_to(observer: Callable[[Iteration], None]) -> Iterator[None
 
 
 def iteration_callback(effects: Sequence[str], residuals: int) -> Callable[[float], None]:
-    """Return what a search of so many ``residuals`` calls with its sum of squares, first before its first round."""
-    see = _observer.get()
-    if see is None:
+    """Start a search and return the callback that reports its iterations.
+
+    Args:
+        effects: Names of the model's effects.
+        residuals: Number of residuals.
+
+    Returns:
+        The function to call with the sum of squares, first before the first iteration.
+    """
+    observer = _observer.get()
+    if observer is None:
         return lambda cost: None
     search = _search_count.get() + 1
     _search_count.set(search)
-    done = iter(range(1_000_000))
+    iterations = iter(range(1_000_000))
 
-    def tell(cost: float) -> None:
-        see(Iteration(tuple(effects), search, next(done), math.sqrt(cost / max(residuals, 1))))
+    def report(cost: float) -> None:
+        observer(Iteration(tuple(effects), search, next(iterations), math.sqrt(cost / max(residuals, 1))))
 
-    return tell
+    return report

@@ -50,10 +50,9 @@ class FrictionIdentification:
     a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
     (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
     ``deviations`` are the tables 6.2 and 6.3, ``replays`` one slip under each model; they, ``kinetic`` friction,
-    ``break_aways``, growth ``pressure_dependence`` and ``repeatability`` have the test recordings in them; all else rests on the
-    training ones.
-    ``removed_effects`` names the effects of forces, mass and sensors that are no friction and were allowed for, ``unmodelled_effects``
-    for each of A to F the effects on friction that it cannot show.
+    ``break_aways``, growth ``pressure_dependence`` and ``repeatability`` have the test recordings in them; all else
+    rests on the training ones. ``removed_effects`` names the effects of forces, mass and sensors that are no friction
+    and were allowed for, ``unmodelled_effects`` for each of A to F the effects on friction that it cannot show.
     """
 
     mass: IntervalEstimate | None
@@ -97,10 +96,10 @@ def identify_friction(
     """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
 
     What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. Of the TP models
-    ``nodes`` is the number of grid points, ``max_velocity`` (m/s) the end of their velocities, by default the highest of the
-    tests, ``sign_steepness`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits the recordings of
-    use ``train``. Raises InputError where there is none, where the drive or the motion was not recorded, or where
-    hardly anything moves.
+    ``nodes`` is the number of grid points, ``max_velocity`` (m/s) the end of their velocities, by default the highest
+    of the tests, ``sign_steepness`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits
+    the recordings of use ``train``. Raises InputError where there is none, where the drive or the motion was not
+    recorded, or where hardly anything moves.
     """
     motions = tuple(estimate_motion(r, model) for r in _friction_recordings(recordings))
     train = [m for m in motions if m.recording.use == "train"]

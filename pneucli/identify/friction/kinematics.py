@@ -44,11 +44,11 @@ class Motion:
     """Signals of one recording, each of shape (n,), SI; forces toward +x.
 
     ``drive`` is all that acts on the piston but friction and inertia: pressures as true sensors would read them, a
-    measured force, and the ``load`` that the model's effects state (``non_friction``). ``smooth_drive`` and ``smooth_a`` are
-    freed from noise, ``drive_noise_draws`` (draws, n) is what the sensors' noise leaves in the smooth drive; ``a`` is without
-    the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of what is not smoothed) are
-    standard deviations, ``accelerometer_noise`` that of the accelerometer (0: none). ``valid``: measured. Velocity and force are
-    smoothed over ``smoothing_samples`` samples to each side.
+    measured force, and the ``load`` that the model's effects state (``non_friction``). ``smooth_drive`` and
+    ``smooth_a`` are freed from noise, ``drive_noise_draws`` (draws, n) is what the sensors' noise leaves in the smooth
+    drive; ``a`` is without the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of what
+    is not smoothed) are standard deviations, ``accelerometer_noise`` that of the accelerometer (0: none). ``valid``:
+    measured. Velocity and force are smoothed over ``smoothing_samples`` samples to each side.
     """
 
     recording: Recording

@@ -43,8 +43,8 @@ class VelocityDomain:
     The nodes' distance grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
     distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
     broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve
-    (``resolved_velocity``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from its
-    smoothing. ``steepness`` (s/m) states eta instead.
+    (``resolved_velocity``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from
+    its smoothing. ``steepness`` (s/m) states eta instead.
     """
 
     max_velocity: float
@@ -175,8 +175,9 @@ def tp_from_samples(
 ) -> FrictionModel | None:
     """Return model C or F: TP models directly from the measured samples of each branch, less the ``offset`` (N).
 
-    A direction with fewer than ``MIN_BRANCH_SAMPLES`` samples mirrors the other. Beyond the measured velocities friction goes on
-    with the slope ``viscous`` (N s/m), toward standstill it is held. None where a branch has too few in either.
+    A direction with fewer than ``MIN_BRANCH_SAMPLES`` samples mirrors the other. Beyond the measured velocities
+    friction goes on with the slope ``viscous`` (N s/m), toward standstill it is held. None where a branch has too few
+    in either.
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)

@@ -67,8 +67,9 @@ class AveragedFriction:
 def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:
     """Return every single stick-slip of a recording, for a moving mass in kg.
 
-    A slide counts that the piston rests ``MIN_REST_RATIO`` of its duration before and after; what is slower than ``MIN_SLIDE_SPEED_RATIO`` of the
-    recording's highest speed throughout is rest, since velocity from position alone rings beside a stop.
+    A slide counts that the piston rests ``MIN_REST_RATIO`` of its duration before and after; what is slower than
+    ``MIN_SLIDE_SPEED_RATIO`` of the recording's highest speed throughout is rest, since velocity from position alone
+    rings beside a stop.
     """
     begins, stops = _slides(motion)
     before = np.concatenate([[0], stops])[:-1]

@@ -24,8 +24,8 @@ class ChamberGas:
     """A chamber, or a vessel in its place; arrays of shape (n,).
 
     ``volume`` in m^3 and its ``volume_rate`` in m^3/s; ``flow`` the mass flow in kg/s into it by the balance of its
-    pressure, ``swept_flow`` the part of it that the growing volume takes; ``stiffness`` in Pa/kg, by which gas that is added
-    raises the pressure.
+    pressure, ``swept_flow`` the part of it that the growing volume takes; ``stiffness`` in Pa/kg, by which gas that is
+    added raises the pressure.
     """
 
     volume: Array

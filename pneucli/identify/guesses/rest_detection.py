@@ -17,8 +17,9 @@ MIN_BREAKAWAY_SPEED = 1e-9  # m/s, of a break-away whose velocity noise hides: i
 def breakaway_velocities(v: Array, smoothed: Array, onset_speed: float, min_samples: int) -> Array:
     """Return the velocity in m/s at the last sample of each rest that motion follows, else 0; shape of v.
 
-    ``v`` is zero at rest, which ends late: where noise hides the velocity. The ``smoothed`` one tells where it began
-    to grow beyond ``onset_speed`` m/s; the break-away is at the sample before. Rest and motion last ``min_samples`` samples.
+    ``v`` is zero at rest, which ends late: where noise hides the velocity. The ``smoothed`` one tells where it began to
+    grow beyond ``onset_speed`` m/s; the break-away is at the sample before. Rest and motion last ``min_samples``
+    samples.
     """
     out = np.zeros(v.size)
     moving = v != 0.0

@@ -30,9 +30,9 @@ class DiscrepancyTerm:
     """As what something that a model lacks may act in one channel: its ``name``, its ``unit``, and what one such unit
     is over time (n,).
 
-    ``to_residual`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first order.
-    It may be a function of any signal, or of the one that is its ``argument`` one. ``modelled`` (n,) is that signal as the
-    model has it: of what was measured, what the model lacks is a part, which would explain itself.
+    ``to_residual`` takes courses of it (k, n) to what they make of the residual, (k, n) in units of noise, to first
+    order. It may be a function of any signal, or of the one that is its ``argument`` one. ``modelled`` (n,) is that
+    signal as the model has it: of what was measured, what the model lacks is a part, which would explain itself.
     """
 
     name: str
@@ -47,10 +47,10 @@ class DiscrepancyTerm:
 class ResidualModel(ABC):
     """One experiment seen through one subsystem.
 
-    ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show, ``base_groups`` the
-    groups of base parameters that matter. ``predicts_force``: an error of it is one of a force. ``is_simulated``: it is
-    simulated from each restart on, so that errors grow until the next. ``weights`` by channel (1 where there is none)
-    say how much a fit counts a residual.
+    ``title`` names the subsystem to people, ``sides`` the balances in which an effect must stand to show,
+    ``base_groups`` the groups of base parameters that matter. ``predicts_force``: an error of it is one of a force.
+    ``is_simulated``: it is simulated from each restart on, so that errors grow until the next. ``weights`` by channel
+    (1 where there is none) say how much a fit counts a residual.
     """
 
     experiment: Experiment

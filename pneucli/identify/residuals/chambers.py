@@ -39,8 +39,8 @@ PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: plays that are tri
 class ChamberPressures(ResidualModel):
     """Gas and valve.
 
-    ``whiten_initial_state`` for the errors of the starts: right for costs that are compared. Where the model is wrong, the sum of
-    squares itself is the better guide, since it is the error that the user sees.
+    ``whiten_initial_state`` for the errors of the starts: right for costs that are compared. Where the model is wrong,
+    the sum of squares itself is the better guide, since it is the error that the user sees.
     """
 
     whiten_initial_state: bool = False

@@ -166,8 +166,9 @@ class ForceBalance(ResidualModel):
         """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
         ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
 
-        ``inputs`` (n, 8) and ``acceleration_and_removed_force`` are the experiment's own, or of other readings of the same run; ``noise``
-        (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing leaves it.
+        ``inputs`` (n, 8) and ``acceleration_and_removed_force`` are the experiment's own, or of other readings of the
+        same run; ``noise`` (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing
+        leaves it.
         """
         e, kernel = self.experiment, kernel_for(model.effects)
         (a, rough), (leaving, doubtful) = (

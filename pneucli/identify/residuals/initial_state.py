@@ -40,7 +40,8 @@ def initial_state_sensitivity(
 ) -> dict[str, Array]:
     """Return by pressure what errors of the starts become in what is read, (1, n) each in units of the sensor's noise.
 
-    ``errors`` is what :func:`initial_state_errors` gives; a start from readings whose lag is undone errs by their rate too.
+    ``errors`` is what :func:`initial_state_errors` gives; a start from readings whose lag is undone errs by their rate
+    too.
     """
     nudged, e, out = experiment.inputs.copy(), experiment, {}
     nudge = PRESSURE_PERTURBATION * float(nudged[:, list(PRESSURE_COLUMNS.values())].max())

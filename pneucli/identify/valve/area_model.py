@@ -1,9 +1,9 @@
 """The law that is fitted to the curves: the model's own valve, bent as far as the curves ask for it.
 
 dp/dt = trend(u, p) exp(h(u, r)) + l(p), where the trend is the quasi-static gradient of the fitted model
-(:mod:`pneucli.identify.valve.model_gradient`) and r the ratio of downstream to upstream pressure. h is a polynomial in r shared
-by the commands of one sign plus one of low degree per command, linear in log |u| between commands; l holds a leak.
-What h and l say beyond their errors is what the model lacks.
+(:mod:`pneucli.identify.valve.model_gradient`) and r the ratio of downstream to upstream pressure. h is a polynomial in
+r shared by the commands of one sign plus one of low degree per command, linear in log |u| between commands; l holds a
+leak. What h and l say beyond their errors is what the model lacks.
 """
 
 from __future__ import annotations

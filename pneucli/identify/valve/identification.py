@@ -79,11 +79,11 @@ class RecordingResidual:
 class ValveIdentification:
     """All that recordings tell of the paths of one chamber, beside what the model has of them.
 
-    ``map`` and ``inverse`` are what was ``measured`` in a vessel, ``lack_of_fit`` is the model's difference from it; else they
-    are the model's as its fit to a driven piston has it. ``iso`` are the model's characteristics. ``residuals`` are
-    those of all recordings, held-out ones included. ``max_gradient`` is the largest
-    |dp/dt| (Pa/s) of the map where data covered it, ``max_measured_gradient`` the largest that the recordings themselves show.
-    Commands are those that went to the valve; ``area_model`` and ``lack_of_fit`` count from the null one.
+    ``map`` and ``inverse`` are what was ``measured`` in a vessel, ``lack_of_fit`` is the model's difference from it;
+    else they are the model's as its fit to a driven piston has it. ``iso`` are the model's characteristics.
+    ``residuals`` are those of all recordings, held-out ones included. ``max_gradient`` is the largest |dp/dt| (Pa/s) of
+    the map where data covered it, ``max_measured_gradient`` the largest that the recordings themselves show. Commands
+    are those that went to the valve; ``area_model`` and ``lack_of_fit`` count from the null one.
     """
 
     chamber: Chamber

@@ -22,8 +22,8 @@ MAX_SHARE_OUTSIDE = 0.05  # of the points is worth a warning
 class LackOfFit:
     """The model against what was measured at points ``u`` (V from the null) and ``p`` (Pa), arrays ``(nu, np)``.
 
-    In Pa/s; ``model_error`` is the model's own, standard, ``half_interval`` half the width of the 95 % interval of ``measured``.
-    ``covered`` where something was measured; ``has_flow`` where enough flows there.
+    In Pa/s; ``model_error`` is the model's own, standard, ``half_interval`` half the width of the 95 % interval of
+    ``measured``. ``covered`` where something was measured; ``has_flow`` where enough flows there.
     """
 
     u: Array

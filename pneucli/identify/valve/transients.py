@@ -32,11 +32,11 @@ SUPPLY_AVERAGING_TIME = 0.1  # s over which the supply's reading is averaged: a 
 class Transients:
     """``L`` stretches of up to ``N`` samples: arrays of shape ``(N, L)``, padded where ``valid`` is False.
 
-    ``u`` in V, ``supply`` and ``p`` in Pa; ``memory_gradient`` ``(N, L, 1 + k)`` in Pa/s, what the model's memory adds to dp/dt
-    and its derivatives to the trend's k parameters (k = 0 without memory); ``time`` in s; ``period`` (s),
-    ``recording`` (index) and ``averaged_readings``, of how many readings a sample is the mean, have shape ``(L,)``. ``substeps`` of
-    one sample are small against the curves' own time; ``max_slope`` is the largest slope in Pa/s that they show, noise
-    and all.
+    ``u`` in V, ``supply`` and ``p`` in Pa; ``memory_gradient`` ``(N, L, 1 + k)`` in Pa/s, what the model's memory adds
+    to dp/dt and its derivatives to the trend's k parameters (k = 0 without memory); ``time`` in s; ``period`` (s),
+    ``recording`` (index) and ``averaged_readings``, of how many readings a sample is the mean, have shape ``(L,)``.
+    ``substeps`` of one sample are small against the curves' own time; ``max_slope`` is the largest slope in Pa/s that
+    they show, noise and all.
     """
 
     time: Array
@@ -93,8 +93,8 @@ def cut_transients(
 ) -> Transients:
     """Return all stretches between jumps of the command; raise InputError where a signal is missing or none lasts.
 
-    ``memory_gradients``: of each recording what the model's memory adds to dp/dt and its derivatives, ``(1 + k, n)`` in Pa/s.
-    Readings are averaged as far as the curves are nearly straight, since the work goes with their number.
+    ``memory_gradients``: of each recording what the model's memory adds to dp/dt and its derivatives, ``(1 + k, n)`` in
+    Pa/s. Readings are averaged as far as the curves are nearly straight, since the work goes with their number.
     """
     jobs = enumerate(zip(recordings, memory_gradients, strict=True))
     pieces = [piece for k, (r, more) in jobs for piece in _segments(k, r, supply_pressure, more)]
