@@ -70,7 +70,7 @@ def design_variants(data: DesignData, names: Iterable[str]) -> dict[str, Control
         Controllers by the name of the variant, such as ``relay, switching``.
 
     """
-    found = {}
+    found: dict[str, Controller] = {}
     for name in names:
         for title, choice in VARIANTS.get(name, {}).items():
             changed = replace(data.requirements, **choice)

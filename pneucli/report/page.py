@@ -73,7 +73,7 @@ def _zoom_plots(sections: Sequence[Section]) -> Iterator[ZoomPlot]:
     return (part for section in sections for part in section.parts if isinstance(part, ZoomPlot))
 
 
-def _plots(sections: list[Section]) -> str:
+def _plots(sections: Sequence[Section]) -> str:
     """Return the data of the zoomable plots as JSON that can stand in a script element."""
     content = {
         zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs]

@@ -145,7 +145,7 @@ def _updated(intensity: Array, power: Array, expected: Array) -> Array:
     first, last = np.maximum(at - half, 0), np.minimum(at + half + 1, intensity.size)
     found, awaited = (np.concatenate([[0.0], np.cumsum(y)]) for y in (power, expected))
     ratio = (found[last] - found[first] + PRIOR_COUNT) / (awaited[last] - awaited[first] + PRIOR_COUNT)
-    return np.clip(intensity * ratio**UPDATE_EXPONENT, *INTENSITY_RANGE)
+    return np.asarray(np.clip(intensity * ratio**UPDATE_EXPONENT, *INTENSITY_RANGE))
 
 
 @_compiled
@@ -221,13 +221,6 @@ def _corrected(predicted: Array, covariance: Array, adjoint: Array) -> Array:
         out[k, 1] = predicted[k, 1] - (xv * lx + vv * lv + va * la)
         out[k, 2] = predicted[k, 2] - (xa * lx + va * lv + aa * la)
     return out
-
-
-@_compiled
-def _quadratic(m: tuple[float, float, float, float, float, float], x: float, v: float, a: float) -> float:
-    """Return the quadratic form of a symmetric matrix (xx, xv, xa, vv, va, aa)."""
-    xx, xv, xa, vv, va, aa = m
-    return xx * x * x + vv * v * v + aa * a * a + 2.0 * (xv * x * v + xa * x * a + va * v * a)
 
 
 @_compiled

@@ -118,7 +118,7 @@ def test_a_wrong_reading_is_an_error_of_its_own_and_of_the_start() -> None:
     fading = simulate(BARE, e, nudged)["p1"] - simulate(BARE, e)["p1"]
     assert sensor_error_deviation(e, wrong[None], fading)[0] == pytest.approx(left, abs=1.2)
     view = ChamberPressures(e)
-    view.__dict__.update(noise={"p1": 100.0, "p2": 100.0}, channels=("p1", "p2"), whitened=False)
+    view.__dict__.update(noise={"p1": 100.0, "p2": 100.0}, channels=("p1", "p2"), whiten_initial_state=False)
     way = view.discrepancy_terms(BARE, "p1")[-1]
     assert (way.name, way.unit) == ("error of its sensor", "Pa")
     assert way.to_residual(wrong[None])[0] == pytest.approx(
@@ -131,7 +131,7 @@ def test_a_sensor_errs_over_what_the_model_reads() -> None:
     time = time_grid(2.0)
     held = 3e5 + 2e4 * np.sin(time)  # a shut chamber whose pressure nothing in the model moves
     view = ChamberPressures(make_experiment("valve", time, {"p1": held}, valve_shut=True))
-    view.__dict__.update(noise={"p1": 100.0}, channels=("p1",), whitened=False)
+    view.__dict__.update(noise={"p1": 100.0}, channels=("p1",), whiten_initial_state=False)
     shut = model(values={"rig.vessel_volume": 1e-3})
     way = view.discrepancy_terms(shut, "p1")[-1]
     assert way.modelled == pytest.approx(simulate(shut, view.experiment)["p1"])

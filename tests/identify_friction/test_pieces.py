@@ -355,7 +355,7 @@ def stroked(**given: Any) -> Any:
     friction[np.abs(v) < 0.05] = 500.0
     recording = given.get("recording", {"p1": np.r_[np.nan, np.full(7999, 3e5)]})
     named = type("Recorded", (dict,), {"name": "stroke"})(recording)
-    known = {"v": v, "time": time, "sliding": lambda margin: np.abs(v) > 0.0, "block": 0.2, "recording": named}
+    known = {"v": v, "time": time, "sliding": lambda margin: np.abs(v) > 0.0, "block_length": 0.2, "recording": named}
     return SimpleNamespace(**{**known, "friction": lambda mass: friction + mass, **given, "recording": named})
 
 

@@ -71,8 +71,8 @@ def laid(u: np.ndarray, p: np.ndarray, valid: np.ndarray | None = None, **more: 
     ones = np.ones(number, dtype=np.int64)
     known: dict[str, Any] = {
         "time": np.tile(0.1 * np.arange(samples)[:, None], number), "u": u, "supply": np.full(u.shape, 7e5), "p": p,
-        "beside": np.zeros((samples, number, 1)), "valid": whole, "period": 0.1 * ones, "recording": 0 * ones,
-        "joined": ones, "steps": 1, "steepest": 1e6,
+        "memory_gradient": np.zeros((samples, number, 1)), "valid": whole, "period": 0.1 * ones, "recording": 0 * ones,
+        "averaged_readings": ones, "substeps": 1, "max_slope": 1e6,
     }  # fmt: skip
     return Transients(**(known | more))
 
@@ -106,7 +106,7 @@ class Straight:
     ambient, supply = 1e5, 7e5
     directions = (SimpleNamespace(sign=1, nodes=np.array([1.0, 4.0])), SimpleNamespace(sign=-1, nodes=np.array([4.0])))
     model_gradient, size = SHUT.model_gradient, 2
-    commands = AreaModel.command_grid
+    command_grid = AreaModel.command_grid
 
     def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
         assert np.all(supply == 7e5)
