@@ -26,6 +26,7 @@ def block_labels(residual_models: Sequence[ResidualModel]) -> NDArray[np.int64]:
 
     Returns:
         The block of each residual, shape (N,), counted from 0 over all models.
+
     """
     labels, first = [], 0
     for residual_model in residual_models:
@@ -46,8 +47,14 @@ def residual_mask(residual_models: Sequence[ResidualModel], chosen: NDArray[np.b
 
     Returns:
         True for each residual of a chosen model, shape (N,).
+
     """
-    return np.repeat(chosen, [one.experiment.time.size * len(one.channels) for one in residual_models])
+    return np.repeat(chosen, residual_counts(residual_models))
+
+
+def residual_counts(residual_models: Sequence[ResidualModel]) -> list[int]:
+    """Return the number of residuals of each residual model."""
+    return [one.experiment.time.size * len(one.channels) for one in residual_models]
 
 
 def group_scores(jacobian: Array, residual: Array, labels: NDArray[np.int64]) -> Array:
@@ -64,6 +71,7 @@ def group_scores(jacobian: Array, residual: Array, labels: NDArray[np.int64]) ->
     >>> scores = group_scores(np.ones((4, 1)), np.array([1.0, 2.0, 4.0, 8.0]), np.array([0, 0, 1, 1]))
     >>> scores.tolist()
     [[3.0], [12.0]]
+
     """
     runs = np.flatnonzero(np.diff(labels, prepend=-1))  # a label stays for many samples
     sums = [np.bincount(labels[runs], weights=np.add.reduceat(column * residual, runs)) for column in jacobian.T]
@@ -79,6 +87,7 @@ def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
 
     Returns:
         The curvatures, shape (B, k, k).
+
     """
     k = jacobian.shape[1]
     out, order = np.zeros((int(labels.max()) + 1, k, k)), np.argsort(labels, kind="stable")
@@ -98,6 +107,7 @@ def weighted_curvature(jacobian: Array, weights: Array) -> Array:
 
     Returns:
         The curvature, shape (k, k).
+
     """
     out = np.zeros((jacobian.shape[1], jacobian.shape[1]))
     for i in range(0, len(weights), ROWS_PER_CHUNK):

@@ -35,6 +35,7 @@ def parameter_correlation(fitted: Fit) -> Array:
 
     Returns:
         The correlation, shape (k, k), in the order of ``fitted.estimates``.
+
     """
     deviation = np.sqrt(np.maximum(np.diag(fitted.inverse_hessian), 0.0))
     scale = np.where(deviation > 0.0, deviation, np.inf)
@@ -55,6 +56,7 @@ def sensitivities(fitted: Fit, residual_models: Sequence[ResidualModel]) -> list
 
     Returns:
         One entry for each parameter and each channel that it changes.
+
     """
     power = np.zeros((len(fitted.free), 0))
     channels: list[str] = []

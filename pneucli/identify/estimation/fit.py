@@ -30,7 +30,7 @@ MAX_DERIVATIVE = 1e100  # times the noise: its square is still a finite number
 
 
 class StoppingRule(NamedTuple):
-    """When a fit stops: after ``max_iterations``, or once an iteration lowers the cost by less than the share ``tolerance``."""
+    """When a fit stops: after ``max_iterations``, or once one lowers the cost by less than the share ``tolerance``."""
 
     max_iterations: int
     tolerance: float
@@ -86,6 +86,7 @@ class Fit:
 
         References:
             Frisch, R. and Waugh, F. V., Econometrica 1 (1933) 387.
+
         """
         return np.asarray(change - self.jacobian @ (self.inverse_hessian @ (self.jacobian.T @ change)))
 
@@ -117,6 +118,7 @@ def fit(
 
     Returns:
         The fit, with a covariance by blocks.
+
     """
     problem = LeastSquaresProblem(model, residual_models, free)
     if not free:
@@ -173,6 +175,7 @@ def parameter_estimates(
 
     Returns:
         One estimate a parameter; the interval is Student's, symmetric in the fit's coordinate.
+
     """
     quantile = np.asarray(
         student_t.ppf(0.975, np.full(len(free), np.inf) if degrees_of_freedom is None else degrees_of_freedom)
@@ -196,6 +199,7 @@ def without_data(found: Fit) -> Fit:
 
     Returns:
         The fit with its model, parameters and covariance alone.
+
     """
     none = np.zeros((0, len(found.free)))
     return replace(
@@ -219,6 +223,7 @@ def merge_partial_fit(
 
     Returns:
         The fit of all residual models; those that were not chosen keep their residuals.
+
     """
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())

@@ -8,6 +8,7 @@ jackknife of blocks of time is added. A variance from ten groups is itself uncer
 References:
     Cameron, A. C., Gelbach, J. B. and Miller, D. L., J. Bus. Econ. Stat. 29 (2011) 238 (several groupings).
     Bell, R. M. and McCaffrey, D. F., Survey Methodology 28 (2002) 169 (jackknife and its degrees of freedom).
+
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit
 
     Returns:
         The fit with the wider covariance and Student's intervals; unchanged without parameters or data.
+
     """
     if not fitted.free or not fitted.residual.size:
         return fitted
@@ -96,6 +98,7 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> tuple[Array, Ar
 
     References:
         Satterthwaite, F. E., Biometrics Bulletin 2 (1946) 110.
+
     """
     by_time, variance = Groups(fitted, fitted.blocks), np.diag(fitted.covariance)
     blocks, by_time_jackknife = _sandwich_variance(by_time), _jackknife_variance(by_time)
@@ -148,6 +151,7 @@ def group_labels(residual_models: Sequence[ResidualModel]) -> Iterator[Labels]:
 
     Yields:
         The group of each residual, shape (N,).
+
     """
     names = {name: i for i, name in enumerate(dict.fromkeys(v.experiment.recording.name for v in residual_models))}
     yield _residual_labels(

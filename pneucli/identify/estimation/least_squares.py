@@ -6,6 +6,7 @@ a parameter whose gradient points across its bound is fixed for that step.
 
 References:
     Marquardt, D. W., J. SIAM 11 (1963) 431.
+
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ J = TypeVar("J", Array, NormalEquations)
 
 @dataclass(frozen=True)
 class Solution(Generic[J]):
-    """The end of a search: coordinates z (k,), residuals (N,), their derivatives (N, k), and the number of iterations."""
+    """The end of a search: coordinates z (k,), residuals (N,), derivatives (N, k), and the number of iterations."""
 
     z: Array
     residual: Array
@@ -49,8 +50,8 @@ class Solution(Generic[J]):
 
 
 class Step(NamedTuple):
-    """A step that lowers the cost: the new coordinates, the residuals there, the next damping, and whether the cost fell as
-    far as the derivatives predicted.
+    """A step that lowers the cost: new coordinates, residuals there, next damping, and whether the cost fell as far
+    as the derivatives predicted.
     """
 
     z: Array
@@ -89,9 +90,10 @@ def minimise(
 
     >>> line = lambda z: np.array([z[0] - 1.0, 2.0 * (z[0] - 1.0)])
     >>> slope = lambda z: np.array([[1.0], [2.0]])
-    >>> found = minimise(line, slope, np.array([5.0]), (np.array([2.0]), np.array([9.0])), max_iterations=9, tolerance=1e-9)
-    >>> found.z.tolist()
+    >>> bounds = np.array([2.0]), np.array([9.0])
+    >>> minimise(line, slope, np.array([5.0]), bounds, max_iterations=9, tolerance=1e-9).z.tolist()
     [2.0]
+
     """
     z, damping = np.clip(start, *bounds), INITIAL_DAMPING
     r, j = residuals(z), jacobian(z) if initial_jacobian is None else initial_jacobian
@@ -162,6 +164,7 @@ def normal_equations(residual: Array, jacobian: Array) -> NormalEquations:
 
     Returns:
         Gradient (k,) and curvature (k, k); not finite where the model diverges.
+
     """
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging model has no derivatives
         return NormalEquations(jacobian.T @ residual, jacobian.T @ jacobian)
@@ -178,6 +181,7 @@ def pseudo_inverse(curvature: Array) -> Array:
 
     >>> pseudo_inverse(np.array([[4.0, 0.0], [0.0, 0.0]])).tolist()
     [[0.25, 0.0], [0.0, 0.0]]
+
     """
     size = np.sqrt(curvature.diagonal())
     size = np.where(size > 0.0, size, 1.0)

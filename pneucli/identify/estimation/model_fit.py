@@ -1,4 +1,4 @@
-"""Fit the base model and its effects to recordings: from where to start, which residuals to run, when to start again."""
+"""Fit the base model and its effects: start values, affected residual models, and restarts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
+from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule, fit, merge_partial_fit
 from pneucli.identify.estimation.parameters import (
     DIFFERENCE_STEP,
@@ -27,96 +28,146 @@ from pneucli.simulate.valve_forms.area import ValveArea
 
 Array = NDArray[np.float64]
 
-MAX_EDGE_STARTS = 4
-TIME_SCAN_POINTS = 32  # values of a time, from the least typical one to its bound
+MAX_EDGE_STARTS = 4  # best starts of an effect with an edge: its residual is not smooth, so a fit ends near its start
+TIME_SCAN_POINTS = 32  # values of a time constant or delay, from its smallest typical value to its bound
 
 
 def fit_model(
     model: Model,
-    views: Sequence[ResidualModel],
+    residual_models: Sequence[ResidualModel],
     effects: Sequence[Effect],
     *,
     stopping: StoppingRule = FULL_CONVERGENCE,
 ) -> Fit:
-    """Fit the base model, then with each effect in turn from its best start, all parameters together.
+    """Fit the base model, then add each effect from its best start and refit all parameters.
 
-    Raises InputError where the recordings lack the part of an effect, or the model has no finite numbers for them.
+    Args:
+        model: The model to start from, see :func:`pneucli.identify.guesses.friction_and_valve.guess_base_model`.
+        residual_models: The residual models whose squares are summed.
+        effects: The effects to add, in this order.
+        stopping: When each fit stops.
+
+    Returns:
+        The fit.
+
+    Raises:
+        InputError: The recordings do not contain the part of an effect, or the model has no finite output for them.
+
     """
     for effect in effects:
-        if not any(view.is_sensitive_to(effect) for view in views):
-            lacking = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
-            raise InputError("key model.effects", lacking, "effects that can show", "remove it, or record its part")
-    require_finite(model, views)
-    experiments = [v.experiment for v in views]
-    found = fit(replace(model, effects=()), views, base_parameters(model, experiments), stopping=stopping)
-    found = _with_overlap_reestimated(found, views, stopping=stopping)
+        if not any(one.is_sensitive_to(effect) for one in residual_models):
+            fault = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
+            raise InputError("key model.effects", fault, "effects that can show", "remove it, or record its part")
+    require_finite(model, residual_models)
+    experiments = [one.experiment for one in residual_models]
+    fitted = fit(replace(model, effects=()), residual_models, base_parameters(model, experiments), stopping=stopping)
+    fitted = _with_overlap_reestimated(fitted, residual_models, stopping=stopping)
     for effect in effects:
-        found = fit_with_effect(found, views, effect, stopping=stopping)
-    return found
+        fitted = fit_with_effect(fitted, residual_models, effect, stopping=stopping)
+    return fitted
 
 
-def require_finite(model: Model, views: Sequence[ResidualModel]) -> None:
-    """Raise InputError where a first guess of the model cannot be held against a recording at all."""
-    for view in views:
-        for channel, residual in view.residual(replace(model, effects=())).items():
+def require_finite(model: Model, residual_models: Sequence[ResidualModel]) -> None:
+    """Check that the first guess of the model gives finite residuals.
+
+    Args:
+        model: The model.
+        residual_models: The residual models to evaluate.
+
+    Raises:
+        InputError: A residual is not finite.
+
+    """
+    for residual_model in residual_models:
+        name = residual_model.experiment.recording.name
+        for channel, residual in residual_model.residual(replace(model, effects=())).items():
             if not np.isfinite(residual).all():
-                found = f"with the rig as stated the model has no finite {channel} for {view.experiment.recording.name}"
+                fault = f"with the rig as stated the model has no finite {channel} for {name}"
                 wanted = "volumes, areas, pressures and commands that belong to one rig"
-                raise InputError("[rig] and [signals]", found, wanted, "see what pneucli ingest finds implausible")
+                raise InputError("[rig] and [signals]", fault, wanted, "see what pneucli ingest finds implausible")
 
 
 def fit_with_effect(
-    found: Fit,
-    views: Sequence[ResidualModel],
+    fitted: Fit,
+    residual_models: Sequence[ResidualModel],
     effect: Effect,
     *,
     stopping: StoppingRule = FULL_CONVERGENCE,
     ranked: Sequence[ScoreTest] | None = None,
 ) -> Fit:
-    """Refit with one more effect, from its best signatures (``score_tests``, where they are known already)."""
-    model, facts = found.model, rig_quantities(found.model, [v.experiment for v in views])
-    ranked = score_tests(effect, found, views) if ranked is None else ranked
+    """Add one effect to a fitted model, from its best starts, and refit the parameters that it can change.
+
+    Args:
+        fitted: The fit without the effect.
+        residual_models: The residual models it was fitted to.
+        effect: The effect to add.
+        stopping: When the fit stops.
+        ranked: The effect's score tests, best first, where they were computed before.
+
+    Returns:
+        The fit with the effect, over all residual models.
+
+    Raises:
+        InputError: The effect has no typical size on this rig.
+
+    """
+    model, quantities = fitted.model, rig_quantities(fitted.model, [one.experiment for one in residual_models])
+    ranked = score_tests(effect, fitted, residual_models) if ranked is None else ranked
     if not ranked:
-        raise effect.missing_scale_error(facts)
+        raise effect.missing_scale_error(quantities)
 
-    chosen, names = _affected_residual_models(found, views, effect)
-    felt = [view for view, mine in zip(views, chosen, strict=True) if mine]
+    chosen, names = _affected_residual_models(fitted, residual_models, effect)
+    affected = [one for one, is_affected in zip(residual_models, chosen, strict=True) if is_affected]
 
-    def ended(started: Model) -> Fit:
-        free = free_parameters(started, views)
+    def fit_from(start: Model) -> Fit:
+        free = free_parameters(start, residual_models)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        part = _fit_coarse_to_fine(started, felt, free, stopping=stopping)
-        return merge_partial_fit(found, _with_overlap_reestimated(part, felt, stopping=stopping), views, chosen)
+        part = _fit_coarse_to_fine(start, affected, free, stopping=stopping)
+        return merge_partial_fit(
+            fitted, _with_overlap_reestimated(part, affected, stopping=stopping), residual_models, chosen
+        )
 
-    def refitted(signature: ScoreTest, share: float) -> Fit:
-        return ended(with_effect(model, effect, scaled_initial_guess(effect, signature, model, facts, share)))
+    def fit_from_test(test: ScoreTest, step_share: float) -> Fit:
+        return fit_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, step_share)))
 
-    if any(p.step for p in effect.parameters):  # an edge sees no further than its neighbourhood
-        return min((refitted(s, 1.0) for s in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost)
-    first = refitted(ranked[0], 1.0)
-    if first.cost > found.cost:  # the promised step led astray: from nearly nothing
-        first = refitted(ranked[0], 0.05)
-    other = lower_profile_minimum(first, views, effect, facts)
-    return first if other is None else min(first, ended(first.model.with_values(other)), key=lambda f: f.cost)
+    if any(p.step for p in effect.parameters):  # a fit of an edge ends near its start
+        return min((fit_from_test(test, 1.0) for test in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost)
+    first = fit_from_test(ranked[0], 1.0)
+    if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
+        first = fit_from_test(ranked[0], 0.05)
+    profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
+    if profile_minimum is None:
+        return first
+    return min(first, fit_from(first.model.with_values(profile_minimum)), key=lambda f: f.cost)
 
 
 def lower_profile_minimum(
-    found: Fit, views: Sequence[ResidualModel], effect: Effect, facts: RigQuantities
+    fitted: Fit, residual_models: Sequence[ResidualModel], effect: Effect, quantities: RigQuantities
 ) -> dict[str, float] | None:
-    """Return the value of an effect that is one time at which its profile is lowest, None where that is where it is.
+    """Search the profile of a delay or time constant for a lower minimum.
 
-    A residual over a shift in time is like a correlation: it has more minima than one, and a fit ends in the nearest.
-    The profile is the cost over that time, all other parameters adjusting as their derivatives tell.
+    The residual over a shift in time behaves like a correlation: it has several minima, and a fit ends in the
+    nearest one. The profile is the cost over that time, all other parameters adjusting to first order.
+
+    Args:
+        fitted: The fit with the effect.
+        residual_models: The residual models it was fitted to.
+        effect: The effect; only one with a single time of null 0 s is searched.
+        quantities: The quantities that scale the effect's range.
+
+    Returns:
+        The value of the parameter with a lower cost than the fit's; None where there is none.
+
     """
     if [(p.unit, p.null) for p in effect.parameters] != [("s", 0.0)]:
         return None
     (time,) = effect.parameters
-    name, size = f"{effect.name}.{time.name}", time.range_on(facts)
+    name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
     values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
-    others = replace(found, jacobian=found.jacobian[:, [f.name != name for f in found.free]])
+    others = replace(fitted, jacobian=fitted.jacobian[:, [f.name != name for f in fitted.free]])
     profile = [
-        _sum_of_squares(others.project_out_nuisance(found.residual + change))
-        for change in residual_changes(effect, found, views, values)
+        _sum_of_squares(others.project_out_nuisance(fitted.residual + change))
+        for change in residual_changes(effect, fitted, residual_models, values)
     ]
     lowest = int(np.argmin(profile))
     return values[lowest] if profile[lowest] < _sum_of_squares(others.projected_residual) else None
@@ -127,89 +178,120 @@ def _sum_of_squares(residual: Array) -> float:
 
 
 def _affected_residual_models(
-    found: Fit, views: Sequence[ResidualModel], effect: Effect
+    fitted: Fit, residual_models: Sequence[ResidualModel], effect: Effect
 ) -> tuple[NDArray[np.bool_], set[str]]:
-    """Return which views a fit with the effect can change (views,), and the names of the parameters they share."""
-    sizes = [view.experiment.time.size * len(view.channels) for view in views]
-    parts = np.split(found.jacobian, np.cumsum(sizes)[:-1])
-    reach = np.array([part.any(axis=0) for part in parts]).T  # (parameters, views)
-    chosen = np.array([view.is_sensitive_to(effect) for view in views])
+    """Return which residual models a fit with the effect can change, and the names of their shared parameters."""
+    parts = np.split(fitted.jacobian, np.cumsum(residual_counts(residual_models))[:-1])
+    affects = np.array([part.any(axis=0) for part in parts]).T  # (parameters, views)
+    chosen = np.array([residual_model.is_sensitive_to(effect) for residual_model in residual_models])
     while True:
-        sharing: NDArray[np.bool_] = np.any(reach[:, chosen], axis=1)
-        wider = chosen | reach[sharing].any(axis=0)
+        is_shared: NDArray[np.bool_] = np.any(affects[:, chosen], axis=1)
+        wider = chosen | affects[is_shared].any(axis=0)
         if np.array_equal(wider, chosen):
-            return chosen, {f.name for f, mine in zip(found.free, sharing, strict=True) if mine}
+            return chosen, {f.name for f, is_affected in zip(fitted.free, is_shared, strict=True) if is_affected}
         chosen = wider
 
 
 def _fit_coarse_to_fine(
-    model: Model, views: Sequence[ResidualModel], free: Sequence[FreeParameter], *, stopping: StoppingRule
+    model: Model, residual_models: Sequence[ResidualModel], free: Sequence[FreeParameter], *, stopping: StoppingRule
 ) -> Fit:
-    """Fit; where there are edges, in which a residual is not smooth, with ever smaller differences."""
-    edged = any(f.step > DIFFERENCE_STEP for f in free)
-    for coarse in (12.0, 4.0) if edged else ():
-        wide = [replace(f, step=coarse * f.step) if f.step > DIFFERENCE_STEP else f for f in free]
-        model = fit(model, views, wide, stopping=stopping).model
+    """Fit; where a parameter has an edge, at which a residual is not smooth, with decreasing difference steps."""
+    has_edges = any(f.step > DIFFERENCE_STEP for f in free)
+    for factor in (12.0, 4.0) if has_edges else ():
+        coarse = [replace(f, step=factor * f.step) if f.step > DIFFERENCE_STEP else f for f in free]
+        model = fit(model, residual_models, coarse, stopping=stopping).model
         free = _with_current_values(model, free)
-    return fit(model, views, free, stopping=stopping)
+    return fit(model, residual_models, free, stopping=stopping)
 
 
 def _with_current_values(model: Model, free: Sequence[FreeParameter]) -> list[FreeParameter]:
     return [replace(f, start=parameter_value(model, f.name)) for f in free]
 
 
-def _with_overlap_reestimated(found: Fit, views: Sequence[ResidualModel], *, stopping: StoppingRule) -> Fit:
-    """Return the fit, or a better one from overlaps guessed anew where one ended at its upper bound.
+def _with_overlap_reestimated(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: StoppingRule) -> Fit:
+    """Return the fit, or a better one with new overlaps where an overlap ended at its upper bound.
 
-    There the valve opens all at once at its smallest knot, and the fit does not come back by itself. The overlap of the
-    other direction, which shares the null command, is guessed anew with it.
+    At that bound the valve opens completely at its smallest knot, and the fit does not return by itself. The overlap of
+    the other direction, which shares the null command, is guessed again with it.
     """
-    at_bound = [e.name for e in found.estimates if ".overlap_" in e.name and e.at_bound and e.value > 0.0]
-    stuck = {name.partition(".")[0] for name in at_bound}
-    guessed = {}
-    for valve in (v for v in found.model.valves if isinstance(v, ValveArea) and v.label in stuck):
+    at_bound = [e.name for e in fitted.estimates if ".overlap_" in e.name and e.at_bound and e.value > 0.0]
+    valves = {name.partition(".")[0] for name in at_bound}
+    overlaps = {}
+    for valve in (one for one in fitted.model.valves if isinstance(one, ValveArea) and one.label in valves):
         for sign, name in ((1.0, f"{valve.label}.overlap_fill"), (-1.0, f"{valve.label}.overlap_vent")):
             side = sorted((sign * c, a) for c, a in zip(valve.commands, valve.areas, strict=True) if sign * c > 0.0)
             if side:
-                guessed[name] = guess_overlap(*np.array(side).T)
-    if not guessed:
-        return found
-    model = with_parameters(found.model, guessed)
-    again = _fit_coarse_to_fine(model, views, _with_current_values(model, found.free), stopping=stopping)
-    return min(found, again, key=lambda f: f.cost)
+                overlaps[name] = guess_overlap(*np.array(side).T)
+    if not overlaps:
+        return fitted
+    model = with_parameters(fitted.model, overlaps)
+    refitted = _fit_coarse_to_fine(model, residual_models, _with_current_values(model, fitted.free), stopping=stopping)
+    return min(fitted, refitted, key=lambda f: f.cost)
 
 
-def free_parameters(model: Model, views: Sequence[ResidualModel]) -> list[FreeParameter]:
-    """Return all free parameters of a model, base and effects, starting from its values."""
-    experiments = [v.experiment for v in views]
-    free, facts = base_parameters(model, experiments), rig_quantities(model, experiments)
+def free_parameters(model: Model, residual_models: Sequence[ResidualModel]) -> list[FreeParameter]:
+    """List all free parameters of a model, of its base and of its effects, with the model's values as start values.
+
+    Args:
+        model: The model.
+        residual_models: The residual models of the fit; an effect that affects none of them has no free parameter.
+
+    Returns:
+        The free parameters.
+
+    """
+    experiments = [one.experiment for one in residual_models]
+    free, quantities = base_parameters(model, experiments), rig_quantities(model, experiments)
     for effect in model.effects:
-        if any(view.is_sensitive_to(effect) for view in views):
-            free += effect_parameters(effect, model, facts)
+        if any(one.is_sensitive_to(effect) for one in residual_models):
+            free += effect_parameters(effect, model, quantities)
     return free
 
 
-def refit(found: Fit, views: Sequence[ResidualModel], *, stopping: StoppingRule = FULL_CONVERGENCE) -> Fit:
-    """Fit on from where a fit ended."""
-    free = free_parameters(found.model, views)
-    return fit(found.model, views, free, stopping=stopping, initial_jacobian=_rescaled_jacobian(found, free))
+def refit(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: StoppingRule = FULL_CONVERGENCE) -> Fit:
+    """Continue a fit from its end.
 
+    Args:
+        fitted: The fit.
+        residual_models: The residual models it was fitted to.
+        stopping: When the fit stops.
 
-def _rescaled_jacobian(found: Fit, free: Sequence[FreeParameter]) -> Array | None:
-    """Return a fit's derivatives (N, k) in the coordinates of free parameters, None where these are others.
+    Returns:
+        The continued fit.
 
-    The coordinate of a parameter is counted in its distance from its null at the start, which a fit moves.
     """
-    if [f.name for f in free] != [f.name for f in found.free]:
+    free = free_parameters(fitted.model, residual_models)
+    return fit(
+        fitted.model, residual_models, free, stopping=stopping, initial_jacobian=_rescaled_jacobian(fitted, free)
+    )
+
+
+def _rescaled_jacobian(fitted: Fit, free: Sequence[FreeParameter]) -> Array | None:
+    """Return a fit's derivatives (N, k) in the coordinates of free parameters; None for other parameters.
+
+    The coordinate of a parameter is its distance from the null at the start, which a fit changes.
+    """
+    if [f.name for f in free] != [f.name for f in fitted.free]:
         return None
-    values = [parameter_value(found.model, f.name) for f in free]
-    scale = [new.derivative(v) / old.derivative(v) for new, old, v in zip(free, found.free, values, strict=True)]
-    return np.asarray(found.jacobian * scale)
+    values = [parameter_value(fitted.model, f.name) for f in free]
+    scale = [new.derivative(one) / old.derivative(one) for new, old, one in zip(free, fitted.free, values, strict=True)]
+    return np.asarray(fitted.jacobian * scale)
 
 
 def fit_without(
-    found: Fit, views: Sequence[ResidualModel], effect: Effect, *, stopping: StoppingRule = FULL_CONVERGENCE
+    fitted: Fit, residual_models: Sequence[ResidualModel], effect: Effect, *, stopping: StoppingRule = FULL_CONVERGENCE
 ) -> Fit:
-    """Refit without one of the model's effects."""
-    model = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
-    return _fit_coarse_to_fine(model, views, free_parameters(model, views), stopping=stopping)
+    """Remove one effect from a fitted model and refit.
+
+    Args:
+        fitted: The fit.
+        residual_models: The residual models it was fitted to.
+        effect: The effect to remove.
+        stopping: When the fit stops.
+
+    Returns:
+        The fit without the effect.
+
+    """
+    model = replace(fitted.model, effects=tuple(e for e in fitted.model.effects if e.name != effect.name))
+    return _fit_coarse_to_fine(model, residual_models, free_parameters(model, residual_models), stopping=stopping)

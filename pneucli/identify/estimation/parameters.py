@@ -1,4 +1,4 @@
-"""The parameters that a fit varies: base friction, the valve's areas, unknown rig values, and the effects' own."""
+"""The free parameters of a fit: friction, valve areas, unknown rig values, and the parameters of effects."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO
 
 Array = NDArray[np.float64]
 
-DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for differences
+DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for forward differences
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """One free parameter. The fit sees (value - zero) / scale, or log(value) where ``logarithmic``.
+    """One free parameter. The fit's coordinate is value / scale, or log(value) where ``logarithmic``.
 
-    ``prior_sigma`` is a standard deviation around the start in the fit's own coordinate, inf where the data decide
-    alone; ``prior_mean`` is the value around which it holds, the start where there is none; ``step`` the difference in
-    that coordinate from which derivatives are taken.
+    ``prior_sigma`` is the standard deviation of a normal prior in that coordinate, infinite without a prior;
+    ``prior_mean`` is the value at its centre, the start where absent. ``step`` is the coordinate step of the
+    differences.
     """
 
     name: str
@@ -49,7 +49,7 @@ class FreeParameter:
         return float(np.log(value)) if self.logarithmic else value / self.scale
 
     def from_coordinate(self, z: float) -> float:
-        """Return the value at a coordinate of the fit."""
+        """Return the value at a coordinate."""
         return float(np.exp(min(z, 700.0))) if self.logarithmic else z * self.scale
 
     def derivative(self, value: float) -> float:
@@ -58,119 +58,190 @@ class FreeParameter:
 
 
 def base_parameters(model: Model, experiments: Sequence[Experiment]) -> list[FreeParameter]:
-    """Return the base model's free parameters that these experiments can tell, starting from the model's values."""
-    facts = rig_quantities(model, experiments)
+    """List the base model's free parameters that these experiments can identify.
+
+    Args:
+        model: The model, whose values are the start values.
+        experiments: The training experiments.
+
+    Returns:
+        Friction where a piston moves, unknown rig values, and valve areas where air flows through a valve.
+
+    """
+    quantities = rig_quantities(model, experiments)
     free: list[FreeParameter] = []
-    moving = [e for e in experiments if e.recording.kind.cylinder]
-    driven = [e for e in experiments if e.recording.kind.valve and not e.recording.valve_shut]
-    if moving:
+    has_motion = [experiment for experiment in experiments if experiment.recording.kind.cylinder]
+    has_flow = [
+        experiment
+        for experiment in experiments
+        if experiment.recording.kind.valve and not experiment.recording.valve_shut
+    ]
+    if has_motion:
         free += [
-            _base_parameter(name, parameter_value(model, name), facts)
+            _base_parameter(name, parameter_value(model, name), quantities)
             for name in ("friction.coulomb", "friction.viscous")
         ]
     free += [
-        _base_parameter(name, parameter_value(model, name), facts) for name in _rig_parameters(model.rig, experiments)
+        _base_parameter(name, parameter_value(model, name), quantities)
+        for name in _rig_parameters(model.rig, experiments)
     ]
-    if driven:
-        free += [one for valve in model.valves for one in _valve_parameters(valve, facts)]
+    if has_flow:
+        free += [one for valve in model.valves for one in _valve_parameters(valve, quantities)]
     return with_prior_knowledge(free, model.rig)
 
 
 def _rig_parameters(rig: Rig, experiments: Sequence[Experiment]) -> list[str]:
-    """Return the rig's values that are identified: those that the file leaves out, or is not sure of, and that show."""
-    recordings = [e.recording for e in experiments]
-    moving, gas = any(r.kind.cylinder for r in recordings), any(r.kind.axis for r in recordings)
-    names = ["rig.moving_mass"] if moving and rig.moving_mass is None else []
+    """Return the rig values to identify: those that the file leaves out or states with a prior, where they can show."""
+    recordings = [experiment.recording for experiment in experiments]
+    has_motion, gas = (
+        any(recording.kind.cylinder for recording in recordings),
+        any(recording.kind.axis for recording in recordings),
+    )
+    names = ["rig.moving_mass"] if has_motion and rig.moving_mass is None else []
     names += volumes_to_identify(recordings, rig)
-    names += ["rig.polytropic_exponent"] if rig.exponent_free and any(r.kind.valve for r in recordings) else []
-    shown = {
-        **dict.fromkeys(("rig.moving_mass", "rig.piston_area_1", "rig.piston_area_2"), moving),
+    names += (
+        ["rig.polytropic_exponent"]
+        if rig.exponent_free and any(recording.kind.valve for recording in recordings)
+        else []
+    )
+    is_identifiable = {
+        **dict.fromkeys(("rig.moving_mass", "rig.piston_area_1", "rig.piston_area_2"), has_motion),
         **dict.fromkeys(("rig.dead_volume_1", "rig.dead_volume_2"), gas),
-        "rig.vessel_volume": any(r.kind.vessel for r in recordings),
-        "rig.supply_pressure": any(r.kind.valve and not r.valve_shut and "p_supply" not in r for r in recordings),
+        "rig.vessel_volume": any(recording.kind.vessel for recording in recordings),
+        "rig.supply_pressure": any(
+            recording.kind.valve and not recording.valve_shut and "p_supply" not in recording
+            for recording in recordings
+        ),
     }
-    return names + [name for name in rig.priors if shown.get(name, False) and name not in names]
+    return names + [name for name in rig.priors if is_identifiable.get(name, False) and name not in names]
 
 
 def with_prior_knowledge(free: Sequence[FreeParameter], rig: Rig) -> list[FreeParameter]:
-    """Return the free parameters with what is known of them beforehand; one that is fixed is not free."""
-    return [_with_prior(f, rig.priors[f.name]) if f.name in rig.priors else f for f in free if not _fixed(f.name, rig)]
+    """Apply the priors of a rig to free parameters.
+
+    Args:
+        free: The free parameters.
+        rig: The rig; its priors come from the pipeline file.
+
+    Returns:
+        The free parameters with their priors, bounds and start values; without those that the file fixes.
+
+    """
+    return [
+        _with_prior(parameter, rig.priors[parameter.name]) if parameter.name in rig.priors else parameter
+        for parameter in free
+        if not _fixed(parameter.name, rig)
+    ]
 
 
 def _fixed(name: str, rig: Rig) -> bool:
     return name in rig.priors and rig.priors[name].fixed is not None
 
 
-def _with_prior(free: FreeParameter, known: ParameterPrior) -> FreeParameter:
-    lower, upper = max(free.lower, known.lower), min(free.upper, known.upper)
-    if known.start is not None:  # what a person states may lie beyond what a rig usually has
-        lower, upper = min(lower, max(known.start, known.lower)), max(upper, min(known.start, known.upper))
+def _with_prior(free: FreeParameter, prior: ParameterPrior) -> FreeParameter:
+    lower, upper = max(free.lower, prior.lower), min(free.upper, prior.upper)
+    if prior.start is not None:  # what a person states may lie beyond what a rig usually has
+        lower, upper = min(lower, max(prior.start, prior.lower)), max(upper, min(prior.start, prior.upper))
     start = float(np.clip(free.start, lower, upper))
-    if math.isinf(known.sigma):
+    if math.isinf(prior.sigma):
         return replace(free, start=start, lower=lower, upper=upper)
-    centre = start if known.start is None else known.start
-    prior = known.sigma / (max(abs(centre), TINY) if free.logarithmic else free.scale)
-    return replace(free, start=start, lower=lower, upper=upper, prior_sigma=prior, prior_mean=centre)
+    prior_mean = start if prior.start is None else prior.start
+    parameter_prior = prior.sigma / (max(abs(prior_mean), TINY) if free.logarithmic else free.scale)
+    return replace(free, start=start, lower=lower, upper=upper, prior_sigma=parameter_prior, prior_mean=prior_mean)
 
 
-def _base_parameter(name: str, start: float, facts: RigQuantities) -> FreeParameter:
-    """Return a base parameter as declared, sized by its start; where that is nearly nothing, by what is plausible."""
-    declared = BASE_PARAMETERS[name]
-    size = declared.range_on(facts)
-    start = max(start, size.lower, 1e-4 * size.typical[0] if size.typical else TINY)
-    upper = facts.heat_capacity_ratio if name == "rig.polytropic_exponent" else size.upper
-    return FreeParameter(name, declared.unit, start, max(size.lower, 0.0), upper, start)
+def _base_parameter(name: str, start: float, quantities: RigQuantities) -> FreeParameter:
+    """Return a declared base parameter, scaled by its start value, or by its smallest plausible value near zero."""
+    declaration = BASE_PARAMETERS[name]
+    valid_range = declaration.range_on(quantities)
+    start = max(start, valid_range.lower, 1e-4 * valid_range.typical[0] if valid_range.typical else TINY)
+    upper = quantities.heat_capacity_ratio if name == "rig.polytropic_exponent" else valid_range.upper
+    return FreeParameter(name, declaration.unit, start, max(valid_range.lower, 0.0), upper, start)
 
 
-def _valve_parameters(valve: ValveForm, facts: RigQuantities) -> list[FreeParameter]:
-    """Return the valve's free parameters: areas (or a gain) as logarithms, an overlap short of the smallest knot."""
-    lowest = min((abs(c) for c in valve.commands), default=0.0)
+def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeParameter]:
+    """Return the valve's free parameters: areas (or a gain) as logarithms, each overlap below the smallest knot."""
+    smallest_command = min((abs(c) for c in valve.commands), default=0.0)
     area, overlap = (
-        BASE_PARAMETERS["valve.effective_area"].range_on(facts),
-        BASE_PARAMETERS["valve.overlap"].range_on(facts),
+        BASE_PARAMETERS["valve.effective_area"].range_on(quantities),
+        BASE_PARAMETERS["valve.overlap"].range_on(quantities),
     )
     free = []
     for name, (value, unit) in valve.parameters().items():
         if unit == "V":
-            scale = overlap.typical[0] if overlap.typical else lowest
-            free.append(FreeParameter(name, unit, value, 0.0, MAX_OVERLAP_RATIO * lowest, scale, prior_sigma=10.0))
+            scale = overlap.typical[0] if overlap.typical else smallest_command
+            free.append(
+                FreeParameter(name, unit, value, 0.0, MAX_OVERLAP_RATIO * smallest_command, scale, prior_sigma=10.0)
+            )
         else:
-            a_volt = facts.max_command if unit == "m^2/V" else 1.0
+            a_volt = quantities.max_command if unit == "m^2/V" else 1.0
             bounds = max(area.lower, TINY) / a_volt, area.upper / a_volt
             free.append(FreeParameter(name, unit, value, *bounds, 1.0, logarithmic=True))
     return free
 
 
 def effect_parameters(
-    effect: Effect, model: Model, facts: RigQuantities, initial_values: dict[str, float] | None = None
+    effect: Effect, model: Model, quantities: RigQuantities, initial_values: dict[str, float] | None = None
 ) -> list[FreeParameter]:
-    """Return an effect's free parameters, starting from given, present or typical values, on the rig of these facts."""
+    """List the free parameters of an effect.
+
+    Args:
+        effect: The effect.
+        model: The model; its values are the start values where the effect is present.
+        quantities: The quantities of the rig that scale ranges and typical values.
+        initial_values: Start values by EFFECT.PARAMETER that take precedence.
+
+    Returns:
+        The free parameters in the order of their declaration.
+
+    """
     free = []
     for p in effect.parameters:
-        name, size = f"{effect.name}.{p.name}", p.range_on(facts)
-        typical = size.typical[0] if size.typical else 0.0
+        name, valid_range = f"{effect.name}.{p.name}", p.range_on(quantities)
+        typical = valid_range.typical[0] if valid_range.typical else 0.0
         start = (initial_values or {}).get(name, model.values.get(name, typical))
-        start = float(np.clip(start, size.lower, size.upper))
+        start = float(np.clip(start, valid_range.lower, valid_range.upper))
         null = null_value(p, model)
-        logarithmic = null is None and size.lower > 0.0
-        away = [abs(value - (null or 0.0)) for value in (start, *size.typical)]
-        scale = max(away[0], 0.1 * max(away), TINY)
-        step = max(size.step / scale, DIFFERENCE_STEP)
+        logarithmic = null is None and valid_range.lower > 0.0
+        distances = [abs(value - (null or 0.0)) for value in (start, *valid_range.typical)]
+        scale = max(distances[0], 0.1 * max(distances), TINY)
+        step = max(valid_range.step / scale, DIFFERENCE_STEP)
         free.append(
-            FreeParameter(name, p.unit, start, size.lower, size.upper, scale, logarithmic=logarithmic, step=step)
+            FreeParameter(
+                name, p.unit, start, valid_range.lower, valid_range.upper, scale, logarithmic=logarithmic, step=step
+            )
         )
     return with_prior_knowledge(free, model.rig)
 
 
 def null_value(parameter: Parameter, model: Model) -> float | None:
-    """Return the finite value at which the parameter makes its effect vanish, None where there is none."""
+    """Return the finite null of a parameter, at which its effect vanishes.
+
+    Args:
+        parameter: The declared parameter.
+        model: The model, for a null that is the value of another parameter.
+
+    Returns:
+        The null; None where it is infinite or absent.
+
+    """
     if isinstance(parameter.null, str):
         return parameter_value(model, parameter.null)
     return None if parameter.null is None or math.isinf(parameter.null) else parameter.null
 
 
 def absent_value(parameter: Parameter, model: Model, upper: float) -> float | None:
-    """Return the value at which the effect is as good as absent: its null, or ``upper`` where that is infinite."""
+    """Return the value at which an effect is practically absent.
+
+    Args:
+        parameter: The declared parameter.
+        model: The model, for a null that is the value of another parameter.
+        upper: The upper bound, which replaces an infinite null.
+
+    Returns:
+        The value; None where the parameter has no null.
+
+    """
     if parameter.null is None:
         return None
     null = null_value(parameter, model)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Iteration(NamedTuple):
-    """One iteration: the effects of the fitted model, the number of the search and of the iteration, and the rms residual.
+    """One iteration: the effects of the fitted model, the number of search and iteration, and the rms residual.
 
     The residual is in units of the noise, over all channels and priors.
     """
@@ -31,6 +31,7 @@ def report_iterations_to(observer: Callable[[Iteration], None]) -> Iterator[None
 
     Args:
         observer: The function to call.
+
     """
     tokens = _observer.set(observer), _search_count.set(0)
     try:
@@ -49,6 +50,7 @@ def iteration_callback(effects: Sequence[str], residuals: int) -> Callable[[floa
 
     Returns:
         The function to call with the sum of squares, first before the first iteration.
+
     """
     observer = _observer.get()
     if observer is None:

@@ -1,4 +1,9 @@
-"""The score test of an effect: what its typical values promise, with the other parameters projected out, without a refit."""
+"""The score test of an effect: its one-step gain at typical values, other parameters projected out, without a refit.
+
+References:
+    Rao, C. R., Proc. Cambridge Phil. Soc. 44 (1948) 50.
+
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.problem import LeastSquaresProblem
@@ -25,9 +31,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """What switching an effect on at some values promises.
+    """The predicted gain of an effect at given values.
 
-    ``gain`` is the fall of the cost (squared) by a linear ``step`` along what it changes in the residuals, base
+    ``gain`` is the decrease of the squared cost by a linear ``step`` along the change of the residuals, the other
     parameters adjusting; ``step_error`` is the step's standard error, from the scores of blocks.
     """
 
@@ -38,15 +44,22 @@ class ScoreTest:
 
 
 def initial_guesses(
-    effect: Effect, facts: RigQuantities, priors: Mapping[str, ParameterPrior] = MappingProxyType({})
+    effect: Effect, quantities: RigQuantities, priors: Mapping[str, ParameterPrior] = MappingProxyType({})
 ) -> list[dict[str, float]]:
-    """Return every combination of typical values by EFFECT.PARAMETER, from and to in order; none where not known.
+    """Combine the typical values of an effect's parameters into start values.
 
-    What the pipeline file says of a parameter takes the place of its typical values.
+    Args:
+        effect: The effect.
+        quantities: The quantities of the rig that scale typical values.
+        priors: Values from the pipeline file by EFFECT.PARAMETER; they replace typical values.
+
+    Returns:
+        Start values by EFFECT.PARAMETER; none where a scale is unknown. A range ``from`` .. ``to`` is in order.
+
     """
     names = [f"{effect.name}.{p.name}" for p in effect.parameters]
     lists = [
-        _typical_values(p.range_on(facts).typical, priors.get(name))
+        _typical_values(p.range_on(quantities).typical, priors.get(name))
         for p, name in zip(effect.parameters, names, strict=True)
     ]
     combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
@@ -54,50 +67,76 @@ def initial_guesses(
     return [c for c in combinations if stretch[0] not in c or c[stretch[0]] < c[stretch[1]]]
 
 
-def _typical_values(typical: tuple[float, ...], known: ParameterPrior | None) -> tuple[float, ...]:
-    if known is None:
+def _typical_values(typical: tuple[float, ...], prior: ParameterPrior | None) -> tuple[float, ...]:
+    if prior is None:
         return typical
-    stated = known.start if known.fixed is None else known.fixed
+    stated = prior.start if prior.fixed is None else prior.fixed
     values = typical if stated is None else (stated,)
-    return tuple(dict.fromkeys(float(np.clip(value, known.lower, known.upper)) for value in values))
+    return tuple(dict.fromkeys(float(np.clip(value, prior.lower, prior.upper)) for value in values))
 
 
 def residual_changes(
-    effect: Effect, found: Fit, views: Sequence[ResidualModel], starts: Sequence[dict[str, float]]
+    effect: Effect, fitted: Fit, residual_models: Sequence[ResidualModel], starts: Sequence[dict[str, float]]
 ) -> Iterator[Array]:
-    """Yield what each set of the effect's values changes in the residuals (N,); only the views that feel it are run."""
-    felt = [i for i, view in enumerate(views) if view.is_sensitive_to(effect)]
-    sizes = [view.experiment.time.size * len(view.channels) for view in views]
-    nominal = np.split(found.residual, np.cumsum(sizes)[:-1])
+    """Yield the change of the residuals for each set of the effect's values.
+
+    Only the residual models that are sensitive to the effect are evaluated.
+
+    Args:
+        effect: The effect.
+        fitted: The fit without it.
+        residual_models: The residual models of the fit.
+        starts: Values of the effect's parameters.
+
+    Yields:
+        The change in units of noise, shape (N,).
+
+    """
+    affected = [i for i, residual_model in enumerate(residual_models) if residual_model.is_sensitive_to(effect)]
+    sizes = residual_counts(residual_models)
+    nominal = np.split(fitted.residual, np.cumsum(sizes)[:-1])
     problem = LeastSquaresProblem(
-        found.model, [views[i] for i in felt], (), [found.initial_state_sensitivities[i] for i in felt]
+        fitted.model,
+        [residual_models[i] for i in affected],
+        (),
+        [fitted.initial_state_sensitivities[i] for i in affected],
     )
-    for values in starts if felt else ():
-        part = problem.data_residuals(with_effect(found.model, effect, values))
+    for values in starts if affected else ():
+        part = problem.data_residuals(with_effect(fitted.model, effect, values))
         parts = [np.zeros(n) for n in sizes]
-        for i, residual in zip(felt, part, strict=True):
+        for i, residual in zip(affected, part, strict=True):
             parts[i] = residual - nominal[i]
         yield np.concatenate(parts)
 
 
-def score_tests(effect: Effect, found: Fit, views: Sequence[ResidualModel]) -> list[ScoreTest]:
-    """Return the effect's signatures at its typical values, best first."""
+def score_tests(effect: Effect, fitted: Fit, residual_models: Sequence[ResidualModel]) -> list[ScoreTest]:
+    """Compute the score test of an effect at each of its typical values.
+
+    Args:
+        effect: The effect.
+        fitted: The fit without it.
+        residual_models: The residual models of the fit.
+
+    Returns:
+        The tests, largest gain first; none where no residual model is sensitive to the effect.
+
+    """
     typical = initial_guesses(
-        effect, rig_quantities(found.model, [v.experiment for v in views]), found.model.rig.priors
+        effect, rig_quantities(fitted.model, [one.experiment for one in residual_models]), fitted.model.rig.priors
     )
     out = [
-        _score_test(values, change, found, nested=effect.nested)
-        for values, change in zip(typical, residual_changes(effect, found, views, typical), strict=False)
+        _score_test(values, change, fitted, nested=effect.nested)
+        for values, change in zip(typical, residual_changes(effect, fitted, residual_models, typical), strict=False)
     ]
-    return sorted(out, key=lambda s: -s.gain)
+    return sorted(out, key=lambda test: -test.gain)
 
 
-def _score_test(values: dict[str, float], change: Array, found: Fit, *, nested: bool) -> ScoreTest:
-    target, new = found.projected_residual, found.project_out_nuisance(change)
+def _score_test(values: dict[str, float], change: Array, fitted: Fit, *, nested: bool) -> ScoreTest:
+    target, new = fitted.projected_residual, fitted.project_out_nuisance(change)
     power = float(new @ new)
     if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
         return ScoreTest(values, 0.0, 0.0, np.inf)
-    error = float(np.linalg.norm(np.bincount(found.blocks, weights=new * target))) / power
+    error = float(np.linalg.norm(np.bincount(fitted.blocks, weights=new * target))) / power
     if not nested:  # it cannot be switched on by degrees
         return ScoreTest(values, float(target @ target - (target + new) @ (target + new)), 1.0, error)
     step = -float(new @ target) / power
@@ -105,14 +144,26 @@ def _score_test(values: dict[str, float], change: Array, found: Fit, *, nested: 
 
 
 def scaled_initial_guess(
-    effect: Effect, test: ScoreTest, model: Model, facts: RigQuantities, step_share: float = 1.0
+    effect: Effect, test: ScoreTest, model: Model, quantities: RigQuantities, step_share: float = 1.0
 ) -> dict[str, float]:
-    """Return the signature's values, those with a null moved by a share of the promised step (within 0.05 to 5)."""
+    """Move the values of a score test from their nulls by a share of the predicted step.
+
+    Args:
+        effect: The effect.
+        test: Its score test.
+        model: The model without the effect.
+        quantities: The quantities that scale the effect's range.
+        step_share: Share of the predicted step, which is first limited to 0.05 .. 5.
+
+    Returns:
+        Start values by EFFECT.PARAMETER; a parameter without a null keeps the tested value.
+
+    """
     step = step_share * float(np.clip(test.step, 0.05, 5.0))
     values = dict(test.values)
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
         if (null := null_value(p, model)) is not None:  # steps between the typical values, no further
-            size = p.range_on(facts)
+            size = p.range_on(quantities)
             values[name] = float(np.clip(null + step * (values[name] - null), size.lower, size.upper))
     return values
