@@ -1,4 +1,4 @@
-"""Leaks in the units of the trade: how fast a shut chamber loses its pressure, and what flow that is."""
+"""Leak rates in the units of the trade: the pressure decay of a shut chamber, and the equivalent flow."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.units import parse_unit
 
-EDGE_RATIO = 0.02  # of a recording, whose median is the pressure at its start or end
-REFERENCE_VOLUME = 1e-3  # m^3, for which a flow is told where the volume is not known
+EDGE_RATIO = 0.02  # of a recording: the median over it is the pressure at the start or end
+REFERENCE_VOLUME = 1e-3  # m^3, assumed where the volume is unknown
 FLOW_UNIT = "l/min ANR"
 LEAK_PORTS = ("leak_1_ambient", "leak_2_ambient", "leak_1_2")
 
 
 @dataclass(frozen=True)
 class PressureLoss:
-    """What one shut chamber lost: pressures in Pa at both ends of ``seconds``, ``percent`` of the pressure above
-    ambient at the start in each second, and the flow in l/min ANR if the gas kept the wall's temperature or took none
-    of its heat; of a litre where the volume is not known.
+    """The pressure decay of one shut chamber.
+
+    ``start`` and ``end`` are pressures in Pa at both ends of ``seconds``, ``percent`` the loss of gauge pressure for
+    each second, relative to the start; the flow in l/min ANR follows for gas at the wall's temperature (``isothermal``)
+    and for gas that takes up no heat (``adiabatic``). It is that of a litre where the volume is unknown.
     """
 
     recording: str
@@ -39,8 +41,9 @@ class PressureLoss:
 
 @dataclass(frozen=True)
 class LeakFlow:
-    """The flow in l/min ANR of one of the model's leaks from a pressure (Pa) to ambient; of a litre where the vessel's
-    volume is not known.
+    """The flow in l/min ANR of one of the model's leaks from ``pressure`` (Pa) to ambient.
+
+    It is that of a litre where the vessel's volume is unknown.
     """
 
     effect: str
@@ -50,36 +53,71 @@ class LeakFlow:
 
 
 def pressure_losses(experiments: Sequence[Experiment], rig: Rig) -> Iterator[PressureLoss]:
-    """Yield what the shut chambers of valve tests lost; nothing for one that lost nothing."""
-    for e in experiments:
-        if not (e.vessel and e.recording.valve_shut):
+    """Yield the pressure decay of the valve tests with a shut valve.
+
+    Args:
+        experiments: The experiments.
+        rig: The rig with the vessel's volume.
+
+    Yields:
+        One loss for each recording whose pressure falls.
+
+    """
+    for experiment in experiments:
+        if not (experiment.vessel and experiment.recording.valve_shut):
             continue
-        p, seconds = e.inputs[:, at.IN_P1], float(e.time[-1] - e.time[0])
+        p, seconds = experiment.inputs[:, at.IN_P1], float(experiment.time[-1] - experiment.time[0])
         edge = max(int(EDGE_RATIO * p.size), 1)
         start, end = float(np.median(p[:edge])), float(np.median(p[-edge:]))
-        lost = (start - end) / seconds
-        mass = (rig.vessel_volume or REFERENCE_VOLUME) * lost / (rig.gas_constant * rig.gas_temperature)
-        flow = normal_flow(mass, rig)
-        above = start - rig.ambient_pressure
-        if lost > 0.0 < above:
-            share = 100.0 * lost / above
+        loss_rate = (start - end) / seconds
+        mass_flow = (rig.vessel_volume or REFERENCE_VOLUME) * loss_rate / (rig.gas_constant * rig.gas_temperature)
+        flow = normal_flow(mass_flow, rig)
+        gauge_pressure = start - rig.ambient_pressure
+        if loss_rate > 0.0 < gauge_pressure:
+            percent = 100.0 * loss_rate / gauge_pressure
             adiabatic = flow / rig.heat_capacity_ratio
-            known = rig.vessel_volume is not None
-            yield PressureLoss(e.recording.name, start, end, seconds, share, flow, adiabatic, known)
+            volume_known = rig.vessel_volume is not None
+            yield PressureLoss(experiment.recording.name, start, end, seconds, percent, flow, adiabatic, volume_known)
 
 
 def leak_flows(model: Model, experiments: Sequence[Experiment], *, volume_known: bool) -> Iterator[LeakFlow]:
-    """Yield the flow of each of the model's leaks to ambient, at the supply's pressure or else the highest recorded."""
-    rig, seen = model.rig, max((e.signal_ranges.pressure for e in experiments), default=0.0)
-    pressure = rig.supply_pressure or seen
-    k = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
+    """Yield the flow of each of the model's leaks to ambient.
+
+    The upstream pressure is the supply's, or else the highest that was recorded.
+
+    Args:
+        model: The identified model.
+        experiments: The experiments.
+        volume_known: Whether the vessel's volume is known.
+
+    Yields:
+        One flow for each leak.
+
+    """
+    rig, highest_pressure = (
+        model.rig,
+        max((experiment.signal_ranges.pressure for experiment in experiments), default=0.0),
+    )
+    pressure = rig.supply_pressure or highest_pressure
+    choked_flux = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
     for effect in model.effects:
         port = next((name for name in LEAK_PORTS if name in effect.ports), None)
         if port is not None and pressure > rig.ambient_pressure:
-            mass = effect.ports[port](pressure, rig.ambient_pressure, k, *model.effect_parameters(effect))
-            yield LeakFlow(effect.name, pressure, normal_flow(float(mass), rig), volume_known)  # type: ignore[arg-type]
+            mass_flow = effect.ports[port](
+                pressure, rig.ambient_pressure, choked_flux, *model.effect_parameters(effect)
+            )
+            yield LeakFlow(effect.name, pressure, normal_flow(float(mass_flow), rig), volume_known)  # type: ignore[arg-type]
 
 
 def normal_flow(mass_flow: float, rig: Rig) -> float:
-    """Return a flow in kg/s in l/min ANR: the volume that as many moles of air have under standard conditions."""
+    """Convert a mass flow to a volume flow of air under standard conditions (ANR, ISO 8778).
+
+    Args:
+        mass_flow: Mass flow in kg/s.
+        rig: The rig; another gas than air counts by its number of moles.
+
+    Returns:
+        The flow in l/min ANR.
+
+    """
     return mass_flow * rig.gas_constant / 287.0 / parse_unit(FLOW_UNIT).factor

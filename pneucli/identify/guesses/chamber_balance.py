@@ -1,4 +1,4 @@
-"""The gas of one chamber as a recording shows it: its volume, what flows into it, and what more flow would do."""
+"""The mass balance of one chamber: its volume, the flow into it, and the pressure that additional flow causes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Array = NDArray[np.float64]
 Chamber = Literal[1, 2]
 
 PRESSURE_SIGNALS = {1: ("p1", at.IN_P1), 2: ("p2", at.IN_P2)}
-MIN_DECAY = 1e-4  # of an error of a start: what is left of it then is no scale for what came later
+MIN_DECAY = 1e-4  # of an initial error: a smaller rest is no scale for gas that is added later
 
 
 @dataclass(frozen=True)
 class ChamberGas:
-    """A chamber, or a vessel in its place; arrays of shape (n,).
+    """The gas of a chamber, or of a vessel in its place; arrays of shape (n,).
 
-    ``volume`` in m^3 and its ``volume_rate`` in m^3/s; ``flow`` the mass flow in kg/s into it by the balance of its
-    pressure, ``swept_flow`` the part of it that the growing volume takes; ``stiffness`` in Pa/kg, by which gas that is
-    added raises the pressure.
+    ``volume`` in m^3 and its ``volume_rate`` in m^3/s; ``flow`` is the mass flow into the chamber in kg/s by the
+    balance of its pressure, ``swept_flow`` the part of it that fills the growing volume; ``stiffness`` in Pa/kg is the
+    rise of the pressure for each kilogram of added gas.
     """
 
     volume: Array
@@ -35,59 +35,125 @@ class ChamberGas:
     stiffness: Array
 
 
-def measured_gas(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> ChamberGas:
-    """Return what an experiment that reads the pressure of a chamber shows of its gas."""
-    name, column = PRESSURE_SIGNALS[1 if e.vessel else chamber]
-    p = e.inputs[:, column]
-    slope = e.smoothers[name].slope(e.raw[name]) if name in e.smoothers else np.gradient(p, e.time)
-    return gas_balance(rig, *_volume_and_rate(e, rig, chamber, vessel_volume), p, slope)
+def measured_gas(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> ChamberGas:
+    """Compute the gas of a chamber from its measured pressure and motion.
+
+    Args:
+        experiment: An experiment that records the pressure of the chamber.
+        rig: The rig with its volumes and areas.
+        chamber: Which chamber.
+        vessel_volume: Volume of the vessel in m^3, for a valve test.
+
+    Returns:
+        The gas, from the smoothed pressure.
+
+    """
+    name, column = PRESSURE_SIGNALS[1 if experiment.vessel else chamber]
+    p = experiment.inputs[:, column]
+    pressure_rate = (
+        experiment.smoothers[name].slope(experiment.raw[name])
+        if name in experiment.smoothers
+        else np.gradient(p, experiment.time)
+    )
+    return gas_balance(rig, *_volume_and_rate(experiment, rig, chamber, vessel_volume), p, pressure_rate)
 
 
-def modelled_gas(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float, p: Array) -> ChamberGas:
-    """Return the gas of a chamber whose pressure (n,) a model has, from each restart on."""
-    slope, last = np.gradient(p, e.time), np.append(e.restarts[1:], e.time.size) - 1
-    for edge, inner in ((e.restarts, np.minimum(e.restarts + 1, last)), (last, np.maximum(last - 1, e.restarts))):
-        slope[edge] = slope[inner]
-    return gas_balance(rig, *_volume_and_rate(e, rig, chamber, vessel_volume), p, slope)
+def modelled_gas(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float, p: Array) -> ChamberGas:
+    """Compute the gas of a chamber from a simulated pressure and the measured motion.
+
+    Args:
+        experiment: The experiment that was simulated.
+        rig: The rig with its volumes and areas.
+        chamber: Which chamber.
+        vessel_volume: Volume of the vessel in m^3, for a valve test.
+        p: Simulated pressure in Pa, shape (n,); it starts again at each restart.
+
+    Returns:
+        The gas.
+
+    """
+    pressure_rate, segment_ends = (
+        np.gradient(p, experiment.time),
+        np.append(experiment.restarts[1:], experiment.time.size) - 1,
+    )
+    for edge, neighbour in (
+        (experiment.restarts, np.minimum(experiment.restarts + 1, segment_ends)),
+        (segment_ends, np.maximum(segment_ends - 1, experiment.restarts)),
+    ):
+        pressure_rate[edge] = pressure_rate[neighbour]
+    return gas_balance(rig, *_volume_and_rate(experiment, rig, chamber, vessel_volume), p, pressure_rate)
 
 
-def gas_balance(rig: Rig, volume: Array, growth: Array, p: Array, slope: Array) -> ChamberGas:
-    """Return the gas by the balance of a chamber at p in Pa that rises with ``slope`` in Pa/s (thesis 2.28, 2.29)."""
+def gas_balance(rig: Rig, volume: Array, volume_rate: Array, p: Array, pressure_rate: Array) -> ChamberGas:
+    r"""Compute the flow into a chamber from the polytropic balance of its pressure.
+
+    .. math:: q = (\dot p V + n p \dot V) / (n R T)
+
+    Args:
+        rig: The rig with the gas constant R, the temperature T and the exponent n.
+        volume: Volume V in m^3, shape (n,).
+        volume_rate: Its rate in m^3/s, shape (n,).
+        p: Absolute pressure in Pa, shape (n,).
+        pressure_rate: Its rate in Pa/s, shape (n,).
+
+    Returns:
+        The gas.
+
+    References:
+        Thesis, equations 2.28 and 2.29.
+
+    """
     exponent = rig.polytropic_exponent or rig.heat_capacity_ratio
     specific = rig.gas_constant * rig.gas_temperature
-    flow = (slope * volume + exponent * p * growth) / (exponent * specific)
-    return ChamberGas(volume, growth, flow, p * growth / specific, exponent * specific / volume)
+    flow = (pressure_rate * volume + exponent * p * volume_rate) / (exponent * specific)
+    return ChamberGas(volume, volume_rate, flow, p * volume_rate / specific, exponent * specific / volume)
 
 
-def pressure_deviation(e: Experiment, gas: ChamberGas, flow: Array, decay: Array) -> Array:
-    """Return by how much the pressure (k, n) differs, in Pa, where some more ``flow`` (k, n), in kg/s, goes in.
+def pressure_deviation(experiment: Experiment, gas: ChamberGas, flow: Array, decay: Array) -> Array:
+    """Compute the pressure that additional flow causes, to first order, from each restart on.
 
-    From each restart on, and to first order: ``decay`` (n,) is what an error of the start becomes, in any unit, since
-    all gas that is added fades alike.
+    Args:
+        experiment: The experiment with its restarts.
+        gas: The gas of the chamber.
+        flow: Additional mass flow in kg/s, shape (k, n).
+        decay: Decay of an initial error over time, shape (n,), in any unit; added gas decays alike.
+
+    Returns:
+        The deviation in Pa, shape (k, n).
+
     """
-    least = MIN_DECAY * float(np.max(np.abs(decay)))
-    scale = np.where(np.abs(decay) > least, decay, least)
-    total = np.cumsum(flow * (gas.stiffness * e.recording.period / scale), axis=-1)
-    before = np.repeat(total[:, e.restarts], segment_lengths(e.restarts, e.time.size), axis=-1)
-    return np.asarray((total - before) * scale)
+    floor = MIN_DECAY * float(np.max(np.abs(decay)))
+    scale = np.where(np.abs(decay) > floor, decay, floor)
+    integral = np.cumsum(flow * (gas.stiffness * experiment.recording.period / scale), axis=-1)
+    at_restart = np.repeat(
+        integral[:, experiment.restarts], segment_lengths(experiment.restarts, experiment.time.size), axis=-1
+    )
+    return np.asarray((integral - at_restart) * scale)
 
 
-def sensor_error_deviation(e: Experiment, error: Array, decay: Array) -> Array:
-    """Return by how much a pressure that is read with an ``error`` (k, n), in Pa, differs from a simulated one.
+def sensor_error_deviation(experiment: Experiment, error: Array, decay: Array) -> Array:
+    """Compute the deviation of a pressure reading with an error from a simulation that starts from that reading.
 
-    That one starts from the reading, too, and carries its error on; ``decay`` as in :func:`pressure_deviation`.
+    Args:
+        experiment: The experiment with its restarts.
+        error: Error of the reading in Pa, shape (k, n).
+        decay: Decay of an initial error over time, shape (n,), in any unit.
+
+    Returns:
+        The deviation in Pa, shape (k, n).
+
     """
-    each = segment_lengths(e.restarts, e.time.size)
-    first = decay[e.restarts]
-    faded = decay / np.repeat(np.where(first == 0.0, 1.0, first), each)
-    return np.asarray(error - np.repeat(error[:, e.restarts], each, axis=-1) * faded)
+    lengths = segment_lengths(experiment.restarts, experiment.time.size)
+    first = decay[experiment.restarts]
+    relative_decay = decay / np.repeat(np.where(first == 0.0, 1.0, first), lengths)
+    return np.asarray(error - np.repeat(error[:, experiment.restarts], lengths, axis=-1) * relative_decay)
 
 
-def _volume_and_rate(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array, Array]:
-    """Return the volume in m^3 and its growth in m^3/s."""
-    if e.vessel:
-        return np.full(e.time.size, vessel_volume), np.zeros(e.time.size)
-    area, x, v = rig.piston_areas[chamber - 1], e.inputs[:, at.IN_X], e.inputs[:, at.IN_V]
+def _volume_and_rate(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> tuple[Array, Array]:
+    """Return the volume in m^3 and its rate in m^3/s."""
+    if experiment.vessel:
+        return np.full(experiment.time.size, vessel_volume), np.zeros(experiment.time.size)
+    area, x, v = rig.piston_areas[chamber - 1], experiment.inputs[:, at.IN_X], experiment.inputs[:, at.IN_V]
     if chamber == 1:
         return (rig.dead_volume_1 or 0.0) + area * x, area * v
     return (rig.dead_volume_2 or 0.0) + area * ((rig.stroke or 0.0) - x), -area * v

@@ -1,4 +1,4 @@
-"""The paths of a valve that fill and vent one chamber, as one recording shows them."""
+"""The flow paths of a valve that fill and vent one chamber, as one recording contains them."""
 
 from __future__ import annotations
 
@@ -20,32 +20,41 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CommandConversion:
-    """What goes to the valve, in V, for an opening of one chamber's paths, which is positive where they fill."""
+    """The conversion between a valve's command (V) and the opening of a chamber's paths (V), positive where they fill."""
 
     null: float
     sign: float
 
     def from_opening(self, opening: Array) -> Array:
-        """Return the command for an opening."""
+        """Return the command in V for an opening in V."""
         return np.asarray(self.null + self.sign * opening)
 
     def to_opening(self, command: Array | float) -> Array:
-        """Return the opening that a command makes."""
+        """Return the opening in V for a command in V."""
         return np.asarray(self.sign * (np.asarray(command, dtype=np.float64) - self.null))
 
 
 def command_conversion(rig: Rig, chamber: Chamber) -> CommandConversion:
-    """Return how the paths of a chamber are commanded: those of chamber 2 may be one spool's other way."""
+    """Return the conversion between command and opening of a chamber's paths.
+
+    Args:
+        rig: The rig with the valve's null and arrangement.
+        chamber: Which chamber; the paths of chamber 2 may belong to the other side of one spool.
+
+    Returns:
+        The conversion.
+
+    """
     return CommandConversion(rig.valve_null, rig.command_sign(chamber))
 
 
 @dataclass(frozen=True)
 class FlowPathData:
-    """A recording of the paths of one chamber, or of a vessel in its place; arrays of shape (n,).
+    """The paths of one chamber, or of a vessel in its place, in one recording; arrays of shape (n,).
 
-    ``opening`` is the command in V from the null one, positive where it fills; ``flow`` the mass flow in kg/s into the
-    chamber by the base model's balance of the smoothed pressure, ``mass_flux`` that of the base model in kg/(s m^2) at
-    the sign of the opening; ``volume`` (m^3) and ``volume_rate`` (m^3/s) are the chamber's.
+    ``opening`` is the command from the null in V, positive where it fills; ``flow`` is the mass flow into the chamber
+    in kg/s by the balance of the smoothed pressure; ``mass_flux`` is the flow of the base model for each square metre,
+    in kg/(s m^2), at the sign of the opening; ``volume`` (m^3) and ``volume_rate`` (m^3/s) are the chamber's.
     """
 
     experiment: Experiment
@@ -57,67 +66,118 @@ class FlowPathData:
 
 
 def valve_driven(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return the experiments in which a valve is commanded."""
-    return [e for e in experiments if e.flags[at.PNEUMATICS] > 0 and "u" in e.raw and not e.recording.valve_shut]
+    """Select the experiments in which a command drives a valve.
+
+    Args:
+        experiments: The experiments.
+
+    Returns:
+        Those with a recorded command and a valve that is not shut off.
+
+    """
+    return [
+        experiment
+        for experiment in experiments
+        if experiment.flags[at.PNEUMATICS] > 0 and "u" in experiment.raw and not experiment.recording.valve_shut
+    ]
 
 
 def flow_path_data(
     experiments: Sequence[Experiment], rig: Rig, chamber: Chamber, vessel_volume: float
 ) -> Iterator[FlowPathData]:
-    """Yield what each driven experiment shows of the paths of chamber 1 or 2."""
-    for e in valve_driven(experiments):
-        if opening_from_null(e, chamber) is not None:
-            yield _flow_path_data(e, rig, chamber, vessel_volume)
+    """Yield the flow-path data of each driven experiment.
 
+    Args:
+        experiments: The experiments.
+        rig: The rig with its volumes and areas.
+        chamber: Which chamber.
+        vessel_volume: Volume of the vessel in m^3, for a valve test.
 
-def opening_from_null(e: Experiment, chamber: Chamber) -> Array | None:
-    """Return the command in V from the null one of the paths of a chamber; None where they are not seen."""
-    null = e.rig.valve_null
-    if e.vessel:
-        return np.asarray(e.inputs[:, at.IN_U] - null) if e.recording.chamber == chamber else None
-    if chamber == 1:
-        return np.asarray(e.inputs[:, at.IN_U] - null)
-    if "p2" not in e.raw or e.flags[at.CHAMBER_2] not in (at.VALVE_2, at.MIRRORED):
-        return None
-    mirrored = e.flags[at.CHAMBER_2] == at.MIRRORED
-    return np.asarray(null - e.inputs[:, at.IN_U] if mirrored else e.inputs[:, at.IN_U2] - null)
+    Yields:
+        The data; none for an experiment that does not record the chamber.
 
-
-def as_valve_test(e: Experiment, chamber: Chamber) -> Experiment | None:
-    """Return the paths of a chamber as a valve test shows them, or would: from the null, positive where they fill.
-
-    Of a piston's chamber only command, pressure and supply are taken over; None where the paths are not seen.
     """
-    opening = opening_from_null(e, chamber)
+    for experiment in valve_driven(experiments):
+        if opening_from_null(experiment, chamber) is not None:
+            yield _flow_path_data(experiment, rig, chamber, vessel_volume)
+
+
+def opening_from_null(experiment: Experiment, chamber: Chamber) -> Array | None:
+    """Return the command from the null of a chamber's paths.
+
+    Args:
+        experiment: The experiment.
+        chamber: Which chamber.
+
+    Returns:
+        The opening in V, shape (n,); None where the experiment does not record the chamber.
+
+    """
+    null = experiment.rig.valve_null
+    if experiment.vessel:
+        return np.asarray(experiment.inputs[:, at.IN_U] - null) if experiment.recording.chamber == chamber else None
+    if chamber == 1:
+        return np.asarray(experiment.inputs[:, at.IN_U] - null)
+    if "p2" not in experiment.raw or experiment.flags[at.CHAMBER_2] not in (at.VALVE_2, at.MIRRORED):
+        return None
+    mirrored = experiment.flags[at.CHAMBER_2] == at.MIRRORED
+    return np.asarray(null - experiment.inputs[:, at.IN_U] if mirrored else experiment.inputs[:, at.IN_U2] - null)
+
+
+def as_valve_test(experiment: Experiment, chamber: Chamber) -> Experiment | None:
+    """Present the paths of a chamber as a valve test: command from the null, positive where it fills, and one pressure.
+
+    Args:
+        experiment: The experiment; of a piston's chamber only command, pressure and supply are used.
+        chamber: Which chamber.
+
+    Returns:
+        The valve test; None where the experiment does not record the chamber.
+
+    """
+    opening = opening_from_null(experiment, chamber)
     if opening is None:
         return None
-    name, column = PRESSURE_SIGNALS[1 if e.vessel else chamber]
-    inputs = e.inputs.copy()
+    name, column = PRESSURE_SIGNALS[1 if experiment.vessel else chamber]
+    inputs = experiment.inputs.copy()
     inputs[:, at.IN_U], inputs[:, at.IN_P1] = opening, inputs[:, column]
-    signals = dict(e.recording.signals)
+    signals = dict(experiment.recording.signals)
     if "u" in signals:
         signals["u"] = opening
     if name in signals:
         signals["p1"] = signals[name]
-    recording = replace(e.recording, experiment="valve", chamber=chamber, signals=signals)
-    return replace(e, recording=recording, rig=replace(e.rig, valve_null=0.0), inputs=inputs)
+    recording = replace(experiment.recording, experiment="valve", chamber=chamber, signals=signals)
+    return replace(experiment, recording=recording, rig=replace(experiment.rig, valve_null=0.0), inputs=inputs)
 
 
-def _flow_path_data(e: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> FlowPathData:
-    opening = opening_from_null(e, chamber)
+def _flow_path_data(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float) -> FlowPathData:
+    opening = opening_from_null(experiment, chamber)
     assert opening is not None
-    p = e.inputs[:, PRESSURE_SIGNALS[1 if e.vessel else chamber][1]]
-    gas = measured_gas(e, rig, chamber, vessel_volume)
-    per_area = mass_flux(rig, opening, e.inputs[:, at.IN_SUPPLY], p)
-    return FlowPathData(e, opening, gas.flow, per_area, gas.volume, gas.volume_rate)
+    p = experiment.inputs[:, PRESSURE_SIGNALS[1 if experiment.vessel else chamber][1]]
+    gas = measured_gas(experiment, rig, chamber, vessel_volume)
+    flux = mass_flux(rig, opening, experiment.inputs[:, at.IN_SUPPLY], p)
+    return FlowPathData(experiment, opening, gas.flow, flux, gas.volume, gas.volume_rate)
 
 
 def mass_flux(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
-    """Return the mass flow per area in kg/(s m^2) into a chamber at p, filled or vented as an opening (V) does.
+    """Compute the mass flow for each square metre of effective area into a chamber.
 
-    Pressures in Pa, all (n,).
+    Args:
+        rig: The rig with its gas and ambient pressure.
+        opening: Opening in V, shape (n,); its sign says whether the path fills or vents.
+        supply: Absolute supply pressure in Pa, shape (n,).
+        p: Absolute chamber pressure in Pa, shape (n,).
+
+    Returns:
+        The mass flux in kg/(s m^2), shape (n,), negative where the chamber is vented.
+
+    References:
+        Thesis, equations 2.42 and 2.43 (approximate flow function).
+
     """
-    k = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
+    choked_flux = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
     b = critical_ratio_of(rig.heat_capacity_ratio)
     upstream, downstream = np.where(opening > 0, supply, p), np.where(opening > 0, p, rig.ambient_pressure)
-    return np.asarray(np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, b, k, k))
+    return np.asarray(
+        np.where(opening > 0, 1.0, -1.0) * orifice_flows(upstream, downstream, b, choked_flux, choked_flux)
+    )

@@ -1,4 +1,4 @@
-"""Where a piston breaks away from rest, and where the sampling hides in which direction it moves."""
+"""Break-away from rest, and samples at which the direction of motion is uncertain."""
 
 from __future__ import annotations
 
@@ -7,36 +7,52 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MIN_REST_RATIO = 4.0  # times what smears a stop: the time of rest, and of motion, that makes a break-away
-ONSET_SPEED_RATIO = (
-    0.5  # of the speed that tells motion from rest (two standard deviations of noise): there a rest ends
-)
-MIN_BREAKAWAY_SPEED = 1e-9  # m/s, of a break-away whose velocity noise hides: its direction counts
+MIN_REST_RATIO = 4.0  # times the smear time: the duration of rest, and of motion, around a break-away
+ONSET_SPEED_RATIO = 0.5  # of the standstill speed, so two standard deviations of its noise: there a rest ends
+MIN_BREAKAWAY_SPEED = 1e-9  # m/s, of a break-away within the noise: only its direction counts
 
 
 def breakaway_velocities(v: Array, smoothed: Array, onset_speed: float, min_samples: int) -> Array:
-    """Return the velocity in m/s at the last sample of each rest that motion follows, else 0; shape of v.
+    """Locate break-aways: the last sample of each rest that motion follows.
 
-    ``v`` is zero at rest, which ends late: where noise hides the velocity. The ``smoothed`` one tells where it began to
-    grow beyond ``onset_speed`` m/s; the break-away is at the sample before. Rest and motion last ``min_samples``
-    samples.
+    The velocity ``v`` is set to zero at rest and leaves zero late, once it exceeds noise. The smoothed velocity shows
+    where it began to grow beyond ``onset_speed``; the break-away is the sample before.
+
+    Args:
+        v: Velocity in m/s, shape (n,), zero at rest.
+        smoothed: Smoothed velocity in m/s, shape (n,).
+        onset_speed: Speed at which motion begins, in m/s.
+        min_samples: Number of samples of rest before, and of motion in one direction after.
+
+    Returns:
+        The velocity in m/s at each break-away, 0 elsewhere, shape (n,).
+
     """
     out = np.zeros(v.size)
     moving = v != 0.0
     for k in np.flatnonzero(~moving[:-1] & moving[1:]):
-        before, after = moving[max(k - min_samples, 0) : k + 1], v[k + 1 : k + 1 + min_samples]
-        if k >= min_samples and not before.any() and (np.all(after > 0) or np.all(after < 0)):
-            direction = np.sign(after[0])
-            slow = np.flatnonzero(direction * smoothed[k - min_samples : k + 1] < onset_speed)
-            onset = k - min_samples + int(slow[-1]) if slow.size else k
+        preceding, following = moving[max(k - min_samples, 0) : k + 1], v[k + 1 : k + 1 + min_samples]
+        if k >= min_samples and not preceding.any() and (np.all(following > 0) or np.all(following < 0)):
+            direction = np.sign(following[0])
+            below_onset = np.flatnonzero(direction * smoothed[k - min_samples : k + 1] < onset_speed)
+            onset = k - min_samples + int(below_onset[-1]) if below_onset.size else k
             out[onset] = direction * max(direction * smoothed[onset], MIN_BREAKAWAY_SPEED)
     return out
 
 
 def uncertain_direction(v: Array, breakaway: Array, smear_samples: int) -> NDArray[np.bool_]:
-    """Return where the sign of v, shape (n,), has just changed or soon will: a stop is smeared over some samples.
+    """Mask the samples whose direction of motion is uncertain.
 
-    And from where it is ``breakaway`` a rest, that sample left out.
+    It is uncertain near a reversal, at both ends, and from a break-away until the velocity exceeds noise.
+
+    Args:
+        v: Velocity in m/s, shape (n,), zero at rest.
+        breakaway: Velocity at break-aways, 0 elsewhere, shape (n,).
+        smear_samples: Number of samples over which smoothing spreads a stop.
+
+    Returns:
+        The mask, shape (n,); False at the break-aways themselves.
+
     """
     out = np.zeros(v.size, dtype=bool)
     change = np.flatnonzero(np.diff(np.sign(v)) != 0)
