@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, syntax_tree
+from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, summary, syntax_tree
 
 MATH_FUNCTIONS = ("fabs", "sqrt", "isfinite")
 BUILT_IN = {"min": "smaller", "max": "larger", "int": "(int)"}
@@ -62,7 +62,7 @@ def c_function(function: Callable[..., Any], real: Real = DOUBLE) -> str:
         arrays.get(name) or f"{'int' if name in kinds.whole else real.type} {name}" for name in kinds.arguments
     )
     kind = "void" if kinds.returns == "nothing" else real.type
-    lines = [f"/* {ast.get_docstring(tree)} */", f"static {kind} {tree.name}({given})", "{"]
+    lines = [f"/* {summary(tree)} */", f"static {kind} {tree.name}({given})", "{"]
     groups = (("int", kinds.whole), (real.type, [*kinds.truth, *kinds.real]))
     lines += [f"{INDENT}{kind} {', '.join(names)};" for kind, all_ in groups if (names := kinds.locals(all_))]
     lines += [line for statement in tree.body[1:] for line in writer.statement(statement, 1)]

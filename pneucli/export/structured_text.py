@@ -21,7 +21,7 @@ from pneucli.export.controller_program import (
     physical_constants,
     state_names,
 )
-from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, syntax_tree
+from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, summary, syntax_tree
 from pneucli.version import __version__
 
 TYPES = {"whole": "DINT", "truth": "BOOL", "real": "LREAL", "nothing": "BOOL"}
@@ -120,7 +120,7 @@ class _Writer:
         for answer, kind in (("done", "BOOL"), ("ignored", "LREAL")):
             local += [f"{answer} : {kind};"] * any(line.lstrip().startswith(f"{answer} :=") for line in body)
         last = [f"{INDENT}{PREFIX}{name} := TRUE;"] if kinds.returns == "nothing" else []
-        head = f"(* {ast.get_docstring(self._tree)} *)\nFUNCTION {PREFIX}{name} : {TYPES[kinds.returns]}"
+        head = f"(* {summary(self._tree)} *)\nFUNCTION {PREFIX}{name} : {TYPES[kinds.returns]}"
         blocks = [*_block("VAR_INPUT", given), *_block("VAR_IN_OUT", arrays), *_block("VAR", local)]
         return "\n".join([head, *blocks, *body, *last, "END_FUNCTION"])
 

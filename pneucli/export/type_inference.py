@@ -30,6 +30,11 @@ def syntax_tree(function: Callable[..., Any]) -> ast.FunctionDef:
     return tree
 
 
+def summary(tree: ast.FunctionDef) -> str:
+    """Return the first paragraph of a function's docstring."""
+    return (ast.get_docstring(tree) or "").partition("\n\n")[0]
+
+
 class InferredTypes:
     """The kinds of a function's arguments and locals, of what it returns, and of any expression in it.
 

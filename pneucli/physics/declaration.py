@@ -1,9 +1,9 @@
-"""What a physical effect declares: its name, parameters, equations at the simulator's ports, and its story.
+"""The declaration of a physical effect: its name, parameters, equations at the simulator's ports, and description.
 
-One declaration is the only place where an effect is described. From it come the simulator's code, the fit's
-parameter vector, the diagnosis, the catalogue, the docs page and the tests. A port's function takes the port's
-arguments (``PORTS``) and then the effect's parameters, in the order in which they are declared; it uses scalars,
-``math`` and the functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
+A declaration is the only place that describes an effect. The simulator's code, the fit's parameter vector, the
+diagnosis, the catalogue, the page of the documentation and the tests are made from it. A port's function takes the
+port's arguments (``PORTS``) and then the effect's parameters in their order; it uses scalars, ``math`` and the
+functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
 """
 
 from __future__ import annotations
@@ -25,11 +25,16 @@ Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
 class Port:
     """A place in the equations where effects enter.
 
-    ``sum``: contributions are added. ``factor``: they multiply 1. ``chain``: each maps the first argument.
-    ``state``: as chain, with a state of the effect's own as second argument; returns (value, new state).
-    ``side``: the balance in which it stands: of mass and energy (``gas``), of forces (``mechanics``; ``friction`` where
-    it is friction's own), or both, as a reading of the pressures (``pressure sensor``). ``is_set_valued``: it widens the set
-    of forces that are possible. ``memory``: what it does depends on what went before, as that of a ``state`` does.
+    Attributes:
+        arguments: Arguments that every function of the port takes before the effect's parameters.
+        combine: How effects combine. ``sum``: contributions add. ``factor``: they multiply 1. ``chain``: each maps
+            the first argument. ``state``: as chain, with a state of the effect as second argument; the function
+            returns the value and the new state.
+        side: The balance to which the port belongs: mass and energy (``gas``), forces (``mechanics``; ``friction``
+            for friction alone), or both, through the readings of the pressures (``pressure sensor``).
+        meaning: Unit and meaning of the value.
+        is_set_valued: Whether the port widens the set of possible forces.
+        memory: Whether its value depends on the past without a ``state``.
     """
 
     arguments: tuple[str, ...]
@@ -41,14 +46,12 @@ class Port:
 
     @property
     def has_memory(self) -> bool:
-        """Whether what enters here depends on more than the present pressures, motion and command."""
+        """Whether its value depends on more than the present pressures, motion and command."""
         return self.memory or self.combine == "state"
 
 
 PORTS: dict[str, Port] = {
-    "command": Port(
-        ("u", "s", "h"), "state", "gas", "V: what the opening follows, from the command; h is the step in s"
-    ),
+    "command": Port(("u", "s", "h"), "state", "gas", "V: the command that the opening follows; h is the step in s"),
     "critical_ratio": Port(("b",), "chain", "gas", "1: critical ratio of the valve's flow function"),
     "leak_area": Port((), "sum", "gas", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
     "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 1"),
@@ -84,7 +87,7 @@ PORTS: dict[str, Port] = {
     "static_factor": Port(("rest_time",), "factor", "friction", "1: factor on the friction that holds at rest"),
     "viscous_factor": Port(("direction",), "factor", "friction", "1: factor on viscous friction"),
     "force": Port(("x", "v", "stroke"), "sum", "mechanics", "N on the piston toward +x"),
-    "mass": Port((), "sum", "mechanics", "kg moved beside the rig's"),
+    "mass": Port((), "sum", "mechanics", "kg moved in addition to the rig's"),
     "bristle_stiffness": Port((), "sum", "friction", "N/m of the LuGre model's bristles; 0: rigid"),
     "bristle_damping": Port((), "sum", "friction", "N s/m of the LuGre model's bristles"),
     "read_p1": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: the static reading of the sensor of p1"),
@@ -100,7 +103,7 @@ PORTS: dict[str, Port] = {
 
 
 class ParameterRange(NamedTuple):
-    """A parameter's numbers on one rig, in its unit: bounds, typical values (none where their scale is not known)."""
+    """Bounds, typical values and step of a parameter on one rig, in its unit; no typical values without a scale."""
 
     lower: float
     upper: float
@@ -110,12 +113,24 @@ class ParameterRange(NamedTuple):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect: unit, bounds, the value at which the effect vanishes, and plausible values.
+    """One parameter of an effect.
 
-    ``null`` is a number (``inf``: the effect vanishes as the parameter grows), the name of a base parameter whose
-    value it then has, or ``None`` where the parameter alone cannot make the effect vanish. ``typical`` holds values
-    from which a fit starts: what a rig plausibly shows. Each size is a number in ``unit``, or a number of a scale of
-    the rig such as "0.2 supply forces" (:data:`pneucli.physics.scales.SCALES`). Raises UnitError where it is neither.
+    Each size is a number in ``unit``, or a number of a scale of the rig such as "0.2 supply forces"
+    (:data:`pneucli.physics.scales.SCALES`).
+
+    Attributes:
+        name: Name of the parameter, an identifier.
+        unit: Its unit.
+        null: The value at which the effect vanishes: a number (``inf``: it vanishes as the parameter grows), the name
+            of a base parameter that has this value, or None where the parameter alone cannot make it vanish.
+        lower: Lower bound.
+        upper: Upper bound.
+        typical: Plausible values; a fit starts from each.
+        title: Meaning in words.
+        step: Smallest change with an effect on the residual, where the effect is not smooth in the parameter.
+
+    Raises:
+        UnitError: A size is neither a number nor a number of a known scale of the right dimension.
     """
 
     name: str
@@ -125,7 +140,7 @@ class Parameter:
     upper: Quantity
     typical: tuple[Quantity, ...]
     title: str = ""
-    step: Quantity = 0.0  # by which a fit must move it to see a difference, where the effect is not smooth in it
+    step: Quantity = 0.0
 
     def __post_init__(self) -> None:
         for quantity in (self.lower, self.upper, *self.typical, self.step):
@@ -133,7 +148,14 @@ class Parameter:
                 parse_scaled(quantity, self.unit)
 
     def range_on(self, facts: RigQuantities) -> ParameterRange:
-        """Return the parameter's numbers on the rig of these facts; what is not known there does not bound it."""
+        """Return the parameter's numbers on a rig; a bound whose scale is missing is infinite.
+
+        >>> lower, upper, typical, _ = Parameter("force", "N", 0.0, 0.0, "1 supply forces", (20.0,)).range_on(
+        ...     RigQuantities(force=500.0)
+        ... )
+        >>> lower, upper, typical
+        (0.0, 500.0, (20.0,))
+        """
         lower, upper, step, *typical = (
             value_of(q, self.unit, facts) for q in (self.lower, self.upper, self.step, *self.typical)
         )
@@ -149,12 +171,24 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """One physical effect. ``ports`` maps names of :data:`PORTS` to functions; ``order`` sorts chained ports.
+    """One physical effect.
 
-    ``equation`` is plain text with LaTeX between dollars; ``looks_like`` says what the effect does to a residual and
-    over which signal it shows best; ``twins`` names effects that ordinary recordings cannot tell from it, ``separate``
-    the experiment that can. ``side`` is the chamber of a variant (:mod:`pneucli.physics.sides`), None of what is declared,
-    and ``needs`` the signals without which the variant is what is declared.
+    Attributes:
+        name: Name in files and answers.
+        title: Name in words.
+        part: The part of the rig in which it acts.
+        parameters: Its parameters, in the order in which its functions take them.
+        ports: Functions by names of :data:`PORTS`.
+        equation: Plain text with LaTeX between dollars.
+        looks_like: Its trace in the residual.
+        shows_over: The signal over which this trace is clearest.
+        twins: Effects that ordinary recordings confound with it.
+        separate: The experiment that separates it from them.
+        source: Where the equation comes from.
+        order: Rank among the effects of a chained port.
+        nested: Whether the base model is this effect at the null values.
+        side: Chamber of a variant (:mod:`pneucli.physics.sides`); None for the declaration itself.
+        needs: Signals without which the variant equals the declaration.
     """
 
     name: str
@@ -175,7 +209,7 @@ class Effect:
 
     @property
     def balances(self) -> frozenset[Side]:
-        """The balances in which it stands."""
+        """The balances in which it acts."""
         return frozenset(PORTS[port].side for port in self.ports)
 
     @property
@@ -185,16 +219,18 @@ class Effect:
 
     @property
     def is_set_valued(self) -> bool:
-        """Whether it states a set of possible forces, where a law states one."""
+        """Whether it predicts an interval of forces in place of one force."""
         return any(PORTS[port].is_set_valued for port in self.ports)
 
     def missing_scale_error(self, facts: RigQuantities) -> InputError:
-        """Return what to say where a rig does not tell in what the effect's sizes are counted."""
-        lacking = [p for p in self.parameters if not p.range_on(facts).typical]
-        names = {quantity.partition(" ")[2] for p in lacking for quantity in p.typical if isinstance(quantity, str)}
-        told = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
-        found = f'the size of "{self.name}" is counted in what this rig does not tell ({told})'
-        return InputError("[rig]", found, "a rig that is known", f'state it in [rig], or leave "{self.name}" out')
+        """Return the error for a rig whose quantities leave a scale of the effect undefined."""
+        unscaled = [p for p in self.parameters if not p.range_on(facts).typical]
+        names = {quantity.partition(" ")[2] for p in unscaled for quantity in p.typical if isinstance(quantity, str)}
+        scales = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
+        found = f"{self.title} has no scale on this rig ({scales})"
+        return InputError(
+            "[rig]", found, "the quantities of this scale", f'state them in [rig], or remove "{self.name}"'
+        )
 
 
 _AREA = ("m^2", None, "0.01 bore areas", "100 bore areas", ("1 bore areas",))

@@ -1,7 +1,7 @@
-"""A port's function as the kernel takes it: its text, with helpers and constants of its file, under names of its own.
+"""Read a port's function as the kernel compiles it: its text, with helpers and constants of its file, renamed.
 
-What the kernel compiles is plain arithmetic. What it could not compile, or would not know, is found here, before
-anything runs: names that are nowhere, other arguments than the port has, texts, lists, attributes of objects.
+The kernel compiles plain arithmetic only. Checks here find what it cannot compile before anything runs: undefined
+names, arguments that do not match the port, strings, lists, attributes of objects.
 """
 
 from __future__ import annotations
@@ -27,7 +27,12 @@ _ALLOWED_NODES = (
 
 
 class EquationError(ValueError):
-    """What a function has that the kernel cannot take: ``found``, and what is ``wanted``."""
+    """A function has something that the kernel cannot compile.
+
+    Attributes:
+        found: What the function has.
+        wanted: What the kernel compiles instead.
+    """
 
     def __init__(self, found: str, wanted: str) -> None:
         super().__init__(found)
@@ -35,9 +40,23 @@ class EquationError(ValueError):
 
 
 def effect_source(effect: Effect, prefix: str) -> str:
-    """Return the text of an effect's port functions, helpers first, each named ``prefix__NAME``; constants are put in.
+    """Return the text of an effect's port functions, helpers first.
 
-    Raises EquationError as :func:`function_tree` does.
+    Args:
+        effect: The effect.
+        prefix: Prefix of the names, which makes them unique in the kernel.
+
+    Returns:
+        Python text; each function is named ``prefix__NAME``, constants of its file are replaced by their values, and
+        docstrings and annotations are removed.
+
+    Raises:
+        EquationError: As :func:`function_tree`.
+
+    >>> from pneucli.physics.effects import catalogue
+    >>> print(effect_source(catalogue()["friction-hysteresis"], "f"))
+    def f__slowing(drop):
+        return 1.0 - drop
     """
     functions = {f.__name__: f for port in effect.ports.values() for f in _with_helpers(_require_plain_function(port))}
     names = {name: f"{prefix}__{name}" for name in functions}
@@ -45,7 +64,21 @@ def effect_source(effect: Effect, prefix: str) -> str:
 
 
 def check_effect(effect: Effect) -> None:
-    """Raise EquationError, naming the port, where the kernel could not take one of an effect's functions."""
+    """Check that the kernel can compile every function of an effect.
+
+    Args:
+        effect: The effect.
+
+    Returns:
+        Nothing; the check passed.
+
+    Raises:
+        EquationError: A function cannot be compiled, takes other arguments than its port, or returns no number; the
+            message names the port.
+
+    >>> from pneucli.physics.effects import catalogue
+    >>> check_effect(catalogue()["stribeck"])
+    """
     for name, function in effect.ports.items():
         try:
             _check_arguments(_require_plain_function(function), name, effect)
@@ -57,9 +90,20 @@ def check_effect(effect: Effect) -> None:
 
 
 def function_tree(function: FunctionType) -> ast.FunctionDef:
-    """Return a function's own text as a tree, without its docstring and annotations of types.
+    """Parse the text of a function.
 
-    Raises EquationError where there is no text of a function of its own, or it is more than arithmetic.
+    Args:
+        function: A function that is defined by ``def`` in a file.
+
+    Returns:
+        Its syntax tree without docstring and annotations.
+
+    Raises:
+        EquationError: The function has no text, has decorators, or contains more than arithmetic and control flow.
+
+    >>> from pneucli.physics.gas import choked_ratio
+    >>> [argument.arg for argument in function_tree(choked_ratio).args.args]
+    ['kappa']
     """
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
@@ -75,10 +119,10 @@ def function_tree(function: FunctionType) -> ast.FunctionDef:
     tree.returns = None
     for inner in ast.walk(tree):
         if not isinstance(inner, _ALLOWED_NODES) or (isinstance(inner, ast.Constant) and isinstance(inner.value, str)):
-            what = type(inner).__name__.lower()
+            kind = type(inner).__name__.lower()
             line = getattr(inner, "lineno", 1)
             raise EquationError(
-                f"{function.__name__}, line {line} of it, has a {what}", "arithmetic, if, for over a range"
+                f"{function.__name__}, line {line} of it, has a {kind}", "arithmetic, if, for over a range"
             )
     return tree
 
@@ -90,7 +134,7 @@ def _require_plain_function(function: Callable[..., object]) -> FunctionType:
 
 
 def _with_helpers(function: FunctionType) -> list[FunctionType]:
-    """Return a function with all of its own file that it calls, what is called first."""
+    """Return a function and the functions of its file that it calls, called functions first."""
     found: dict[str, FunctionType] = {}
     waiting: list[str] = []
 
@@ -133,8 +177,8 @@ def _check_arguments(function: FunctionType, port: str, effect: Effect) -> None:
 def _check_names(function: FunctionType) -> None:
     for name in _global_names(function):
         if name not in ALLOWED_BUILTINS and not _is_supported(function.__globals__.get(name), function.__module__):
-            told = "a number, a function of the same file, math, or one of pneucli.physics.gas"
-            raise EquationError(f'{function.__name__} uses "{name}", which the simulator does not know', told)
+            wanted = "a number, a function of the same file, math, or one of pneucli.physics.gas"
+            raise EquationError(f'{function.__name__} uses "{name}", which the simulator does not know', wanted)
     for inner in ast.walk(function_tree(function)):
         if isinstance(inner, ast.Attribute):
             owner = function.__globals__.get(inner.value.id) if isinstance(inner.value, ast.Name) else None
@@ -151,11 +195,11 @@ def _is_supported(value: Any, file: str) -> bool:
 
 
 def _check_return_value(function: FunctionType, port: str) -> None:
-    """Let a function answer once, in plain Python: it gives a number; of a state the value and the new state."""
+    """Call a function once in plain Python; require a number, of a state the value and the new state."""
     try:
         answer = function(*[1.0] * function.__code__.co_argcount)
     except (ArithmeticError, ValueError):
-        return  # at other values it may have one
+        return  # it may return a number at other values
     except Exception as error:
         raise EquationError(f"{function.__name__} fails: {error}", "a function of numbers") from error
     if PORTS[port].combine == "state":
@@ -170,7 +214,7 @@ def _is_number(value: object) -> bool:
 
 
 class _Renamer(ast.NodeTransformer):
-    """A function's tree with its own name and those of its file's functions replaced, and constants put in."""
+    """Replace in a function's tree its own name, the names of its file's functions, and constants by values."""
 
     def __init__(self, function: FunctionType, names: dict[str, str]) -> None:
         self.names, self.outside = names, set(_global_names(function))
@@ -182,7 +226,7 @@ class _Renamer(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
-        """Rename a helper; put in a constant of the file."""
+        """Rename a helper, or replace a constant of the file by its value."""
         if node.id not in self.outside:
             return node
         value = self.values.get(node.id)

@@ -1,7 +1,7 @@
-"""What sizes are counted in: the scales of a rig, so that no size is right for one rig alone.
+"""Express the sizes of an effect in scales of the rig, so that no size is right for one rig only.
 
 A quantity of a declaration is a number in its parameter's unit, or a number of a scale, such as "0.2 supply forces".
-A scale is worked out from what is known of the rig; where that is not enough, it is not known (NaN).
+A scale follows from the quantities of the rig; where these are missing, the scale is NaN.
 """
 
 from __future__ import annotations
@@ -22,10 +22,15 @@ Quantity = float | str
 
 @dataclass(frozen=True)
 class RigQuantities:
-    """What is known of a rig: as described, as recordings show it, and as fitted; SI, NaN where it is not known.
+    """The quantities of a rig that its scales need, SI; NaN where description, recordings and fit give none.
 
-    ``supply`` is absolute, ``force`` drives the piston at most, ``volume`` is chamber 1 at half stroke and ``dead_volume`` at
-    x = 0 (a vessel is both), ``valve_area`` the area at the largest ``max_command``, ``x_min`` and ``x_max`` bound x.
+    Attributes:
+        supply: Supply pressure, absolute.
+        force: Largest driving force on the piston.
+        volume: Volume of chamber 1 at half stroke, or of the vessel.
+        dead_volume: Volume of chamber 1 at x = 0, or of the vessel.
+        valve_area: Effective area at the largest command ``max_command``.
+        x_min, x_max: Range of the position.
     """
 
     supply: float = NAN
@@ -49,12 +54,12 @@ class RigQuantities:
 
     @property
     def conductance(self) -> float:
-        """Flow through the open valve over the pressure before it, kg/(s Pa)."""
+        """Mass flow through the open valve over the pressure upstream, in kg/(s Pa)."""
         return self.valve_area * PSI_MAX * math.sqrt(2.0 / self.specific_energy)
 
     @property
     def fill_time(self) -> float:
-        """Time in s in which the open valve's flow raises the chamber's pressure by that of the supply."""
+        """Time in s in which the flow through the open valve raises the chamber's pressure by the supply pressure."""
         return (
             self.volume / (self.heat_capacity_ratio * self.specific_energy * self.conductance)
             if self.valve_area > 0
@@ -70,7 +75,7 @@ class RigQuantities:
 
 @dataclass(frozen=True)
 class Scale:
-    """One scale: its name (plural), unit, what it is in words, its size, and where its zero is."""
+    """A scale: its name (plural), its unit, its meaning in words, its size on a rig, and its zero there."""
 
     name: str
     unit: str
@@ -92,14 +97,15 @@ SCALES = {
         Scale("Coulomb forces", "N", "the base model's dry friction", lambda f: f.coulomb),
         Scale("moving masses", "kg", "the rig's, or as fitted", lambda f: f.mass),
         Scale("strokes", "m", "of the cylinder, else the range of x", lambda f: f.stroke),
-        Scale("ranges of x", "m", "from the least to the largest position, counted from the least",
+        Scale("ranges of x", "m", "from the lowest to the highest position, counted from the lowest",
               lambda f: f.x_max - f.x_min, lambda f: f.x_min),
         Scale("top speeds", "m/s", "the highest speed seen, else what the open valve allows", lambda f: f.max_speed),
         Scale("supply pressures", "Pa", "above ambient", lambda f: f.supply - f.ambient),
         Scale("per supply pressure", "1/Pa", "above ambient", lambda f: 1.0 / (f.supply - f.ambient)),
         Scale("chamber volumes", "m^3", "chamber 1 at half stroke, or the vessel", lambda f: f.volume),
         Scale("dead volumes", "m^3", "chamber 1 at x = 0, or the vessel", lambda f: f.dead_volume),
-        Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume", lambda f: f.bore_area),
+        Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume",
+              lambda f: f.bore_area),
         Scale("valve areas", "m^2", "the effective area at the largest command", lambda f: f.valve_area),
         Scale("valve areas per supply pressure", "m^2/Pa", "that over the supply pressure above ambient",
               lambda f: f.valve_area / (f.supply - f.ambient)),
@@ -120,22 +126,51 @@ _SCALED_QUANTITY = re.compile(r"([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s+(\S.*)")
 
 @lru_cache(maxsize=1024)
 def parse_scaled(text: str, unit: str) -> tuple[float, Scale, float]:
-    """Return the number of a quantity such as "0.2 supply forces", its scale, and that scale's unit over ``unit``.
+    """Parse a quantity that is counted in a scale of the rig.
 
-    Raises UnitError where the text cannot be read, or the scale is not known or of another dimension.
+    Args:
+        text: A number and the name of a scale, such as "0.2 supply forces".
+        unit: Unit of the parameter.
+
+    Returns:
+        The number, the scale, and the scale's unit over ``unit``.
+
+    Raises:
+        UnitError: The text has another form, or the scale is unknown or of another dimension.
+
+    >>> number, scale, factor = parse_scaled("0.2 supply pressures", "bar")
+    >>> number, scale.name, factor
+    (0.2, 'supply pressures', 1e-05)
     """
     parts = _SCALED_QUANTITY.fullmatch(text.strip())
     if not parts or parts[2] not in SCALES:
         raise UnitError(f'"{text}" is no number of a scale; {did_you_mean(parts[2] if parts else text, SCALES)}')
     scale = SCALES[parts[2]]
-    mine, wanted = parse_unit(scale.unit), parse_unit(unit)
-    if mine.dimension != wanted.dimension:
+    scale_unit, parameter_unit = parse_unit(scale.unit), parse_unit(unit)
+    if scale_unit.dimension != parameter_unit.dimension:
         raise UnitError(f'"{text}" is in {scale.unit}; wanted a scale or a number in {unit}')
-    return float(parts[1]), scale, mine.factor / wanted.factor
+    return float(parts[1]), scale, scale_unit.factor / parameter_unit.factor
 
 
 def value_of(quantity: Quantity, unit: str, facts: RigQuantities) -> float:
-    """Return a quantity's value in ``unit`` on the rig of these facts; NaN where its scale is not known there."""
+    """Return the value of a quantity on a rig.
+
+    Args:
+        quantity: A number in ``unit``, or a number of a scale such as "0.2 supply forces".
+        unit: Unit of the parameter.
+        facts: The quantities of the rig.
+
+    Returns:
+        The value in ``unit``; NaN where the rig's quantities do not determine the scale.
+
+    Raises:
+        UnitError: The quantity cannot be parsed.
+
+    >>> value_of("0.2 supply forces", "N", RigQuantities(force=500.0))
+    100.0
+    >>> value_of("0.2 supply forces", "N", RigQuantities())
+    nan
+    """
     if not isinstance(quantity, str):
         return float(quantity)
     number, scale, factor = parse_scaled(quantity, unit)

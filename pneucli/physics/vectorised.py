@@ -1,4 +1,4 @@
-"""The flow function over whole arrays: :mod:`pneucli.physics.gas` itself, called for each element."""
+"""Flow and friction over whole arrays: the scalar functions of the simulator, called for each element."""
 
 from __future__ import annotations
 
@@ -15,15 +15,47 @@ _orifice_flows = np.vectorize(gas.orifice_flow, otypes=[np.float64])
 
 
 def orifice_flows(p_from: Array, p_to: Array | float, b: float, k_from: float, k_to: float) -> Array:
-    """Return :func:`gas.orifice_flow` (n,); NaN where a reading is none."""
+    """Return the mass flow through an orifice per effective area for arrays of pressures.
+
+    Args:
+        p_from: Absolute pressure on the side where a positive flow leaves, in Pa, shape (n,).
+        p_to: Absolute pressure on the other side, in Pa, shape (n,) or a number.
+        b: Critical pressure ratio.
+        k_from: Flow constant of the gas on the first side, in s/m (:func:`pneucli.physics.gas.flow_constant`).
+        k_to: The same of the other side.
+
+    Returns:
+        Mass flow over effective area in kg/(s m^2), shape (n,); NaN where a pressure is NaN.
+
+    References:
+        Thesis 2.46.
+
+    >>> k = gas.flow_constant(287.0, 293.15, 1.4)
+    >>> orifice_flows(np.array([7e5, 1e5, np.nan]), 1e5, 0.528, k, k).round(1)
+    array([1651.9,    0. ,    nan])
+    """
     with np.errstate(invalid="ignore"):
         return np.asarray(_orifice_flows(p_from, p_to, b, k_from, k_to))
 
 
 def stribeck_friction(v: Array, coulomb: float, viscous: float, static: float, velocity: float = np.inf) -> Array:
-    """Return Stribeck friction in the form of Hess and Soom (3.6); 0 at standstill, where friction is a set.
+    """Return Stribeck friction in the form of Hess and Soom.
 
-    ``static`` = ``coulomb`` makes it Coulomb and viscous friction (3.3, 3.4).
+    Args:
+        v: Velocity in m/s, shape (n,).
+        coulomb: Coulomb friction in N.
+        viscous: Viscous friction in N s/m.
+        static: Static friction in N; equal to ``coulomb`` it leaves Coulomb and viscous friction.
+        velocity: Stribeck velocity in m/s.
+
+    Returns:
+        Friction in N with the sign of v, shape (n,); 0 at standstill, where friction is a set of forces.
+
+    References:
+        Thesis 3.3, 3.4, 3.6; D. P. Hess and A. Soom, ASME J. Tribology 112 (1990) 147-152.
+
+    >>> stribeck_friction(np.array([-0.02, 0.0, 0.02]), 3.0, 15.0, 5.0, 0.02)
+    array([-4.3,  0. ,  4.3])
     """
     rise: Array = np.asarray(dry_rise(coulomb, v, static, velocity))  # type: ignore[arg-type]
     return (coulomb + rise) * np.sign(v) + viscous * v

@@ -6,6 +6,7 @@ contains every equation that it runs.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import inspect
@@ -84,14 +85,14 @@ def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> 
 
 def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> str:
     """Return the text of the kernel's module."""
-    physics = "\n\n\n".join(_functions(inspect.getsource(part)).rstrip() for part in PARTS) + "\n"
+    physics = "\n\n\n".join(_functions(part) for part in PARTS) + "\n"
     if control is not None:
         before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
         physics = f"{before}{control}\n\n{after}"
     parts = [
         "import math\n\nimport numpy as np\nfrom numba import njit\n",
         _constants(),
-        _functions(inspect.getsource(gas)),
+        _functions(gas) + "\n",
         *(_equations(effect) for effect in effects),
         *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing"]),
         _scalars(effects),
@@ -119,9 +120,14 @@ def _constants() -> str:
     return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
 
 
-def _functions(text: str) -> str:
-    """Return the top-level functions of a module's text."""
-    return text[re.search(r"^def ", text, flags=re.MULTILINE).start() :]  # type: ignore[union-attr]
+def _functions(module: ModuleType) -> str:
+    """Return the top-level functions of a module's text without docstrings, so that a reworded one compiles nothing."""
+    text = inspect.getsource(module)
+    functions = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    docstrings = [node.body[0] for node in functions if ast.get_docstring(node) is not None]
+    dropped = {line for one in docstrings for line in range(one.lineno, (one.end_lineno or one.lineno) + 1)}
+    lines = enumerate(text.splitlines(), 1)
+    return "\n".join(line for i, line in lines if i >= functions[0].lineno and i not in dropped)
 
 
 def _prefix(effect: Effect) -> str:

@@ -1,6 +1,6 @@
 """The catalogue of physical effects: every module here declares one as ``EFFECT``.
 
-A user's own effect is the same declaration in a Python file that the pipeline file names (``[model] plugins``).
+A plugin is the same declaration in a Python file of the user, which the pipeline file names (``[model] plugins``).
 """
 
 from __future__ import annotations
@@ -25,21 +25,48 @@ from pneucli.physics.sides import with_variants
 
 @cache
 def catalogue() -> dict[str, Effect]:
-    """Return the effects that pneucli brings, by name."""
+    """Return the effects of the catalogue by name.
+
+    Returns:
+        Every effect that a module of this package declares.
+
+    >>> catalogue()["stribeck"].title
+    'Stribeck friction'
+    """
     modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))
     return {m.EFFECT.name: m.EFFECT for m in modules}
 
 
 @cache
 def catalogue_with_sides() -> dict[str, Effect]:
-    """Return the catalogue with the variants of its effects at either side, by name."""
+    """Return the catalogue with the variants of its effects at either side, by name.
+
+    Returns:
+        Effects by name.
+
+    >>> catalogue().keys() < catalogue_with_sides().keys()
+    True
+    """
     return with_variants(catalogue().values())
 
 
 def load_plugin(path: Path) -> Effect:
-    """Return the effect that a user's Python file declares as ``EFFECT``.
+    """Load the effect that a Python file of the user declares as ``EFFECT``.
 
-    Raises InputError, with the file and what is wrong, where it does not, or where the simulator could not take it.
+    Args:
+        path: The file.
+
+    Returns:
+        The effect, checked: the kernel can compile it.
+
+    Raises:
+        InputError: The file is missing or fails, declares no effect, takes a name of the catalogue, or has a function
+            that the kernel cannot compile.
+
+    >>> load_plugin(Path("missing.py"))
+    Traceback (most recent call last):
+    pneucli.errors.InputError: missing.py: no such Python file
+      wanted: a file that declares EFFECT = Effect(...)
     """
     spec = importlib.util.spec_from_file_location(f"pneucli_plugin_{path.stem}", path)
     if spec is None or spec.loader is None or not path.exists():
@@ -62,7 +89,7 @@ def load_plugin(path: Path) -> Effect:
 
 
 def _check_plugin(effect: Effect, path: Path) -> None:
-    """Raise InputError for a name that is taken, an unknown part or port, or an equation that cannot be compiled."""
+    """Raise InputError for a name of the catalogue, an unknown part or port, or an equation that cannot be compiled."""
     if effect.name in catalogue():
         raise InputError(f"{path}", f'"{effect.name}" is an effect of the catalogue', "a name of its own")
     parts = get_args(Part)
@@ -82,7 +109,20 @@ def _check_plugin(effect: Effect, path: Path) -> None:
 
 
 def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
-    """Return the catalogue and the user's own effects, with their variants at either side, in the order of names."""
+    """Return the catalogue, plugins and the variants of both at either side, in the order of names.
+
+    Args:
+        plugins: Python files, each with one effect.
+
+    Returns:
+        Effects by name.
+
+    Raises:
+        InputError: As :func:`load_plugin`.
+
+    >>> list(all_effects()) == sorted(catalogue_with_sides())
+    True
+    """
     own = [load_plugin(path) for path in plugins]
     return dict(sorted((catalogue_with_sides() | with_variants(own)).items()))
 
@@ -90,7 +130,22 @@ def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
 def select_effects(
     names: Iterable[str], known: dict[str, Effect], where: str = "[model] effects"
 ) -> tuple[Effect, ...]:
-    """Return the named effects; raises InputError with the closest name for one that is not known."""
+    """Return effects by their names.
+
+    Args:
+        names: Names of effects.
+        known: Effects by name.
+        where: The place of the names in the pipeline file, for the message.
+
+    Returns:
+        The effects in the order of ``names``.
+
+    Raises:
+        InputError: A name is unknown; the message gives the closest one.
+
+    >>> [effect.title for effect in select_effects(["stribeck"], catalogue())]
+    ['Stribeck friction']
+    """
     chosen = []
     for name in names:
         if name not in known:

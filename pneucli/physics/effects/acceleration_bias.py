@@ -4,7 +4,18 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def read_a(a: float, bias: float) -> float:
-    """Reading of the accelerometer in m/s^2."""
+    """Return the reading of an accelerometer with a bias.
+
+    Args:
+        a: Acceleration in m/s^2.
+        bias: Reading at rest in m/s^2.
+
+    Returns:
+        The reading in m/s^2.
+
+    >>> read_a(2.0, 0.5)
+    2.5
+    """
     return a + bias
 
 

@@ -5,7 +5,20 @@ from pneucli.physics.gas import orifice_flow
 
 
 def leak_1_ambient(p1: float, p_amb: float, k: float, area: float) -> float:
-    """Mass flow out of chamber 1 in kg/s, an orifice with critical ratio 0.528."""
+    """Return the mass flow of a leak out of chamber 1: an orifice with the critical ratio 0.528.
+
+    Args:
+        p1: Pressure of chamber 1 in Pa.
+        p_amb: Ambient pressure in Pa.
+        k: Flow constant of the gas in s/m.
+        area: Effective area of the leak in m^2.
+
+    Returns:
+        Mass flow in kg/s.
+
+    >>> round(1e6 * leak_1_ambient(6e5, 1e5, 4.876e-3, 1e-8), 2)
+    14.16
+    """
     return area * orifice_flow(p1, p_amb, 0.528, k, k)
 
 

@@ -4,7 +4,20 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def force(x: float, v: float, stroke: float, force: float) -> float:
-    """Force toward +x in N: weight on a slope, a hanging load."""
+    """Return a constant force on the piston: weight on a slope, a hanging load.
+
+    Args:
+        x: Position in m.
+        v: Velocity in m/s.
+        stroke: Stroke in m.
+        force: Size of the force in N, positive toward -x.
+
+    Returns:
+        Force toward +x in N.
+
+    >>> force(0.1, 0.0, 0.2, 20.0)
+    -20.0
+    """
     return -force
 
 

@@ -4,7 +4,18 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def critical_ratio(b: float, critical_ratio: float) -> float:
-    """Critical ratio b of the valve's flow function (ISO 6358-1)."""
+    """Return the critical ratio of the valve's flow function in place of the gas's own.
+
+    Args:
+        b: Critical ratio of the base model.
+        critical_ratio: Critical ratio of this valve.
+
+    Returns:
+        The critical ratio of the valve.
+
+    >>> critical_ratio(0.528, 0.35)
+    0.35
+    """
     return critical_ratio
 
 

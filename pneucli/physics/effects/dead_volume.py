@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def volume_1(volume_added: float) -> float:
-    """Volume added to chamber 1 in m^3: hoses, fittings, the bore of the end cap."""
+    """Return the volume added to chamber 1: hoses, fittings, the bore of the end cap.
+
+    Args:
+        volume_added: Volume in m^3.
+
+    Returns:
+        The volume in m^3.
+
+    >>> volume_1(2e-5)
+    2e-05
+    """
     return volume_added
 
 

@@ -6,7 +6,19 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def static_factor(rest_time: float, gain: float, time_constant: float) -> float:
-    """Factor on the friction that holds, after rest_time in s at rest."""
+    """Return the factor on the friction that holds after a standstill.
+
+    Args:
+        rest_time: Duration of the standstill in s.
+        gain: Growth of the holding friction after a long standstill.
+        time_constant: Time constant of the growth in s.
+
+    Returns:
+        Factor, 1 at ``rest_time`` = 0.
+
+    >>> round(static_factor(5.0, 0.4, 5.0), 4)
+    1.2528
+    """
     return 1.0 + gain * (1.0 - math.exp(-rest_time / time_constant))
 
 

@@ -4,7 +4,21 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def force(x: float, v: float, stroke: float, length: float, damping: float) -> float:
-    """Force toward +x in N: damping that grows to the end, while moving toward it only."""
+    """Return the force of the end cushions: damping that grows toward the end, against motion toward it.
+
+    Args:
+        x: Position in m.
+        v: Velocity in m/s.
+        stroke: Stroke in m.
+        length: Length of a cushion in m.
+        damping: Damping at the end in N s/m.
+
+    Returns:
+        Force toward +x in N.
+
+    >>> force(0.195, 0.1, 0.2, 0.01, 400.0), force(0.195, -0.1, 0.2, 0.01, 400.0)
+    (-20.0, 0.0)
+    """
     if v < 0.0 and x < length:
         return -damping * min((length - x) / length, 1.0) * v
     if v > 0.0 and x > stroke - length:

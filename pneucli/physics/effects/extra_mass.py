@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def mass(mass: float) -> float:
-    """Mass moved beside the rig's in kg."""
+    """Return the mass that moves in addition to the rig's.
+
+    Args:
+        mass: Payload in kg.
+
+    Returns:
+        The mass in kg.
+
+    >>> mass(0.5)
+    0.5
+    """
     return mass
 
 

@@ -6,12 +6,40 @@ from pneucli.physics.declaration import Effect, Parameter
 def dry_factor(
     direction: float, x: float, p1: float, p2: float, p_amb: float, asymmetry: float, viscous_asymmetry: float
 ) -> float:
-    """Factor on dry friction for the direction of motion (or of impending motion)."""
+    """Return the factor on dry friction for the direction of motion, at standstill of the driving force.
+
+    Args:
+        direction: 1 toward +x, -1 toward -x.
+        x: Position in m.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        p_amb: Ambient pressure in Pa.
+        asymmetry: Half the relative difference of dry friction between the directions.
+        viscous_asymmetry: The same of viscous friction.
+
+    Returns:
+        Factor on dry friction.
+
+    >>> dry_factor(-1.0, 0.1, 2e5, 2e5, 1e5, 0.25, 0.0)
+    0.75
+    """
     return 1.0 + asymmetry * direction
 
 
 def viscous_factor(direction: float, asymmetry: float, viscous_asymmetry: float) -> float:
-    """Factor on viscous friction for the direction of motion."""
+    """Return the factor on viscous friction for the direction of motion.
+
+    Args:
+        direction: 1 toward +x, -1 toward -x.
+        asymmetry: Half the relative difference of dry friction between the directions.
+        viscous_asymmetry: The same of viscous friction.
+
+    Returns:
+        Factor on viscous friction.
+
+    >>> viscous_factor(1.0, 0.0, 0.25)
+    1.25
+    """
     return 1.0 + viscous_asymmetry * direction
 
 

@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def slowing(drop: float) -> float:
-    """Dry friction while slowing, over Coulomb's."""
+    """Return dry friction while slowing, relative to Coulomb friction.
+
+    Args:
+        drop: Relative drop of dry friction while slowing.
+
+    Returns:
+        Factor on Coulomb friction.
+
+    >>> slowing(0.25)
+    0.75
+    """
     return 1.0 - drop
 
 

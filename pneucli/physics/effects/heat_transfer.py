@@ -4,7 +4,19 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def heat(T: float, T_wall: float, conductance: float) -> float:
-    """Heat into the gas in W, by Newton's law with one conductance for every chamber."""
+    """Return the heat flow into the gas by Newton's law, with one conductance for every chamber.
+
+    Args:
+        T: Gas temperature in K.
+        T_wall: Wall temperature in K.
+        conductance: Thermal conductance in W/K.
+
+    Returns:
+        Heat flow in W.
+
+    >>> heat(273.0, 293.0, 0.5)
+    10.0
+    """
     return conductance * (T_wall - T)
 
 

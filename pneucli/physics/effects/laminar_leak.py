@@ -4,7 +4,20 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def leak_1_ambient(p1: float, p_amb: float, k: float, conductance: float) -> float:
-    """Mass flow out of chamber 1 in kg/s: laminar flow of a gas, by the difference of the squares of the pressures."""
+    """Return the mass flow of a leak out of chamber 1: laminar, by the difference of the squared pressures.
+
+    Args:
+        p1: Pressure of chamber 1 in Pa.
+        p_amb: Ambient pressure in Pa.
+        k: Flow constant of the gas in s/m.
+        conductance: Mass flow over the pressure difference near ambient, in kg/(s Pa).
+
+    Returns:
+        Mass flow in kg/s.
+
+    >>> leak_1_ambient(3e5, 1e5, 4.876e-3, 1e-10)
+    4e-05
+    """
     return conductance * (p1 * p1 - p_amb * p_amb) / (2.0 * p_amb)
 
 

@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def flow_delay(delay: float) -> float:
-    """Time in s by which the valve's mass flow arrives later in either chamber."""
+    """Return the time by which the flow of the valve arrives later in a chamber.
+
+    Args:
+        delay: Delay in s.
+
+    Returns:
+        The delay in s.
+
+    >>> flow_delay(3e-3)
+    0.003
+    """
     return delay
 
 

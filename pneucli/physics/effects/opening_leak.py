@@ -5,7 +5,23 @@ from pneucli.physics.gas import orifice_flow
 
 
 def leak_1_ambient(p1: float, p_amb: float, k: float, growth: float, opening: float) -> float:
-    """Mass flow out of chamber 1 in kg/s, an orifice with critical ratio 0.528 that widens with the pressure."""
+    """Return the mass flow of a leak out of chamber 1 whose orifice widens with the pressure.
+
+    Args:
+        p1: Pressure of chamber 1 in Pa.
+        p_amb: Ambient pressure in Pa.
+        k: Flow constant of the gas in s/m.
+        growth: Growth of the effective area over pressure in m^2/Pa.
+        opening: Pressure above ambient in Pa at which the leak opens.
+
+    Returns:
+        Mass flow in kg/s; 0 below the opening pressure.
+
+    >>> leak_1_ambient(3e5, 1e5, 4.876e-3, 1e-14, 2.5e5)
+    0.0
+    >>> round(1e6 * leak_1_ambient(6e5, 1e5, 4.876e-3, 1e-14, 2.5e5), 3)
+    3.54
+    """
     return growth * max(p1 - p_amb - opening, 0.0) * orifice_flow(p1, p_amb, 0.528, k, k)
 
 

@@ -5,7 +5,20 @@ from pneucli.physics.gas import orifice_flow
 
 
 def leak_1_2(p1: float, p2: float, k: float, area: float) -> float:
-    """Mass flow from chamber 1 to chamber 2 in kg/s, an orifice with critical ratio 0.528."""
+    """Return the mass flow across the piston: an orifice with the critical ratio 0.528.
+
+    Args:
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        k: Flow constant of the gas in s/m.
+        area: Effective area of the leak in m^2.
+
+    Returns:
+        Mass flow from chamber 1 to chamber 2 in kg/s.
+
+    >>> leak_1_2(3e5, 3e5, 4.876e-3, 1e-8)
+    0.0
+    """
     return area * orifice_flow(p1, p2, 0.528, k, k)
 
 

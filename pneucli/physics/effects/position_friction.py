@@ -8,7 +8,24 @@ EDGE_STEP = "0.005 strokes"  # a fit must move an edge by as much, to have readi
 def dry_factor(
     direction: float, x: float, p1: float, p2: float, p_amb: float, start: float, end: float, gain: float
 ) -> float:
-    """Factor on dry friction at position x."""
+    """Return the factor on dry friction at a position.
+
+    Args:
+        direction: 1 toward +x, -1 toward -x.
+        x: Position in m.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        p_amb: Ambient pressure in Pa.
+        start: Position in m where the section begins.
+        end: Position in m where it ends.
+        gain: Relative growth of dry friction in it.
+
+    Returns:
+        Factor on dry friction.
+
+    >>> dry_factor(1.0, 0.05, 2e5, 2e5, 1e5, 0.04, 0.06, 0.5)
+    1.5
+    """
     return 1.0 + gain if start <= x <= end else 1.0
 
 

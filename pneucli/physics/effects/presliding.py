@@ -6,12 +6,34 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def bristle_stiffness(stiffness: float, damping: float) -> float:
-    """Stiffness of the bristles in N/m."""
+    """Return the stiffness of the bristles.
+
+    Args:
+        stiffness: Stiffness in N/m.
+        damping: Damping in N s/m.
+
+    Returns:
+        Stiffness in N/m.
+
+    >>> bristle_stiffness(1e5, 300.0)
+    100000.0
+    """
     return stiffness
 
 
 def bristle_damping(stiffness: float, damping: float) -> float:
-    """Damping of the bristles in N s/m."""
+    """Return the damping of the bristles.
+
+    Args:
+        stiffness: Stiffness in N/m.
+        damping: Damping in N s/m.
+
+    Returns:
+        Damping in N s/m.
+
+    >>> bristle_damping(1e5, 300.0)
+    300.0
+    """
     return damping
 
 

@@ -4,7 +4,22 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def dry_factor(direction: float, x: float, p1: float, p2: float, p_amb: float, gain: float) -> float:
-    """Factor on dry friction for the pressures above ambient in both chambers."""
+    """Return the factor on dry friction under pressure.
+
+    Args:
+        direction: 1 toward +x, -1 toward -x.
+        x: Position in m.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        p_amb: Ambient pressure in Pa.
+        gain: Relative growth of dry friction in 1/bar, over the sum of both pressures above ambient.
+
+    Returns:
+        Factor on dry friction.
+
+    >>> round(dry_factor(1.0, 0.1, 3e5, 2e5, 1e5, 0.1), 6)
+    1.3
+    """
     return 1.0 + gain * ((p1 - p_amb) + (p2 - p_amb)) * 1e-5
 
 

@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def sensor_lag(time_constant: float) -> float:
-    """Time constant of the sensors of p1 and p2 in s."""
+    """Return the time constant of the sensors of p1 and p2.
+
+    Args:
+        time_constant: Time constant in s.
+
+    Returns:
+        The time constant in s.
+
+    >>> sensor_lag(2e-3)
+    0.002
+    """
     return time_constant
 
 

@@ -4,12 +4,36 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def read(p: float, p_amb: float, offset: float) -> float:
-    """Reading in Pa."""
+    """Return the reading of a pressure sensor with an offset.
+
+    Args:
+        p: Pressure in Pa.
+        p_amb: Ambient pressure in Pa.
+        offset: Offset of the sensor in Pa.
+
+    Returns:
+        The reading in Pa.
+
+    >>> read(2e5, 1e5, 500.0)
+    200500.0
+    """
     return p + offset
 
 
 def unread(p: float, p_amb: float, offset: float) -> float:
-    """True pressure in Pa from a reading."""
+    """Return the pressure from a reading; the inverse of :func:`read`.
+
+    Args:
+        p: Reading in Pa.
+        p_amb: Ambient pressure in Pa.
+        offset: Offset of the sensor in Pa.
+
+    Returns:
+        The pressure in Pa.
+
+    >>> unread(200_500.0, 1e5, 500.0)
+    200000.0
+    """
     return p - offset
 
 

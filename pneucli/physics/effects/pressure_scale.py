@@ -4,12 +4,36 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def read(p: float, p_amb: float, scale: float) -> float:
-    """Reading in Pa."""
+    """Return the reading of a pressure sensor with a wrong scale.
+
+    Args:
+        p: Pressure in Pa.
+        p_amb: Ambient pressure in Pa, where the sensor reads right.
+        scale: Scale of the sensor; 1 is right.
+
+    Returns:
+        The reading in Pa.
+
+    >>> read(3e5, 1e5, 1.25)
+    350000.0
+    """
     return p_amb + scale * (p - p_amb)
 
 
 def unread(p: float, p_amb: float, scale: float) -> float:
-    """True pressure in Pa from a reading."""
+    """Return the pressure from a reading; the inverse of :func:`read`.
+
+    Args:
+        p: Reading in Pa.
+        p_amb: Ambient pressure in Pa.
+        scale: Scale of the sensor.
+
+    Returns:
+        The pressure in Pa.
+
+    >>> unread(350_000.0, 1e5, 1.25)
+    300000.0
+    """
     return p_amb + (p - p_amb) / scale
 
 

@@ -4,7 +4,21 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def force(x: float, v: float, stroke: float, stiffness: float, rest_position: float) -> float:
-    """Force toward +x in N."""
+    """Return the force of a spring between piston and frame.
+
+    Args:
+        x: Position in m.
+        v: Velocity in m/s.
+        stroke: Stroke in m.
+        stiffness: Stiffness in N/m.
+        rest_position: Position in m at which the spring is relaxed.
+
+    Returns:
+        Force toward +x in N.
+
+    >>> force(0.15, 0.0, 0.2, 200.0, 0.05)
+    -20.0
+    """
     return -stiffness * (x - rest_position)
 
 

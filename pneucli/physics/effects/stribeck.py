@@ -4,7 +4,23 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def dry_rise(coulomb: float, v: float, static: float, velocity: float) -> float:
-    """Dry friction above Coulomb's in N (thesis 3.6, Hess and Soom)."""
+    """Return dry friction above Coulomb friction, in the form of Hess and Soom.
+
+    Args:
+        coulomb: Coulomb friction in N.
+        v: Velocity in m/s.
+        static: Static friction in N.
+        velocity: Stribeck velocity in m/s.
+
+    Returns:
+        Friction in N to be added to Coulomb friction.
+
+    References:
+        Thesis 3.6; D. P. Hess and A. Soom, ASME J. Tribology 112 (1990) 147-152.
+
+    >>> dry_rise(3.0, 0.0, 5.0, 0.02), dry_rise(3.0, 0.02, 5.0, 0.02)
+    (2.0, 1.0)
+    """
     r = v / velocity
     return (static - coulomb) / (1.0 + r * r)
 

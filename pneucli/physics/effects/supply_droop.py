@@ -15,7 +15,26 @@ def supply(
     vessel_volume: float,
     regulator_conductance: float,
 ) -> tuple[float, float]:
-    """Supply pressure in Pa after a step h: buffer vessel behind a linear regulator (backward Euler)."""
+    """Return the supply pressure after a step: a buffer vessel behind a linear regulator, by the backward Euler method.
+
+    Args:
+        p: Supply pressure of the base model in Pa.
+        s: State, the pressure of the vessel in Pa; 0 before the first step.
+        p_set: Set pressure of the regulator in Pa.
+        q: Mass flow drawn in kg/s.
+        k_gas: kappa R T of the gas in J/kg.
+        h: Step in s.
+        vessel_volume: Volume of the vessel in m^3.
+        regulator_conductance: Mass flow of the regulator over its pressure difference in kg/(s Pa).
+
+    Returns:
+        Supply pressure at the valve in Pa, and the new state.
+
+    >>> supply(7e5, 0.0, 7e5, 0.0, 1.18e5, 1e-3, 1e-3, 1e-7)
+    (700000.0, 700000.0)
+    >>> round(supply(7e5, 7e5, 7e5, 0.01, 1.18e5, 1e-3, 1e-3, 1e-7)[0])
+    698834
+    """
     if s <= 0.0:
         s = p_set
     gain = h * k_gas / vessel_volume

@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def sensor_delay(delay: float) -> float:
-    """Time in s by which the readings of p1 and p2 are recorded late."""
+    """Return the time by which the readings of p1 and p2 are recorded late.
+
+    Args:
+        delay: Delay in s.
+
+    Returns:
+        The delay in s.
+
+    >>> sensor_delay(1e-3)
+    0.001
+    """
     return delay
 
 

@@ -4,7 +4,20 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def command(u: float, s: float, h: float, width: float) -> tuple[float, float]:
-    """Command beyond the dead zone in V; nothing opens for |u| <= width / 2."""
+    """Return the command beyond the dead band.
+
+    Args:
+        u: Command in V.
+        s: State, not used.
+        h: Step in s.
+        width: Width of the dead band in V.
+
+    Returns:
+        Opening in V, 0 for |u| <= width / 2, and the state.
+
+    >>> command(1.5, 0.0, 1e-3, 1.0), command(-0.25, 0.0, 1e-3, 1.0)
+    ((1.0, 0.0), (0.0, 0.0))
+    """
     if u > 0.5 * width:
         return u - 0.5 * width, s
     if u < -0.5 * width:

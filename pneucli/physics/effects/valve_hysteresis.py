@@ -4,7 +4,23 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def command(u: float, s: float, h: float, half_width: float) -> tuple[float, float]:
-    """Opening in V behind a play of the given half width."""
+    """Return the opening behind a play.
+
+    Args:
+        u: Command in V.
+        s: State, the opening in V.
+        h: Step in s.
+        half_width: Half width of the play in V.
+
+    Returns:
+        Opening in V, and the new state.
+
+    References:
+        M. A. Krasnosel'skii and A. V. Pokrovskii, Systems with Hysteresis (1989).
+
+    >>> command(2.0, 0.0, 1e-3, 0.25), command(1.75, 1.75, 1e-3, 0.25)
+    ((1.75, 1.75), (1.75, 1.75))
+    """
     s = min(max(s, u - half_width), u + half_width)
     return s, s
 

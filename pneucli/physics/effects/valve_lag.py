@@ -6,7 +6,21 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def command(u: float, s: float, h: float, time_constant: float) -> tuple[float, float]:
-    """Mean opening in V over a step h, and the spool after it, exact for a held command."""
+    """Return the mean opening over a step behind a first-order lag, exact for a held command.
+
+    Args:
+        u: Command in V.
+        s: State, the position of the spool in V at the start of the step.
+        h: Step in s.
+        time_constant: Time constant in s.
+
+    Returns:
+        Mean opening in V, and the position of the spool after the step.
+
+    >>> mean, after = command(1.0, 0.0, 5e-3, 5e-3)
+    >>> round(mean, 4), round(after, 4)
+    (0.3679, 0.6321)
+    """
     if time_constant <= 0.0:
         return u, u
     closed = 1.0 - math.exp(-h / time_constant)  # expm1 costs more and would add nothing

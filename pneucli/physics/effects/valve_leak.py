@@ -4,7 +4,17 @@ from pneucli.physics.declaration import Effect, Parameter
 
 
 def leak_area(area: float) -> float:
-    """Area in m^2 open from supply to outlet and from outlet to exhaust."""
+    """Return the area that stays open at every command: from supply to outlet, and from outlet to exhaust.
+
+    Args:
+        area: Effective area in m^2.
+
+    Returns:
+        The area in m^2.
+
+    >>> leak_area(1e-8)
+    1e-08
+    """
     return area
 
 

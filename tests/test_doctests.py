@@ -1,0 +1,72 @@
+"""The examples in docstrings give what they print, and every public function of physics and tp has one."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("physics", "tp", "identify", "simulate", "design", "controller", "closed_loop", "noise")
+SPECIFIED = ("physics", "tp")  # packages in which every public function states arguments, result and an example
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for package in PACKAGES
+    for path in (ROOT / "pneucli" / package).rglob("*.py")
+)
+
+
+def failures(module: ModuleType) -> tuple[int, str]:
+    """Run the examples of a module; return how many fail, and the report."""
+    report: list[str] = []
+    runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.NORMALIZE_WHITESPACE)
+    for test in doctest.DocTestFinder(exclude_empty=True).find(module):
+        runner.run(test, out=report.append)
+    return runner.failures, "".join(report)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_give_what_they_print(name: str) -> None:
+    count, report = failures(importlib.import_module(name))
+    assert count == 0, report
+
+
+def test_an_example_with_a_wrong_result_fails() -> None:
+    module = ModuleType("example")
+    module.__doc__ = ">>> 1 + 1\n3\n"
+    assert failures(module)[0] == 1
+
+
+def public_functions(package: str) -> dict[str, str]:
+    """Docstring of every public function of a package by its full name."""
+    return {
+        f"{path.relative_to(ROOT)}: {node.name}": ast.get_docstring(node) or ""
+        for path in sorted((ROOT / "pneucli" / package).rglob("*.py"))
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+    }
+
+
+@pytest.mark.parametrize("package", SPECIFIED)
+def test_every_public_function_states_arguments_result_and_an_example(package: str) -> None:
+    incomplete = {
+        name: [part for part in ("Returns:", ">>>") if part not in text]
+        for name, text in public_functions(package).items()
+    }
+    incomplete |= {
+        f"{name} (arguments)": ["Args:"]
+        for name, text in public_functions(package).items()
+        if "Args:" not in text and _takes_arguments(name)
+    }
+    assert {name: parts for name, parts in incomplete.items() if parts} == {}
+
+
+def _takes_arguments(name: str) -> bool:
+    path, function = name.split(": ")
+    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
+    return bool(node.args.args or node.args.kwonlyargs)
