@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pneucli.tp import hosvd
+from pneucli.tp import hosvd, simplex_search
 from pneucli.tp import simplex as sx
 from pneucli.tp.hosvd import Array, contract
 from tests.tp.cases import CASES, pressure_damping
@@ -58,7 +58,7 @@ def smallest() -> float:
     parts = hosvd(case.samples, 2)
     frame = sx.affine_frame(parts.bases[0], parts.spectra[0].singular_values[:2], 1e-10)
     h = sx.homogeneous(frame.points)
-    return fastest(lambda: sx.smallest_simplices(h), runs=10)
+    return fastest(lambda: simplex_search.smallest_simplices(h), runs=10)
 
 
 def big() -> Array:

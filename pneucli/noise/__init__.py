@@ -1,4 +1,4 @@
-"""What a sensor adds to a signal, and how it is found from a recording."""
+"""Sensor noise: its model, and its estimate from a recording."""
 
 from __future__ import annotations
 

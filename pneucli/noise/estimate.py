@@ -1,4 +1,4 @@
-"""Noise from a recording: white + first-order coloured + mains lines + quantisation, slow content told apart."""
+"""Estimate the noise of a recording: white and first-order coloured noise, mains lines, quantisation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from pneucli.noise.spectrum import NoiseFloor, detect_mains_lines, noise_floor, 
 
 Array = NDArray[np.float64]
 
-POLE_BOUNDS = (0.2, 0.98)  # of coloured noise: less is white, more is the signal's own
-MIN_CORNER_SHARE = (
-    0.27  # of the lowest frequency of the spectrum: down to there it tells colour, where that allows a higher pole
-)
-MAX_ROLL_OFF, MIN_ROLL_OFF = 12.0, 4.0  # a smooth signal's power falls at least like that of a kink, omega^-4
+POLE_BOUNDS = (0.2, 0.98)  # of coloured noise: below, it is white; above, the signal's own content
+# corner of coloured noise over the lowest frequency of the spectrum, down to which the spectrum shows it
+MIN_CORNER_SHARE = 0.27
+MAX_ROLL_OFF, MIN_ROLL_OFF = 12.0, 4.0  # a smooth signal's power falls at least like that of a bend, omega^-4
 LOG_ZERO_POWER = -60.0  # log of a power that is absent
 
 
@@ -31,37 +30,61 @@ def estimate_noise(
     *,
     is_motion: bool = False,
 ) -> NoiseModel:
-    """Return the noise of one channel of one recording, in the signal's unit.
+    """Estimate the noise of one channel of one recording.
 
-    ``time`` (s) and ``values`` have shape ``(n,)``; NaN marks what was not measured; ``command_jumps`` (n,) marks where a
-    command does, which kinks the signal, and ``signal_jumps`` where the signal itself does. A Whittle fit to the spectrum of the
-    quiet segments takes apart white noise, AR(1) noise and the signal's own content, whose power falls at least like
-    omega^-4 (AR(1) falls like omega^-2); BIC decides between white, coloured, and both. Lines are mains hum.
-    Slow content of a signal that ``is_motion``, a position that no accelerometer confirms, is taken for motion: its
-    noise is white unless segments at rest show a colour.
-    Below about 80 samples only white noise is estimated, from differences of third order: colour and content that
-    fast cannot be told from white noise there. Source: P. Whittle, Ark. Mat. 2 (1953); G. Schwarz, Ann. Stat. 6 (1978).
+    A Whittle fit to the spectrum of the quiet segments separates white noise, AR(1) noise and the signal's own content,
+    whose power falls at least like omega^-4 (AR(1): omega^-2). BIC selects white, coloured, or both. Lines are mains
+    hum. Below about 80 samples only white noise is estimated, from third-order differences: colour and content of this
+    speed cannot be distinguished from white noise there.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        values: Signal, NaN where a sample is missing, shape (n,).
+        command_jumps: Samples at which a command jumps, which bends the signal, shape (n,).
+        signal_jumps: Samples at which the signal itself jumps, shape (n,).
+        is_motion: Whether the signal is a position that no accelerometer confirms. Its slow content is then motion,
+            and its noise is white unless segments at rest show a colour.
+
+    Returns:
+        The noise in the unit of the signal.
+
+    References:
+        P. Whittle, Ark. Mat. 2 (1953) 423-434; G. Schwarz, Ann. Stat. 6 (1978) 461-464.
+
+    >>> time = 1e-3 * np.arange(5000)
+    >>> estimate = estimate_noise(time, 2.0 * np.random.default_rng(1).standard_normal(time.size))
+    >>> abs(estimate.rms - 2.0) < 0.1
+    True
     """
     period = float(np.median(np.diff(time))) if time.size > 1 else 1e-3
     step = quantisation_step(values)
     if not step and np.median(np.abs(np.diff(values))) == 0:
-        return NoiseModel(white=0.0, period=period)  # a command that is held between its jumps
+        return NoiseModel(white=0.0, period=period)  # a command, constant between its jumps
     floor = noise_floor(values, period, command_jumps, signal_jumps)
     rest = noise_floor(values, period, command_jumps, signal_jumps, at_rest=True) if is_motion else floor
     if floor is None:
         return NoiseModel(white=_white_noise_from_differences(values), period=period, step=step)
-    smallest = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)
+    min_power = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)
     lines = detect_mains_lines(values, period)
-    spectrum = _without_lines(rest or floor, lines, period, smallest)
+    spectrum = _without_lines(rest or floor, lines, period, min_power)
     model = _whittle(spectrum, period, may_be_coloured=rest is not None)
     return replace(model, lines=lines, step=step)
 
 
 def pool_noise(models: Sequence[NoiseModel]) -> NoiseModel:
-    """Return the noise of one sensor from its estimates in several recordings.
+    """Pool the noise of one sensor over several recordings.
 
-    The median power stands for all, so that one recording full of motion does not; white and coloured shares and
-    lines are means of the powers, and the pole a mean weighted by the coloured power.
+    The median power is that of all recordings, so that one recording full of motion has no influence. White and
+    coloured shares and lines are means of the powers; the pole is a mean weighted by the coloured power.
+
+    Args:
+        models: Estimates of the same sensor.
+
+    Returns:
+        The noise of the sensor.
+
+    >>> pool_noise([NoiseModel(1.0), NoiseModel(1.0), NoiseModel(5.0)]).white
+    1.0
     """
     white = np.array([m.white**2 for m in models])
     coloured = np.array([m.coloured**2 for m in models])
@@ -83,9 +106,9 @@ def _pooled_lines(models: Sequence[NoiseModel]) -> tuple[tuple[float, float], ..
     nominal = sorted({round(f / 10) * 10 for m in models for f, _ in m.lines})
     pooled = []
     for centre in nominal:
-        near = [[(f, a) for f, a in m.lines if abs(f - centre) < 5] for m in models]
-        hits = [line for lines in near for line in lines]
-        if 2 * sum(map(bool, near)) >= len(models):
+        matches = [[(f, a) for f, a in m.lines if abs(f - centre) < 5] for m in models]
+        hits = [line for lines in matches for line in lines]
+        if 2 * sum(map(bool, matches)) >= len(models):
             power = sum(a * a for _, a in hits) / len(models)
             pooled.append((float(np.mean([f for f, _ in hits])), float(np.sqrt(power))))
     return tuple(pooled)
@@ -102,13 +125,13 @@ def _white_noise_from_differences(values: Array) -> float:
 
 
 def _without_lines(
-    floor: NoiseFloor, lines: tuple[tuple[float, float], ...], period: float, smallest: float
+    floor: NoiseFloor, lines: tuple[tuple[float, float], ...], period: float, min_power: float
 ) -> NoiseFloor:
     keep = np.ones(floor.omega.size, dtype=bool)
     width = 2.5 * (floor.omega[1] - floor.omega[0])
     for frequency, _ in lines:
         keep &= np.abs(floor.omega - 2 * np.pi * frequency * period) > width
-    return NoiseFloor(floor.omega[keep], np.maximum(floor.power[keep], smallest), floor.weight)
+    return NoiseFloor(floor.omega[keep], np.maximum(floor.power[keep], min_power), floor.weight)
 
 
 def _whittle(floor: NoiseFloor, period: float, *, may_be_coloured: bool) -> NoiseModel:
@@ -135,7 +158,7 @@ def _fixed(value: float) -> tuple[float, tuple[float, float]]:
 
 
 def _fit(floor: NoiseFloor, choice: list[tuple[float, tuple[float, float]]]) -> tuple[float, Array]:
-    """Return the BIC and the parameters (log white, log coloured power, pole, log content, its steepness)."""
+    """Return the BIC and the parameters (log white, log coloured power, pole, log content, its roll-off)."""
     low = float(np.log(floor.power[0]))
     start = np.array([s for s, _ in choice] + [low, 6.0])
     bounds = [b for _, b in choice] + [(low - 40, low + 5), (MIN_ROLL_OFF, MAX_ROLL_OFF)]
@@ -151,7 +174,7 @@ def _fit(floor: NoiseFloor, choice: list[tuple[float, tuple[float, float]]]) -> 
 
 
 def _power(omega: Array, p: Array) -> tuple[Array, Array]:
-    """Return the power (n,) at angles a sample ``omega`` (n,), and its derivatives by the parameters (5, n)."""
+    """Return the power (n,) at angular frequencies a sample ``omega`` (n,), and its derivatives (5, n)."""
     white, pole, fall = np.exp(p[0]), p[2], np.log(np.sin(omega / 2) / np.sin(omega[0] / 2))
     below = 1 - 2 * pole * np.cos(omega) + pole**2
     coloured = np.exp(p[1]) * (1 - pole**2) / below

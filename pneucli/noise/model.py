@@ -1,4 +1,4 @@
-"""What a sensor adds to a signal: white and coloured noise, mains hum, quantisation."""
+"""The noise of a sensor: white and coloured noise, mains hum, quantisation."""
 
 from __future__ import annotations
 
@@ -13,10 +13,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """White + first-order coloured noise + sinusoidal lines, and the step of quantisation, all in the signal's unit.
+    """White and first-order coloured noise, sinusoidal lines and quantisation, in the unit of the signal.
 
-    ``white`` and ``coloured`` are standard deviations; ``pole`` is the AR(1) coefficient of the coloured part per
-    ``period`` (s); ``lines`` holds pairs (frequency in Hz, amplitude); ``step`` is the quantisation step (0: none).
+    Attributes:
+        white: Standard deviation of the white part.
+        coloured: Standard deviation of the coloured part.
+        pole: AR(1) coefficient of the coloured part per ``period``.
+        period: Sampling period in s.
+        lines: Pairs of frequency in Hz and amplitude.
+        step: Quantisation step; 0: none.
     """
 
     white: float
@@ -28,12 +33,24 @@ class NoiseModel:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the whole, never below step / sqrt(12) (interface, section 3)."""
+        """Root mean square of all parts, at least step / sqrt(12) (interface, section 3).
+
+        >>> NoiseModel(white=3.0, coloured=4.0).rms
+        5.0
+        """
         power = self.white**2 + self.coloured**2 + sum(a * a / 2 for _, a in self.lines)
         return float(max(np.sqrt(power), self.step / np.sqrt(12)))
 
     def draw(self, time: Array, rng: np.random.Generator) -> Array:
-        """Return one realisation, shape ``(n,)``, at the time stamps ``time`` (s), taken as about equidistant."""
+        """Draw one realisation.
+
+        Args:
+            time: Time stamps in s, taken as equidistant, shape (n,).
+            rng: Generator of random numbers.
+
+        Returns:
+            Noise, shape (n,).
+        """
         n = time.size
         white = max(self.white, 0.0 if self.coloured or self.lines else self.rms)
         noise = white * rng.standard_normal(n)

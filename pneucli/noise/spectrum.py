@@ -1,4 +1,4 @@
-"""The noise floor's spectrum: what stays below jumps and motion, mains lines, and the step of quantisation."""
+"""The spectrum of the noise floor below jumps and motion, mains lines, and the step of quantisation."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from scipy.stats import f as f_distribution
 
 Array = NDArray[np.float64]
 
-MAX_SEGMENT_DURATION = (
-    0.3  # s of a segment: many times what colours a sensor's noise, and a stretch in which motion may be quiet
-)
-MIN_LONG_SEGMENT_SAMPLES, MIN_SEGMENT_SAMPLES = (
-    256,
-    16,
-)  # samples of a segment that is as long as need be, and of the shortest
-FLOOR_QUANTILE = 0.25  # order statistic that stands for the floor: jumps and motion may fill the segments above it
+# s of a segment: many times the correlation time of a sensor's noise, and a duration in which motion may be quiet
+MAX_SEGMENT_DURATION = 0.3
+MIN_LONG_SEGMENT_SAMPLES = 256  # samples up to which a segment may be longer than that
+MIN_SEGMENT_SAMPLES = 16
+FLOOR_QUANTILE = 0.25  # order statistic that estimates the floor: jumps and motion may fill the segments above it
 MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
 LINE_SIGNIFICANCE = 1e-4  # probability of a false line
-MIN_RELATIVE_JUMP = 0.1  # of a command's range in one sample: it kinks what it drives
-MIN_JUMP_FREE_SEGMENTS = 8  # segments without such a jump that tell the floor by themselves
-MAX_REST_SHAPE = 3.0  # of the power of line and parabola over the remainder: 1 for the slowest colour, 100 for motion
-BACKGROUND_HALF_BAND = 8.0  # Hz either side of a line that tell its background
+MIN_RELATIVE_JUMP = 0.1  # of a command's range in one sample
+MIN_JUMP_FREE_SEGMENTS = 8  # segments without a jump from which the floor can be estimated
+# power of line and parabola over the remainder: 1 for the slowest colour, 100 for motion
+MAX_REST_SHAPE = 3.0
+BACKGROUND_HALF_BAND = 8.0  # Hz on each side of a line, in which its background is estimated
 
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """One-sided power per bin, shape ``(m,)``, in units of variance: white noise of variance s^2 has ``power = s^2``.
+    """One-sided power per frequency bin; white noise of variance s^2 has the power s^2 in every bin.
 
-    ``omega`` is the angular frequency in rad per sample; ``weight`` the number of independent averages of a bin.
+    Attributes:
+        omega: Angular frequency in rad a sample, shape (m,).
+        power: Power in the squared unit of the signal, shape (m,).
+        weight: Number of independent averages of a bin.
     """
 
     omega: Array
@@ -41,13 +42,35 @@ class NoiseFloor:
 
 
 def segment_length(samples: int, period: float) -> int:
-    """Return the power of two that leaves about ten half-overlapping segments; 0 where there are too few samples."""
+    """Return the length of segments: the power of two that leaves about ten half-overlapping ones.
+
+    Args:
+        samples: Number of samples of the signal.
+        period: Sampling period in s.
+
+    Returns:
+        Length in samples; 0 where there are too few samples.
+
+    >>> segment_length(5000, 1e-3), segment_length(50, 1e-3)
+    (256, 0)
+    """
     longest = min(samples // 5, max(int(MAX_SEGMENT_DURATION / period), MIN_LONG_SEGMENT_SAMPLES))
     return 0 if longest < MIN_SEGMENT_SAMPLES else 2 ** int(np.log2(longest))
 
 
 def detect_jumps(commands: Sequence[Array], samples: int) -> NDArray[np.bool_]:
-    """Return at which of the ``samples`` one of the ``commands`` (samples,) jumps: a step, a switching valve."""
+    """Detect jumps of commands: steps, switching valves.
+
+    Args:
+        commands: Commands in V, each of shape (samples,).
+        samples: Number of samples.
+
+    Returns:
+        Samples at which a command jumps, shape (samples,).
+
+    >>> detect_jumps([np.array([0.0, 0.0, 5.0, 5.0])], 4)
+    array([False, False,  True, False])
+    """
     jumps = np.zeros(samples, dtype=bool)
     for u in commands:
         jumps |= np.abs(np.diff(u, prepend=u[:1])) > MIN_RELATIVE_JUMP * np.ptp(u)
@@ -55,7 +78,18 @@ def detect_jumps(commands: Sequence[Array], samples: int) -> NDArray[np.bool_]:
 
 
 def jump_free_segments(jumps: NDArray[np.bool_], period: float) -> NDArray[np.bool_] | None:
-    """Return which segments are free of ``jumps`` (n,); None where too few are to tell the floor by themselves."""
+    """Return which segments of the spectrum contain no jump.
+
+    Args:
+        jumps: Samples with a jump, shape (n,).
+        period: Sampling period in s.
+
+    Returns:
+        One entry for each segment; None where too few segments are free of jumps to determine the floor.
+
+    >>> jump_free_segments(np.zeros(5000, dtype=bool), 1e-3).all()
+    np.True_
+    """
     length = segment_length(jumps.size, period)
     return _jump_free(jumps, length) if length else None
 
@@ -66,9 +100,9 @@ def _jump_free(jumps: NDArray[np.bool_], length: int) -> NDArray[np.bool_] | Non
 
 
 def _segments_between_jumps(jumps: NDArray[np.bool_], length: int) -> tuple[int, NDArray[np.bool_] | None]:
-    """Return the length, at most that given, of segments of which enough are free of ``jumps`` (n,); and which are.
+    """Return the longest segment length, at most ``length``, with enough segments free of ``jumps``, and which are.
 
-    As short as that takes; where no length does, that given, and None.
+    Where no length is short enough, return ``length`` and None.
     """
     for halved in range(length.bit_length()):
         short = length >> halved
@@ -85,16 +119,27 @@ def noise_floor(
     *,
     at_rest: bool = False,
 ) -> NoiseFloor | None:
-    """Return the spectrum of the quiet segments, per bin, or None where ``values`` are too few for one.
+    """Return the spectrum of the quiet segments.
 
-    ``period`` is that of the sampling, in s.
+    Each segment is detrended by a parabola and tapered (Hann). In each bin an order statistic (``FLOOR_QUANTILE``),
+    divided by its expectation for exponentially distributed periodograms, estimates the mean; jumps or bursts of motion
+    in some segments have no influence.
 
-    Each segment loses its parabola and is tapered (Hann). Per bin the ``FLOOR_QUANTILE`` order statistic, divided by its
-    expectation for exponentially distributed periodograms, stands for the mean: a jump or a burst of motion in some
-    segments does not enter. NaN segments are left out, and those in which a command ``command_jumps`` (n,) where enough are
-    free of it: where most have a kink, as behind a switching valve, even the lower quartile is the signal's own.
-    Of a signal that jumps by itself where ``signal_jumps`` (n,) says so, segments are as short as it takes to lie between.
-    ``at_rest``: only segments count whose line and parabola may be noise of the segment's own colour.
+    Args:
+        values: Signal, shape (n,); segments with NaN are left out.
+        period: Sampling period in s.
+        command_jumps: Samples at which a command jumps, shape (n,). Segments with a jump are left out where enough
+            others remain: where most have a bend, as behind a switching valve, even the lower quartile is signal.
+        signal_jumps: Samples at which the signal itself jumps, shape (n,). Segments are then short enough to lie
+            between the jumps.
+        at_rest: Whether only segments count whose line and parabola may be noise of the segment's own colour.
+
+    Returns:
+        The floor; None where there are too few samples.
+
+    >>> floor = noise_floor(np.random.default_rng(1).standard_normal(5000), 1e-3)
+    >>> bool(abs(np.mean(floor.power) - 1.0) < 0.1)
+    True
     """
     length = segment_length(values.size, period)
     if not length:
@@ -119,8 +164,8 @@ def noise_floor(
     rank = max(1, round(FLOOR_QUANTILE * count))
     expected = np.sum(1.0 / (count - np.arange(rank)))
     power = np.sort(periodograms, axis=0)[rank - 1] / expected
-    bins = np.arange(3, length // 2)  # the parabola takes the lowest; the last is real-valued
-    # the lower quartile has a third of the mean's efficiency; half-overlapping Hann segments are worth 0.75
+    bins = np.arange(3, length // 2)  # the parabola removes the lowest; the last is real-valued
+    # efficiency of the lower quartile: a third of the mean's; of half-overlapping Hann segments: 0.75
     return NoiseFloor(2 * np.pi * bins / length, power[bins], max(1.0, 0.25 * count))
 
 
@@ -130,10 +175,23 @@ def _at_rest(shape: Array, remainder: Array) -> NDArray[np.bool_]:
 
 
 def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float], ...]:
-    """Return (frequency in Hz, amplitude) of mains hum and its first two harmonics that stand out of their background.
+    """Detect mains hum at 50 and 60 Hz and its first two harmonics.
 
-    F test of one bin against the bins around it in the Hann spectrum of the whole signal, after its second
-    difference, which takes slow content away (the difference's gain is divided out again).
+    An F test compares one bin with the bins around it in the Hann spectrum of the whole signal. A second difference
+    removes slow content beforehand; its gain is divided out again.
+
+    Args:
+        values: Signal without missing samples, at least 0.5 s, shape (n,).
+        period: Sampling period in s.
+
+    Returns:
+        Pairs of frequency in Hz and amplitude.
+
+    >>> time = 1e-3 * np.arange(5000)
+    >>> noise = 0.1 * np.random.default_rng(1).standard_normal(time.size)
+    >>> [(f, a)] = detect_mains_lines(np.sin(2 * np.pi * 50.0 * time) + noise, 1e-3)
+    >>> round(f, 1), round(a, 1)
+    (50.0, 1.0)
     """
     finite = values[np.isfinite(values)]
     if finite.size < 0.5 / period or finite.size != values.size:
@@ -144,12 +202,12 @@ def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float
     frequency = np.asarray(np.fft.rfftfreq(8 * whitened.size, period), dtype=np.float64)
     gain = np.maximum(4 * np.sin(np.pi * frequency * period) ** 2, 1e-12)
     resolution = 1 / (whitened.size * period)
-    found = []
+    lines: list[tuple[float, float]] = []
     for mains in MAINS_FREQUENCIES:
         for nominal in (mains, 2 * mains, 3 * mains):
             line = _line(frequency, amplitude / gain, nominal, resolution, 0.5 / period)
-            found += [line] if line else []
-    return tuple(found)
+            lines += [line] if line else []
+    return tuple(lines)
 
 
 def _line(
@@ -163,8 +221,8 @@ def _line(
     around = (distance > 2 * resolution) & (distance < BACKGROUND_HALF_BAND + 2 * resolution)
     background = float(np.mean(amplitude[around] ** 2))
     independent = around.sum() / 8 / 1.5
-    tries = max(1.0, 0.6 / resolution)  # the peak was searched for
-    limit = f_distribution.isf(LINE_SIGNIFICANCE / tries, 2, 2 * independent)
+    tests = max(1.0, 0.6 / resolution)  # number of bins searched for the peak
+    limit = f_distribution.isf(LINE_SIGNIFICANCE / tests, 2, 2 * independent)
     power = float(amplitude[peak] ** 2)
     if power <= limit * background or independent < 4:
         return None
@@ -172,9 +230,19 @@ def _line(
 
 
 def quantisation_step(values: Array) -> float:
-    """Return the largest step that all values are multiples of (up to an offset), 0 where there is none.
+    """Return the quantisation step of a signal: the largest step of which all differences are multiples.
 
-    A command that holds few levels shows no step: it needs 24 levels, or a change in every twentieth sample.
+    A command that holds few levels has no step: 24 levels are needed, or a change in every twentieth sample.
+
+    Args:
+        values: Signal, shape (n,).
+
+    Returns:
+        The step in the unit of the signal; 0 where there is none.
+
+    >>> noise = np.random.default_rng(1).standard_normal(1000)
+    >>> round(quantisation_step(0.25 * np.round(noise / 0.25)), 6)
+    0.25
     """
     finite = values[np.isfinite(values)]
     levels = np.unique(finite)
@@ -185,7 +253,7 @@ def quantisation_step(values: Array) -> float:
     gaps = gaps[gaps > 1e-9 * max(np.ptp(levels), float(np.abs(levels).max()) * 1e-4)]
     for parts in range(1, 9):
         step = float(gaps.min()) / parts
-        near = gaps[gaps < 50 * step]  # far gaps say little about the step and carry rounding errors
-        if near.size >= 3 and np.all(np.abs(near / step - np.round(near / step)) < 0.02):
-            return float(np.median(near / np.round(near / step)))
+        narrow = gaps[gaps < 50 * step]  # wide gaps carry rounding errors
+        if narrow.size >= 3 and np.all(np.abs(narrow / step - np.round(narrow / step)) < 0.02):
+            return float(np.median(narrow / np.round(narrow / step)))
     return 0.0

@@ -21,7 +21,18 @@ _SIDED_PORT = re.compile(r"(leak|volume|read_p|unread_p)(_?)([12])(_ambient)?")
 
 
 def variants(effect: Effect) -> list[Effect]:
-    """Return the variants of an effect by side: of either side where it is declared for both, else of the other one."""
+    """Return the variants of an effect at either side.
+
+    Args:
+        effect: An effect as it is declared.
+
+    Returns:
+        Both sides where it is declared for both chambers, the other side where it is declared for one, else none.
+
+    >>> from pneucli.physics.effects import catalogue
+    >>> [variant.name for variant in variants(catalogue()["chamber-leak"])]
+    ['chamber-leak:2']
+    """
     sides = {_side_of(port) for port in effect.ports}
     if None in sides or not sides:
         return []
@@ -30,7 +41,18 @@ def variants(effect: Effect) -> list[Effect]:
 
 
 def with_variants(effects: Iterable[Effect]) -> dict[str, Effect]:
-    """Return effects and their variants by name; an effect that has a name of a variant takes its place."""
+    """Return effects together with their variants.
+
+    Args:
+        effects: Effects as they are declared; one with the name of a variant replaces the variant.
+
+    Returns:
+        Effects by name.
+
+    >>> from pneucli.physics.effects import catalogue
+    >>> sorted(with_variants([catalogue()["chamber-leak"]]))
+    ['chamber-leak', 'chamber-leak:2']
+    """
     declared = list(effects)
     found = {variant.name: variant for effect in declared for variant in variants(effect)}
     return found | {effect.name: effect for effect in declared}
@@ -39,15 +61,20 @@ def with_variants(effects: Iterable[Effect]) -> dict[str, Effect]:
 def declared_name(name: str) -> str:
     """Return the name under which an effect is declared.
 
+    Args:
+        name: Name of an effect or of a variant.
+
+    Returns:
+        The name without its side.
+
     >>> declared_name("chamber-leak:2")
     'chamber-leak'
-
     """
     return name.partition(SEPARATOR)[0]
 
 
 def _side_of(port: str) -> int | None:
-    """Return the chamber at which a port stands; None for one that stands at no single chamber."""
+    """Return the chamber of a port; None for a port of no single chamber."""
     parts = _SIDED_PORT.fullmatch(port)
     return int(parts[3]) if parts else None
 

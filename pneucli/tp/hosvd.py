@@ -1,12 +1,14 @@
 """Higher-order singular value decomposition of samples on a grid.
 
-Sequential: the modes are decomposed one after the other, shortest first, each on a tensor already compressed by the
-modes before it. Only what rounding hides is cut on the way, so every mode's basis and singular values are those of
-its full unfolding; the ranks are cut at the end, on the core.
+The modes are decomposed one after the other, shortest first, each on the tensor that the modes before it have
+compressed. Only singular values below rounding are cut on the way, so the basis and singular values of every mode are
+those of its full unfolding. The ranks are cut at the end, on the core.
 
-Sources: thesis figure 4.3; De Lathauwer, De Moor, Vandewalle, SIAM J. Matrix Anal. Appl. 21 (2000) 1253;
-Vannieuwenhoven, Vandebril, Meerbergen, SIAM J. Sci. Comput. 34 (2012) A1027; Demmel, Grigori, Hoemmen, Langou, SIAM J.
-Sci. Comput. 34 (2012) A206 (QR by blocks).
+References:
+    Thesis figure 4.3.
+    De Lathauwer, De Moor, Vandewalle, SIAM J. Matrix Anal. Appl. 21 (2000) 1253-1278.
+    Vannieuwenhoven, Vandebril, Meerbergen, SIAM J. Sci. Comput. 34 (2012) A1027-A1052.
+    Demmel, Grigori, Hoemmen, Langou, SIAM J. Sci. Comput. 34 (2012) A206-A239 (QR by blocks).
 """
 
 from __future__ import annotations
@@ -31,17 +33,19 @@ _EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Singular values of one unfolding, falling, shape ``(k,)`` in the unit of the samples, and the rank kept."""
+    """Singular values of one unfolding and the number that is kept.
+
+    Attributes:
+        singular_values: Descending, shape (k,), in the unit of the samples.
+        rank: Number of singular values kept.
+    """
 
     singular_values: Array
     rank: int
 
     @property
     def gap(self) -> float:
-        """Last kept over first discarded singular value: what the rank rests on.
-
-        Near 1 the rank is arbitrary. Values below rounding are not resolved, so it never exceeds 1 / eps.
-        """
+        """Last kept over first discarded singular value; near 1 the rank is arbitrary, at most 1 / eps."""
         tail = self.singular_values[self.rank :]
         floor = max(tail[0] if tail.size else 0.0, _EPS * self.singular_values[0])
         return float(self.singular_values[self.rank - 1] / floor) if floor else math.inf
@@ -54,9 +58,12 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Hosvd:
-    """``samples = core x_1 bases[0] x_2 bases[1] ...``, up to what was discarded.
+    """A decomposition ``samples = core x_1 bases[0] x_2 bases[1] ...``, up to what was discarded.
 
-    ``bases[k]``: orthonormal columns, shape ``(n_k, r_k)``, signs arbitrary. ``core``: shape ``(r_1, ..., r_N, ...)``.
+    Attributes:
+        bases: Matrices with orthonormal columns, shapes (n_k, r_k); signs are arbitrary.
+        core: Core tensor, shape (r_1, ..., r_N, ...).
+        spectra: Singular values of each mode.
     """
 
     bases: tuple[Array, ...]
@@ -67,11 +74,29 @@ class Hosvd:
 def hosvd(
     samples: Array, parameters: int, rank: Sequence[int] | None = None, tolerance: float = DEFAULT_TOLERANCE
 ) -> Hosvd:
-    """Decompose samples of shape ``(n_1, ..., n_N, ...)`` along their first ``parameters`` = N axes.
+    """Decompose samples on a grid by the higher-order singular value decomposition.
 
-    Compact by default: singular values above ``tolerance`` times the first of their mode are kept. ``tolerance = 0``
-    keeps all (exact); ``rank`` bounds the number kept per mode (reduced). The error in the Frobenius norm is at most
-    ``sqrt(sum(s.discarded**2 for s in spectra))``. Raises ``InputError`` where ``rank`` does not fit.
+    Args:
+        samples: Samples, shape (n_1, ..., n_N, ...); further axes are those of a matrix at each node.
+        parameters: Number N of leading axes to decompose.
+        rank: Largest number of singular values kept per mode (reduced HOSVD); None: no bound.
+        tolerance: Singular values above this share of the first of their mode are kept (compact HOSVD); 0 keeps all.
+
+    Returns:
+        The decomposition. Its error in the Frobenius norm is at most ``sqrt(sum(s.discarded**2 for s in spectra))``.
+
+    Raises:
+        InputError: ``rank`` has another length than ``parameters`` or an entry below 1.
+
+    References:
+        Thesis figure 4.3; De Lathauwer, De Moor, Vandewalle (2000), equation 24.
+
+    >>> x, y = np.linspace(0, 1, 5)[:, None], np.linspace(0, 1, 4)
+    >>> parts = hosvd(x * y + 1, 2)
+    >>> parts.core.shape
+    (2, 2)
+    >>> bool(np.allclose(parts.bases[0] @ parts.core @ parts.bases[1].T, x * y + 1))
+    True
     """
     if rank is not None and (len(rank) != parameters or min(rank) < 1):
         raise InputError("rank", f"{tuple(rank)}", f"{parameters} whole numbers from 1")
@@ -92,7 +117,20 @@ def hosvd(
 
 
 def contract(tensor: Array, matrix: Array, mode: int) -> Array:
-    """Multiply along one axis: ``matrix`` of shape ``(m, n_mode)`` turns its length from ``n_mode`` into ``m``."""
+    """Multiply a tensor by a matrix along one axis.
+
+    Args:
+        tensor: Tensor, shape (n_1, ..., n_mode, ...).
+        matrix: Matrix, shape (m, n_mode).
+        mode: The axis, from 0.
+
+    Returns:
+        The product; the length of the axis becomes m.
+
+    >>> contract(np.ones((2, 3)), np.array([[1.0, 1.0, 1.0]]), 1)
+    array([[3.],
+           [3.]])
+    """
     before, after = tensor.shape[:mode], tensor.shape[mode + 1 :]
     rows = matrix.shape[0]
     if math.prod(after) == 1:
@@ -101,10 +139,20 @@ def contract(tensor: Array, matrix: Array, mode: int) -> Array:
 
 
 def left_svd(tensor: Array, mode: int) -> tuple[Array, Array]:
-    """Return left singular vectors ``(n, k)`` and values ``(k,)`` of the unfolding of one mode, ``k = min(n, rest)``.
+    """Return left singular vectors and singular values of the unfolding of one mode.
 
-    A wide unfolding is first reduced to its triangular factor block by block: as accurate as the SVD of the whole,
-    where the Gram matrix would lose singular values below 1e-8 of the first.
+    A wide unfolding is first reduced to its triangular factor, block by block. This is as accurate as the SVD of the
+    whole; the Gram matrix would lose singular values below 1e-8 of the first.
+
+    Args:
+        tensor: Tensor, shape (..., n, ...).
+        mode: The axis of length n, from 0.
+
+    Returns:
+        Vectors, shape (n, k), and values, shape (k,), with k = min(n, product of the other lengths).
+
+    >>> left_svd(np.diag([3.0, 2.0]), 0)[1]
+    array([3., 2.])
     """
     n = tensor.shape[mode]
     if tensor.size == n and (norm := np.linalg.norm(tensor)):  # one column: half the time for one scalar parameter
@@ -116,7 +164,7 @@ def left_svd(tensor: Array, mode: int) -> tuple[Array, Array]:
 
 
 def _triangle(tensor: Array, mode: int) -> Array:
-    """R of the transposed unfolding, by QR of one block after the other (TSQR)."""
+    """Return R of the transposed unfolding, by QR of one block after the other (TSQR)."""
     n = tensor.shape[mode]
     factor = np.empty((0, n))
     for block in _blocks(tensor, mode, max(2048, 8 * n)):
@@ -125,7 +173,7 @@ def _triangle(tensor: Array, mode: int) -> Array:
 
 
 def _blocks(tensor: Array, mode: int, rows: int) -> Iterator[Array]:
-    """The transposed unfolding in blocks of about ``rows`` rows."""
+    """Yield the transposed unfolding in blocks of about ``rows`` rows."""
     fibres = _fibres(tensor, mode)
     outer, n, inner = fibres.shape
     for i in range(0, outer, max(1, rows // inner)):
@@ -134,7 +182,7 @@ def _blocks(tensor: Array, mode: int, rows: int) -> Iterator[Array]:
 
 
 def _fibres(tensor: Array, mode: int) -> Array:
-    """Three axes: all before the mode, the mode, all after it."""
+    """Return the tensor with three axes: all before the mode, the mode, all after it."""
     return tensor.reshape(math.prod(tensor.shape[:mode]), tensor.shape[mode], -1)
 
 

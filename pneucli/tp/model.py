@@ -1,4 +1,4 @@
-"""The tensor-product model: weights of one parameter each, and vertices (thesis eqs. 4.4-4.6)."""
+"""The tensor-product (TP) model: weights of one parameter each, and vertices (thesis 4.4-4.6)."""
 
 from __future__ import annotations
 
@@ -26,13 +26,19 @@ _MAX_CHUNK = 2**22  # numbers of one reconstructed piece while errors are taken
 
 @dataclass(frozen=True)
 class TPModel:
-    """``S(p) = sum over i, j, ... of w_1i(p_1) w_2j(p_2) ... vertices[i, j, ...]``, for N parameters.
+    """A model ``S(p) = sum over i, j, ... of w_1i(p_1) w_2j(p_2) ... vertices[i, j, ...]`` of N parameters.
 
-    ``grids``: N arrays ``(n_k,)``. ``weights``: N arrays ``(n_k, v_k)``, at the nodes. ``vertices``: shape
-    ``(v_1, ..., v_N, ...)``, then the matrix's shape. ``weight_type``: see :mod:`pneucli.tp.weights`. ``scale``: the
-    matrix's shape; by what each entry was divided before the decomposition. ``errors``: likewise, the largest absolute
-    error of each entry over the nodes, in the entry's unit. ``spectra``: per parameter singular values (of the scaled
-    entries), rank, and the gap that it rests on.
+    Attributes:
+        grids: Nodes of each parameter, N arrays (n_k,).
+        weights: Weights at the nodes, N arrays (n_k, v_k).
+        vertices: Vertices, shape (v_1, ..., v_N, ...), then the shape of the matrix.
+        weight_type: Type of the weights (:mod:`pneucli.tp.weights`).
+        scale: Divisor of each entry of the matrix before the decomposition.
+        errors: Largest absolute error of each entry over the nodes, in the entry's unit.
+        spectra: Singular values of the scaled entries, rank and gap of each parameter.
+
+    References:
+        Thesis 4.4-4.6.
     """
 
     grids: tuple[Array, ...]
@@ -45,15 +51,22 @@ class TPModel:
 
     @property
     def systems(self) -> Array:
-        """All vertices in one row, shape ``(R, ...)``, the last parameter's index running fastest."""
+        """All vertices in one row, shape (R, ...); the last parameter's index runs fastest."""
         return self.vertices.reshape(-1, *self.errors.shape)
 
     def weights_at(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> list[Array]:
-        """Return the weights anywhere on the domain: per parameter, its array's shape and then ``(v_k,)``.
+        """Interpolate the weights.
 
-        Linear interpolation keeps them convex (rows sum to 1, not negative). Cubic (spline) is closer to the sampled
-        function between nodes and keeps the sum, but may leave [0, 1] slightly there: convex at the nodes only. Raises
-        ``InputError`` outside the domain.
+        Args:
+            parameters: One array for each parameter, within the grids.
+            interpolation: ``linear`` keeps the weights convex: their sum is 1, none is negative. ``cubic`` (spline) is
+                closer to the sampled function between nodes and keeps the sum, but may leave [0, 1] slightly there.
+
+        Returns:
+            For each parameter the weights, the shape of its array and then (v_k,).
+
+        Raises:
+            InputError: A value lies outside the domain, or the number of arrays differs from that of the parameters.
         """
         if len(parameters) != len(self.grids):
             raise InputError("parameters", f"{len(parameters)} arrays", f"{len(self.grids)}, one a parameter")
@@ -66,9 +79,17 @@ class TPModel:
         return [_linear(g, w, p) for g, w, p in zip(self.grids, self.weights, at, strict=True)]
 
     def evaluate(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> Array:
-        """Return S anywhere on the domain, one array a parameter, broadcast together: their shape, then the matrix's.
+        """Evaluate S on the domain.
 
-        See :meth:`weights_at` for what holds between the nodes.
+        Args:
+            parameters: One array for each parameter, broadcast together.
+            interpolation: As of :meth:`weights_at`.
+
+        Returns:
+            The matrices: the shape of the parameters, then that of the matrix.
+
+        Raises:
+            InputError: As of :meth:`weights_at`.
         """
         weights = self.weights_at(*np.broadcast_arrays(*parameters), interpolation=interpolation)
         shape = weights[0].shape[:-1]
@@ -76,7 +97,7 @@ class TPModel:
         answer = np.tensordot(rows[0], self.vertices, axes=1)
         for row in rows[1:]:
             answer = np.einsum("nv,nv...->n...", row, answer)
-        return np.asarray(answer.reshape(*shape, *self.errors.shape))
+        return np.asarray(answer.reshape((*shape, *self.errors.shape)))
 
     @cached_property
     def _splines(self) -> list[CubicSpline]:
@@ -91,13 +112,32 @@ def transform(
     tolerance: float = DEFAULT_TOLERANCE,
     scaling: Scaling | ArrayLike = "peak",
 ) -> TPModel:
-    """Transform samples of shape ``(n_1, ..., n_N, ...)`` on ``grids`` into a TP model.
+    """Transform samples on a grid into a TP model.
 
-    ``rank`` bounds the ranks (one a parameter), ``tolerance`` is the share of a mode's first singular value below which
-    nothing is kept. Each entry of the matrix is first divided by ``scaling``: its largest absolute value (``peak``: in
-    SI, friction's singular value would be 3e-5 of the first, and be cut), 1 (``none``), or an array that broadcasts to
-    the matrix's shape. A mode of rank r has r vertices where a constant lies in the span of its weights, else r + 1.
-    Raises ``InputError`` for samples that do not fit the grids or are not finite, and where the type does not exist.
+    Args:
+        samples: Samples, shape (n_1, ..., n_N, ...).
+        grids: Nodes of each parameter, N arrays (n_k,), rising.
+        weight_type: Type of the weights (:mod:`pneucli.tp.weights`).
+        rank: Largest rank of each parameter; None: no bound.
+        tolerance: Share of a mode's first singular value below which singular values are cut.
+        scaling: Divisor of each entry before the decomposition: ``peak``, its largest absolute value; ``none``, 1; or
+            an array that broadcasts to the shape of the matrix. In SI units friction's singular value is 3e-5 of the
+            first, and would be cut without scaling.
+
+    Returns:
+        The model. A mode of rank r has r vertices where a constant lies in the span of its weights, else r + 1.
+
+    Raises:
+        InputError: Samples do not fit the grids or are not finite, or weights of this type do not exist.
+
+    References:
+        Thesis figure 4.1, 4.4-4.6; P. Baranyi, Y. Yam, P. Varlaki, Tensor Product Model Transformation in Polytopic
+        Model-Based Control (2013).
+
+    >>> speed = np.linspace(-1, 1, 21)
+    >>> model = transform(speed**2, [speed])
+    >>> model.vertices.shape, model.evaluate(0.5).round(6).tolist()
+    ((2,), 0.25)
     """
     values, axes = np.asarray(samples, dtype=np.float64), as_grids(grids)
     sizes = tuple(g.size for g in axes)
@@ -113,10 +153,21 @@ def transform(
 
 
 def check(model: TPModel) -> list[Violation]:
-    """Return every invariant that the model breaks: those of its weight type per parameter, and reconstruction.
+    """Return the invariants that a model violates.
 
-    The error at the nodes may not exceed what the discarded singular values account for, beyond rounding. For ``mvs``
-    a certificate of local optimality is checked, not that no other simplex is smaller.
+    The weights must have the properties of their type, and the error at the nodes may not exceed what the discarded
+    singular values explain, beyond rounding. For ``mvs`` local optimality is tested, not that no other simplex is
+    smaller.
+
+    Args:
+        model: The model.
+
+    Returns:
+        The violations; an empty list where every invariant holds.
+
+    >>> grid = np.linspace(0, 1, 5)
+    >>> check(transform(grid**2, [grid]))
+    []
     """
     found = [v for k, w in enumerate(model.weights) for v in violations(w, model.weight_type, k)]
     first = max(float(s.singular_values[0]) for s in model.spectra)
@@ -152,7 +203,7 @@ def _scale(values: Array, parameters: int, scaling: Scaling | ArrayLike) -> Arra
 
 
 def _max_errors(samples: Array, weights: Sequence[Array], vertices: Array) -> Array:
-    """Largest absolute error of each entry over the nodes, piece by piece along the first parameter."""
+    """Return the largest absolute error of each entry over the nodes, in pieces along the first parameter."""
     parameters = len(weights)
     partial = vertices
     for mode in range(1, parameters):

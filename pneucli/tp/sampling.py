@@ -18,10 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Gridded:
-    """Samples from measurements, shape ``(n_1, ..., n_N, ...)``, and what stands behind each node.
+    """Samples from measurements and the number of measurements behind each node.
 
-    ``support``, shape ``(n_1, ..., n_N)``: measurements that fall to the node, counted by their nearness (and by
-    ``(median sigma / sigma)^2``); 0: the node is only interpolated, or beyond all data extrapolated straight on.
+    Attributes:
+        samples: Shape (n_1, ..., n_N, ...).
+        support: Shape (n_1, ..., n_N): measurements near the node, each weighted by its nearness and by
+            ``(median sigma / sigma)^2``; at 0 the node is interpolated, or extrapolated beyond all measurements.
     """
 
     samples: Array
@@ -29,7 +31,20 @@ class Gridded:
 
 
 def as_grids(grids: Sequence[ArrayLike]) -> tuple[Array, ...]:
-    """Return the grids as arrays; raise ``InputError`` unless each rises strictly, is finite and has two nodes."""
+    """Return grids as arrays.
+
+    Args:
+        grids: Nodes of each parameter.
+
+    Returns:
+        One array (n_k,) for each parameter.
+
+    Raises:
+        InputError: A grid has fewer than two nodes, is not finite, or does not rise strictly.
+
+    >>> as_grids([[0, 1], [2, 3, 4]])
+    (array([0., 1.]), array([2., 3., 4.]))
+    """
     arrays = tuple(np.asarray(g, dtype=np.float64) for g in grids)
     for k, grid in enumerate(arrays):
         if grid.ndim != 1 or grid.size < 2 or not np.all(np.isfinite(grid)) or not np.all(np.diff(grid) > 0):
@@ -38,10 +53,25 @@ def as_grids(grids: Sequence[ArrayLike]) -> tuple[Array, ...]:
 
 
 def sample(function: Callable[..., ArrayLike], grids: Sequence[ArrayLike]) -> Array:
-    """Evaluate ``function`` on the grid: shape ``(n_1, ..., n_N, ...)``, the analytical method.
+    """Evaluate a function on a grid (the analytical method).
 
-    ``function`` takes one array a parameter, each of shape ``(n_1, ..., n_N)``, and returns the same shape followed by
-    that of the matrix. Raises ``InputError`` where the shape differs or a value is not finite: at 0/0 supply the limit.
+    Args:
+        function: Takes one array for each parameter, each of shape (n_1, ..., n_N); returns this shape followed by that
+            of the matrix.
+        grids: Nodes of each parameter, N arrays (n_k,).
+
+    Returns:
+        Samples, shape (n_1, ..., n_N, ...).
+
+    Raises:
+        InputError: The returned shape differs, or a value is not finite; at 0/0 the function must supply the limit.
+
+    References:
+        Thesis figure 4.1.
+
+    >>> sample(lambda x, y: x * y, [[0, 1], [2, 3]])
+    array([[0., 0.],
+           [2., 3.]])
     """
     axes = as_grids(grids)
     samples = np.asarray(function(*np.meshgrid(*axes, indexing="ij")), dtype=np.float64)
@@ -53,7 +83,20 @@ def sample(function: Callable[..., ArrayLike], grids: Sequence[ArrayLike]) -> Ar
 
 
 def require_finite(samples: Array, grids: Sequence[Array]) -> None:
-    """Raise ``InputError`` naming the first node whose sample is not finite."""
+    """Require finite samples.
+
+    Args:
+        samples: Samples, shape (n_1, ..., n_N, ...).
+        grids: Nodes of each parameter, N arrays (n_k,).
+
+    Returns:
+        Nothing; every sample is finite.
+
+    Raises:
+        InputError: A sample is not finite; the message names its node.
+
+    >>> require_finite(np.ones((2, 2)), [np.arange(2.0), np.arange(2.0)])
+    """
     bad = ~np.isfinite(samples)
     if bad.any():
         index = np.argwhere(bad)[0]
@@ -68,14 +111,31 @@ def fit_samples(
     sigma: ArrayLike | None = None,
     smoothing: float = 1e-3,
 ) -> Gridded:
-    """Fit samples on the grid to scattered measurements, the direct method.
+    """Fit samples on a grid to scattered measurements (the direct method).
 
-    Least squares of the multilinear interpolant through the nodes; repeated measurements average out. ``points``:
-    shape ``(m, N)`` (or ``(m,)`` for one parameter); ``values``: ``(m, ...)``; ``sigma``: standard deviation of each
-    measurement, ``(m,)``, only its ratios matter. ``smoothing`` weighs squared second differences between neighbouring
-    nodes against a measurement: small, it only fills nodes without one; with it, waves of L nodes shrink by about
-    ``smoothing (6.3 / L)^4`` over the measurements a node. Raises ``InputError`` for points that are outside the grids
-    or not finite.
+    The multilinear interpolant through the nodes is fitted by least squares; repeated measurements average out.
+
+    Args:
+        points: Parameters of each measurement, shape (m, N), or (m,) for one parameter.
+        values: Measured values, shape (m, ...).
+        grids: Nodes of each parameter, N arrays (n_k,).
+        sigma: Standard deviation of each measurement, shape (m,); only ratios matter. None: all equal.
+        smoothing: Weight of squared second differences between neighbouring nodes, relative to one measurement. A wave
+            of L nodes shrinks by about ``smoothing (6.3 / L)^4`` over the measurements a node; a small weight only
+            fills nodes without a measurement.
+
+    Returns:
+        The samples, and how many measurements support each node.
+
+    Raises:
+        InputError: A point is outside the grids, a number is not finite, ``sigma`` or ``smoothing`` is not positive.
+
+    References:
+        Thesis figure 4.1.
+
+    >>> fit = fit_samples([0.0, 0.5, 1.0, 2.0], [1.0, 2.0, 3.0, 5.0], [[0, 1, 2]])
+    >>> fit.samples.round(6), fit.support
+    (array([1., 3., 5.]), array([1.5, 1.5, 1. ]))
     """
     axes = as_grids(grids)
     where = np.asarray(points, dtype=np.float64).reshape(-1, len(axes))
@@ -100,7 +160,7 @@ def _relative_weights(sigma: Array) -> Array:
 
 
 def _linear_basis(grid: Array, at: Array, parameter: int) -> sparse.csr_array:
-    """Linear interpolation as a matrix, shape ``(m, n)``."""
+    """Return linear interpolation as a matrix, shape ``(m, n)``."""
     if at.min() < grid[0] or at.max() > grid[-1]:
         found, wanted = f"[{at.min():g}, {at.max():g}]", f"within [{grid[0]:g}, {grid[-1]:g}]"
         raise InputError(f"measurements, parameter {parameter}", found, wanted, "widen the grid or leave those out")
@@ -111,13 +171,24 @@ def _linear_basis(grid: Array, at: Array, parameter: int) -> sparse.csr_array:
 
 
 def locate(grid: Array, at: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return the interval's left node and the share of the way through it, for values within the grid."""
+    """Locate values between the nodes of a grid.
+
+    Args:
+        grid: Nodes, rising, shape (n,).
+        at: Values within the grid.
+
+    Returns:
+        Index of the node to the left of each value, and the share of the interval on its left.
+
+    >>> locate(np.array([0.0, 1.0, 3.0]), np.array([0.5, 2.5]))
+    (array([0, 1]), array([0.5 , 0.75]))
+    """
     left = np.clip(np.searchsorted(grid, at, side="right") - 1, 0, grid.size - 2)
     return left, (at - grid[left]) / (grid[left + 1] - grid[left])
 
 
 def _row_products(factors: list[sparse.csr_array]) -> sparse.csr_array:
-    """Row by row Kronecker product: ``(m, n_1), (m, n_2), ... -> (m, n_1 n_2 ...)``."""
+    """Return the row by row Kronecker product: ``(m, n_1), (m, n_2), ... -> (m, n_1 n_2 ...)``."""
 
     def pair(a: sparse.csr_array, b: sparse.csr_array) -> sparse.csr_array:
         data = a.data.reshape(a.shape[0], -1, 1) * b.data.reshape(b.shape[0], 1, -1)
@@ -129,7 +200,7 @@ def _row_products(factors: list[sparse.csr_array]) -> sparse.csr_array:
 
 
 def _second_difference_matrix(grids: Sequence[Array]) -> sparse.csr_array:
-    """Second differences along every axis; 0 where the samples are linear in each parameter."""
+    """Return second differences along every axis; they are 0 where samples are linear in each parameter."""
     rows = []
     for k, grid in enumerate(grids):
         before = int(np.prod([g.size for g in grids[:k]]))
@@ -141,7 +212,7 @@ def _second_difference_matrix(grids: Sequence[Array]) -> sparse.csr_array:
 
 
 def _second_differences(grid: Array) -> sparse.csr_array:
-    """Deviation of each inner node from the line between its neighbours, twice: 1, -2, 1 where equidistant."""
+    """Return twice the deviation of inner nodes from the line between neighbours: 1, -2, 1 where equidistant."""
     if grid.size < 3:
         return sparse.csr_array((0, grid.size))
     share = (grid[1:-1] - grid[:-2]) / (grid[2:] - grid[:-2])

@@ -1,19 +1,20 @@
-"""Types of convex weighting functions, and the invariants that each promises.
+"""Types of convex weighting functions, and the invariants of each.
 
-========  ==============================================================================================
-``snnn``  rows sum to 1 (SN) and are not negative (NN); cheap and loose: a regular simplex around the data
-``ino``   every column's minimum is 0 (tightest homothetic simplex); directions of the widest data points
-``no``    every column's maximum is 1: the vertices are samples; only where their hull is a simplex
+========  ============================================================================================
+``snnn``  rows sum to 1 (SN), none is negative (NN); cheap and loose: a regular simplex around the data
+``ino``   the minimum of every column is 0 (tightest homothetic simplex); directions of the widest points
+``no``    the maximum of every column is 1: the vertices are samples; only where their hull is a simplex
 ``cno``   close to NO: minimises the sum over columns of -log(max), tightened as INO
 ``irno``  minimum 0 and all maxima equal
 ``mvs``   smallest enclosing simplex, tightened as INO
-========  ==============================================================================================
+========  ============================================================================================
 
 With two vertices all types are the same, ``w_2 = (a - a_min) / (a_max - a_min)``, and no optimiser runs.
 
-Sources: Baranyi, Yam, Varlaki, *Tensor product model transformation in polytopic model-based control* (2013), ch. 3;
-smallest simplex: Chan et al., IEEE Trans. Signal Process. 57 (2009) 4418, its certificate: Klee, Linear Algebra Appl.
-84 (1986) 243.
+References:
+    P. Baranyi, Y. Yam, P. Varlaki, Tensor Product Model Transformation in Polytopic Model-Based Control (2013), ch. 3.
+    Chan et al., IEEE Trans. Signal Process. 57 (2009) 4418-4432 (smallest simplex).
+    V. Klee, Linear Algebra Appl. 84 (1986) 243-250 (its certificate).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from scipy.optimize import nnls
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.tp import simplex as sx
+from pneucli.tp import simplex_search
 
 Array = NDArray[np.float64]
 WeightType = Literal["snnn", "ino", "no", "cno", "irno", "mvs"]
@@ -39,7 +41,7 @@ _CONTACT_TOLERANCE = 1e-7  # a sample this near a facet touches it
 
 @dataclass(frozen=True)
 class Violation:
-    """An invariant that does not hold: of which parameter (from 0; None: the whole), by how much, what was allowed."""
+    """An invariant that does not hold: the parameter (from 0; None: the whole model), its value, and its limit."""
 
     parameter: int | None
     invariant: str
@@ -48,10 +50,23 @@ class Violation:
 
 
 def convex_weights(frame: sx.AffineFrame, weight_type: WeightType) -> tuple[Array, Array]:
-    """Return weights ``(n, d + 1)`` and the vertices ``(d + 1, r)`` with ``weights @ vertices = basis`` of the frame.
+    """Return convex weights and vertices of a basis.
 
-    Raises ``InputError`` where the type is unknown or does not exist for these points (``no``, rarely ``irno``),
-    or would take more than nine vertices and a search.
+    Args:
+        frame: The basis in its affine hull.
+        weight_type: Type of the weights.
+
+    Returns:
+        Weights, shape (n, d + 1), and vertices, shape (d + 1, r), with ``weights @ vertices`` the basis.
+
+    Raises:
+        InputError: The type is unknown, does not exist for these points (``no``, rarely ``irno``), or needs a search
+            with more than nine vertices.
+
+    >>> grid = np.linspace(0.0, 1.0, 5)
+    >>> frame = sx.affine_frame(np.column_stack([grid / np.linalg.norm(grid)]), np.ones(1), 1e-10)
+    >>> convex_weights(frame, "cno")[0][:, 0].round(6)
+    array([1.  , 0.75, 0.5 , 0.25, 0.  ])
     """
     known = get_args(WeightType)
     if weight_type not in known:
@@ -76,9 +91,9 @@ def _simplex(h: Array, weight_type: WeightType) -> Array:
         "snnn": sx.regular_simplex,
         "ino": lambda rows: sx.tighten(rows, sx.spanned_simplex(rows)),
         "no": _normal,
-        "cno": sx.closest_simplex,
+        "cno": simplex_search.closest_simplex,
         "irno": _relaxed_normal,
-        "mvs": lambda rows: sx.smallest_simplices(rows)[0],
+        "mvs": lambda rows: simplex_search.smallest_simplices(rows)[0],
     }
     return makers[weight_type](h)
 
@@ -93,14 +108,28 @@ def _normal(h: Array) -> Array:
 
 
 def _relaxed_normal(h: Array) -> Array:
-    simplex = sx.equal_maxima_simplex(h)
+    simplex = simplex_search.equal_maxima_simplex(h)
     if simplex is None:
         raise InputError("weight type irno", "no simplex with equal maxima was found", mend="take cno or mvs")
     return simplex
 
 
 def violations(weights: Array, weight_type: WeightType, parameter: int) -> list[Violation]:
-    """Return the invariants of the type that these weights ``(n, vertices)`` break; none: the list is empty."""
+    """Return the invariants that weights violate.
+
+    Args:
+        weights: Weights at the nodes, shape (n, vertices).
+        weight_type: Type of the weights.
+        parameter: Number of the parameter, for the answer.
+
+    Returns:
+        The violations; an empty list where every invariant holds.
+
+    >>> violations(np.eye(2), "cno", 0)
+    []
+    >>> [v.invariant for v in violations(np.array([[0.5, 0.4]]), "snnn", 0)]
+    ['SN: rows sum to 1']
+    """
     largest, least = weights.max(axis=0), weights.min(axis=0)
     found = {
         "SN: rows sum to 1": float(np.abs(weights.sum(axis=1) - 1).max()),
@@ -130,9 +159,9 @@ def _tightness(weights: Array, weight_type: WeightType, largest: Array, least: A
 
 
 def _unsupported(weights: Array, facet: int) -> float:
-    """Distance, in weights, of a facet's centroid from the hull of the samples that touch the facet.
+    """Return the distance, in weights, of a facet's centroid from the hull of the samples that touch the facet.
 
-    It is 0 for every facet of a smallest enclosing simplex: else a tilt of the facet about them makes it smaller.
+    It is 0 for every facet of a smallest enclosing simplex; otherwise tilting the facet about them reduces the volume.
     """
     touching = weights[weights[:, facet] < _CONTACT_TOLERANCE]
     centroid = np.full(weights.shape[1], 1.0 / (weights.shape[1] - 1))

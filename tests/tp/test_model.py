@@ -119,3 +119,8 @@ def test_noise_of_full_rank_is_refused_rather_than_searched():
     noise = np.random.default_rng(0).standard_normal((30, 30))
     with pytest.raises(InputError, match="bound the rank"):
         transform(noise, [np.arange(30.0)] * 2, "mvs")
+
+
+def test_a_scalar_model_is_evaluated_at_a_scalar_parameter() -> None:
+    grid = np.linspace(0.0, 1.0, 5)
+    assert transform(grid**2, [grid]).evaluate(0.5) == pytest.approx(0.25)

@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.tp import WeightType, check, hosvd, sample, transform
+from pneucli.tp import WeightType, check, hosvd, sample, simplex_search, transform
 from pneucli.tp import simplex as sx
 
 from .cases import CASES
@@ -100,7 +100,7 @@ clouds = st.builds(
 def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed):
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((cloud.shape[1],) * 2))[0]
     plain, turned = (sx.homogeneous(y) for y in (cloud, cloud @ turn))
-    smallest = [sx.log_reciprocal_volume(sx.smallest_simplices(h)[0]) for h in (plain, turned)]
+    smallest = [sx.log_reciprocal_volume(simplex_search.smallest_simplices(h)[0]) for h in (plain, turned)]
     assert smallest[0] == pytest.approx(smallest[1], abs=0.02)  # several local optima of a random cloud nearly tie
 
 
@@ -108,7 +108,11 @@ def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed
 @given(cloud=clouds)
 def test_each_type_is_best_at_what_it_is_for(cloud):
     h = sx.homogeneous(cloud)
-    smallest, closest, equal = sx.smallest_simplices(h)[0], sx.closest_simplex(h), sx.equal_maxima_simplex(h)
+    smallest, closest, equal = (
+        simplex_search.smallest_simplices(h)[0],
+        simplex_search.closest_simplex(h),
+        simplex_search.equal_maxima_simplex(h),
+    )
     assume(equal is not None)
     others = [sx.regular_simplex(h), sx.tighten(h, sx.spanned_simplex(h)), closest, equal]
     assert all(sx.log_reciprocal_volume(smallest) >= sx.log_reciprocal_volume(m) - 1e-3 for m in others)
