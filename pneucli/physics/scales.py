@@ -87,7 +87,8 @@ class Scale:
 SCALES = {
     scale.name: scale
     for scale in (
-        Scale("supply forces", "N", "the larger of supply pressure above ambient x piston area 1 and the largest driving force",
+        Scale("supply forces", "N",
+              "the larger of supply pressure above ambient x piston area 1 and the largest driving force",
               lambda f: f.force),
         Scale("supply forces per stroke", "N/m", "that over the stroke", lambda f: f.force / f.stroke),
         Scale("supply forces per top speed", "N s/m", "that over the highest speed", lambda f: f.force / f.max_speed),

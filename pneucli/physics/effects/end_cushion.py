@@ -16,7 +16,7 @@ def force(x: float, v: float, stroke: float, length: float, damping: float) -> f
     Returns:
         Force toward +x in N.
 
-    >>> force(0.195, 0.1, 0.2, 0.01, 400.0), force(0.195, -0.1, 0.2, 0.01, 400.0)
+    >>> round(force(0.195, 0.1, 0.2, 0.01, 400.0), 6), force(0.195, -0.1, 0.2, 0.01, 400.0)
     (-20.0, 0.0)
     """
     if v < 0.0 and x < length:
