@@ -343,7 +343,7 @@ def drawn_as_they_are(noise: dict[str, np.ndarray], *_: Any) -> np.ndarray:
 
 def test_a_start_errs_by_what_smoothing_leaves_and_its_slope(monkeypatch: pytest.MonkeyPatch) -> None:
     """White noise of 1 (3) unsmoothed: 1.4 times that, and a central difference over 2 ms."""
-    monkeypatch.setattr(initial_state, "smooth_inputs", drawn_as_they_are)
+    monkeypatch.setattr(initial_state, "input_errors", drawn_as_they_are)
     found = initial_state.initial_state_errors(Read())  # type: ignore[arg-type]
     assert found["p1"] == pytest.approx((1.4, 1e3 / 2**0.5), rel=0.03)
     assert found["p2"] == pytest.approx((1.4 * 3.0, 3e3 / 2**0.5), rel=0.03)

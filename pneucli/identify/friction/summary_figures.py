@@ -87,9 +87,7 @@ def _breakaway_forces_of_strokes(motion: Motion, mass: float) -> Iterator[float]
     edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
     for first, end in pairwise(edges):
         if way[first] and end - first >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO:
-            early = friction[
-                max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))
-            ]
+            early = friction[max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))]
             yield float(np.max(way[first] * early))
 
 

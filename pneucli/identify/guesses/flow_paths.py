@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CommandConversion:
-    """The conversion between a valve's command (V) and the opening of a chamber's paths (V), positive where they fill."""
+    """Conversion between a valve's command and the opening of a chamber's paths, both in V; positive openings fill."""
 
     null: float
     sign: float

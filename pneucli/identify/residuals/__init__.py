@@ -1,11 +1,11 @@
-"""What a recording says of a part of the rig: residuals of one subsystem at a time, the rest fed with measurements.
+"""Residual models: one subsystem of a recording at a time, the rest fed with measurements.
 
-``Chambers``: the pressures are simulated with the measured motion, so friction has no say. ``Forces``: the measured
-motion and pressures leave a friction force, which is held against the model's set of possible ones, so the gas has no
-say. ``Inferred``: the same where p2 was not recorded, with that of the model. ``Imposed``: the force that the model
-needs for the given motion against the measured one. ``Whole``: all channels simulated, where a subsystem lacks a
-signal. Each view is smooth in its parameters, which a free run with stick and slip is not. One module each; a new
-subsystem is one more, and a line in :func:`residual_models`.
+``ChamberPressures`` simulates the pressures with the measured motion, so friction does not matter. ``ForceBalance``
+compares the friction force that measured motion and pressures imply with the set of forces that the model allows, so
+the gas does not matter. ``ForceBalanceInferredP2`` does so with the model's p2 where p2 was not recorded.
+``ImposedMotion`` compares the measured force with the force that the model needs for the given motion. ``FreeRun``
+simulates all channels, where a subsystem has no signal. Each residual is smooth in its parameters, which a free run
+with stick and slip is not. To add a subsystem, write one module and one line in :func:`residual_models`.
 """
 
 from __future__ import annotations
@@ -33,27 +33,48 @@ __all__ = [
 
 
 def residual_models(experiments: Sequence[Experiment], *, whiten_initial_state: bool = False) -> list[ResidualModel]:
-    """Return the views that the recorded signals allow; ``whiten_initial_state`` chambers are so for the errors of their starts."""
+    """Build the residual models that the recorded signals of each experiment allow.
+
+    Args:
+        experiments: The experiments.
+        whiten_initial_state: Whether chamber pressures are whitened for the errors of their initial states.
+
+    Returns:
+        The residual models with at least one channel.
+
+    """
     return [
-        view for e in experiments for view in _models_of_recording(e, whitened=whiten_initial_state) if view.channels
+        model
+        for e in experiments
+        for model in _models_of_recording(e, whiten_initial_state=whiten_initial_state)
+        if model.channels
     ]
 
 
-def _models_of_recording(e: Experiment, *, whitened: bool) -> list[ResidualModel]:
+def _models_of_recording(e: Experiment, *, whiten_initial_state: bool) -> list[ResidualModel]:
     if e.recording.imposed == "motion":
         return [ImposedMotion(e)]
     if e.recording.kind.vessel:
-        return [ChamberPressures(e, whitened)]
+        return [ChamberPressures(e, whiten_initial_state)]
     if "x" not in e.raw:
         return [FreeRun(e)]
     if not e.recording.kind.valve:
         return [ForceBalance(e)]
     return [
         ForceBalanceInferredP2(e) if e.infers_p2 else ForceBalance(e),
-        ChamberPressures(e.without_mechanics(), whitened),
+        ChamberPressures(e.without_mechanics(), whiten_initial_state),
     ]
 
 
-def with_channel_weights(views: Sequence[ResidualModel], weights: Mapping[Any, float]) -> list[ResidualModel]:
-    """Return the views with weights by channel, by which a fit multiplies their residuals; 1 where none is given."""
-    return [replace(view, weights=weights) for view in views] if weights else list(views)
+def with_channel_weights(models: Sequence[ResidualModel], weights: Mapping[Any, float]) -> list[ResidualModel]:
+    """Weight the channels of residual models; a fit multiplies the residuals by these weights.
+
+    Args:
+        models: The residual models.
+        weights: Weights by channel, 1 where absent.
+
+    Returns:
+        The weighted residual models.
+
+    """
+    return [replace(model, weights=weights) for model in models] if weights else list(models)

@@ -1,4 +1,4 @@
-"""The pressures, simulated with the measured motion."""
+"""The pressure residuals: chambers simulated with the measured motion."""
 
 from __future__ import annotations
 
@@ -32,15 +32,16 @@ from pneucli.simulate.run import run, simulate
 
 CHAMBER_OF_SIGNAL: dict[str, Chamber] = {"p1": 1, "p2": 2}
 STATE_OF_SIGNAL = {"p1": at.P1, "p2": at.P2}
-PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: plays that are tried
+PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: half widths of a play for hysteresis terms
 
 
 @dataclass(frozen=True)
 class ChamberPressures(ResidualModel):
     """Gas and valve.
 
-    ``whiten_initial_state`` for the errors of the starts: right for costs that are compared. Where the model is wrong,
-    the sum of squares itself is the better guide, since it is the error that the user sees.
+    ``whiten_initial_state`` whitens the residuals for the errors of the initial states, which costs that are compared
+    need. Where the model is wrong, the plain sum of squares is the better guide, since it is the error that the user
+    sees.
     """
 
     whiten_initial_state: bool = False
@@ -50,17 +51,17 @@ class ChamberPressures(ResidualModel):
 
     @property
     def subsystem_channels(self) -> tuple[str, ...]:
-        """Pressures, the gas's temperature, and the flow through the valve."""
+        """The pressures, the gas temperature, and the flow through the valve."""
         return ("p1", "p2", "temperature", "flow")
 
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """Return measured minus model by channel, whitened for the ``errors`` of the starts."""
+        """Return measured minus model by channel, whitened for the initial-state ``errors``."""
         modelled = simulate(model, self.experiment)
         residual = {c: bounded_difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
         return self.apply_whitening(residual, self.initial_state_sensitivity(model) if errors is None else errors)
 
     def initial_state_sensitivity(self, model: Model) -> dict[str, Array]:
-        """Return what errors of the starts become, in units of noise (:mod:`pneucli.identify.residuals.initial_state`)."""
+        """Return the effect of initial-state errors (:mod:`pneucli.identify.residuals.initial_state`)."""
         return (
             initial_state_sensitivity(model, self.experiment, self._initial_state_errors)
             if self.whiten_initial_state
@@ -68,9 +69,9 @@ class ChamberPressures(ResidualModel):
         )
 
     def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
-        """Return flows in kg/s into the chamber that a pressure reads: a flow, shares of what flows and is swept.
+        """Return the forms of a missing flow into the chamber in kg/s, and of an error of its sensor in Pa.
 
-        Of the sensor an error in Pa, a function of what it reads.
+        The flow may be constant, a share of the valve's flow or of the swept volume, or a hysteresis of the flow.
         """
         if channel not in CHAMBER_OF_SIGNAL:
             return super().discrepancy_terms(model, channel)
@@ -78,27 +79,27 @@ class ChamberPressures(ResidualModel):
         gas = self._gas(model, channel, pressure)
         opening = opening_from_null(e, e.recording.chamber if e.vessel else CHAMBER_OF_SIGNAL[channel])
         opening = np.zeros(e.time.size) if opening is None else opening
-        fading, noise = (
+        decay, noise = (
             self.initial_state_sensitivity(model).get(channel, np.ones((1, e.time.size)))[0],
             self.noise[channel],
         )
 
-        def flow(added: Array) -> Array:
-            return pressure_deviation(e, gas, added, fading) / noise
+        def flow(added_flow: Array) -> Array:
+            return pressure_deviation(e, gas, added_flow, decay) / noise
 
         return (
             DiscrepancyTerm("flow", "kg/s", np.ones(gas.flow.size), flow),
             DiscrepancyTerm("share of the flow", "1", gas.flow, flow),
             DiscrepancyTerm("share of the swept volume", "1", gas.swept_flow, flow),
             *(
-                DiscrepancyTerm("hysteresis of the flow", "1", gas.flow * play_operator(opening, share), flow, "u")
-                for share in PLAY_WIDTHS
+                DiscrepancyTerm("hysteresis of the flow", "1", gas.flow * play_operator(opening, width), flow, "u")
+                for width in PLAY_WIDTHS
             ),
             DiscrepancyTerm(
                 "error of its sensor",
                 "Pa",
                 np.ones(gas.flow.size),
-                lambda read: sensor_error_deviation(e, read, fading) / noise,
+                lambda error: sensor_error_deviation(e, error, decay) / noise,
                 channel,
                 pressure,
             ),
@@ -112,16 +113,16 @@ class ChamberPressures(ResidualModel):
         return modelled_gas(self.experiment, rig, CHAMBER_OF_SIGNAL[channel], vessel, pressure)
 
     def flow_gain_sensitivity(self, model: Model) -> dict[str, Array]:
-        """Return what relative errors of the flow become, in units of noise (:mod:`pneucli.identify.residuals.flow_gain`)."""
+        """Return the effect of relative flow errors (:mod:`pneucli.identify.residuals.flow_gain`)."""
         return flow_gain_sensitivity(model, self.experiment)
 
     def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
-        """Return residuals whitened for such errors."""
+        """Return the residuals whitened for initial-state errors."""
         starts = self.experiment.restarts
         return {c: apply_whitening(r, errors[c], starts) if c in errors else r for c, r in residual.items()}
 
     def log_determinant(self, errors: Mapping[str, Array]) -> Array:
-        """Return what a likelihood adds to the squares of the residuals for such errors, channel after channel (N,)."""
+        """Return the log determinant that belongs to the whitening, channel after channel, shape (N,)."""
         starts, none = self.experiment.restarts, np.zeros(self.experiment.time.size)
         return np.concatenate([log_determinant(errors[c], starts) if c in errors else none for c in self.channels])
 
@@ -130,14 +131,23 @@ class ChamberPressures(ResidualModel):
         return initial_state_errors(self.experiment)
 
 
-def play_operator(opening: Array, share: float) -> Array:
-    """Return where an opening (n,) stands in a play that it drags along, from -1 to 1; of a constant one, 0.
+def play_operator(opening: Array, width: float) -> Array:
+    """Return the position of an opening within a play that it drags along.
 
-    To each side the play has a share of the range. 1 where it fills more than before, or vents less.
+    Args:
+        opening: Opening in V, shape (n,).
+        width: Half width of the play, as a share of the range of the opening.
+
+    Returns:
+        The position from -1 to 1, shape (n,); positive where the valve opens further. 0 for a constant opening.
+
+    >>> play_operator(np.array([0.0, 1.0, 2.0, 1.0]), 0.5).tolist()
+    [0.0, 1.0, 1.0, 0.0]
+
     """
-    play = share * float(np.ptp(opening))
-    held, out = opening[0], np.zeros_like(opening)
-    for i, value in enumerate(opening if play > 0.0 else ()):
-        held = min(max(held, value - play), value + play)
-        out[i] = (value - held) / play
+    half_width = width * float(np.ptp(opening))
+    centre, out = opening[0], np.zeros_like(opening)
+    for i, value in enumerate(opening if half_width > 0.0 else ()):
+        centre = min(max(centre, value - half_width), value + half_width)
+        out[i] = (value - centre) / half_width
     return np.asarray(out * np.sign(opening))

@@ -1,4 +1,4 @@
-"""What relative errors of the flow through the valve become in the pressures."""
+"""Effect of relative flow errors of the valve on the pressures."""
 
 from __future__ import annotations
 
@@ -12,28 +12,39 @@ from pneucli.simulate.run import simulate
 
 Array = NDArray[np.float64]
 
-COMMAND_PERTURBATION = 1e-3  # of each command, taken off to see what an error of it becomes
+COMMAND_PERTURBATION = 1e-3  # of each command, for forward differences
 
 
 def flow_gain_sensitivity(model: Model, experiment: Experiment) -> dict[str, Array]:
-    """Return by pressure what commands that are off by their own size become in what is read, (2, n) each.
+    """Compute the pressure change caused by commands with a relative error of 1, linearised, from each restart on.
 
-    First those that fill chamber 1, then those that vent it, linearised, in units of the sensor's noise; from each
-    restart on. An area that grows with the command's power of n is off by n times as much.
+    Where the area grows with the n-th power of the command, its relative error is n times the command's.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+
+    Returns:
+        By pressure, shape (2, n), in units of the sensor's noise: commands that fill chamber 1, then those that vent
+        it.
+
     """
     e, null = experiment, model.base_values()["valve.null"]
-    plain, moved = (
+    nominal, shifted = (
         simulate(model, e),
         [simulate(model, e, _perturbed_commands(e.inputs, null, sign)) for sign in (1.0, -1.0)],
     )
-    read = [c for c in ("p1", "p2") if c in e.channels and e.noise[c].rms]
-    return {c: np.array([(plain[c] - m[c]) / (COMMAND_PERTURBATION * e.noise[c].rms) for m in moved]) for c in read}
+    channels = [c for c in ("p1", "p2") if c in e.channels and e.noise[c].rms]
+    return {
+        c: np.array([(nominal[c] - one[c]) / (COMMAND_PERTURBATION * e.noise[c].rms) for one in shifted])
+        for c in channels
+    }
 
 
 def _perturbed_commands(inputs: Array, null: float, sign: float) -> Array:
-    """Return inputs (n, 8) with the commands on one side of the null one a little nearer to it."""
-    nudged = inputs.copy()
+    """Return inputs (n, 8) with the commands on one side of the null slightly closer to it."""
+    perturbed = inputs.copy()
     for column in (at.IN_U, at.IN_U2):
-        away = nudged[:, column] - null
-        nudged[:, column] -= COMMAND_PERTURBATION * np.where(sign * away > 0.0, away, 0.0)
-    return nudged
+        opening = perturbed[:, column] - null
+        perturbed[:, column] -= COMMAND_PERTURBATION * np.where(sign * opening > 0.0, opening, 0.0)
+    return perturbed

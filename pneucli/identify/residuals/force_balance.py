@@ -1,4 +1,4 @@
-"""The balance of forces: what measured motion and pressures leave of friction, against what the model may state."""
+"""The force residual: the friction that measured motion and pressures imply, compared with what the model allows."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from pneucli.simulate.run import base_vector, kernel_for
 
 @dataclass(frozen=True)
 class ForceBalance(ResidualModel):
-    """Mechanics: the force left over, and the accelerometer at rest."""
+    """The force left over by the balance of forces, and the accelerometer at rest."""
 
     title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
     sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
@@ -42,64 +42,74 @@ class ForceBalance(ResidualModel):
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """The force, and the accelerometer's reading where there is one."""
+        """The force, and the accelerometer's reading where one was recorded."""
         e = self.experiment
         return ("force", "a") if "a" in e.raw and e.noise["a"].rms else ("force",)
 
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """Return what the balance leaves over by channel, see :meth:`balance`."""
+        """Return the residual of the balance by channel, see :meth:`balance`."""
         return self.balance(model, self.experiment.inputs)
 
     def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
-        """Return the accelerometer, at rest: whatever acts on the piston, there it reads but its own fault."""
+        """Return the accelerometer for its own faults: at rest, nothing else changes its reading."""
         return ("a",) if "read_a" in effect.ports and "a" in self.channels else ()
 
     def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
-        """Return a force and frictions; by what the accelerometer errs at rest."""
+        """Return the forms of a missing force or friction, or of an accelerometer's error at rest."""
         at_rest = super().discrepancy_terms(model, channel)
         return force_discrepancy_terms(self.experiment, self.noise[channel]) if channel == "force" else at_rest
 
     def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:
-        """Return inputs (n, 8) with what they lack."""
+        """Return inputs (n, 8) with unmeasured signals filled in."""
         return inputs
 
     @cached_property
     def noise(self) -> dict[str, float]:
-        """The standard deviation of each channel that the sensors alone would give."""
+        """The standard deviation of each channel from the sensors alone."""
         e = self.experiment
         share = {"p1": e.rig.piston_areas[0], "p2": e.rig.piston_areas[1], "a": e.rig.moving_mass or 1.0, "force": 1.0}
-        parts = [share[n] * e.noise[n].rms for n in share if n in e.noise]
-        force = max(float(np.sqrt(np.sum(np.square(parts)))), 1e-6)
+        force_noise = [share[n] * e.noise[n].rms for n in share if n in e.noise]
+        force = max(float(np.sqrt(np.sum(np.square(force_noise)))), 1e-6)
         return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
 
     def monte_carlo_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
-        """Return what the sensors' noise does to the balance: at the edge of a stretch, or where a lag is undone.
+        """Propagate drawn sensor noise through the balance.
 
-        The accelerometer at rest reads its own noise, whatever the model.
+        It matters at the edge of stiction and where a lag is inverted.
+
+        Args:
+            model: The model.
+            errors: Unused, since the balance has no initial state.
+            draws: Number of draws.
+            seed: Seed of the draws.
+
+        Returns:
+            The rms by channel, in units of the sensors' noise; 1 for the accelerometer at rest, whatever the model.
+
         """
         e = self.experiment
         nominal = self.balance(model, e.inputs)
-        bare = self.balance(model, e.inputs, noise=np.zeros(2))
-        power = {c: float(np.mean(((nominal[c] - bare[c]) / self.noise[c]) ** 2)) for c in self.channels}
+        without_noise = self.balance(model, e.inputs, noise=np.zeros(2))
+        power = {c: float(np.mean(((nominal[c] - without_noise[c]) / self.noise[c]) ** 2)) for c in self.channels}
         for inputs, loads in self._noise_realisations(draws, seed):
             drawn = self.balance(model, inputs, loads)
             for c in self.channels:
-                seen = max(int(np.count_nonzero(nominal[c])), 1)
-                power[c] += float(np.sum(((drawn[c] - nominal[c]) / self.noise[c]) ** 2)) / (seen * draws)
+                count = max(int(np.count_nonzero(nominal[c])), 1)
+                power[c] += float(np.sum(((drawn[c] - nominal[c]) / self.noise[c]) ** 2)) / (count * draws)
         return {c: 1.0 if c == "a" else float(np.sqrt(p)) for c, p in power.items()}
 
     def _noise_realisations(self, draws: int, seed: int) -> Iterable[tuple[Array, tuple[Array, Array]]]:
-        """Return inputs (n, 8) and loads of other readings of the same run; what is taken for a rest stays one."""
+        """Return inputs (n, 8) and accelerations of repeated readings of the same run; rests remain rests."""
         drawn = (self._noise_realisation(noise) for noise in self.experiment.iterate_noise(draws, seed))
         numbers = draws * self.experiment.time.size * (len(at.INPUTS) + 2)
         return cache_draws(self._realisation_cache, (draws, seed), drawn, numbers)
 
     def _noise_realisation(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
-        e, (a, rough) = self.experiment, self._acceleration_and_removed_force
+        e, (a, removed_force) = self.experiment, self._acceleration_and_removed_force
         shift = input_errors(noise, e.smoothers, e.motion_smoother, e.time)
         shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
         more = noise["a"] if "a" in noise else self._acceleration_error(noise, shift)
-        return e.inputs + shift, (a + more, rough + self._removed_force(noise, shift))
+        return e.inputs + shift, (a + more, removed_force + self._removed_force(noise, shift))
 
     def _acceleration_error(self, noise: Mapping[str, Array], shift: Array) -> Array:
         smoother = self.experiment.motion_smoother
@@ -113,15 +123,18 @@ class ForceBalance(ResidualModel):
 
     @cached_property
     def _breakaways_and_uncertain_direction(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Velocities at which the piston breaks away (n,), and where the direction of motion is not known (n,)."""
+        """Velocities at break-aways (n,), and where the direction of motion is uncertain (n,)."""
         e = self.experiment
         smoothed = smooth_motion(e.raw, e.smoothers, e.motion_smoother, e.time)[1]
-        smeared = max(round(e.smear_time / e.recording.period), 1)
-        leaving = breakaway_velocities(
-            e.inputs[:, at.IN_V], smoothed, ONSET_SPEED_RATIO * e.standstill_speed, round(MIN_REST_RATIO * smeared)
+        smear_samples = max(round(e.smear_time / e.recording.period), 1)
+        breakaway = breakaway_velocities(
+            e.inputs[:, at.IN_V],
+            smoothed,
+            ONSET_SPEED_RATIO * e.standstill_speed,
+            round(MIN_REST_RATIO * smear_samples),
         )
         bouncing = (self._contact != 0.0) & (e.inputs[:, at.IN_V] != 0.0)
-        return leaving, uncertain_direction(e.inputs[:, at.IN_V], leaving, smeared) | bouncing
+        return breakaway, uncertain_direction(e.inputs[:, at.IN_V], breakaway, smear_samples) | bouncing
 
     @cached_property
     def _contact(self) -> Array:
@@ -138,40 +151,48 @@ class ForceBalance(ResidualModel):
         return e.raw["a"] if "a" in e.raw else smooth_acceleration(e), self._removed_force(e.raw, e.inputs)
 
     def _removed_force(self, raw: Mapping[str, Array], inputs: Array) -> Array:
-        """Return the force (n,) of what smoothing took out of the pressures: linear in ``raw`` and ``inputs`` (n, 8)."""
-        (area_1, area_2), rough = self.experiment.rig.piston_areas, np.zeros(self.experiment.time.size)
+        """Return the force (n,) that smoothing removed from the pressures, linear in ``raw`` and ``inputs`` (n, 8)."""
+        (area_1, area_2), removed_force = self.experiment.rig.piston_areas, np.zeros(self.experiment.time.size)
         for name, column, share in (("p1", at.IN_P1, area_1), ("p2", at.IN_P2, -area_2)):
             if name in raw:
-                rough += share * (raw[name] - inputs[:, column])
-        return rough
+                removed_force += share * (raw[name] - inputs[:, column])
+        return removed_force
 
     @cached_property
     def _remaining_force_noise(self) -> Array:
-        """The noise that smoothing leaves in the force of the pressures, and its rate: (N, N/s)."""
+        """The noise that smoothing leaves in the pressure force (N), and in its rate (N/s)."""
         e = self.experiment
-        parts = [
+        force_noise = [
             share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.piston_areas, strict=True) if n in e.noise
         ]
-        taken = float(np.mean(self._acceleration_and_removed_force[1] ** 2))
+        removed_power = float(np.mean(self._acceleration_and_removed_force[1] ** 2))
         drawn, force = e.draw_noise(np.random.default_rng(0)), np.zeros(e.time.size)
         for name, share in (("p1", e.rig.piston_areas[0]), ("p2", -e.rig.piston_areas[1])):
             if name in drawn:
                 force += share * (e.smoothers[name](drawn[name]) if name in e.smoothers else drawn[name])
-        left = max(float(np.sum(np.square(parts))) - taken, 0.0)
-        return np.array([np.sqrt(left), np.std(np.gradient(force, e.time))])
+        remaining_power = max(float(np.sum(np.square(force_noise))) - removed_power, 0.0)
+        return np.array([np.sqrt(remaining_power), np.std(np.gradient(force, e.time))])
 
     def balance(
         self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, noise: Array | None = None
     ) -> dict[str, Array]:
-        """Return the force left over in N, and the accelerometer's reading in m/s^2 where the piston rests; with
-        ``gap`` (n,), the chance that the model states no force but bounds, between two branches of friction.
+        """Evaluate the balance of forces.
 
-        ``inputs`` (n, 8) and ``acceleration_and_removed_force`` are the experiment's own, or of other readings of the
-        same run; ``noise`` (N, N/s) is that of the force of the pressures and of its rate, by default as smoothing
-        leaves it.
+        Args:
+            model: The model.
+            inputs: Kernel inputs, shape (n, 8), of the experiment or of a repeated reading.
+            loads: Acceleration (m/s^2) and removed force (N) of the same reading, each (n,); by default the
+                experiment's.
+            noise: Noise of the pressure force (N) and of its rate (N/s); by default what smoothing leaves.
+
+        Returns:
+            ``force``: the remaining force in N; ``gap``: the probability that the model gives only bounds of the force,
+            between two branches of friction; ``a``, where recorded: the accelerometer's error in m/s^2 at rest. Each
+            (n,).
+
         """
         e, kernel = self.experiment, kernel_for(model.effects)
-        (a, rough), (leaving, doubtful) = (
+        (a, removed_force), (breakaway, uncertain) = (
             loads or self._acceleration_and_removed_force,
             self._breakaways_and_uncertain_direction,
         )
@@ -180,9 +201,9 @@ class ForceBalance(ResidualModel):
             e.time,
             self.with_modelled_inputs(model, inputs),
             a,
-            rough,
-            leaving,
-            doubtful,
+            removed_force,
+            breakaway,
+            uncertain,
             self._contact,
             self._remaining_force_noise if noise is None else noise,
             base_vector(model, e),
@@ -193,16 +214,16 @@ class ForceBalance(ResidualModel):
         )
         if "a" not in self.channels:
             return {"force": out, "gap": gap}
-        resting = (e.inputs[:, at.IN_V] == 0.0) & ~doubtful & (leaving == 0.0)
+        resting = (e.inputs[:, at.IN_V] == 0.0) & ~uncertain & (breakaway == 0.0)
         return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - accelerometer_offset(model, e), 0.0)}
 
 
 @dataclass(frozen=True)
 class ForceBalanceInferredP2(ForceBalance):
-    """Mechanics with the p2 that the model of gas and valve has for the measured motion and commands.
+    """The balance of forces with the p2 that the model of gas and valve gives for the measured motion and commands.
 
-    What was in chamber 2 at the start is not known: it is what leaves least of the force. While the gas stays shut in,
-    it acts like a spring of unknown preload, so that part of such a force cannot be told from it.
+    The initial p2 is unknown and is chosen to minimise the remaining force. While the gas stays enclosed it acts like a
+    spring of unknown preload, so that part of such a force cannot be distinguished from it.
     """
 
     sides: ClassVar[frozenset[Side]] = ForceBalance.sides | ChamberPressures.sides

@@ -1,4 +1,4 @@
-"""All that a recording holds, simulated together; and the force that a given motion needs."""
+"""Residuals of a free run of all channels, and of the force that a given motion needs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pneucli.simulate.outputs import simulate_outputs
 
 @dataclass(frozen=True)
 class FreeRun(ResidualModel):
-    """All channels, where a subsystem lacks a signal."""
+    """All channels simulated together, where a subsystem has no signal."""
 
     title: ClassVar[str] = "the whole axis"
     sides: ClassVar[frozenset[Side]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
@@ -37,7 +37,7 @@ class FreeRun(ResidualModel):
 
 @dataclass(frozen=True)
 class ImposedMotion(FreeRun):
-    """The force that the model needs for the measured motion."""
+    """The measured force compared with the force that the model needs for the measured motion."""
 
     title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
     sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
@@ -46,9 +46,9 @@ class ImposedMotion(FreeRun):
     is_simulated: ClassVar[bool] = False
 
     def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
-        """Return a force and frictions."""
+        """Return the forms of a missing force or friction."""
         return force_discrepancy_terms(self.experiment, self.noise[channel])
 
     def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
-        """Return residuals without those at a turn, where nothing is held against the model."""
+        """Return the residuals, 0 at reversals, where the model's force is not compared."""
         return {c: np.where(self.experiment.reversals, 0.0, r) for c, r in residual.items()}

@@ -1,7 +1,7 @@
-"""What a simulation errs by because it starts from a smoothed reading, and how a residual is whitened for it.
+"""Errors of a simulation's initial state, and the whitening of residuals for them.
 
-Each stretch between restarts starts from the smoothed pressure, a sensor's lag undone, and carries its error on for as
-long as no gas flows. Unsmoothed pressures (of few samples) are taken as they are.
+Each segment between restarts starts from the smoothed pressure, with the sensor's lag removed. Its error persists for
+as long as no gas flows. Pressures without a smoother (recordings of few samples) are taken as exact.
 """
 
 from __future__ import annotations
@@ -18,17 +18,27 @@ from pneucli.simulate.run import simulate
 Array = NDArray[np.float64]
 
 PRESSURE_COLUMNS = {"p1": at.IN_P1, "p2": at.IN_P2}
-NOISE_DRAWS = 16  # of noise
-SMOOTHING_BIAS_FACTOR = 1.4  # times the noise that smoothing leaves in a start: it errs by as much again where it bends
-PRESSURE_PERTURBATION = 2e-4  # of the highest pressure, added to a start to see what becomes of an error
+NOISE_DRAWS = 16  # draws of the sensors' noise
+SMOOTHING_BIAS_FACTOR = 1.4  # times the noise left after smoothing: sqrt(2), since the bias at bends is as large
+PRESSURE_PERTURBATION = 2e-4  # of the highest pressure, for forward differences
 
 
 def initial_state_errors(experiment: Experiment) -> dict[str, tuple[float, float]]:
-    """Return by pressure the standard deviations of its starts in Pa, and of their rates in Pa/s."""
+    """Estimate the standard deviations of initial pressures and of their rates.
+
+    Args:
+        experiment: The experiment with its smoothers and noise.
+
+    Returns:
+        By pressure, the standard deviation in Pa and that of the rate in Pa/s.
+
+    """
     e, rng = experiment, np.random.default_rng(0)
-    drawn = [input_errors(e.draw_noise(rng), e.smoothers, e.motion_smoother, e.time) for _ in range(NOISE_DRAWS)]
-    values = np.array([d[e.restarts] for d in drawn])
-    rates = np.array([np.gradient(d, e.time, axis=0)[e.restarts] for d in drawn])
+    errors_of_inputs = [
+        input_errors(e.draw_noise(rng), e.smoothers, e.motion_smoother, e.time) for _ in range(NOISE_DRAWS)
+    ]
+    values = np.array([d[e.restarts] for d in errors_of_inputs])
+    rates = np.array([np.gradient(d, e.time, axis=0)[e.restarts] for d in errors_of_inputs])
     return {
         n: (SMOOTHING_BIAS_FACTOR * float(np.std(values[..., c])), float(np.std(rates[..., c])))
         for n, c in PRESSURE_COLUMNS.items()
@@ -38,27 +48,44 @@ def initial_state_errors(experiment: Experiment) -> dict[str, tuple[float, float
 def initial_state_sensitivity(
     model: Model, experiment: Experiment, errors: dict[str, tuple[float, float]]
 ) -> dict[str, Array]:
-    """Return by pressure what errors of the starts become in what is read, (1, n) each in units of the sensor's noise.
+    """Compute the effect of initial-state errors on the pressure readings.
 
-    ``errors`` is what :func:`initial_state_errors` gives; a start from readings whose lag is undone errs by their rate
-    too.
+    Args:
+        model: The model.
+        experiment: The experiment.
+        errors: Standard deviations of :func:`initial_state_errors`; with a sensor lag the rate contributes.
+
+    Returns:
+        By pressure, shape (1, n), in units of the sensor's noise.
+
     """
-    nudged, e, out = experiment.inputs.copy(), experiment, {}
-    nudge = PRESSURE_PERTURBATION * float(nudged[:, list(PRESSURE_COLUMNS.values())].max())
-    nudged[:, list(PRESSURE_COLUMNS.values())] += nudge  # all along: a delay makes a start of later readings
-    plain, moved = simulate(model, e), simulate(model, e, nudged)
+    perturbed, e, out = experiment.inputs.copy(), experiment, {}
+    perturbation = PRESSURE_PERTURBATION * float(perturbed[:, list(PRESSURE_COLUMNS.values())].max())
+    perturbed[:, list(PRESSURE_COLUMNS.values())] += (
+        perturbation  # at all samples: with a delay, later readings enter the initial state
+    )
+    nominal, shifted = simulate(model, e), simulate(model, e, perturbed)
     for channel in (c for c in PRESSURE_COLUMNS if c in e.smoothers and c in e.channels and e.noise[c].rms):
         value, rate = errors[channel]
         error = float(np.hypot(value, model.sum_of_port("sensor_lag") * rate)) / e.noise[channel].rms
-        out[channel] = error * (moved[channel] - plain[channel])[None] / nudge
+        out[channel] = error * (shifted[channel] - nominal[channel])[None] / perturbation
     return out
 
 
 def apply_whitening(residual: Array, errors: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (..., n) whitened for ``errors`` (k, n), what errors of a start or of a stretch become.
+    """Whiten a residual for initial-state errors, segment by segment.
 
-    All in units of the noise. In each stretch the covariance is that of the noise times I + sum of e e'; one error
-    after the other, its inverse square root takes away a share of what the residual has along it.
+    In each segment the covariance, in units of the noise, is C = I + sum of e e'. The inverse square root of each
+    factor shrinks the component of the residual along that error.
+
+    Args:
+        residual: Residual in units of the noise, shape (..., n).
+        errors: Effect of each error in units of the noise, shape (k, n).
+        restarts: First samples of the segments.
+
+    Returns:
+        The whitened residual, shape (..., n).
+
     """
     for error in _sequentially_whitened(errors, restarts):
         residual = _shrunk_along(residual, error, restarts)
@@ -66,9 +93,17 @@ def apply_whitening(residual: Array, errors: Array, restarts: NDArray[np.int64])
 
 
 def log_determinant(errors: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return the logarithm of the determinant of that covariance, spread evenly over each stretch (n,).
+    """Compute log det C of that covariance, spread evenly over each segment.
 
-    What a likelihood adds to the sum of squares: a model whose starts err more must not gain by the allowance.
+    A likelihood adds it to the sum of squares, so that a model with larger initial-state errors does not win by them.
+
+    Args:
+        errors: Effect of each error in units of the noise, shape (k, n).
+        restarts: First samples of the segments.
+
+    Returns:
+        The share of each sample, shape (n,); its sum is log det C.
+
     """
     n = errors.shape[-1]
     samples, total = segment_lengths(restarts, n), np.zeros(n)
@@ -78,19 +113,23 @@ def log_determinant(errors: Array, restarts: NDArray[np.int64]) -> Array:
 
 
 def _sequentially_whitened(errors: Array, restarts: NDArray[np.int64]) -> list[Array]:
-    """Return errors (k, n), each as whitening for those before it leaves it."""
+    """Return errors (k, n), each whitened for those before it."""
     if len(errors) < 2:
         return list(errors)
-    first, *others = errors
+    first_error, *later_errors = errors
     return [
-        first,
-        *_sequentially_whitened(np.array([_shrunk_along(other, first, restarts) for other in others]), restarts),
+        first_error,
+        *_sequentially_whitened(
+            np.array([_shrunk_along(later, first_error, restarts) for later in later_errors]), restarts
+        ),
     ]
 
 
 def _shrunk_along(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (..., n) without a share of what it has along an error (n,)."""
+    """Return a residual (..., n) with its component along an error (n,) shrunk."""
     power = np.add.reduceat(error * error, restarts)
-    along = np.add.reduceat(error * residual, restarts, axis=-1)
-    share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
-    return np.asarray(residual - np.repeat(share * along, segment_lengths(restarts, error.size), axis=-1) * error)
+    projection = np.add.reduceat(error * residual, restarts, axis=-1)
+    shrinkage = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
+    return np.asarray(
+        residual - np.repeat(shrinkage * projection, segment_lengths(restarts, error.size), axis=-1) * error
+    )
