@@ -191,7 +191,7 @@ class ResidualModel(ABC):
 
 
 def force_discrepancy_terms(experiment: Experiment, noise: float) -> tuple[DiscrepancyTerm, ...]:
-    """Return the forms of a missing force on the piston: constant 1 N, dry friction of 1 N, viscous friction of 1 N s/m.
+    """Return the forms of a missing force on the piston: constant 1 N, dry friction of 1 N, viscous friction 1 N s/m.
 
     Args:
         experiment: The experiment.

@@ -1,4 +1,4 @@
-"""Direct observation of a proportional valve by charge and discharge curves, and what the model lacks of it."""
+"""Direct identification of a valve from charge and discharge curves, and the lack of fit of the model to them."""
 
 from __future__ import annotations
 

@@ -1,9 +1,11 @@
-"""The law that is fitted to the curves: the model's own valve, bent as far as the curves ask for it.
+"""The gradient of pressure that the transients determine: the model's own valve with smooth corrections.
 
-dp/dt = trend(u, p) exp(h(u, r)) + l(p), where the trend is the quasi-static gradient of the fitted model
-(:mod:`pneucli.identify.valve.model_gradient`) and r the ratio of downstream to upstream pressure. h is a polynomial in
-r shared by the commands of one sign plus one of low degree per command, linear in log |u| between commands; l holds a
-leak. What h and l say beyond their errors is what the model lacks.
+.. math:: dp/dt = g(u, p) exp(h(u, r)) + l(p)
+
+g is the quasi-static gradient of the fitted model (:mod:`pneucli.identify.valve.model_gradient`) and r the ratio of the
+lower to the higher pressure across the valve. h is a polynomial in r shared by the commands of one sign, plus one of
+low degree for each command, interpolated linearly in log |u|; l is a leak. Where h and l exceed their errors, the model
+does not describe the valve.
 """
 
 from __future__ import annotations
@@ -23,12 +25,24 @@ SHARED_COEFFICIENTS, OWN_COEFFICIENTS, LEAK_COEFFICIENTS = (
     9,
     3,
     4,
-)  # coefficients of the shared and a command's own correction, and of l
-MAX_LOG_CORRECTION = 5.0  # of h: a hundredfold flow is no correction
+)  # numbers of coefficients: of the correction shared by a direction, of a command's own, and of the leak
+MAX_LOG_CORRECTION = 5.0  # of h: exp(5), more than a hundredfold flow, is no correction
 
 
 def polynomial(x: Array, coefficients: Array) -> Array:
-    """Return sum c_k x^k; ``coefficients`` has the powers along its first axis."""
+    """Evaluate sum c_k x^k by Horner's scheme.
+
+    Args:
+        x: Arguments, any shape.
+        coefficients: Coefficients, the powers along the first axis.
+
+    Returns:
+        The sum, of the shape of ``x``.
+
+    >>> polynomial(np.array([2.0]), np.array([1.0, 10.0, 100.0])).tolist()
+    [421.0]
+
+    """
     value = coefficients[-1]
     for c in coefficients[-2::-1]:
         value = value * x + c
@@ -37,27 +51,27 @@ def polynomial(x: Array, coefficients: Array) -> Array:
 
 @dataclass(frozen=True)
 class Direction:
-    """The commands of one sign that were held: ``nodes`` = |u| in V, increasing; ``sign`` +1 fills, -1 vents."""
+    """The held commands of one sign: ``nodes`` are |u| in V, increasing; ``sign`` +1 fills, -1 vents."""
 
     sign: int
     nodes: Array
 
     @property
     def size(self) -> int:
-        """Number of corrections: shared shape, own shapes."""
+        """Number of coefficients: the shared correction and one for each node."""
         return SHARED_COEFFICIENTS + OWN_COEFFICIENTS * self.nodes.size
 
     def node_weights(self, u: Array) -> Array:
-        """Return the share of each node at u, shape ``u.shape + (nodes,)``: hats in log |u|, constant outside."""
+        """Return the weight of each node at u, shape ``u.shape + (nodes,)``: linear in log |u|, constant outside."""
         position = np.log(np.clip(self.sign * u, self.nodes[0], self.nodes[-1]))
-        return np.stack([np.interp(position, np.log(self.nodes), e) for e in np.eye(self.nodes.size)], axis=-1)
+        return np.stack([np.interp(position, np.log(self.nodes), unit) for unit in np.eye(self.nodes.size)], axis=-1)
 
 
 @dataclass(frozen=True)
 class AreaModel:
-    """The gradient for parameters ``theta``: the trend's, those of each direction in turn, ``LEAK_COEFFICIENTS`` coefficients of l.
+    """The gradient for parameters ``theta``: coordinates of the model, corrections of each direction, leak.
 
-    Pressures absolute in Pa; ``scale`` is the gradient (Pa/s) that a leak coefficient of 1 stands for.
+    Pressures are absolute, in Pa; ``scale`` is the gradient (Pa/s) of a leak coefficient of 1.
     """
 
     model_gradient: ModelGradient
@@ -72,59 +86,61 @@ class AreaModel:
         return len(self.model_gradient.free) + sum(d.size for d in self.directions) + LEAK_COEFFICIENTS
 
     def offsets(self) -> list[int]:
-        """Return where each direction's parameters begin."""
+        """Return the index of each direction's first parameter."""
         return [
             len(self.model_gradient.free) + sum(d.size for d in self.directions[:k])
             for k in range(len(self.directions))
         ]
 
     def command_grid(self, count: int) -> Array:
-        """Return commands in V over the tested range: ``count`` of them, or all that a switching valve has."""
-        top = {d.sign: float(d.nodes[-1]) for d in self.directions}
-        ends = -top.get(-1, 0.0), top.get(1, 0.0)
+        """Return ``count`` commands (V) over the tested range, or all commands of a switching valve."""
+        largest = {d.sign: float(d.nodes[-1]) for d in self.directions}
+        ends = -largest.get(-1, 0.0), largest.get(1, 0.0)
         return np.unique([*ends, 0.0]) if self.model_gradient.valve.form == "switching" else np.linspace(*ends, count)
 
     def prior_groups(self) -> dict[str, NDArray[np.int64]]:
-        """Return the indices of the corrections that share one prior width: ``shared``, ``own`` and ``leak``."""
-        starts = list(zip(self.offsets(), self.directions, strict=True))
-        shared = [np.arange(o, o + SHARED_COEFFICIENTS) for o, _ in starts]
-        own = [np.arange(o + SHARED_COEFFICIENTS, o + d.size) for o, d in starts]
+        """Return the indices of corrections with a common prior width: ``shared``, ``own`` and ``leak``."""
+        offsets = list(zip(self.offsets(), self.directions, strict=True))
+        shared = [np.arange(offset, offset + SHARED_COEFFICIENTS) for offset, _ in offsets]
+        own_coefficients = [np.arange(offset + SHARED_COEFFICIENTS, offset + d.size) for offset, d in offsets]
         leak = np.arange(self.size - LEAK_COEFFICIENTS, self.size)
-        return {"shared": np.concatenate(shared), "own": np.concatenate(own), "leak": leak}
+        return {"shared": np.concatenate(shared), "own": np.concatenate(own_coefficients), "leak": leak}
 
     def initial_theta(self) -> Array:
-        """Return theta (k,) of the model as it is, without corrections."""
+        """Return the parameters (k,) of the model without corrections."""
         return np.concatenate([self.model_gradient.start, np.zeros(self.size - len(self.model_gradient.free))])
 
     def correction_coefficients(self, theta: Array, u: Array) -> Array:
-        """Return the coefficients of h over 2 r - 1, shape ``(SHARED, *u.shape)``."""
-        shape = np.zeros((SHARED_COEFFICIENTS, *u.shape))
-        for o, d in zip(self.offsets(), self.directions, strict=True):
-            mine = np.sign(u) == d.sign
-            own = theta[o + SHARED_COEFFICIENTS : o + d.size].reshape(-1, OWN_COEFFICIENTS)
-            shape[:, mine] = theta[o : o + SHARED_COEFFICIENTS, None]
-            shape[:OWN_COEFFICIENTS, mine] += (d.node_weights(u[mine]) @ own).T
-        return shape
+        """Return the coefficients of h over 2 r - 1, shape ``(SHARED_COEFFICIENTS, *u.shape)``."""
+        coefficients = np.zeros((SHARED_COEFFICIENTS, *u.shape))
+        for offset, d in zip(self.offsets(), self.directions, strict=True):
+            in_direction = np.sign(u) == d.sign
+            own_coefficients = theta[offset + SHARED_COEFFICIENTS : offset + d.size].reshape(-1, OWN_COEFFICIENTS)
+            coefficients[:, in_direction] = theta[offset : offset + SHARED_COEFFICIENTS, None]
+            coefficients[:OWN_COEFFICIENTS, in_direction] += (d.node_weights(u[in_direction]) @ own_coefficients).T
+        return coefficients
 
     def opposite_pressure(self, u: Array, supply: Array) -> Array:
-        """Return the pressure in Pa on the valve's other side."""
+        """Return the pressure in Pa on the other side of the valve."""
         return np.asarray(np.where(u > 0, supply, self.ambient))
 
     def pressure_ratio(self, u: Array, p: Array, supply: Array) -> Array:
         """Return the ratio r of the lower to the higher pressure across the valve."""
-        other = self.opposite_pressure(u, supply)
-        return np.minimum(p, other) / np.maximum(p, other)
+        opposite = self.opposite_pressure(u, supply)
+        return np.minimum(p, opposite) / np.maximum(p, opposite)
 
-    def corrected_gradient(self, theta: Array, shape: Array, trend: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return the gradient in Pa/s from the trend's there."""
-        return np.asarray(trend * self.correction_factor(shape, u, p, supply) + self.leak(theta, p))
+    def corrected_gradient(
+        self, theta: Array, coefficients: Array, model_values: Array, u: Array, p: Array, supply: Array
+    ) -> Array:
+        """Return the gradient in Pa/s from that of the model at the same points."""
+        return np.asarray(model_values * self.correction_factor(coefficients, u, p, supply) + self.leak(theta, p))
 
-    def correction_factor(self, shape: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return exp(h), which a step of the fit that goes astray does not let grow beyond all numbers."""
+    def correction_factor(self, coefficients: Array, u: Array, p: Array, supply: Array) -> Array:
+        """Return exp(h), bounded, since an intermediate step of the fit may overflow."""
         return np.asarray(
             np.exp(
                 np.clip(
-                    polynomial(2 * self.pressure_ratio(u, p, supply) - 1, shape),
+                    polynomial(2 * self.pressure_ratio(u, p, supply) - 1, coefficients),
                     -MAX_LOG_CORRECTION,
                     MAX_LOG_CORRECTION,
                 )
@@ -132,36 +148,43 @@ class AreaModel:
         )
 
     def leak(self, theta: Array, p: Array) -> Array:
-        """Return l(p) in Pa/s, a cubic in p, constant outside ambient to supply."""
+        """Return l(p) in Pa/s: a cubic in p, constant beyond ambient and supply pressure."""
         return np.asarray(self.scale * polynomial(self._relative(p), theta[-LEAK_COEFFICIENTS:]))
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return dp/dt in Pa/s; all arrays of one shape."""
-        trend = self.model_gradient.at_coordinates(self.model_coordinates(theta))(u, p, supply)
-        return self.corrected_gradient(theta, self.correction_coefficients(theta, u), trend, u, p, supply)
+        """Return dp/dt in Pa/s; all arrays have one shape."""
+        model_values = self.model_gradient.at_coordinates(self.model_coordinates(theta))(u, p, supply)
+        return self.corrected_gradient(theta, self.correction_coefficients(theta, u), model_values, u, p, supply)
 
     def model_coordinates(self, theta: Array) -> Array:
-        """Return the trend's own coordinates."""
+        """Return the coordinates of the model's parameters."""
         return theta[: len(self.model_gradient.free)]
 
     def coordinate_shift(self, theta: Array) -> Array:
-        """Return how far the trend's coordinates have moved from the model's."""
+        """Return the change of the model's coordinates from their fitted values."""
         return np.asarray(self.model_coordinates(theta) - self.model_gradient.start)
 
     def sensitivity(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return the derivative of the gradient to theta, shape ``u.shape + (size,)``."""
+        """Return the derivative of the gradient by theta, shape ``u.shape + (size,)``."""
         z = self.model_coordinates(theta)
         r = 2 * self.pressure_ratio(u, p, supply) - 1
-        bend = self.correction_factor(self.correction_coefficients(theta, u), u, p, supply)
-        flow = self.model_gradient.at_coordinates(z)(u, p, supply) * bend
+        correction = self.correction_factor(self.correction_coefficients(theta, u), u, p, supply)
+        flow = self.model_gradient.at_coordinates(z)(u, p, supply) * correction
         powers = r[..., None] ** np.arange(SHARED_COEFFICIENTS)
         out = np.zeros((*u.shape, self.size))
-        out[..., : z.size] = bend[..., None] * self.model_gradient.sensitivity(z, u, p, supply)
-        for o, d in zip(self.offsets(), self.directions, strict=True):
-            mine = np.sign(u) == d.sign
-            own = d.node_weights(u[mine])[..., :, None] * powers[mine][..., None, :OWN_COEFFICIENTS]
-            columns = [powers[mine], own.reshape(*own.shape[:-2], OWN_COEFFICIENTS * d.nodes.size)]
-            out[mine, o : o + d.size] = flow[mine][..., None] * np.concatenate(columns, axis=-1)
+        out[..., : z.size] = correction[..., None] * self.model_gradient.sensitivity(z, u, p, supply)
+        for offset, d in zip(self.offsets(), self.directions, strict=True):
+            in_direction = np.sign(u) == d.sign
+            own_coefficients = (
+                d.node_weights(u[in_direction])[..., :, None] * powers[in_direction][..., None, :OWN_COEFFICIENTS]
+            )
+            columns = [
+                powers[in_direction],
+                own_coefficients.reshape(*own_coefficients.shape[:-2], OWN_COEFFICIENTS * d.nodes.size),
+            ]
+            out[in_direction, offset : offset + d.size] = flow[in_direction][..., None] * np.concatenate(
+                columns, axis=-1
+            )
         out[..., -LEAK_COEFFICIENTS:] = self.scale * self._relative(p)[..., None] ** np.arange(LEAK_COEFFICIENTS)
         return out
 

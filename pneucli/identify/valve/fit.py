@@ -1,4 +1,4 @@
-"""Fit the law to whole charge and discharge curves: no gradient is ever taken of a noisy signal."""
+"""Fit the area model to whole charge and discharge curves, without differentiating a noisy signal."""
 
 from __future__ import annotations
 
@@ -20,76 +20,116 @@ from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
 
-JACOBIAN_MEMORY = 16 << 20  # bytes of derivatives that are held at once; what they are made of takes a few times that
-EVIDENCE_ITERATIONS, SEARCH_ITERATIONS = 9, 6  # of prior widths, and of the search in each
-TOLERANCE = 1e-6  # of the sum of squares, at which a search ends
-WIDTH_TOLERANCE = 0.2  # change of the prior widths, as a logarithm, at which the rounds end
+JACOBIAN_MEMORY = 16 << 20  # bytes of derivatives held at once; computing them takes a few times as much
+EVIDENCE_ITERATIONS, SEARCH_ITERATIONS = 9, 6  # updates of the prior widths, and iterations of the search in each
+TOLERANCE = 1e-6  # relative decrease of the sum of squares at which a search ends
+WIDTH_TOLERANCE = 0.2  # change of the logarithm of the prior widths at which the updates end
 INITIAL_PRIOR_WIDTHS = {
     "shared": 0.05,
     "own": 0.005,
     "leak": 0.005,
-}  # prior standard deviations to start from: the model first
+}  # prior standard deviations of the first update, narrow so that the model fits first
 MAX_PRIOR_WIDTHS = {"shared": 0.5, "own": 0.3, "leak": 0.2}
-MIN_PRIOR_WIDTHS = {"shared": 1e-3, "own": 1e-3, "leak": 5e-5}  # what a rig does not hold anyway
+MIN_PRIOR_WIDTHS = {"shared": 1e-3, "own": 1e-3, "leak": 5e-5}  # below the repeatability of a rig
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Parameters, covariance (correlated residuals accounted for), and the pressures (Pa, ``(N, L)``) they give."""
+    """Parameters, their covariance under correlated residuals, and the fitted pressures (Pa, ``(N, L)``)."""
 
     theta: Array
     covariance: Array
     simulated: Array
 
 
-def simulate_transients(law: AreaModel, theta: Array, start: Array, s: Transients) -> Array:
-    """Return p(t), shape ``(N, L)`` in Pa, of all stretches from ``start`` (Pa, shape ``(L,)``).
+def simulate_transients(area_model: AreaModel, theta: Array, start: Array, transients: Transients) -> Array:
+    """Simulate the pressure of all transients.
 
-    Midpoint rule with u held over each sample: its error, (h / time constant)^2 / 6 of the gradient, is below 1e-4.
-    No step leads beyond the pressure on the valve's other side, where the slope of the flow function has no end.
+    The midpoint rule holds u over each sample: its error, (h / time constant)^2 / 6 of the gradient, stays below 1e-4.
+    No step crosses the pressure on the other side of the valve, where the slope of the flow function is infinite.
+
+    Args:
+        area_model: The area model.
+        theta: Its parameters.
+        start: Initial pressures in Pa, shape ``(L,)``.
+        transients: The transients with commands and supply pressures.
+
+    Returns:
+        The pressures in Pa, shape ``(N, L)``.
+
     """
-    still, shape = (
-        law.model_gradient.at_coordinates(law.model_coordinates(theta)),
-        law.correction_coefficients(theta, s.u),
+    quasi_static, coefficients = (
+        area_model.model_gradient.at_coordinates(area_model.model_coordinates(theta)),
+        area_model.correction_coefficients(theta, transients.u),
     )
-    away = law.coordinate_shift(theta)[: s.memory_gradient.shape[-1] - 1]
-    other, beside = law.opposite_pressure(s.u, s.supply), s.memory_gradient[..., 0] + s.memory_gradient[..., 1:] @ away
-    p = np.empty_like(s.p)
+    shift = area_model.coordinate_shift(theta)[: transients.memory_gradient.shape[-1] - 1]
+    opposite, memory = (
+        area_model.opposite_pressure(transients.u, transients.supply),
+        transients.memory_gradient[..., 0] + transients.memory_gradient[..., 1:] @ shift,
+    )
+    p = np.empty_like(transients.p)
     p[0] = start
-    h = s.period / s.substeps
-    for k in range(s.p.shape[0] - 1):
+    h = transients.period / transients.substeps
+    for k in range(transients.p.shape[0] - 1):
 
         def slope(q: Array, k: int = k) -> Array:
-            here = s.u[k], q, s.supply[k]
-            return np.asarray(law.corrected_gradient(theta, shape[:, k], still(*here), *here) + beside[k])
+            state = transients.u[k], q, transients.supply[k]
+            return np.asarray(
+                area_model.corrected_gradient(theta, coefficients[:, k], quasi_static(*state), *state) + memory[k]
+            )
 
         q = p[k]
-        for _ in range(s.substeps):
-            middle = _limited_to_equilibrium(other[k], q, q + 0.5 * h * slope(q))
-            q = _limited_to_equilibrium(other[k], q, q + h * slope(middle))
+        for _ in range(transients.substeps):
+            midpoint = _limited_to_equilibrium(opposite[k], q, q + 0.5 * h * slope(q))
+            q = _limited_to_equilibrium(opposite[k], q, q + h * slope(midpoint))
         p[k + 1] = q
     return p
 
 
-def _limited_to_equilibrium(other: Array, before: Array, after: Array) -> Array:
-    """Return pressures (L,) in Pa after a step, but at most those on the other side where the step would pass them."""
-    return np.asarray(np.where((before - other) * (after - other) < 0.0, other, after))
+def _limited_to_equilibrium(opposite: Array, previous: Array, after: Array) -> Array:
+    """Return pressures (L,) in Pa after a step, limited to the pressure on the other side of the valve."""
+    return np.asarray(np.where((previous - opposite) * (after - opposite) < 0.0, opposite, after))
 
 
-def initial_pressure_sensitivity(law: AreaModel, theta: Array, p: Array, s: Transients) -> tuple[Array, Array]:
-    """Return how an error decays over each sample ``(N - 1, L)``, and dp/dp(0) ``(N, L)`` along a simulated ``p``."""
-    delta = 1e-6 * law.supply
-    ahead, behind = (law.gradient(theta, s.u, p + d, s.supply) for d in (delta, -delta))
-    stiffness = (ahead - behind) / (2 * delta)
-    decay = np.exp(np.minimum(0.5 * s.period * (stiffness[1:] + stiffness[:-1]), 1.0))
+def initial_pressure_sensitivity(
+    area_model: AreaModel, theta: Array, p: Array, transients: Transients
+) -> tuple[Array, Array]:
+    """Compute the sensitivity of a simulated pressure to its initial value.
+
+    Args:
+        area_model: The area model.
+        theta: Its parameters.
+        p: Simulated pressures in Pa, shape ``(N, L)``.
+        transients: The transients.
+
+    Returns:
+        The decay of an error over each sample, shape ``(N - 1, L)``, and dp/dp(0), shape ``(N, L)``.
+
+    """
+    delta = 1e-6 * area_model.supply
+    above, below = (area_model.gradient(theta, transients.u, p + d, transients.supply) for d in (delta, -delta))
+    stiffness = (above - below) / (2 * delta)
+    decay = np.exp(np.minimum(0.5 * transients.period * (stiffness[1:] + stiffness[:-1]), 1.0))
     return decay, np.concatenate([np.ones((1, p.shape[1])), np.cumprod(decay, axis=0)])
 
 
-def parameter_sensitivity(law: AreaModel, theta: Array, p: Array, decay: Array, s: Transients) -> Array:
-    """Return dp/dtheta ``(N, L, size)`` along a simulated ``p``."""
-    by_theta = law.sensitivity(theta, s.u, p, s.supply)
-    by_theta[..., : s.memory_gradient.shape[-1] - 1] += s.memory_gradient[..., 1:]
-    force = 0.5 * s.period[:, None] * by_theta
+def parameter_sensitivity(area_model: AreaModel, theta: Array, p: Array, decay: Array, transients: Transients) -> Array:
+    """Compute the sensitivity of a simulated pressure to the parameters.
+
+    Args:
+        area_model: The area model.
+        theta: Its parameters.
+        p: Simulated pressures in Pa, shape ``(N, L)``.
+        decay: Decay of an error over each sample, shape ``(N - 1, L)``.
+        transients: The transients.
+
+    Returns:
+        dp/dtheta, shape ``(N, L, size)``.
+
+    """
+    by_theta = area_model.sensitivity(theta, transients.u, p, transients.supply)
+    by_theta[..., : transients.memory_gradient.shape[-1] - 1] += transients.memory_gradient[..., 1:]
+    force = 0.5 * transients.period[:, None] * by_theta
     out = np.zeros_like(force)
     for k in range(p.shape[0] - 1):
         out[k + 1] = decay[k][:, None] * (out[k] + force[k]) + force[k + 1]
@@ -98,7 +138,7 @@ def parameter_sensitivity(law: AreaModel, theta: Array, p: Array, decay: Array, 
 
 @dataclass
 class TransientBatch:
-    """Whitened residuals of stretches that are taken together, their start pressures (Pa, ``(L,)``) eliminated."""
+    """Whitened residuals of some transients, with the initial pressures (Pa, ``(L,)``) eliminated."""
 
     area_model: AreaModel
     data: Transients
@@ -110,7 +150,7 @@ class TransientBatch:
         self._last: tuple[Array, tuple[Array, Array, Array]] | None = None  # theta and what came along it
 
     def whiten(self, signal: Array) -> Array:
-        """Return ``signal`` (leading axes ``(N, L)``) filtered, in units of its innovations, zero where not seen."""
+        """Filter ``signal`` (leading axes ``(N, L)``) to white noise of unit variance; 0 where samples are missing."""
         lags, samples = self.whitening.size - 1, signal.shape[0]
         if samples <= lags:
             return np.zeros((0, *signal.shape[1:]))
@@ -120,49 +160,52 @@ class TransientBatch:
         return np.asarray(filtered * scaled.reshape(*seen.shape, *[1] * (signal.ndim - 2)))
 
     def linearisation(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Return simulated pressures, the decay of errors, and what a start's error becomes, whitened, of norm 1."""
+        """Return simulated pressures, the decay of errors, and the whitened effect of an initial error, of norm 1."""
         if self._last is None or not np.array_equal(self._last[0], theta):
             self._last = theta.copy(), self._along(theta)
         return self._last[1]
 
     def _along(self, theta: Array) -> tuple[Array, Array, Array]:
         p = simulate_transients(self.area_model, theta, self.start, self.data)
-        decay, ahead = initial_pressure_sensitivity(self.area_model, theta, p, self.data)
-        white = self.whiten(ahead)
+        decay, sensitivity_to_start = initial_pressure_sensitivity(self.area_model, theta, p, self.data)
+        white = self.whiten(sensitivity_to_start)
         return p, decay, white / np.sqrt(np.sum(white**2, axis=0) + 1e-12)
 
     def residuals(self, theta: Array) -> Array:
-        """Return what no start pressure can take up of the whitened residuals."""
+        """Return the whitened residuals, with the component along the initial pressures removed."""
         p, _, starts = self.linearisation(theta)
         error = self.whiten(p - np.where(self.data.valid, self.data.p, 0.0))
         error -= starts * np.sum(starts * error, axis=0)
         return error.ravel()
 
     def jacobian(self, theta: Array) -> Array:
-        """Return the derivatives of the residuals, 0 where they are beyond all numbers: nothing is known there."""
+        """Return the derivatives of the residuals; 0 where they overflow, since an overflow identifies nothing."""
         p, decay, starts = self.linearisation(theta)
         by_theta = self.whiten(parameter_sensitivity(self.area_model, theta, p, decay, self.data))
         by_theta -= starts[..., None] * np.einsum("nl,nlp->lp", starts, by_theta)
         return np.nan_to_num(by_theta.reshape(-1, theta.size), copy=False, nan=0.0, posinf=0.0, neginf=0.0)
 
     def improved_initial_pressures(self, theta: Array) -> Array:
-        """Return the start pressures (L,) in Pa that suit the data best, in the straight line's sense."""
+        """Return the initial pressures (L,) in Pa after one Gauss-Newton step."""
         p = simulate_transients(self.area_model, theta, self.start, self.data)
-        ahead = self.whiten(initial_pressure_sensitivity(self.area_model, theta, p, self.data)[1])
+        sensitivity_to_start = self.whiten(initial_pressure_sensitivity(self.area_model, theta, p, self.data)[1])
         error = self.whiten(p - np.where(self.data.valid, self.data.p, 0.0))
-        return np.asarray(self.start - np.sum(ahead * error, axis=0) / (np.sum(ahead**2, axis=0) + 1e-12))
+        return np.asarray(
+            self.start
+            - np.sum(sensitivity_to_start * error, axis=0) / (np.sum(sensitivity_to_start**2, axis=0) + 1e-12)
+        )
 
 
 class TransientProblem:
-    """All stretches, and what is known beforehand of theta.
+    """All transients, and the prior of theta.
 
-    Stretches share only theta. They are taken some of like length at a time, so that derivatives of all are never held
-    at once, nor short ones filled up to the longest.
+    Transients share only theta. Batches of similar length are evaluated one after the other, which bounds the memory of
+    the derivatives and avoids padding short transients to the longest.
     """
 
     def __init__(
         self,
-        law: AreaModel,
+        area_model: AreaModel,
         data: Transients,
         whitening: Array,
         noise: float,
@@ -170,93 +213,125 @@ class TransientProblem:
         start: Array,
         memory: int = JACOBIAN_MEMORY,
     ) -> None:
-        """``prior``: units of what is known beforehand (k, k); ``memory``: of derivatives held at once, in bytes."""
-        self.law, self.prior = law, prior
-        self._which = list(data.batches(memory // (8 * law.size)))
-        self._parts = [TransientBatch(law, data.select(some), whitening, noise, start[some]) for some in self._which]
+        """Split the transients into batches.
+
+        Args:
+            area_model: The area model.
+            data: The transients.
+            whitening: Whitening filter of the noise.
+            noise: Rms of its innovations in Pa.
+            prior: Square root of the prior's precision, shape (k, k).
+            start: Initial pressures in Pa, shape ``(L,)``.
+            memory: Bytes of derivatives held at once.
+
+        """
+        self.area_model, self.prior = area_model, prior
+        self._which = list(data.batches(memory // (8 * area_model.size)))
+        self._parts = [
+            TransientBatch(area_model, data.select(some), whitening, noise, start[some]) for some in self._which
+        ]
 
     def residuals(self, theta: Array) -> Array:
-        """Return the residuals of all stretches, and the prior's."""
+        """Return the residuals of all transients, and the prior's."""
         return np.concatenate([*(part.residuals(theta) for part in self._parts), self._prior_residuals(theta)])
 
     def normal_equations(self, theta: Array) -> NormalEquations:
-        """Return the normal equations."""
+        """Return the normal equations at theta."""
         gradient, curvature = normal_equations(self._prior_residuals(theta), self.prior)
         for part in self._parts:
-            more = normal_equations(part.residuals(theta), part.jacobian(theta))
-            gradient, curvature = gradient + more.gradient, curvature + more.curvature
+            part_equations = normal_equations(part.residuals(theta), part.jacobian(theta))
+            gradient, curvature = gradient + part_equations.gradient, curvature + part_equations.curvature
         return NormalEquations(gradient, curvature)
 
     def improved_initial_pressures(self, theta: Array) -> Array:
-        """Return the start pressures (L,) in Pa that suit the data best."""
-        found = np.concatenate([part.improved_initial_pressures(theta) for part in self._parts])
-        return found[np.argsort(np.concatenate(self._which))]
+        """Return the initial pressures (L,) in Pa after one Gauss-Newton step."""
+        pressures = np.concatenate([part.improved_initial_pressures(theta) for part in self._parts])
+        return pressures[np.argsort(np.concatenate(self._which))]
 
     def _prior_residuals(self, theta: Array) -> Array:
-        return np.asarray(self.prior @ (theta - self.law.initial_theta()))
+        return np.asarray(self.prior @ (theta - self.area_model.initial_theta()))
 
 
-def fit_area_model(law: AreaModel, data: Transients, sensor: NoiseModel) -> Posterior:
-    """Fit ``law`` to ``data`` from the model as it is and return the maximum of the posterior.
+def fit_area_model(area_model: AreaModel, data: Transients, sensor: NoiseModel) -> Posterior:
+    """Fit the area model to transients; return the maximum of the posterior.
 
-    Residuals are weighted as the noise of the pressure's ``sensor``; the covariance is that of the residuals as they
-    are, so that coloured ones do not feign precision. (Weights from the residuals themselves would let the curves
-    drift from the data: what a law cannot follow looks like noise that is slow.) Each round refits and sets each group
-    of corrections to the prior width that the data support: MacKay's evidence update, Neural Computation 4 (1992) 415.
-    Corrections that the data do not ask for shrink to nothing, and what no data determine falls back on the model
+    Residuals are weighted by the noise of the pressure sensor; the covariance uses the residuals themselves, so that
+    coloured residuals do not feign precision. (Weights from the residuals would let the curves drift from the data:
+    model error looks like slow noise.) Each update refits and sets each group of corrections to the prior width that
+    the data support. Corrections that the data do not need shrink to nothing; without data the map follows the model,
     with the width that the rest of the map shows. Every parameter has a prior, so no matrix is singular.
+
+    Args:
+        area_model: The area model; the search starts without corrections.
+        data: The transients.
+        sensor: Noise of the pressure sensor.
+
+    Returns:
+        Parameters, covariance and fitted pressures.
+
+    References:
+        MacKay, D. J. C., Neural Computation 4 (1992) 415 (evidence update of prior widths).
+
     """
-    groups, widths = law.prior_groups(), dict(INITIAL_PRIOR_WIDTHS)
+    groups, widths = area_model.prior_groups(), dict(INITIAL_PRIOR_WIDTHS)
     order = min(AR_ORDER, int(data.lengths.max()) // 2)  # a filter as long as the stretches would see none of them
     whitening, noise = whitening_filter(
         averaged_noise_autocovariance(sensor, int(np.median(data.averaged_readings)), order + 1)
     )
-    theta, start = law.initial_theta(), initial_pressures(data)
+    theta, start = area_model.initial_theta(), initial_pressures(data)
     for _ in range(EVIDENCE_ITERATIONS):
-        problem = TransientProblem(law, data, whitening, noise, _prior_matrix(law, widths), start)
-        found = minimise(
+        problem = TransientProblem(area_model, data, whitening, noise, _prior_matrix(area_model, widths), start)
+        solution = minimise(
             problem.residuals,
             problem.normal_equations,
             theta,
-            _bounds(law),
+            _bounds(area_model),
             max_iterations=SEARCH_ITERATIONS,
             tolerance=TOLERANCE,
         )
-        theta, before = found.z, dict(widths)
+        theta, previous = solution.z, dict(widths)
         start = problem.improved_initial_pressures(theta)
-        variance = np.diag(_inverse(found.jacobian))
+        variance = np.diag(_inverse(solution.jacobian))
         for name, members in groups.items():
-            determined = members.size - np.sum(variance[members]) / widths[name] ** 2
-            supported = float(np.sqrt(np.sum(theta[members] ** 2) / max(determined, 1e-2)))
-            widths[name] = float(np.clip(supported, MIN_PRIOR_WIDTHS[name], MAX_PRIOR_WIDTHS[name]))
-        if all(abs(np.log(widths[name] / before[name])) < WIDTH_TOLERANCE for name in widths):
+            determined_count = members.size - np.sum(variance[members]) / widths[name] ** 2
+            width = float(np.sqrt(np.sum(theta[members] ** 2) / max(determined_count, 1e-2)))
+            widths[name] = float(np.clip(width, MIN_PRIOR_WIDTHS[name], MAX_PRIOR_WIDTHS[name]))
+        if all(abs(np.log(widths[name] / previous[name])) < WIDTH_TOLERANCE for name in widths):
             break
-    simulated = simulate_transients(law, theta, start, data)
+    simulated = simulate_transients(area_model, theta, start, data)
     whitening, noise = whitening_filter(autocovariances(simulated - data.p, data.valid))
-    as_it_is = TransientProblem(law, data, whitening, noise, _prior_matrix(law, widths), start)
-    return Posterior(theta, _inverse(as_it_is.normal_equations(theta)), simulated)
+    final_problem = TransientProblem(area_model, data, whitening, noise, _prior_matrix(area_model, widths), start)
+    return Posterior(theta, _inverse(final_problem.normal_equations(theta)), simulated)
 
 
 def initial_pressures(data: Transients) -> Array:
-    """Return the first readings (L,) in Pa."""
+    """Return the first readings of the transients.
+
+    Args:
+        data: The transients.
+
+    Returns:
+        The pressures in Pa, shape ``(L,)``; the median of all readings where the first is missing.
+
+    """
     return np.asarray(np.nan_to_num(data.p[0], nan=float(np.nanmedian(data.p))))
 
 
-def _prior_matrix(law: AreaModel, widths: dict[str, float]) -> Array:
-    prior, moved = np.zeros((law.size, law.size)), len(law.model_gradient.free)
-    prior[:moved, :moved] = law.model_gradient.prior_whitening
-    for name, members in law.prior_groups().items():
+def _prior_matrix(area_model: AreaModel, widths: dict[str, float]) -> Array:
+    prior, model_size = np.zeros((area_model.size, area_model.size)), len(area_model.model_gradient.free)
+    prior[:model_size, :model_size] = area_model.model_gradient.prior_whitening
+    for name, members in area_model.prior_groups().items():
         prior[members, members] = 1 / widths[name]
     return prior
 
 
 def _inverse(equations: NormalEquations) -> Array:
-    """Return the inverse of the curvature (k, k), which what is known beforehand keeps from being singular."""
+    """Return the inverse of the curvature (k, k), which the prior keeps from being singular."""
     return np.asarray(np.linalg.pinv(equations.curvature, hermitian=True))
 
 
-def _bounds(law: AreaModel) -> tuple[Array, Array]:
-    lower, upper = np.full(law.size, -np.inf), np.full(law.size, np.inf)
-    of_trend = slice(len(law.model_gradient.free))
-    lower[of_trend], upper[of_trend] = law.model_gradient.bounds
+def _bounds(area_model: AreaModel) -> tuple[Array, Array]:
+    lower, upper = np.full(area_model.size, -np.inf), np.full(area_model.size, np.inf)
+    of_model = slice(len(area_model.model_gradient.free))
+    lower[of_model], upper[of_model] = area_model.model_gradient.bounds
     return lower, upper

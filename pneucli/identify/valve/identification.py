@@ -1,4 +1,4 @@
-"""Observe a valve by charge and discharge curves of a vessel (thesis 7.4), and hold the model's valve against them."""
+"""Identify a valve from charge and discharge curves of a vessel (thesis 7.4); compare the model's valve with it."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-MIN_HELD_TIME = 0.3  # s for which a command must be held in all to have a correction of its own
-GRID_POINTS = 41
-MAX_GRADIENT_RATIO = 3.0  # times the steepest that the curves show: more is not of this valve
+MIN_HELD_TIME = 0.3  # s: a command that is held for less in total gets no correction of its own
+GRID_POINTS = 41  # of the map, over command and over pressure
+MAX_GRADIENT_RATIO = 3.0  # times the steepest measured slope: a steeper map does not describe this valve
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One stretch at a constant command: measured and fitted p (Pa) over time (s), and dp/dt (Pa/s) over fitted p."""
+    """One transient at a constant command: measured and fitted p (Pa) over time (s), and dp/dt (Pa/s) along the fit."""
 
     recording: str
     u: float
@@ -68,7 +68,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class RecordingResidual:
-    """Rms deviation of a recording's stretches of settled command, with free start pressures, over the noise."""
+    """Rms residual of a recording's transients over the noise, with their initial pressures fitted."""
 
     recording: str
     use: str
@@ -77,13 +77,13 @@ class RecordingResidual:
 
 @dataclass(frozen=True)
 class ValveIdentification:
-    """All that recordings tell of the paths of one chamber, beside what the model has of them.
+    """The identified paths of one chamber, and the lack of fit of the model to them.
 
-    ``map`` and ``inverse`` are what was ``measured`` in a vessel, ``lack_of_fit`` is the model's difference from it;
-    else they are the model's as its fit to a driven piston has it. ``iso`` are the model's characteristics.
-    ``residuals`` are those of all recordings, held-out ones included. ``max_gradient`` is the largest |dp/dt| (Pa/s) of
-    the map where data covered it, ``max_measured_gradient`` the largest that the recordings themselves show. Commands
-    are those that went to the valve; ``area_model`` and ``lack_of_fit`` count from the null one.
+    ``map`` and ``inverse`` are ``measured`` in a vessel, and ``lack_of_fit`` is the difference of the model from them;
+    else they are the model's own, from its fit to a driven piston. ``iso`` are the model's characteristics.
+    ``residuals`` cover all recordings, held-out ones included. ``max_gradient`` is the largest |dp/dt| (Pa/s) of the
+    map where data cover it, ``max_measured_gradient`` the largest in the recordings. Commands are those of the valve;
+    ``area_model`` and ``lack_of_fit`` count from the null.
     """
 
     chamber: Chamber
@@ -104,17 +104,17 @@ class ValveIdentification:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether the map stays near what the curves themselves show."""
+        """Whether the map stays close to the slopes of the curves."""
         return self.max_gradient <= MAX_GRADIENT_RATIO * self.max_measured_gradient
 
     def residual_to_noise(self, use: str) -> float | None:
-        """Return the residual over the noise of all recordings of one use, None where there are none."""
+        """Return the rms residual over the noise of all recordings of one use, None without any."""
         ratios = [one.ratio_to_noise for one in self.residuals if one.use == use]
         return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else None
 
     @property
     def label(self) -> str:
-        """How the names of its parameters begin."""
+        """The prefix of its parameter names."""
         return self.area_model.model_gradient.valve.label
 
     @property
@@ -139,60 +139,87 @@ class ValveIdentification:
 
 
 def known_vessel_volume(model: Model) -> float | None:
-    """Return the vessel's volume in m^3, stated or identified; None where it is not known."""
+    """Return the volume of the vessel.
+
+    Args:
+        model: The fitted model.
+
+    Returns:
+        The stated or identified volume in m^3; None where it is unknown.
+
+    """
     volume = model.values["rig.vessel_volume"]
     return None if model.rig.vessel_volume is None and volume == PLACEHOLDER_VOLUME else volume
 
 
-def identify_valve(experiments: Sequence[Experiment], found: Fit, chamber: Chamber = 1) -> ValveIdentification:
-    """Observe the paths of a ``chamber`` in their valve tests among ``experiments``; a shut valve takes no part.
+def identify_valve(experiments: Sequence[Experiment], fitted: Fit, chamber: Chamber = 1) -> ValveIdentification:
+    """Identify the paths of a chamber from its valve tests.
 
-    ``found`` is the fitted model. The trend is its valve; where other recordings had a say in it, what the same kind
-    of model makes of the valve tests alone, so that what it lacks elsewhere does not bend the map. Needs u and p1,
-    and p_supply or ``rig.supply_pressure``; fits the recordings of use ``train`` and reports the others. Raises
-    InputError where there is no valve test, no command other than zero, or none at which the model's valve opens.
+    The map is the gradient of the fitted model with smooth corrections. Where other recordings took part in that fit, a
+    model of the same kind is refitted to the valve tests alone, so that its errors elsewhere do not bend the map.
+    Recordings of use ``train`` are fitted, the others only evaluated; a shut valve takes no part.
+
+    Args:
+        experiments: The experiments; valve tests need u and p1, and p_supply or ``rig.supply_pressure``.
+        fitted: The fit of the model.
+        chamber: Which chamber.
+
+    Returns:
+        The identification.
+
+    Raises:
+        InputError: There is no valve test, no command other than zero, or none at which the model's valve opens.
+
+    References:
+        Thesis, section 7.4.
+
     """
-    found = with_null_at_zero(found)
-    shown = [as_valve_test(e, chamber) for e in experiments if e.vessel and not e.recording.valve_shut]
-    tests = [test for test in shown if test is not None]
+    fitted = with_null_at_zero(fitted)
+    valve_tests = [as_valve_test(e, chamber) for e in experiments if e.vessel and not e.recording.valve_shut]
+    tests = [test for test in valve_tests if test is not None]
     train = [e for e in tests if e.recording.use == "train"]
     if not train:
         raise InputError("recordings", "no valve test to train on", 'experiment = "valve", use = "train"')
-    rig, recordings = found.model.rig, [e.recording for e in train]
-    modelled = model_gradient_of(found, train)
-    alone = all(e.vessel for e in experiments if e.recording.use == "train")
-    trend = modelled if alone else model_gradient_of(_fit_valve_tests_only(found, train), train)
-    data = _cut_tests(train, trend)
-    law = _area_model(trend, data, rig)
-    if not law.supply > law.ambient:
-        lacking = f"the supply has {law.supply:.4g} Pa, no more than ambient pressure"
-        raise InputError("valve tests", lacking, "a supply above it, over which a map goes", "see p_supply")
+    rig, recordings = fitted.model.rig, [e.recording for e in train]
+    full_gradient = model_gradient_of(fitted, train)
+    has_only_valve_tests = all(e.vessel for e in experiments if e.recording.use == "train")
+    model_gradient = (
+        full_gradient if has_only_valve_tests else model_gradient_of(_fit_valve_tests_only(fitted, train), train)
+    )
+    data = _cut_tests(train, model_gradient)
+    area_model = _area_model(model_gradient, data, rig)
+    if not area_model.supply > area_model.ambient:
+        fault = f"the supply has {area_model.supply:.4g} Pa, no more than ambient pressure"
+        raise InputError("valve tests", fault, "a supply above it, over which a map goes", "see p_supply")
     sensor = pool_noise([e.noise["p1"] for e in train])
     if not sensor.rms:
-        lacking = "p1 has no noise at all: a sensor that is dead, or a computed signal"
-        raise InputError("valve tests", lacking, "a recorded p1", 'check its column, or state its noise = "1 mbar"')
-    fit, covers = fit_area_model(law, data, sensor), transient_coverage(law, data)
-    nodes = [float(d.sign * n) for d in law.directions for n in d.nodes]
-    seen = assemble_identification(
-        law,
-        fit,
-        covers,
+        fault = "p1 has no noise at all: a sensor that is dead, or a computed signal"
+        raise InputError("valve tests", fault, "a recorded p1", 'check its column, or state its noise = "1 mbar"')
+    posterior, coverage = fit_area_model(area_model, data, sensor), transient_coverage(area_model, data)
+    nodes = [float(d.sign * n) for d in area_model.directions for n in d.nodes]
+    identification = assemble_identification(
+        area_model,
+        posterior,
+        coverage,
         command_conversion(experiments[0].rig, chamber),
-        curves=_curves(law, fit, data, recordings),
-        compute_lack_of_fit=lambda grid: compare_with_map(modelled, law.supply, grid),
-        iso=iso_conductances(law, fit, found, covers, nodes) if known_vessel_volume(found.model) else (),
-        residuals=_residuals(law, fit, _cut_tests(tests, trend), tests, sensor),
+        curves=_curves(area_model, posterior, data, recordings),
+        compute_lack_of_fit=lambda grid: compare_with_map(full_gradient, area_model.supply, grid),
+        iso=iso_conductances(area_model, posterior, fitted, coverage, nodes)
+        if known_vessel_volume(fitted.model)
+        else (),
+        residuals=_residuals(area_model, posterior, _cut_tests(tests, model_gradient), tests, sensor),
         max_measured_gradient=data.max_slope,
     )
     return replace(
-        seen, resampled=tuple((r.name, interpolation_error(r, "p1")) for r in recordings if is_unevenly_sampled(r))
+        identification,
+        resampled=tuple((r.name, interpolation_error(r, "p1")) for r in recordings if is_unevenly_sampled(r)),
     )
 
 
 def assemble_identification(
-    law: AreaModel,
-    fit: Posterior,
-    covers: Coverage,
+    area_model: AreaModel,
+    posterior: Posterior,
+    coverage: Coverage,
     command: CommandConversion,
     *,
     compute_lack_of_fit: Callable[[GradientMap], LackOfFit],
@@ -201,12 +228,33 @@ def assemble_identification(
     curves: tuple[Curve, ...] = (),
     residuals: tuple[RecordingResidual, ...] = (),
 ) -> ValveIdentification:
-    """Return a fitted law with its map and inverse over the commands and pressures of the valve."""
-    u, p = law.command_grid(GRID_POINTS)[:: int(command.sign)], np.linspace(law.ambient, law.supply, GRID_POINTS)
-    grid = gradient_map(law, fit, u, p, covers)
-    inverse = inverse_map(law, fit, np.linspace(grid.gradient.min(), grid.gradient.max(), GRID_POINTS), p, covers)
+    """Evaluate map and inverse of a fitted area model over the commands and pressures of the valve.
+
+    Args:
+        area_model: The area model.
+        posterior: Its fitted parameters.
+        coverage: The region that data cover.
+        command: Conversion between command and opening.
+        compute_lack_of_fit: Function of the map that compares the model with it.
+        iso: The model's characteristics.
+        max_measured_gradient: Largest measured |dp/dt| in Pa/s.
+        curves: The transients at constant commands.
+        residuals: The residuals of the recordings; empty for a map that is the model's own.
+
+    Returns:
+        The identification.
+
+    """
+    u, p = (
+        area_model.command_grid(GRID_POINTS)[:: int(command.sign)],
+        np.linspace(area_model.ambient, area_model.supply, GRID_POINTS),
+    )
+    grid = gradient_map(area_model, posterior, u, p, coverage)
+    inverse = inverse_map(
+        area_model, posterior, np.linspace(grid.gradient.min(), grid.gradient.max(), GRID_POINTS), p, coverage
+    )
     return ValveIdentification(
-        chamber=law.model_gradient.reference_test.recording.chamber,
+        chamber=area_model.model_gradient.reference_test.recording.chamber,
         command_conversion=command,
         measured=bool(residuals),
         curves=tuple(replace(one, u=float(command.from_opening(np.array(one.u)))) for one in curves),
@@ -217,77 +265,95 @@ def assemble_identification(
         residuals=residuals,
         max_gradient=float(np.abs(grid.gradient[grid.covered]).max(initial=0.0)),
         max_measured_gradient=max_measured_gradient,
-        coverage=covers,
-        area_model=law,
-        posterior=fit,
+        coverage=coverage,
+        area_model=area_model,
+        posterior=posterior,
     )
 
 
-def with_null_at_zero(found: Fit) -> Fit:
-    """Return the fit of a model whose commands count from the null one."""
-    return replace(found, model=replace(found.model, rig=replace(found.model.rig, valve_null=0.0)))
+def with_null_at_zero(fitted: Fit) -> Fit:
+    """Return the fit of the same model with commands that count from the null.
+
+    Args:
+        fitted: The fit.
+
+    Returns:
+        The fit with a null of 0 V.
+
+    """
+    return replace(fitted, model=replace(fitted.model, rig=replace(fitted.model.rig, valve_null=0.0)))
 
 
-def _fit_valve_tests_only(found: Fit, train: Sequence[Experiment]) -> Fit:
-    """Return the model's effects, as far as they show there, and a valve, fitted to the valve tests alone."""
-    views = residual_models(train)
-    effects = [effect for effect in found.model.effects if any(view.is_sensitive_to(effect) for view in views)]
-    return fit_model(guess_base_model(train, found.model.rig, found.model.valve.form), views, effects)
+def _fit_valve_tests_only(fitted: Fit, train: Sequence[Experiment]) -> Fit:
+    """Fit a valve and the model's effects, as far as they are observable there, to the valve tests alone."""
+    residual_models_of_tests = residual_models(train)
+    effects = [
+        effect
+        for effect in fitted.model.effects
+        if any(one.is_sensitive_to(effect) for one in residual_models_of_tests)
+    ]
+    return fit_model(
+        guess_base_model(train, fitted.model.rig, fitted.model.valve.form), residual_models_of_tests, effects
+    )
 
 
-def _cut_tests(tests: Sequence[Experiment], trend: ModelGradient) -> Transients:
-    beside = [trend.memory_gradient(test) for test in tests]
-    return cut_transients([test.recording for test in tests], trend.model.rig.supply_pressure, beside)
+def _cut_tests(tests: Sequence[Experiment], model_gradient: ModelGradient) -> Transients:
+    memory = [model_gradient.memory_gradient(test) for test in tests]
+    return cut_transients([test.recording for test in tests], model_gradient.model.rig.supply_pressure, memory)
 
 
-def _area_model(trend: ModelGradient, data: Transients, rig: Rig) -> AreaModel:
-    """Return the law with its nodes."""
+def _area_model(model_gradient: ModelGradient, data: Transients, rig: Rig) -> AreaModel:
+    """Return the area model with a node for each command that was held."""
     directions = tuple(Direction(s, n) for s in (1, -1) if (n := _nodes(data, s)).size)
     if not directions:
         raise InputError("valve recordings", "u is zero throughout", "commands other than zero")
     supply = rig.supply_pressure or float(np.median(data.supply[data.valid]))
-    return AreaModel(trend, directions, rig.ambient_pressure, supply, data.max_slope)
+    return AreaModel(model_gradient, directions, rig.ambient_pressure, supply, data.max_slope)
 
 
 def _nodes(data: Transients, sign: int) -> Array:
-    """Return the levels |u| of one sign that were held for ``MIN_HELD_TIME`` in all; at least the largest of those tested."""
+    """Return the levels |u| of one sign that were held for ``MIN_HELD_TIME`` in total, or else the largest level."""
     u = np.where(data.valid & (np.sign(data.u) == sign), np.abs(data.u), 0.0)
     if not u.any():
         return np.zeros(0)
     quantum = 1e-3 * u.max()
-    levels, where = np.unique(np.round(u / quantum), return_inverse=True)
-    held = np.bincount(where.ravel(), weights=np.broadcast_to(data.period, u.shape).ravel())
-    nodes = quantum * levels[(held >= MIN_HELD_TIME) & (levels > 0)]
+    levels, level_index = np.unique(np.round(u / quantum), return_inverse=True)
+    held_time = np.bincount(level_index.ravel(), weights=np.broadcast_to(data.period, u.shape).ravel())
+    nodes = quantum * levels[(held_time >= MIN_HELD_TIME) & (levels > 0)]
     return np.unique(np.append(nodes, u.max() if nodes.size == 0 or nodes[-1] < 0.99 * u.max() else nodes[-1]))
 
 
-def _curves(law: AreaModel, fit: Posterior, data: Transients, train: Sequence[Recording]) -> tuple[Curve, ...]:
-    value, error = gradient_with_error(law, fit, data.u, fit.simulated, data.supply)
+def _curves(
+    area_model: AreaModel, posterior: Posterior, data: Transients, train: Sequence[Recording]
+) -> tuple[Curve, ...]:
+    value, error = gradient_with_error(area_model, posterior, data.u, posterior.simulated, data.supply)
     curves = []
     for k in range(data.period.size):
-        seen = data.valid[:, k]
+        valid = data.valid[:, k]
         u = float(data.u[0, k])
-        if u and np.ptp(data.u[seen, k]) == 0.0:
-            low, high = (value[seen, k] + z * error[seen, k] for z in (-Z95, Z95))
+        if u and np.ptp(data.u[valid, k]) == 0.0:
+            low, high = (value[valid, k] + z * error[valid, k] for z in (-Z95, Z95))
             name = train[data.recording[k]].name
-            signals = (data.time[seen, k], data.p[seen, k], fit.simulated[seen, k], value[seen, k])
+            signals = (data.time[valid, k], data.p[valid, k], posterior.simulated[valid, k], value[valid, k])
             curves.append(Curve(name, u, *signals, low, high))
     return tuple(curves)
 
 
 def _residuals(
-    law: AreaModel, fit: Posterior, data: Transients, tests: Sequence[Experiment], sensor: NoiseModel
+    area_model: AreaModel, posterior: Posterior, data: Transients, tests: Sequence[Experiment], sensor: NoiseModel
 ) -> tuple[RecordingResidual, ...]:
-    """Return the rms deviation over the noise of each recording's stretches, whose start pressures are fitted."""
+    """Return the rms residual over the noise of each recording's transients, with fitted initial pressures."""
     noise = np.array([np.sqrt(averaged_noise_autocovariance(sensor, int(j), 1)[0]) for j in data.averaged_readings])
     start = initial_pressures(data)
     for _ in range(3):
-        simulated = simulate_transients(law, fit.theta, start, data)
+        simulated = simulate_transients(area_model, posterior.theta, start, data)
         error = np.where(data.valid, data.p - simulated, 0.0)
-        ahead = np.where(data.valid, initial_pressure_sensitivity(law, fit.theta, simulated, data)[1], 0.0)
-        start = start + (ahead * error).sum(axis=0) / ((ahead**2).sum(axis=0) + 1e-12)
+        sensitivity = np.where(
+            data.valid, initial_pressure_sensitivity(area_model, posterior.theta, simulated, data)[1], 0.0
+        )
+        start = start + (sensitivity * error).sum(axis=0) / ((sensitivity**2).sum(axis=0) + 1e-12)
     power = np.bincount(data.recording, weights=((error / noise) ** 2).sum(axis=0), minlength=len(tests))
     samples = np.bincount(data.recording, weights=data.valid.sum(axis=0), minlength=len(tests))
     ratio = np.sqrt(power / np.maximum(samples, 1))
-    seen = [(e.recording, float(q)) for e, q, n in zip(tests, ratio, samples, strict=True) if n]
-    return tuple(RecordingResidual(recording.name, recording.use, q) for recording, q in seen)
+    rows = [(e.recording, float(r)) for e, r, n in zip(tests, ratio, samples, strict=True) if n]
+    return tuple(RecordingResidual(recording.name, recording.use, r) for recording, r in rows)

@@ -1,8 +1,8 @@
-"""ISO 6358-1: sonic conductance, critical ratio and subsonic index per command, of the model's own valve.
+"""ISO 6358-1: sonic conductance, critical ratio and subsonic index for each command, of the model's own valve.
 
-C follows from the effective area and the choked flow function, b is the model's critical ratio and m = 0.5, since the
-model's flow function is an ellipse. What a curve itself says of b and m is read from the measured map beside them: it
-sets their interval where the model assumes them, and widens it where it contradicts what the model identified.
+C follows from the effective area and the choked flow function; b is the model's critical ratio and m = 0.5, since the
+flow function of the model is an ellipse. The measured map gives b and m too: they set the interval where the model
+assumes them, and widen it where they contradict the model.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ REFERENCE_DENSITY = 1.185  # kg/m^3, ISO 8778 (293.15 K, 100 kPa, 65 % humidity)
 REFERENCE_TEMPERATURE = 293.15  # K
 ELLIPSE_SUBSONIC_INDEX = 0.5  # m of an ellipse
 PRESSURE_POINTS = 41  # of pressure, at which the map is read
-MIN_RELATIVE_ERROR = 1e-3  # of the largest gradient: more than the map may be trusted for
-TYPICAL_B_M = np.array([0.35, 0.5])  # b and m of industrial valves, with spreads, where a curve stays silent on them
-TYPICAL_B_M_SPREAD = np.array([0.2, 0.1])
+MIN_RELATIVE_ERROR = 1e-3  # of the largest gradient: the floor of the map's standard error
+TYPICAL_B_M = np.array([0.35, 0.5])  # b and m of industrial valves: the prior where a curve does not determine them
+TYPICAL_B_M_SPREAD = np.array([0.2, 0.1])  # standard deviations of that prior
 ELLIPSE_BOUNDS = (np.array([-np.inf, 0.02, 0.2]), np.array([np.inf, 0.9, 1.5]))
-MAX_ERROR_RATIO = 0.5  # of the usual spread: what is less certain, the curve does not tell
+MAX_ERROR_RATIO = 0.5  # of that prior: a larger standard error means that the curve does not determine b or m
 
 
 @dataclass(frozen=True)
 class Characteristic:
-    """A characteristic and its 95 % interval; ``measured`` is what the curve itself shows (value, low, high)."""
+    """A characteristic and its 95 % interval; ``measured`` is that of the measured map: value, low, high."""
 
     value: float
     low: float
@@ -49,7 +49,7 @@ class Characteristic:
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether the curve shows another value."""
+        """Whether the measured map excludes the value."""
         return self.measured is not None and not self.measured[1] <= self.value <= self.measured[2]
 
 
@@ -58,9 +58,9 @@ class IsoConductance:
     """ISO 6358-1 characteristics of one flow path at command ``u`` (V).
 
     ``C`` in m^3/(s Pa) at the reference atmosphere, ``b`` and ``m`` dimensionless;
-    q = C p_u rho_0 sqrt(T_0 / T) (1 - ((r - b) / (1 - b))^2)^m for r > b. Unless the model has heat transfer, a vessel
-    cannot tell whether its gas kept the wall's temperature, and kappa C passed: the interval of C holds both, unless
-    the rig's exponent is stated or identified.
+    q = C p_u rho_0 sqrt(T_0 / T) (1 - ((r - b) / (1 - b))^2)^m for r > b. Without heat transfer in the model, a vessel
+    cannot distinguish isothermal gas with conductance C from adiabatic gas with kappa C: the interval of C holds both,
+    unless the rig's exponent is stated or identified.
     """
 
     u: float
@@ -70,28 +70,46 @@ class IsoConductance:
 
 
 def iso_conductances(
-    law: AreaModel, fit: Posterior, found: Fit, covers: Coverage, tested: Sequence[float]
+    area_model: AreaModel, posterior: Posterior, fitted: Fit, coverage: Coverage, tested: Sequence[float]
 ) -> tuple[IsoConductance, ...]:
-    """Return C, b, m of each command at which the model knows the valve's area."""
-    rig, model = found.model.rig, found.model
-    k = flow_constant(rig.gas_constant, REFERENCE_TEMPERATURE, rig.heat_capacity_ratio)
-    unit = PSI_MAX * k / REFERENCE_DENSITY
-    known = rig.exponent_free or rig.polytropic_exponent is not None
-    known |= any("heat" in effect.ports for effect in model.effects)
-    unknown_gas = 1.0 if known else rig.heat_capacity_ratio
-    estimates = {e.name: e for e in found.estimates}
-    b, ends = _critical_ratio(model, estimates)
+    """Compute C, b and m at each command at which the model knows the valve's area.
+
+    Args:
+        area_model: The area model of the measured map.
+        posterior: Its fitted parameters.
+        fitted: The fit of the model.
+        coverage: The region that data cover.
+        tested: Commands in V that were held.
+
+    Returns:
+        The characteristics, one entry a command.
+
+    References:
+        ISO 6358-1:2013, pneumatic fluid power, determination of flow-rate characteristics.
+
+    """
+    rig, model = fitted.model.rig, fitted.model
+    choked_flux = flow_constant(rig.gas_constant, REFERENCE_TEMPERATURE, rig.heat_capacity_ratio)
+    unit = PSI_MAX * choked_flux / REFERENCE_DENSITY
+    index_known = rig.exponent_free or rig.polytropic_exponent is not None
+    index_known |= any("heat" in effect.ports for effect in model.effects)
+    index_ratio = 1.0 if index_known else rig.heat_capacity_ratio
+    estimates = {e.name: e for e in fitted.estimates}
+    b, interval = _critical_ratio(model, estimates)
     out = []
-    for u, name in law.model_gradient.valve.area_names.items():
+    for u, name in area_model.model_gradient.valve.area_names.items():
         if not (area := estimates.get(name)):
             continue
-        c = Characteristic(unit * area.value, unit * area.ci95[0], unit * area.ci95[1] * unknown_gas)
-        held = any(abs(u - t) <= 1e-3 * abs(u) for t in tested)
-        seen = _measured_b_m(law, fit, covers, u, unknown_gas) if held else None
-        shown = seen or (None, None)
+        c = Characteristic(unit * area.value, unit * area.ci95[0], unit * area.ci95[1] * index_ratio)
+        is_tested = any(abs(u - t) <= 1e-3 * abs(u) for t in tested)
+        measured = _measured_b_m(area_model, posterior, coverage, u, index_ratio) if is_tested else None
+        b_and_m = measured or (None, None)
         out.append(
             IsoConductance(
-                u, c, _characteristic(b, ends, 0, shown[0]), _characteristic(ELLIPSE_SUBSONIC_INDEX, None, 1, shown[1])
+                u,
+                c,
+                _characteristic(b, interval, 0, b_and_m[0]),
+                _characteristic(ELLIPSE_SUBSONIC_INDEX, None, 1, b_and_m[1]),
             )
         )
     return tuple(out)
@@ -99,64 +117,70 @@ def iso_conductances(
 
 def _critical_ratio(model: Model, estimates: Mapping[str, Estimate]) -> tuple[float, Interval | None]:
     """Return the model's critical ratio, and its interval where an effect of the model has identified it."""
-    b, ends = model.base_values()["valve.critical_ratio"], None
+    b, interval = model.base_values()["valve.critical_ratio"], None
     for effect in model.effects:
         if port := effect.ports.get("critical_ratio"):
-            own = [estimates[name].ci95 for p in effect.parameters if (name := f"{effect.name}.{p.name}") in estimates]
-            reached = [cast("float", port(b, *values)) for values in product(*own)] if own else []
+            intervals = [
+                estimates[name].ci95 for p in effect.parameters if (name := f"{effect.name}.{p.name}") in estimates
+            ]
+            corner_values = [cast("float", port(b, *values)) for values in product(*intervals)] if intervals else []
             b = cast("float", port(b, *model.effect_parameters(effect)))
-            ends = (min(reached), max(reached)) if reached else None
-    return b, ends
+            interval = (min(corner_values), max(corner_values)) if corner_values else None
+    return b, interval
 
 
 def _characteristic(
-    value: float, known: Interval | None, which: int, seen: tuple[float, float, float] | None
+    value: float, model_interval: Interval | None, index: int, measured: tuple[float, float, float] | None
 ) -> Characteristic:
-    """Return a characteristic with the model's interval, or the curve's where the model has none of its own."""
-    low, high = known or (value, value)
-    figure = Characteristic(value, low, high, seen)
-    if known is not None and not figure.is_contradicted:
-        return figure
-    usual = (
-        float(TYPICAL_B_M[which] - Z95 * TYPICAL_B_M_SPREAD[which]),
-        float(TYPICAL_B_M[which] + Z95 * TYPICAL_B_M_SPREAD[which]),
+    """Return a characteristic with the model's interval, or with that of the measured map where the model has none."""
+    low, high = model_interval or (value, value)
+    characteristic = Characteristic(value, low, high, measured)
+    if model_interval is not None and not characteristic.is_contradicted:
+        return characteristic
+    typical = (
+        float(TYPICAL_B_M[index] - Z95 * TYPICAL_B_M_SPREAD[index]),
+        float(TYPICAL_B_M[index] + Z95 * TYPICAL_B_M_SPREAD[index]),
     )
-    ends = usual if seen is None else seen[1:]
-    return Characteristic(value, min(low, max(ends[0], 0.0)), max(high, ends[1]), seen)
+    interval = typical if measured is None else measured[1:]
+    return Characteristic(value, min(low, max(interval[0], 0.0)), max(high, interval[1]), measured)
 
 
 def _measured_b_m(
-    law: AreaModel, fit: Posterior, covers: Coverage, u: float, unknown_gas: float
+    area_model: AreaModel, posterior: Posterior, coverage: Coverage, u: float, index_ratio: float
 ) -> list[tuple[float, float, float] | None] | None:
-    """Return b and m (value, low, high) that the measured map shows at a command; None where it does not tell them.
+    """Return b and m (value, low, high) of the measured map at a command; None where it does not determine them.
 
-    The polytropic index n of dp/dt = n R T q / V lies anywhere from 1 to kappa unless the model knows its heat: to the
-    statistics is added the change that a drift of the gradient by ``unknown_gas`` over the curve makes, over sqrt(3).
+    The polytropic index n of dp/dt = n R T q / V lies between 1 and kappa unless the model includes heat transfer. The
+    standard error therefore includes the change of b and m by a drift of the gradient by ``index_ratio`` over the
+    curve, as a uniform distribution (divided by sqrt(3)).
     """
-    p = np.linspace(law.ambient, law.supply, PRESSURE_POINTS)
-    p = p[covers(np.full(PRESSURE_POINTS, u), p)]
-    supply, at = np.full(p.size, law.supply), np.full(p.size, u)
+    p = np.linspace(area_model.ambient, area_model.supply, PRESSURE_POINTS)
+    p = p[coverage(np.full(PRESSURE_POINTS, u), p)]
+    supply, commands = np.full(p.size, area_model.supply), np.full(p.size, u)
     if p.size < PRESSURE_POINTS // 4:
         return None
-    value, _ = gradient_with_error(law, fit, at, p, supply)
-    rows = law.sensitivity(fit.theta, at, p, supply)
-    largest = float(np.abs(value).max())
-    if not largest > 0.0:
+    value, _ = gradient_with_error(area_model, posterior, commands, p, supply)
+    rows = area_model.sensitivity(posterior.theta, commands, p, supply)
+    scale = float(np.abs(value).max())
+    if not scale > 0.0:
         return None
-    whiten = whitening_matrix(rows @ fit.covariance @ rows.T / largest**2, MIN_RELATIVE_ERROR)
-    upstream, r = (law.supply, p / law.supply) if u > 0 else (p, law.ambient / p)
-    shape = np.abs(value) / largest * law.supply / upstream
+    whiten = whitening_matrix(rows @ posterior.covariance @ rows.T / scale**2, MIN_RELATIVE_ERROR)
+    upstream, r = (area_model.supply, p / area_model.supply) if u > 0 else (p, area_model.ambient / p)
+    shape = np.abs(value) / scale * area_model.supply / upstream
     steady = _fit_ellipse(shape, r, whiten)
-    drift = np.linspace(1.0, 1.0 / unknown_gas, p.size)[:: 1 if u > 0 else -1]
+    drift = np.linspace(1.0, 1.0 / index_ratio, p.size)[:: 1 if u > 0 else -1]
     drifted = _fit_ellipse(shape / drift, r, whiten)
     noise = np.sqrt(np.diag(steady[1]))[1:]
     error = np.hypot(noise, np.abs(drifted[0] - steady[0])[1:] / np.sqrt(3))
-    ends = [(float(v), float(v - Z95 * e), float(v + Z95 * e)) for v, e in zip(steady[0][1:], error, strict=True)]
-    return [end if told else None for end, told in zip(ends, noise < MAX_ERROR_RATIO * TYPICAL_B_M_SPREAD, strict=True)]
+    interval = [(float(v), float(v - Z95 * e), float(v + Z95 * e)) for v, e in zip(steady[0][1:], error, strict=True)]
+    return [
+        end if is_determined else None
+        for end, is_determined in zip(interval, noise < MAX_ERROR_RATIO * TYPICAL_B_M_SPREAD, strict=True)
+    ]
 
 
 def _fit_ellipse(shape: Array, r: Array, whiten: Array) -> tuple[Array, Array]:
-    """Return log C, b, m that fit a flow over pressure ratios r (k,), and their covariance."""
+    """Return log C, b, m of an elliptic flow function over pressure ratios r (k,), and their covariance."""
 
     def residuals(x: Array) -> Array:
         s = np.maximum(np.minimum(r, 1.0 - 1e-6) - x[1], 0.0) / (1.0 - x[1])
@@ -167,5 +191,5 @@ def _fit_ellipse(shape: Array, r: Array, whiten: Array) -> tuple[Array, Array]:
         return np.array([(residuals(x + d) - residuals(x - d)) / 2e-4 for d in 1e-4 * np.eye(3)]).T
 
     start = np.array([np.log(shape.max()), *TYPICAL_B_M])
-    found = minimise(residuals, jacobian, start, ELLIPSE_BOUNDS, max_iterations=40, tolerance=1e-6)
-    return found.z, np.asarray(np.linalg.pinv(found.jacobian.T @ found.jacobian, hermitian=True))
+    fitted = minimise(residuals, jacobian, start, ELLIPSE_BOUNDS, max_iterations=40, tolerance=1e-6)
+    return fitted.z, np.asarray(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian, hermitian=True))

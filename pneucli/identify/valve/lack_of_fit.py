@@ -1,4 +1,4 @@
-"""What the model says of the map, and where that is further from the measured one than either interval: lack of fit."""
+"""Lack of fit of the model's valve: where its gradient lies outside the intervals of both the map and the model."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pneucli.identify.valve.model_gradient import ModelGradient
 
 Array = NDArray[np.float64]
 
-MIN_GRADIENT_RATIO = 0.01  # of the largest gradient: below it a share of the gradient says little
-MIN_RELATIVE_DIFFERENCE = 0.02  # of the gradient: a difference beyond that, and both intervals, at
-MAX_SHARE_OUTSIDE = 0.05  # of the points is worth a warning
+MIN_GRADIENT_RATIO = 0.01  # of the largest gradient; relative differences of smaller ones are not counted
+MIN_RELATIVE_DIFFERENCE = 0.02  # of the gradient: a difference beyond it and both intervals counts as a misfit
+MAX_SHARE_OUTSIDE = 0.05  # share of points with a misfit beyond which the lack of fit is significant
 
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """The model against what was measured at points ``u`` (V from the null) and ``p`` (Pa), arrays ``(nu, np)``.
+    """The model compared with the measured map at points ``u`` (V from the null) and ``p`` (Pa), arrays ``(nu, np)``.
 
-    In Pa/s; ``model_error`` is the model's own, standard, ``half_interval`` half the width of the 95 % interval of
-    ``measured``. ``covered`` where something was measured; ``has_flow`` where enough flows there.
+    All gradients in Pa/s; ``model_error`` is the standard error of the model, ``half_interval`` half the 95 % interval
+    of ``measured``; ``covered`` marks points with data.
     """
 
     u: Array
@@ -36,53 +36,65 @@ class LackOfFit:
 
     @property
     def difference(self) -> Array:
-        """What was measured less what the model says, in Pa/s."""
+        """Measured minus modelled gradient in Pa/s."""
         return self.measured - self.model
 
     @cached_property
     def outside(self) -> NDArray[np.bool_]:
-        """Where the difference is more than each of both 95 % intervals allows for."""
-        off = np.abs(self.difference)
-        return np.asarray(self.covered & (off > Z95 * self.model_error) & (off > self.half_interval))
+        """Where the difference exceeds both 95 % intervals."""
+        distance = np.abs(self.difference)
+        return np.asarray(self.covered & (distance > Z95 * self.model_error) & (distance > self.half_interval))
 
     @cached_property
     def has_flow(self) -> NDArray[np.bool_]:
-        """Where a share of the gradient says something."""
-        size = np.abs(self.measured)
-        return np.asarray(self.covered & (size > MIN_GRADIENT_RATIO * size.max(where=self.covered, initial=0.0)))
+        """Where the gradient is large enough for a relative difference."""
+        magnitude = np.abs(self.measured)
+        return np.asarray(
+            self.covered & (magnitude > MIN_GRADIENT_RATIO * magnitude.max(where=self.covered, initial=0.0))
+        )
 
     @property
     def relative_difference(self) -> Array:
-        """The size of the difference over that of the measured gradient, 0 where it is not counted."""
+        """The difference relative to the measured gradient, 0 where it does not count."""
         return np.asarray(np.abs(self.difference) / np.where(self.has_flow, np.abs(self.measured), np.inf))
 
     @property
     def median(self) -> float | None:
-        """Median of |difference| over the measured gradient, where data covered the map and something flows."""
+        """Median relative difference where data cover the map and air flows; None without such points."""
         return self._quantile(0.5)
 
     @property
     def p95(self) -> float | None:
-        """95th percentile of the same."""
+        """95th percentile of the relative difference; None without such points."""
         return self._quantile(0.95)
 
     @property
     def share_outside(self) -> float | None:
-        """Share of those points that lie outside both intervals."""
+        """Share of those points outside both intervals; None without such points."""
         return float(np.mean(self.outside[self.has_flow])) if self.has_flow.any() else None
 
     @property
     def is_significant(self) -> bool:
-        """Whether the model is off by more than both intervals and 2 % of the gradient at more than 5 % of them."""
-        off = self.outside & (self.relative_difference > MIN_RELATIVE_DIFFERENCE)
-        return bool(self.has_flow.any() and np.mean(off[self.has_flow]) > MAX_SHARE_OUTSIDE)
+        """Whether more than 5 % of the points differ by more than both intervals and 2 % of the gradient."""
+        distance = self.outside & (self.relative_difference > MIN_RELATIVE_DIFFERENCE)
+        return bool(self.has_flow.any() and np.mean(distance[self.has_flow]) > MAX_SHARE_OUTSIDE)
 
     def _quantile(self, q: float) -> float | None:
         return float(np.quantile(self.relative_difference[self.has_flow], q)) if self.has_flow.any() else None
 
 
 def compare_with_map(model: ModelGradient, supply_pressure: float, grid: GradientMap) -> LackOfFit:
-    """Hold the model's valve at rest against the measured map, which is at this supply pressure in Pa."""
+    """Compare the quasi-static gradient of the model with the measured map.
+
+    Args:
+        model: The gradient of the fitted model.
+        supply_pressure: Supply pressure of the map in Pa.
+        grid: The measured map.
+
+    Returns:
+        The comparison at the points of the map.
+
+    """
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
     supply = np.full(u.shape, supply_pressure)
     modelled, error = model.at_coordinates(model.start)(u, p, supply), model.standard_error(u, p, supply)

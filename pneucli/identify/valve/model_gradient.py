@@ -1,4 +1,4 @@
-"""The model's own valve as the trend of the observation: its gradient, and how it moves with the model's parameters."""
+"""The quasi-static gradient of the fitted model, and its sensitivity to the model's parameters."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from pneucli.simulate.run import simulate
 
 Array = NDArray[np.float64]
 
-DIFFERENCE_STEP = 1e-3  # of a coordinate, for differences
-PRIOR_WIDENING = 3.0  # times its standard error: so far the curves alone may move a parameter away from the model's
-MIN_COORDINATE_ERROR = 1e-3  # of a coordinate, by which they may at any rate
+DIFFERENCE_STEP = 1e-3  # of a coordinate, for finite differences
+PRIOR_WIDENING = 3.0  # times the standard error: the prior width of a parameter in the fit to the curves
+MIN_COORDINATE_ERROR = 1e-3  # of a coordinate: the smallest prior width
 
 
 @dataclass(frozen=True)
 class ModelGradient:
-    """The quasi-static gradient of a fitted model over those of its parameters that show in the tests.
+    """The quasi-static gradient of a fitted model, as a function of those parameters that the tests can observe.
 
     ``start`` (k,) and ``covariance`` (k, k) are the model's, in the coordinates of the fit.
     """
@@ -45,10 +45,11 @@ class ModelGradient:
 
     @property
     def prior_whitening(self) -> Array:
-        """What makes units of the prior of moves away from the model (k, k).
+        """The matrix that scales changes of the model's parameters to units of their prior, shape (k, k).
 
-        The prior is wide against the model's own errors: it was fitted to these curves too, and they must not count
-        twice. What neither tells, such as the area between two commands, stays as smooth as the model has it.
+        The prior is wider than the model's own errors, because the model was fitted to these curves too and they must
+        not count twice. A direction that neither determines, such as the area between two commands, keeps the model's
+        smoothness.
         """
         return whitening_matrix(
             _limited_covariance(PRIOR_WIDENING**2 * self.covariance, self.bounds), MIN_COORDINATE_ERROR
@@ -56,7 +57,7 @@ class ModelGradient:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Bounds of the coordinates."""
+        """Lower and upper bounds of the coordinates."""
         lower, upper = ([f.to_coordinate(getattr(f, end)) for f in self.free] for end in ("lower", "upper"))
         return np.array(lower), np.array(upper)
 
@@ -66,90 +67,125 @@ class ModelGradient:
         return QuasiStaticGradient(with_parameters(self.model, values), self.reference_test)
 
     def memory_gradient(self, test: Experiment) -> Array:
-        """Return what the model's memory adds to dp/dt in a test, and its derivatives, shape ``(1 + k, n)`` in Pa/s.
+        """Return the contribution of the model's memory to dp/dt, and its derivatives, shape ``(1 + k, n)`` in Pa/s.
 
-        Without memory there are none, ``(1, n)``.
+        A model without memory has no derivatives: shape ``(1, n)``.
         """
         if not has_memory(self.model):
             return np.zeros((1, test.time.size))
-        now = memory_gradient(self.model, test)
-        moved = [
+        nominal = memory_gradient(self.model, test)
+        memory_change = [
             memory_gradient(self.at_coordinates(self.start + step).model, test)
             for step in DIFFERENCE_STEP * np.eye(self.start.size)
         ]
-        return np.array([now, *((other - now) / DIFFERENCE_STEP for other in moved)])
+        return np.array([nominal, *((shifted - nominal) / DIFFERENCE_STEP for shifted in memory_change)])
 
     def sensitivity(self, z: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return the derivatives to the coordinates, shape ``u.shape + (k,)``, by differences to both sides."""
+        """Return the derivatives by the coordinates, shape ``u.shape + (k,)``, by central differences."""
         out = np.empty((*u.shape, z.size))
         for j, row in enumerate(DIFFERENCE_STEP * np.eye(z.size)):
-            ahead, behind = (self.at_coordinates(z + step)(u, p, supply) for step in (row, -row))
-            out[..., j] = (ahead - behind) / (2 * DIFFERENCE_STEP)
+            above, below = (self.at_coordinates(z + step)(u, p, supply) for step in (row, -row))
+            out[..., j] = (above - below) / (2 * DIFFERENCE_STEP)
         return out
 
     def standard_error(self, u: Array, p: Array, supply: Array) -> Array:
-        """Return the standard error in Pa/s that the model's own parameters leave, shape of u."""
+        """Return the standard error in Pa/s from the covariance of the model's parameters, of the shape of u."""
         rows = self.sensitivity(self.start, u, p, supply)
         return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", rows, self.covariance, rows), 0.0)))
 
 
-def model_gradient_of(found: Fit, tests: Sequence[Experiment], *, with_memory: bool = True) -> ModelGradient:
-    """Return the trend of a fitted model with those of its parameters that show in the tests.
+def model_gradient_of(fitted: Fit, tests: Sequence[Experiment], *, with_memory: bool = True) -> ModelGradient:
+    """Build the gradient of a fitted model, reduced to the parameters that the tests can observe.
 
-    Those that show in its memory alone are left out unless it is taken ``with_memory``. Raises InputError where the
-    model's valve never opens.
+    Args:
+        fitted: The fit of the model.
+        tests: The valve tests.
+        with_memory: Whether to keep parameters that only the model's memory can show.
+
+    Returns:
+        The gradient.
+
+    Raises:
+        InputError: The valve of the model never opens.
+
     """
-    if not found.model.valve_of_chamber(tests[0].recording.chamber).commands:
-        nothing = "at no command does air flow the way it should, so the model's valve never opens"
+    if not fitted.model.valve_of_chamber(tests[0].recording.chamber).commands:
+        fault = "at no command does air flow the way it should, so the model's valve never opens"
         mend = "turn the sign of u, or see what pneucli ingest finds implausible"
-        raise InputError("valve tests", nothing, "u above the null command fills, u below it vents", mend)
-    here = np.array([f.to_coordinate(e.value) for f, e in zip(found.free, found.estimates, strict=True)])
-    whole = ModelGradient(found.model, tests[0], found.free, here, found.covariance)
-    felt = np.zeros(here.size, dtype=bool)
+        raise InputError("valve tests", fault, "u above the null command fills, u below it vents", mend)
+    start = np.array([f.to_coordinate(e.value) for f, e in zip(fitted.free, fitted.estimates, strict=True)])
+    full = ModelGradient(fitted.model, tests[0], fitted.free, start, fitted.covariance)
+    is_observable = np.zeros(start.size, dtype=bool)
     for test in tests:
         u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
-        u = np.abs(u).max() * np.linspace(-1.0, 1.0, u.size)  # between the commands too
-        felt |= np.any(whole.sensitivity(here, u, p, supply) != 0.0, axis=0)
+        u = np.abs(u).max() * np.linspace(-1.0, 1.0, u.size)  # includes openings between the commands
+        is_observable |= np.any(full.sensitivity(start, u, p, supply) != 0.0, axis=0)
         if with_memory:
-            moved = whole.memory_gradient(test)[1:]
-            felt[: len(moved)] |= np.any(moved != 0.0, axis=1)
-    free = tuple(f for f, mine in zip(found.free, felt, strict=True) if mine)
-    trend = ModelGradient(found.model, tests[0], free, here[felt], found.covariance[np.ix_(felt, felt)])
-    return replace(trend, covariance=_limited_covariance(trend.covariance, trend.bounds))
+            memory_change = full.memory_gradient(test)[1:]
+            is_observable[: len(memory_change)] |= np.any(memory_change != 0.0, axis=1)
+    free = tuple(f for f, keep in zip(fitted.free, is_observable, strict=True) if keep)
+    reduced = ModelGradient(
+        fitted.model, tests[0], free, start[is_observable], fitted.covariance[np.ix_(is_observable, is_observable)]
+    )
+    return replace(reduced, covariance=_limited_covariance(reduced.covariance, reduced.bounds))
 
 
 def whitening_matrix(covariance: Array, min_error: float) -> Array:
-    """Return the matrix (k, k) that turns errors of this covariance into independent ones of size 1.
+    """Compute the matrix that turns errors of a covariance into independent ones of unit size.
 
-    None is taken to be smaller than ``min_error``, so that there always is one.
+    Args:
+        covariance: Covariance, shape (k, k).
+        min_error: Smallest standard error along any axis; it keeps the matrix finite.
+
+    Returns:
+        The matrix W, shape (k, k), with W C W^T = I.
+
+    >>> np.abs(whitening_matrix(np.diag([4.0, 0.25]), 0.1)).round(3).tolist()
+    [[0.0, 2.0], [0.5, 0.0]]
+
     """
     variance, axes = np.linalg.eigh(np.nan_to_num(0.5 * (covariance + covariance.T)))
     return np.asarray(axes.T / np.sqrt(np.maximum(variance, min_error**2))[:, None])
 
 
 def _limited_covariance(covariance: Array, bounds: tuple[Array, Array]) -> Array:
-    """Return a covariance (k, k) with no parameter less certain than one that may be anything between its bounds."""
+    """Return a covariance (k, k) with no variance above that of a uniform distribution between the bounds."""
     error = np.sqrt(np.diag(covariance))
     widest = (bounds[1] - bounds[0]) / np.sqrt(12.0)
-    share = np.minimum(1.0, widest / np.maximum(error, 1e-300))
-    return np.asarray(covariance * np.outer(share, share))
+    shrinkage = np.minimum(1.0, widest / np.maximum(error, 1e-300))
+    return np.asarray(covariance * np.outer(shrinkage, shrinkage))
 
 
 def has_memory(model: Model) -> bool:
-    """Whether what an effect does depends on what went before."""
+    """Return whether an effect of the model depends on the past.
+
+    Args:
+        model: The model.
+
+    Returns:
+        Whether a port of an effect has memory.
+
+    """
     return any(PORTS[port].has_memory for effect in model.effects for port in effect.ports)
 
 
 def memory_gradient(model: Model, test: Experiment) -> Array:
-    """Return what effects with a memory add to dp/dt of the valve at rest, in Pa/s, shape of the test's time.
+    """Compute the contribution of effects with memory to dp/dt in a test.
 
-    Heat that is exchanged, a spool that follows, a supply that gives way: what the model shows in this very test
-    beside its quasi-static gradient. What is measured less that does not depend on what went before.
+    Heat transfer, a spool that lags, a supply that droops: the simulated gradient minus the quasi-static one.
+
+    Args:
+        model: The model.
+        test: The valve test.
+
+    Returns:
+        The contribution in Pa/s, shape (n,).
+
     """
-    still, p = QuasiStaticGradient(model, test), simulate(model, test)["p1"]
+    quasi_static, p = QuasiStaticGradient(model, test), simulate(model, test)["p1"]
     u, supply, steps = test.inputs[:-1, at.IN_U], test.inputs[:-1, at.IN_SUPPLY], np.diff(test.time)
-    rate = np.diff(p) / steps - 0.5 * (still(u, p[:-1], supply) + still(u, p[1:], supply))
+    rate = np.diff(p) / steps - 0.5 * (quasi_static(u, p[:-1], supply) + quasi_static(u, p[1:], supply))
     last = np.arange(steps.size)
-    last[test.restarts[test.restarts > 0] - 1] -= 1  # what a restart mends is no gradient
+    last[test.restarts[test.restarts > 0] - 1] -= 1  # the jump at a restart is no gradient
     rate = rate[np.maximum(last, 0)]
     return np.append(rate, rate[-1])

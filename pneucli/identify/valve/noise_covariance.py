@@ -1,4 +1,9 @@
-"""The autocovariance of the pressure's noise, and the filter that whitens it."""
+"""The autocovariance of the pressure's noise, and the filter that whitens it.
+
+References:
+    Brockwell, P. J. and Davis, R. A., Time Series: Theory and Methods, section 8.1 (Yule-Walker equations).
+
+"""
 
 from __future__ import annotations
 
@@ -11,29 +16,60 @@ from pneucli.simulate.local_polynomials import autocovariance
 
 Array = NDArray[np.float64]
 
-AR_ORDER = 8  # of the noise's autoregression: colour, and most of a mains line
+AR_ORDER = 8  # order of the noise's autoregression: coloured noise, and most of mains hum
 
 
 def whitening_filter(covariance: Array) -> tuple[Array, float]:
-    """Return the filter (1, -phi_1, ...) that whitens noise of these autocovariances, and its innovations' rms."""
+    """Compute the filter that whitens noise of a given autocovariance (Yule-Walker equations).
+
+    Args:
+        covariance: Autocovariances at lags 0, 1, ..., shape (m,).
+
+    Returns:
+        The filter (1, -phi_1, ...), shape (m,), and the rms of its innovations.
+
+    >>> coefficients, rms = whitening_filter(4.0 * 0.5 ** np.arange(3))
+    >>> coefficients.round(3).tolist(), round(rms, 2)
+    ([1.0, -0.5, -0.0], 1.73)
+
+    """
     covariance = covariance * np.where(np.arange(covariance.size) == 0, 1 + 1e-6, 1.0)
     phi = solve_toeplitz(covariance[:-1], covariance[1:]) if covariance.size > 1 else np.zeros(0)
     return np.append(1.0, -phi), float(np.sqrt(max(covariance[0] - phi @ covariance[1:], 1e-300)))
 
 
 def averaged_noise_autocovariance(sensor: NoiseModel, readings: int, lags: int) -> Array:
-    """Return the autocovariances (lags,) of a sensor's noise, ``readings`` readings averaged in one."""
+    """Compute the autocovariance of averages of consecutive readings.
+
+    Args:
+        sensor: Noise of a single reading.
+        readings: Number of readings in one average.
+        lags: Number of lags.
+
+    Returns:
+        The autocovariances of the averages, shape (lags,).
+
+    """
     single = autocovariance(sensor, lags * readings)
-    apart = np.arange(1 - readings, readings)
-    weights = (readings - np.abs(apart)) / readings**2
-    return np.array([weights @ single[np.abs(k * readings + apart)] for k in range(lags)])
+    lags_of_pairs = np.arange(1 - readings, readings)
+    weights = (readings - np.abs(lags_of_pairs)) / readings**2
+    return np.array([weights @ single[np.abs(k * readings + lags_of_pairs)] for k in range(lags)])
 
 
 def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
-    """Return the autocovariances of residuals ``(N, L)`` at lags from 0, as far as the samples allow."""
+    """Estimate the autocovariance of residuals with missing samples.
+
+    Args:
+        residual: Residuals, shape ``(N, L)``.
+        valid: Where they exist, shape ``(N, L)``.
+
+    Returns:
+        The autocovariances at lags from 0 up to ``AR_ORDER``, fewer for short residuals.
+
+    """
     order = min(AR_ORDER, max(0, int(valid.sum(axis=0).max()) // 20))
-    e = np.where(valid, residual, 0.0)
-    covariance = np.array([np.sum(e[k:] * e[: e.shape[0] - k]) for k in range(order + 1)])
-    pairs = np.array([np.sum(valid[k:] & valid[: e.shape[0] - k]) for k in range(order + 1)])
-    known = np.maximum(pairs, 1)  # without a pair, as where every other sample is missing, the sum is 0 as well
-    return np.asarray(covariance / known)
+    residuals = np.where(valid, residual, 0.0)
+    covariance = np.array([np.sum(residuals[k:] * residuals[: residuals.shape[0] - k]) for k in range(order + 1)])
+    pairs = np.array([np.sum(valid[k:] & valid[: residuals.shape[0] - k]) for k in range(order + 1)])
+    counts = np.maximum(pairs, 1)  # without a pair, as with every other sample missing, the sum is 0 as well
+    return np.asarray(covariance / counts)

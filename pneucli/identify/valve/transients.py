@@ -1,4 +1,4 @@
-"""Cut valve recordings into stretches of a settled command, laid side by side for one simulation."""
+"""Transients: segments of valve recordings at a settled command, stacked for one simulation."""
 
 from __future__ import annotations
 
@@ -15,28 +15,26 @@ from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
 
-SETTLING_TIME = 0.03  # s after a jump of the command that are left out: spool, hose and clock act there, not the map
-MIN_DURATION = 0.03  # s that a stretch must last beyond that
-MIN_SAMPLES = 4  # samples of a stretch
+SETTLING_TIME = 0.03  # s left out after a jump of the command, where spool, hose and clock dominate
+MIN_DURATION = 0.03  # s that a transient lasts after that
+MIN_SAMPLES = 4  # samples of a transient
 MAX_SUBSTEPS = 50  # of one sample
 MIN_COMMAND_JUMP = 0.005  # of the command's range in one sample
-AVERAGING_RATIO = (
-    0.02  # of the time that the steepest curve would take through its range: over that it is nearly straight
-)
-MIN_AVERAGED_SAMPLES = 8  # samples that every stretch keeps where readings are averaged
-MAX_AVERAGING_TIME = 0.1  # s, at most, over which they are
-SUPPLY_AVERAGING_TIME = 0.1  # s over which the supply's reading is averaged: a buffer vessel is slower, noise is not
+AVERAGING_RATIO = 0.02  # of the range over the steepest slope: over that time the curve is nearly straight
+MIN_AVERAGED_SAMPLES = 8  # averaged samples of the shortest transient
+MAX_AVERAGING_TIME = 0.1  # s
+SUPPLY_AVERAGING_TIME = 0.1  # s: a buffer vessel changes more slowly than that, noise does not
 
 
 @dataclass(frozen=True)
 class Transients:
-    """``L`` stretches of up to ``N`` samples: arrays of shape ``(N, L)``, padded where ``valid`` is False.
+    """``L`` transients of up to ``N`` samples: arrays of shape ``(N, L)``, padded where ``valid`` is False.
 
-    ``u`` in V, ``supply`` and ``p`` in Pa; ``memory_gradient`` ``(N, L, 1 + k)`` in Pa/s, what the model's memory adds
-    to dp/dt and its derivatives to the trend's k parameters (k = 0 without memory); ``time`` in s; ``period`` (s),
-    ``recording`` (index) and ``averaged_readings``, of how many readings a sample is the mean, have shape ``(L,)``.
-    ``substeps`` of one sample are small against the curves' own time; ``max_slope`` is the largest slope in Pa/s that
-    they show, noise and all.
+    ``u`` in V, ``supply`` and ``p`` in Pa; ``memory_gradient`` ``(N, L, 1 + k)`` in Pa/s is the contribution of the
+    model's memory to dp/dt and its derivatives by the k parameters of the model (k = 0 without memory); ``time`` in s;
+    ``period`` (s), ``recording`` (index) and ``averaged_readings`` (number of readings in a sample) have shape
+    ``(L,)``. ``substeps`` of one sample are short against the time constant of the curves; ``max_slope`` is the largest
+    measured slope in Pa/s, noise included.
     """
 
     time: Array
@@ -51,32 +49,36 @@ class Transients:
     substeps: int
     max_slope: float
 
-    def select(self, which: NDArray[np.int64]) -> Transients:
-        """Return some of the stretches, as long as the longest of them."""
-        longest = int(self.lengths[which].max(initial=1))
-        cut = {f.name: getattr(self, f.name) for f in fields(self)}
-        sides = {n: a[:longest, which] if a.ndim > 1 else a[which] for n, a in cut.items() if isinstance(a, np.ndarray)}
-        return Transients(**{**cut, **sides})
+    def select(self, indices: NDArray[np.int64]) -> Transients:
+        """Return the transients of these indices, as long as the longest of them."""
+        longest = int(self.lengths[indices].max(initial=1))
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        selected = {
+            n: a[:longest, indices] if a.ndim > 1 else a[indices]
+            for n, a in arrays.items()
+            if isinstance(a, np.ndarray)
+        }
+        return Transients(**{**arrays, **selected})
 
     @property
     def lengths(self) -> NDArray[np.int64]:
-        """How many samples each stretch has, (L,)."""
+        """The number of samples of each transient, (L,)."""
         last = self.valid[::-1].argmax(axis=0)
         return np.where(self.valid.any(axis=0), len(self.valid) - last, 0)
 
     def batches(self, samples: int) -> Iterator[NDArray[np.int64]]:
-        """Yield which stretches, (l,), to take together: of like length, that many samples or one stretch."""
+        """Yield the indices of transients of similar length, of up to ``samples`` samples or one transient."""
         lengths = np.maximum(self.lengths, 1)
-        rest = np.argsort(-lengths, kind="stable")
-        while rest.size:
-            some = max(1, samples // int(lengths[rest[0]]))
-            yield np.sort(rest[:some])
-            rest = rest[some:]
+        remaining = np.argsort(-lengths, kind="stable")
+        while remaining.size:
+            count = max(1, samples // int(lengths[remaining[0]]))
+            yield np.sort(remaining[:count])
+            remaining = remaining[count:]
 
 
 @dataclass(frozen=True)
 class _Segment:
-    """One stretch: index of its recording, rows time, u, supply, p, beside, the time between readings."""
+    """One segment: index of its recording; rows of time, u, supply, p and memory; the period in s."""
 
     recording: int
     rows: Array
@@ -84,86 +86,111 @@ class _Segment:
 
     @property
     def length(self) -> float:
-        """Its length in s."""
+        """Its duration in s."""
         return float(self.rows.shape[1] * self.period)
 
 
 def cut_transients(
     recordings: Sequence[Recording], supply_pressure: float | None, memory_gradients: Sequence[Array]
 ) -> Transients:
-    """Return all stretches between jumps of the command; raise InputError where a signal is missing or none lasts.
+    """Cut recordings into transients at a settled command.
 
-    ``memory_gradients``: of each recording what the model's memory adds to dp/dt and its derivatives, ``(1 + k, n)`` in
-    Pa/s. Readings are averaged as far as the curves are nearly straight, since the work goes with their number.
+    Readings are averaged as far as the curves remain nearly straight, since the cost grows with their number.
+
+    Args:
+        recordings: The valve recordings.
+        supply_pressure: Supply pressure in Pa, where it was not recorded.
+        memory_gradients: For each recording the contribution of the model's memory to dp/dt and its derivatives, shape
+            ``(1 + k, n)``, in Pa/s.
+
+    Returns:
+        The transients.
+
+    Raises:
+        InputError: A signal is missing, the sampling is too slow and uneven, or no command is held long enough.
+
     """
     jobs = enumerate(zip(recordings, memory_gradients, strict=True))
-    pieces = [piece for k, (r, more) in jobs for piece in _segments(k, r, supply_pressure, more)]
-    if not pieces:
+    segments = [segment for k, (r, more) in jobs for segment in _segments(k, r, supply_pressure, more)]
+    if not segments:
         raise InputError(
             "valve recordings",
             f"no command is held longer than {1e3 * (SETTLING_TIME + MIN_DURATION):.0f} ms",
             "charge and discharge curves at constant commands",
             "record steps or staircases of u",
         )
-    shortest = min(piece.length for piece in pieces) / MIN_AVERAGED_SAMPLES
-    steepest = max(_max_slope(piece, min(shortest, MIN_DURATION)) for piece in pieces)
-    every = np.concatenate([piece.rows[3] for piece in pieces])
-    straight = AVERAGING_RATIO * float(np.nanmax(every) - np.nanmin(every)) / steepest
-    joined = [max(1, round(min(straight, shortest, MAX_AVERAGING_TIME) / piece.period)) for piece in pieces]
-    rows = [average_readings(piece.rows, n) for piece, n in zip(pieces, joined, strict=True)]
-    longest = max(one.shape[1] for one in rows)
-    padded = np.stack([np.pad(one, ((0, 0), (0, longest - one.shape[1])), mode="edge") for one in rows], axis=-1)
+    shortest = min(segment.length for segment in segments) / MIN_AVERAGED_SAMPLES
+    steepest = max(_max_slope(segment, min(shortest, MIN_DURATION)) for segment in segments)
+    all_pressures = np.concatenate([segment.rows[3] for segment in segments])
+    straight_time = AVERAGING_RATIO * float(np.nanmax(all_pressures) - np.nanmin(all_pressures)) / steepest
+    readings_per_sample = [
+        max(1, round(min(straight_time, shortest, MAX_AVERAGING_TIME) / segment.period)) for segment in segments
+    ]
+    rows = [average_readings(segment.rows, n) for segment, n in zip(segments, readings_per_sample, strict=True)]
+    longest = max(row_block.shape[1] for row_block in rows)
+    padded = np.stack(
+        [np.pad(row_block, ((0, 0), (0, longest - row_block.shape[1])), mode="edge") for row_block in rows], axis=-1
+    )
     time, u, supply, p = padded[:4]
-    valid = (np.arange(longest)[:, None] < np.array([one.shape[1] for one in rows])) & np.isfinite(p)
-    period = np.array([n * piece.period for piece, n in zip(pieces, joined, strict=True)])
+    valid = (np.arange(longest)[:, None] < np.array([row_block.shape[1] for row_block in rows])) & np.isfinite(p)
+    period = np.array([n * segment.period for segment, n in zip(segments, readings_per_sample, strict=True)])
     return Transients(
         *(time, u, supply, p, np.moveaxis(padded[4:], 0, -1), valid, period),
-        recording=np.array([piece.recording for piece in pieces], dtype=np.int64),
-        averaged_readings=np.array(joined, dtype=np.int64),
-        substeps=int(np.clip(np.ceil(period.max() / max(straight, 1e-9) - 1e-9), 1, MAX_SUBSTEPS)),
+        recording=np.array([segment.recording for segment in segments], dtype=np.int64),
+        averaged_readings=np.array(readings_per_sample, dtype=np.int64),
+        substeps=int(np.clip(np.ceil(period.max() / max(straight_time, 1e-9) - 1e-9), 1, MAX_SUBSTEPS)),
         max_slope=steepest,
     )
 
 
-def _max_slope(piece: _Segment, span: float) -> float:
-    """Return the largest slope of the means over a span in s, in Pa/s; at least 1."""
-    joined = max(1, round(span / piece.period))
-    slope = np.abs(np.diff(average_readings(piece.rows, joined)[3])) / (joined * piece.period)
+def _max_slope(segment: _Segment, span: float) -> float:
+    """Return the largest slope of means over a time span (s) in Pa/s; at least 1."""
+    readings_per_sample = max(1, round(span / segment.period))
+    slope = np.abs(np.diff(average_readings(segment.rows, readings_per_sample)[3])) / (
+        readings_per_sample * segment.period
+    )
     return max(float(np.nanmax(slope, initial=0.0)), 1.0)
 
 
-def _segments(index: int, recording: Recording, supply_pressure: float | None, beside: Array) -> list[_Segment]:
-    """Return the stretches of one recording."""
+def _segments(index: int, recording: Recording, supply_pressure: float | None, memory: Array) -> list[_Segment]:
+    """Return the segments of one recording at a settled command."""
     for signal in ("u", "p1"):
         if signal not in recording:
             raise InputError(f"recording {recording.name}", f"no signal {signal}", "u and p1", "see [signals]")
-    dt, noise, off = recording.period, recording.noise.get("p1"), interpolation_error(recording, "p1")
-    if off > MAX_RESAMPLING_ERROR * (noise.rms if noise else 0.0):
-        found = f"sampled unevenly, and too slowly to be resampled: p1 would err by {off:.2g} Pa, which shows"
+    dt, noise, error = recording.period, recording.noise.get("p1"), interpolation_error(recording, "p1")
+    if error > MAX_RESAMPLING_ERROR * (noise.rms if noise else 0.0):
+        fault = f"sampled unevenly, and too slowly to be resampled: p1 would err by {error:.2g} Pa, which shows"
         mend = "record it faster, or leave it to the fit of the model"
-        raise InputError(f"recording {recording.name}", found, "even sampling, or faster", mend)
+        raise InputError(f"recording {recording.name}", fault, "even sampling, or faster", mend)
     rows = np.stack(
-        [recording.time, recording["u"], _supply_pressure(recording, supply_pressure), recording["p1"], *beside]
+        [recording.time, recording["u"], _supply_pressure(recording, supply_pressure), recording["p1"], *memory]
     )
     rows = resample(rows, dt) if is_unevenly_sampled(recording) else rows
     u = rows[1]
     jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_JUMP * max(np.ptp(u), 1e-9)) + 1
     starts, stops = np.append(0, jumps), np.append(jumps, u.size)
     settling, shortest = round(SETTLING_TIME / dt), max(MIN_SAMPLES, round(MIN_DURATION / dt))
-    begins = starts + settling * (starts > 0)
-    spans = [(a, b) for a, b in zip(begins, stops, strict=True) if b - a >= shortest]
+    settled_starts = starts + settling * (starts > 0)
+    spans = [(a, b) for a, b in zip(settled_starts, stops, strict=True) if b - a >= shortest]
     return [_Segment(index, rows[:, a:b], dt) for a, b in spans if np.isfinite(rows[3, a:b]).any()]
 
 
 def average_readings(rows: Array, readings: int) -> Array:
-    """Return rows time, u, ... with ``readings`` readings in one; the command as it stands midway to the next mean.
+    """Average consecutive readings.
 
-    NaN where more than half of the readings are missing.
+    Args:
+        rows: Time, command and further signals, shape (m, n).
+        readings: Number of readings in an average.
+
+    Returns:
+        The averages; the command is that of the last reading, which holds until the next average. NaN where more than
+        half of the readings are missing.
+
     """
     blocks = rows[:, : rows.shape[1] // readings * readings].reshape(len(rows), -1, readings)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=-1)
-    out = np.where(known, blocks, 0.0).sum(axis=-1) / np.maximum(count, 1)
+    finite = np.isfinite(blocks)
+    count = finite.sum(axis=-1)
+    out = np.where(finite, blocks, 0.0).sum(axis=-1) / np.maximum(count, 1)
     out[1] = blocks[1, :, -1]
     return np.asarray(np.where(2 * count < readings, np.nan, out))
 
